@@ -1,10 +1,15 @@
-"""The geometry of a fence: distances inside it, and the room that turns away from it, and laps, leave to it."""
+"""The geometry of a fence: distances inside it, and the room that turns away from it, and laps, leave to it.
+
+A fence is polygons and circles, to stay in (inclusion) or out of (exclusion). `FenceAreas.inside_m` is the signed
+distance by which paths, slots, laps, setpoints and flown tracks are judged.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property, reduce
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -23,6 +28,8 @@ LEAST_MPS = 1.0
 """Lower bound of airspeeds that are divided by."""
 STEP_M = 20.0
 """Interval of the points at which a lap is checked."""
+EDGE_POINTS = 121
+"""Number of points by which a circle is drawn."""
 Way = TypeVar("Way", bound=Route)
 
 
@@ -64,11 +71,129 @@ def inside_m(corners_m: Array, place_m: Array) -> Array:
     return sign * distance
 
 
-def room_m(corners_m: Array, place_m: Array, velocity_mps: Array, through_air_mps: Array, turn_rps: Array) -> Array:
+@dataclass(frozen=True, eq=False)
+class Polygon:
+    """A polygon by its corners (K, 2), north and east, m, in either direction."""
+
+    corners_m: Array
+
+    @cached_property
+    def centre_m(self) -> Array:
+        """The centre (2,) of a circle around it."""
+        centre: Array = (self.corners_m.min(axis=0) + self.corners_m.max(axis=0)) / 2.0
+        return centre
+
+    @cached_property
+    def radius_m(self) -> float:
+        """The radius of that circle."""
+        return float(np.linalg.norm(self.corners_m - self.centre_m, axis=-1).max())
+
+    def inside_m(self, place_m: Array) -> Array:
+        """Return the distance (…) of points (…, 2) to its edge, m; negative outside."""
+        return inside_m(self.corners_m, place_m)
+
+    def edge_m(self) -> Array:
+        """Return points (N, 2) of its edge, the first one again at the end."""
+        return np.concatenate((self.corners_m, self.corners_m[:1]))
+
+
+@dataclass(frozen=True, eq=False)
+class Circle:
+    """A circle by its centre (2,), north and east, and its radius, m."""
+
+    centre_m: Array
+    radius_m: float
+
+    def inside_m(self, place_m: Array) -> Array:
+        """Return the distance (…) of points (…, 2) to its edge, m; negative outside."""
+        north_m, east_m = self.centre_m.tolist()
+        distance: Array = self.radius_m - np.hypot(place_m[..., 0] - north_m, place_m[..., 1] - east_m)
+        return distance
+
+    def edge_m(self) -> Array:
+        """Return points (N, 2) of its edge, the first one again at the end."""
+        angle_rad = np.linspace(0.0, 2.0 * np.pi, EDGE_POINTS)
+        return self.centre_m + self.radius_m * np.stack((np.cos(angle_rad), np.sin(angle_rad)), axis=-1)
+
+
+class FenceArea(NamedTuple):
+    """An area of a fence."""
+
+    shape: Polygon | Circle
+    inclusion: bool
+    key: str
+    """The scenario's key that it is from."""
+
+    def allowed_m(self, place_m: Array) -> Array:
+        """Return how far (…) points (…, 2) are on the side of its edge where vehicles may be, m; else negative."""
+        within_m = self.shape.inside_m(place_m)
+        return within_m if self.inclusion else -within_m
+
+    def __str__(self) -> str:
+        """Return what it is, in words."""
+        shape = "circle" if isinstance(self.shape, Circle) else "polygon"
+        return f"{'inclusion' if self.inclusion else 'exclusion'} {shape}"
+
+
+@dataclass(frozen=True, eq=False)
+class FenceAreas:
+    """The areas of a fence, one or more.
+
+    Vehicles stay out of every exclusion and inside every inclusion, as ArduPilot has it, or with `any_inclusion`
+    inside at least one, as PX4 does.
+    """
+
+    areas: tuple[FenceArea, ...]
+    any_inclusion: bool = False
+
+    def inside_m(self, place_m: Array) -> Array:
+        """Return the distance (…) of points (…, 2) inside the fence, m; negative outside.
+
+        The sign is exact, and the distance never larger than that to the fence's edge. Inside it is exact, too, unless
+        one of several inclusions is enough and these overlap.
+        """
+        places = place_m.reshape(-1, 2)
+        inclusions = [area.shape.inside_m(places) for area in self.areas if area.inclusion]
+        found: Array = reduce(np.maximum if self.any_inclusion else np.minimum, inclusions, np.array(self._begin_m))
+        found = np.broadcast_to(found, places.shape[:1]).copy()
+        for area in self.areas if places.size else ():
+            if not area.inclusion:
+                _keep_out(area.shape, places, found)
+        return found.reshape(place_m.shape[:-1])
+
+    @property
+    def _begin_m(self) -> float:
+        """The distance inside no inclusion yet: nowhere where one is enough, everywhere where all bind."""
+        return -math.inf if self.any_inclusion and any(area.inclusion for area in self.areas) else math.inf
+
+    def nearest(self, place_m: Array) -> FenceArea:
+        """Return the area whose edge decides the distance of a point (2,)."""
+        each = [(float(area.allowed_m(place_m)), index) for index, area in enumerate(self.areas)]
+        inclusions = [one for one in each if self.areas[one[1]].inclusion]
+        if self.any_inclusion and inclusions:
+            each = [max(inclusions), *(one for one in each if one not in inclusions)]
+        return self.areas[min(each)[1]]
+
+
+def _keep_out(shape: Polygon | Circle, places: Array, inside: Array) -> None:
+    """Lower the distances inside (N,) of places (N, 2) to those from a shape to stay out of, where these are smaller.
+
+    Nothing is nearer to it than to the circle around it, so that most shapes and places need no more than that.
+    """
+    (north_m, east_m), (low, high) = shape.centre_m.tolist(), (places.min(axis=0), places.max(axis=0))
+    gap = np.maximum(np.maximum(low - shape.centre_m, shape.centre_m - high), 0.0)
+    if math.hypot(*gap.tolist()) - shape.radius_m > inside.max():
+        return
+    near = ~(np.hypot(places[:, 0] - north_m, places[:, 1] - east_m) - shape.radius_m >= inside)  # unknown ones too
+    if near.any():
+        inside[near] = np.minimum(inside[near], -shape.inside_m(places[near]))
+
+
+def room_m(areas: FenceAreas, place_m: Array, velocity_mps: Array, through_air_mps: Array, turn_rps: Array) -> Array:
     """Return the distance to the fence of circles to the left and to the right, (…, 2) m; negative: across it.
 
     Args:
-        corners_m: (K, 2) of the fence, north and east.
+        areas: of the fence.
         place_m: (…, 2) of the vehicles.
         velocity_mps: (…, 2) over ground.
         through_air_mps: (…,) airspeed plus wind, for the size of the circles.
@@ -79,7 +204,7 @@ def room_m(corners_m: Array, place_m: Array, velocity_mps: Array, through_air_mp
     right = np.stack((-velocity_mps[..., 1], velocity_mps[..., 0]), axis=-1) / speed[..., None]
     ahead = place_m + REACT_S * velocity_mps
     centres = np.stack([ahead + side * radius_m[..., None] * right for side in (-1.0, 1.0)], axis=-2)
-    return inside_m(corners_m, centres) - radius_m[..., None]
+    return areas.inside_m(centres) - radius_m[..., None]
 
 
 def places_along(way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift) -> Array:
@@ -92,14 +217,14 @@ def places_along(way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift) 
 
 
 def room_along_m(
-    corners_m: Array, way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift
+    areas: FenceAreas, way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift
 ) -> tuple[Array, Array]:
     """Return all vehicles' positions along the leader's way, (F, S, 2), and the room that is left, (F, S) m.
 
     The leader's heading includes the crab angle, and slots are relative to its heading.
 
     Args:
-        corners_m: (K, 2) of the fence, north and east.
+        areas: of the fence.
         way: (S,) of the leader: north, east, m, and course, rad.
         flyers: the vehicles.
         drift: airspeed and wind.
@@ -112,14 +237,14 @@ def room_along_m(
     velocity = np.stack((ground_mps * cos, ground_mps * sin), axis=-1)
     shape = places.shape[:-1]
     through_air, turn = np.full(shape, drift.through_air_mps), np.broadcast_to(turn_rps, shape)
-    return places, room_m(corners_m, places, velocity, through_air, turn).max(axis=-1)
+    return places, room_m(areas, places, velocity, through_air, turn).max(axis=-1)
 
 
 @dataclass(frozen=True)
 class LapFence:
     """The fence, the path's start, and the vehicles that fly a lap before it."""
 
-    corners_m: Array
+    areas: FenceAreas
     start: PathPoint
     flyers: Flyers
 
@@ -147,5 +272,5 @@ class LapFence:
         whole_m = way.length_m + straight_m
         points = [way.at(at_m) for at_m in np.linspace(0.0, whole_m, 2 + int(whole_m / STEP_M)).tolist()]
         north_m, east_m, course_rad = np.array([(each.north_m, each.east_m, each.course_rad) for each in points]).T
-        places, room = room_along_m(self.corners_m, (north_m, east_m, course_rad), self.flyers, drift)
+        places, room = room_along_m(self.areas, (north_m, east_m, course_rad), self.flyers, drift)
         return places, np.maximum(CHECKED_M - room, 0.0)

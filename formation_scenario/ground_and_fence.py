@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from flight_model.arrays import Array, beside
-from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, inside_m, places_along, room_along_m
+from flight_model.fence_geometry import CHECKED_M, Drift, FenceAreas, Flyers, places_along, room_along_m
 from flight_model.lift_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints
 from flight_model.path_lift_and_displacement import SAMPLE_M, sample_places
@@ -19,7 +20,7 @@ from formation_scenario.slot_assignment import SlotStep, column_names, columns, 
 from formation_scenario.slot_frame import axis_rad
 from formation_scenario.source import KeyPath, dotted
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m, start_states
-from formation_scenario.surroundings import Fence, Terrain
+from formation_scenario.surroundings import FENCE_CORNERS, Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
 from formation_scenario.vehicles import Vehicle
 from formation_scenario.violations import Move, Violation
@@ -152,10 +153,20 @@ def _start_in_fence(fence: Fence | None, places: Array, who: list[str]) -> Itera
     if places[highest, 2] > most_m + OFF_M:
         allowed = f"{most_m:g} m or less (safety.fence.height_max_m)"
         yield Violation(OFFSET, f"{who[highest]} begins at {places[highest, 2]:.1f} m", allowed, "start")
-    within_m = np.array([np.inf]) if fence.corners_m is None else inside_m(np.array(fence.corners_m), places[:, :2])
-    if within_m.min() < 0.0:
-        found = f"{who[int(within_m.argmin())]} begins {-within_m.min():.0f} m outside the fence"
-        yield Violation(OFFSET, found, "inside it (safety.fence.corners_m)", "start")
+    if fence.sides is not None:
+        within_m = fence.sides.inside_m(places[:, :2])
+        worst = int(within_m.argmin())
+        if within_m[worst] < 0.0:
+            found, allowed = _outside(fence.sides, places[worst, :2], float(-within_m[worst]))
+            yield Violation(OFFSET, f"{who[worst]} begins {found}", allowed, "start")
+
+
+def _outside(sides: FenceAreas, place_m: Array, by_m: float) -> tuple[str, str]:
+    """Return what is wrong with a place (2,) outside the fence, and what is allowed, in words."""
+    area = sides.nearest(place_m)
+    if area.inclusion:
+        return f"{by_m:.0f} m outside the {'fence' if area.key == FENCE_CORNERS else area}", f"inside it ({area.key})"
+    return f"{by_m:.0f} m inside the {area}", f"outside it ({area.key})"
 
 
 def check_steps(scenario: Scenario) -> Iterator[Violation]:
@@ -262,8 +273,8 @@ def check_fence(
     begin_m = -scenario.run_in_m if from_m <= 0.0 else from_m
     sampled, flyers = SampledPath.along(path, begin_m), _flyers(scenario, steps)
     yield from _fence_heights(fence, sampled, flyers)
-    if fence.corners_m is not None:
-        yield from _fence_sides(np.array(fence.corners_m), scenario, sampled, flyers)
+    if fence.sides is not None:
+        yield from _fence_sides(fence.sides, scenario, sampled, flyers)
 
 
 def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> Places:
@@ -294,14 +305,14 @@ def _fence_heights(fence: Fence, sampled: SampledPath, flyers: Places) -> Iterat
             yield sampled.violation(worst, found, allowed, "fence height", excess, moves)
 
 
-def _fence_sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, flyers: Places) -> Iterator[Violation]:
+def _fence_sides(areas: FenceAreas, scenario: Scenario, sampled: SampledPath, flyers: Places) -> Iterator[Violation]:
     """Yield the farthest outside of each stretch; where none is, the place with the least room to turn."""
     points, (forward_m, right_m, _) = sampled.points, np.array(list(flyers)).T
     turn_rps = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])
     way = points.north_m, points.east_m, points.course_rad
     who = Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn)
-    places, room_m = room_along_m(corners_m, way, who, drift(scenario))
-    within_m, names = inside_m(corners_m, places), [who for who, _ in flyers.values()]
+    places, room_m = room_along_m(areas, way, who, drift(scenario))
+    within_m, names = areas.inside_m(places), [who for who, _ in flyers.values()]
     lack_m = np.maximum(CHECKED_M - room_m, 0.0)
     outside_m = np.maximum(-within_m, 0.0)
     for stretch in sampled.stretches(np.asarray(np.maximum(outside_m, lack_m).max(axis=0) > 0.0)):
@@ -309,16 +320,18 @@ def _fence_sides(corners_m: Array, scenario: Scenario, sampled: SampledPath, fly
         worst_m = outside_m if out else lack_m
         row, index = np.unravel_index(int(worst_m[:, stretch].argmax()), worst_m[:, stretch].shape)
         at, by_m = stretch.start + int(index), float(worst_m[row, stretch.start + int(index)])
-        moves = _inwards(corners_m, sampled, stretch, places, np.maximum(outside_m, lack_m))
+        moves = _inwards(areas, sampled, stretch, places, np.maximum(outside_m, lack_m))
         if out:
-            found, allowed = f"{names[row]} is {by_m:.0f} m outside the fence", "inside it (safety.fence.corners_m)"
+            found, allowed = _outside(areas, places[row, at], by_m)
         else:
-            found = f"{names[row]} is {within_m[row, at]:.0f} m from the fence and heads for it"
-            allowed = f"{by_m:.0f} m more room to turn away (safety.fence.corners_m)"
-        yield sampled.violation(at, found, allowed, "fence", by_m / 10.0, moves)
+            area = areas.nearest(places[row, at])
+            what = "fence" if area.inclusion else area
+            found = f"{within_m[row, at]:.0f} m from the {what} and heads for it"
+            allowed = f"{by_m:.0f} m more room to turn away ({area.key})"
+        yield sampled.violation(at, f"{names[row]} is {found}", allowed, "fence", by_m / 10.0, moves)
 
 
-def _inwards(corners_m: Array, sampled: SampledPath, stretch: slice, places: Array, lack_m: Array) -> dict[int, Move]:
+def _inwards(areas: FenceAreas, sampled: SampledPath, stretch: slice, places: Array, lack_m: Array) -> dict[int, Move]:
     """Return the move of each waypoint near to a stretch that brings inside whom it brings farthest outside.
 
     `places` (F, K, 2) of all vehicles along the path, which lack room by `lack_m` (F, K).
@@ -330,7 +343,7 @@ def _inwards(corners_m: Array, sampled: SampledPath, stretch: slice, places: Arr
         at = stretch.start + int(near_m.argmax())
         who, by_m = int(lack_m[:, at].argmax()), float(near_m.max())
         sides = step_m * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-        north, south, east, west = inside_m(corners_m, places[who, at] + sides).tolist()
+        north, south, east, west = areas.inside_m(places[who, at] + sides).tolist()
         slope_m = np.hypot(north - south, east - west)
         if by_m > 0.0 and slope_m > 0.0:
             moves[int(waypoint)] = (by_m * (north - south) / slope_m, by_m * (east - west) / slope_m, 0.0)
@@ -343,8 +356,13 @@ class FenceDistance(NamedTuple):
     who: str
     least_m: float
     at_m: float
+    north_m: float
+    """Place of the vehicle there; as all figures, infinite where there is nothing to be near to."""
+    east_m: float
     height_m: float
-    """Least distance to the fence's lowest and highest height; infinite without them."""
+    """Least distance to the fence's lowest and highest height."""
+    area: str
+    """The key of the polygon or circle that is so near; empty without any."""
 
 
 def fence_distances(scenario: Scenario) -> list[FenceDistance]:
@@ -363,18 +381,19 @@ def fence_distances(scenario: Scenario) -> list[FenceDistance]:
     turn_rps = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])
     forward_m, right_m, up_m = np.array(list(flyers)).T
     way = points.north_m, points.east_m, points.course_rad
-    within = np.full((len(flyers), points.north_m.size), np.inf)
-    if fence.corners_m is not None:
-        corners_m = np.array(fence.corners_m)
-        within = inside_m(
-            corners_m,
-            places_along(way, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn), drift(scenario)),
-        )
+    places = places_along(way, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn), drift(scenario))
     found = list[FenceDistance]()
     for row, (who, _) in enumerate(flyers.values()):
-        height_m = points.height_m + up_m[row]
-        index, room_m = int(within[row].argmin()), min(height_m.min() - lowest_m, highest_m - height_m.max())
-        found.append(FenceDistance(who, float(within[row, index]), float(sampled.places_m[index]), float(room_m)))
+        height_m, area = points.height_m + up_m[row], ""
+        least = math.inf, math.inf, math.inf, math.inf
+        if fence.sides is not None:
+            within_m = fence.sides.inside_m(places[row])
+            index = int(within_m.argmin())
+            north_m, east_m = places[row, index].tolist()
+            least = float(within_m[index]), float(sampled.places_m[index]), north_m, east_m
+            area = fence.sides.nearest(places[row, index]).key
+        room_m = float(min(height_m.min() - lowest_m, highest_m - height_m.max()))
+        found.append(FenceDistance(who, *least, room_m, area))
     return sorted(found, key=lambda each: min(each.least_m, each.height_m))
 
 

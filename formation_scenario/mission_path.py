@@ -9,7 +9,7 @@ wins. So everything after this, and `run.yaml`, knows one form of a path. What o
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, TypeGuard
@@ -20,8 +20,8 @@ from pydantic import ValidationError
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.fields import FileError, ScenarioError
+from formation_scenario.mission_fence import fence_keys
 from formation_scenario.mission_files import MissionFileError, RoutePoint, read_mission, route_of
-from formation_scenario.mission_files.mission import FenceCircle, FencePolygon
 from formation_scenario.mission_legs import DEFAULT_MPS, circles_of, thinned_with_keys
 from formation_scenario.path_plan import TOLERANCE_M
 from formation_scenario.source import Key, Plain, Source, kind, plain_mapping
@@ -30,8 +30,6 @@ from formation_scenario.terrain import ground_of
 
 FORMS: Final = ("waypoints_m", "waypoints_deg", "file")
 """Keys of which a path has one."""
-CIRCLE_CORNERS: Final = 36
-"""Corners of the polygon that stands for a fence's circle, inside it."""
 _Points = list[tuple[float, float, float]]
 
 
@@ -107,7 +105,7 @@ class _FromFile:
         if tolerance_m := self._tolerance_m():
             waypoints, path = thinned_with_keys(waypoints, path, tolerance_m)
         more: dict[Key, Plain] = {"origin": origin}
-        if fence := self._fence(geodetic):
+        if fence := self._fence(geodetic, origin):
             more["safety"] = _group(self._source, "safety") | {"fence": fence}
         path = path | self._path
         path |= {"read_from": self._mission.file, "not_flown": list[Plain](self._not_flown)}
@@ -141,9 +139,7 @@ class _FromFile:
 
     def _heights(self, points: Sequence[RoutePoint], places: Array, origin: dict[Key, Plain]) -> Array:
         """Return heights above the origin, (N,) m."""
-        alt_m, home = float(str(origin["alt_m"])), self._mission.home
-        home_m = home[2] - alt_m if home is not None and math.isfinite(home[2]) else 0.0
-        above = {"sea level": -alt_m, "home": home_m, "ground": 0.0}
+        above = {"sea level": -float(str(origin["alt_m"])), "home": self._home_m(origin), "ground": 0.0}
         heights = np.array([each.height_m + above[each.datum] for each in points])
         on_ground = np.array([each.datum == "ground" for each in points])
         if on_ground.any():
@@ -156,6 +152,11 @@ class _FromFile:
                 raise self._refused(f"found no height at {where}", "with `path: {height_m: …}`, above the origin")
             heights[unknown] = float(instead)
         return heights
+
+    def _home_m(self, origin: dict[Key, Plain]) -> float:
+        """Return the height of the file's home above the origin, m; 0 if the file doesn't say."""
+        home = self._mission.home
+        return home[2] - float(str(origin["alt_m"])) if home is not None and math.isfinite(home[2]) else 0.0
 
     def _ground(self, places: Array, origin: dict[Key, Plain]) -> Array:
         """Return the ground's heights above the origin at places (N, 2); a plain without terrain, as everywhere."""
@@ -200,29 +201,19 @@ class _FromFile:
         tolerance = self._path.get("tolerance_m")
         return float(tolerance) if _is_number(tolerance) else TOLERANCE_M if self._mission.track else 0.0
 
-    def _fence(self, origin: GeodeticOrigin) -> dict[Key, Plain] | None:
-        """Return the first area of the file's fence to stay in, unless the scenario has a fence."""
-        if _group(self._source, "safety").get("fence") is not None or not self._mission.fence:
-            return None
-        inside = [each for each in self._mission.fence if each.inclusion]
-        others = len(self._mission.fence) - min(len(inside), 1)
-        if others:
-            self._not_flown.append(f"{self._mission.file}: {others} further areas of its fence aren't kept")
-        return {"corners_m": [list(each) for each in _corners(inside[0], origin)]} if inside else None
+    def _fence(self, geodetic: GeodeticOrigin, origin: dict[Key, Plain]) -> dict[Key, Plain]:
+        """Return the keys of the file's fence and rally points, none if the scenario has a fence, which wins."""
+        found = self._mission.fence
+        kept = fence_keys(found, geodetic, self._home_m(origin))
+        if not kept or _group(self._source, "safety").get("fence") is None:
+            return kept
+        counts = ((len(found.areas), "areas of a fence"), (len(found.rally), "rally points"))
+        said = " and ".join(f"{count} {what}" for count, what in counts if count)
+        self._not_flown.append(f"{self._mission.file}: {said} aren't used: the scenario has its safety.fence")
+        return {}
 
     def _refused(self, found: str, allowed: str) -> ScenarioError:
         return ScenarioError([self._source.problem(("path", "file"), found, allowed)])
-
-
-def _corners(area: FenceCircle | FencePolygon, origin: GeodeticOrigin) -> Iterator[tuple[float, float]]:
-    """Yield the corners of a fence's area, north and east; those of a circle on it."""
-    if isinstance(area, FencePolygon):
-        yield from (_north_east(origin, *each) for each in area.corners)
-        return
-    north_m, east_m = _north_east(origin, *area.centre)
-    for corner in range(CIRCLE_CORNERS):
-        angle_rad = 2.0 * math.pi * corner / CIRCLE_CORNERS
-        yield north_m + area.radius_m * math.cos(angle_rad), east_m + area.radius_m * math.sin(angle_rad)
 
 
 def _changed(

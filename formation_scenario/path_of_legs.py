@@ -106,9 +106,9 @@ def _lack(
     fence: Fence | None,
 ) -> Lack | None:
     """Return the measure of the room that a way lacks: the sum over its points of what the worst slot lacks there."""
-    if fence is None or not fence.corners_m:
+    sides = None if fence is None else fence.sides
+    if sides is None:
         return None
-    corners_m = np.array(fence.corners_m)
     first = 0 if members.leader else 1
     places = np.concatenate([step.places_m[first:] for step in steps])
     turn_rps = np.array([each.turn_rate_max_rps for each in column_models(members)[first:]] * len(steps))
@@ -116,7 +116,7 @@ def _lack(
     drift = Drift(speed_mps, *drift_mps, speed_mps + math.hypot(*drift_mps))
 
     def lack(way: Complex, course_rad: Array) -> float:
-        _, room = room_along_m(corners_m, (way.real, way.imag, course_rad), flyers, drift)
+        _, room = room_along_m(sides, (way.real, way.imag, course_rad), flyers, drift)
         return float(np.maximum(CHECKED_M - room, 0.0).max(axis=0).sum())
 
     return lack

@@ -39,7 +39,7 @@ from formation_scenario.path_limits import WAYPOINTS
 from formation_scenario.scripted import ACTS, ScriptedLink, ScriptedOrder
 from formation_scenario.source import Finding, KeyPath
 from formation_scenario.start_states_and_end_times import latest_end_s
-from formation_scenario.surroundings import PASSING, Disturbance, DrydenTurbulence, Fault
+from formation_scenario.surroundings import PASSING, Disturbance, DrydenTurbulence, Fault, Fence
 from formation_scenario.terrain import ALLOWED as ELEVATION_FILES
 from formation_scenario.vehicle_rules import one_vehicle
 from formation_scenario.vehicles import Vehicle
@@ -87,10 +87,16 @@ def row(scenario: Scenario) -> Iterator[Finding]:
 
 
 def fence(scenario: Scenario) -> Iterator[Finding]:
-    """Yield a fence whose lowest height is above its highest."""
-    lowest_m, highest_m = scenario.safety.fence.heights_m if scenario.safety.fence else (0.0, 1.0)
+    """Yield a fence whose lowest height is above its highest, and areas that are no polygon or circle, or both."""
+    limits, key = scenario.safety.fence or Fence(), ("safety", "fence")
+    lowest_m, highest_m = limits.heights_m
     if lowest_m > highest_m:
-        yield ("safety", "fence", "height_min_m"), f"found {lowest_m:g} m", f"up to height_max_m, {highest_m:g} m"
+        yield (*key, "height_min_m"), f"found {lowest_m:g} m", f"up to height_max_m, {highest_m:g} m"
+    for index, area in enumerate(limits.areas):
+        found = [name for name in ("corners_m", "centre_m", "radius_m") if getattr(area, name) is not None]
+        if found not in (["corners_m"], ["centre_m", "radius_m"]):
+            allowed = "corners_m of a polygon, or centre_m and radius_m of a circle"
+            yield (*key, "areas", index), f"found {' and '.join(found) or 'neither corners nor centre'}", allowed
 
 
 def wind(scenario: Scenario) -> Iterator[Finding]:

@@ -197,16 +197,14 @@ def settle_s(scenario: Scenario) -> float:
 
 def _lap_fence(scenario: Scenario) -> LapFence | None:
     """Return the fence within which the formation's laps before the path must stay, None without one."""
-    fence = scenario.safety.fence
-    if fence is None or not fence.corners_m:
+    sides = None if scenario.safety.fence is None else scenario.safety.fence.sides
+    if sides is None:
         return None
     first = 0 if scenario.leader else 1
     forward_m, right_m, _ = slot_schedule(scenario)[0].places_m[first:].T
     turn_rps = np.array([each.turn_rate_max_rps for each in column_models(scenario)[first:]])
     start = scenario.leader_path.at(0.0)
-    return LapFence(
-        np.array(fence.corners_m), start, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn)
-    )
+    return LapFence(sides, start, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn))
 
 
 def hold_turn_rps(scenario: Scenario) -> float:

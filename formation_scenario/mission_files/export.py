@@ -21,7 +21,7 @@ import numpy as np
 
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin
-from formation_scenario.mission_files.mission import MissionFileError
+from formation_scenario.mission_files.mission import FenceCircle, FileFence, LatLon, MissionFileError
 
 TOLERANCE_M: Final = 0.5
 """Greatest distance of an exported line from the path. Autopilots accept a waypoint from ten times as far."""
@@ -45,11 +45,23 @@ class _Place:
     above_origin_m: float
 
 
-_Lines = Mapping[str, Sequence[_Place]]
+@dataclass(frozen=True)
+class _Content:
+    """What is written: lines by their names, and what missions have beside theirs."""
+
+    lines: Mapping[str, Sequence[_Place]]
+    origin: GeodeticOrigin
+    fence: FileFence
 
 
-def export(path: Path, paths: Sequence[NamedPath], origin: GeodeticOrigin) -> None:
+def export(path: Path, paths: Sequence[NamedPath], origin: GeodeticOrigin, fence: FileFence | None = None) -> None:
     """Write paths to a file in the format of its suffix.
+
+    Args:
+        path: the file.
+        paths: one for missions, one or more for other formats.
+        origin: of the paths.
+        fence: geofence and rally points; of these formats `.plan` alone has them.
 
     Raises:
         MissionFileError: another suffix, several paths for a format that holds one, or a file that can't be written.
@@ -60,8 +72,9 @@ def export(path: Path, paths: Sequence[NamedPath], origin: GeodeticOrigin) -> No
     if writer in (_plan, _waypoints) and len(paths) != 1:
         raise MissionFileError(f"{path}: found {len(paths)} paths; allowed: one in a mission ({path.suffix})")
     lines = {each.name: [_place(point, origin) for point in thinned(each.points_m, TOLERANCE_M)] for each in paths}
+    content = _Content(lines, origin, fence or FileFence())
     try:
-        path.write_text(writer(lines, origin), encoding="utf-8")
+        path.write_text(writer(content), encoding="utf-8")
     except OSError as error:
         raise MissionFileError(f"{path}: {error.strerror or error}") from error
 
@@ -104,8 +117,8 @@ def _home(origin: GeodeticOrigin) -> _Place:
     return _Place(math.degrees(origin.lat_rad), math.degrees(origin.lon_rad), origin.alt_m, 0.0)
 
 
-def _plan(lines: _Lines, origin: GeodeticOrigin) -> str:
-    home, (points,) = _home(origin), lines.values()
+def _plan(content: _Content) -> str:
+    home, (points,) = _home(content.origin), content.lines.values()
     items = [
         {
             "AMSLAltAboveTerrain": None,
@@ -122,7 +135,7 @@ def _plan(lines: _Lines, origin: GeodeticOrigin) -> str:
     ]
     mission = {
         "cruiseSpeed": 15,
-        "firmwareType": 3,
+        "firmwareType": 12 if content.fence.any_inclusion else 3,
         "globalPlanAltitudeMode": 1,
         "hoverSpeed": 5,
         "items": items,
@@ -130,13 +143,27 @@ def _plan(lines: _Lines, origin: GeodeticOrigin) -> str:
         "vehicleType": 1,
         "version": 2,
     }
-    fence, rally = {"circles": [], "polygons": [], "version": 2}, {"points": [], "version": 2}
-    plan = {"fileType": "Plan", "geoFence": fence, "groundStation": "gcs-formation", "mission": mission}
-    return json.dumps(plan | {"rallyPoints": rally, "version": 1}, indent=1) + "\n"
+    plan = {"fileType": "Plan", "groundStation": "gcs-formation", "mission": mission, "version": 1}
+    return json.dumps(plan | _plan_fence(content.fence), indent=1) + "\n"
 
 
-def _waypoints(lines: _Lines, origin: GeodeticOrigin) -> str:
-    home, (points,) = _home(origin), lines.values()
+def _plan_fence(fence: FileFence) -> dict[str, object]:
+    circles, polygons = list[object](), list[object]()
+    for each in fence.areas:
+        area: dict[str, object] = {"inclusion": each.inclusion, "version": 1}
+        if isinstance(each, FenceCircle):
+            circles.append(area | {"circle": {"center": _rounded(each.centre), "radius": each.radius_m}})
+        else:
+            polygons.append(area | {"polygon": [_rounded(corner) for corner in each.corners]})
+    points = [[*_rounded((lat, lon)), round(up_m, 3)] for lat, lon, up_m in fence.rally]
+    return {
+        "geoFence": {"circles": circles, "polygons": polygons, "version": 2},
+        "rallyPoints": {"points": points, "version": 2},
+    }
+
+
+def _waypoints(content: _Content) -> str:
+    home, (points,) = _home(content.origin), content.lines.values()
     rows = [
         "QGC WPL 110",
         f"0\t1\t0\t16\t0\t0\t0\t0\t{home.lat_deg:.8f}\t{home.lon_deg:.8f}\t{home.above_sea_m:.3f}\t1",
@@ -147,10 +174,10 @@ def _waypoints(lines: _Lines, origin: GeodeticOrigin) -> str:
     return "\n".join(rows) + "\n"
 
 
-def _kml(lines: _Lines, origin: GeodeticOrigin) -> str:  # noqa: ARG001 - every writer has the origin
+def _kml(content: _Content) -> str:
     root = ET.Element("kml", xmlns=KML)
     document = ET.SubElement(root, "Document")
-    for name, points in lines.items():
+    for name, points in content.lines.items():
         placemark = ET.SubElement(document, "Placemark")
         ET.SubElement(placemark, "name").text = name
         line = ET.SubElement(placemark, "LineString")
@@ -160,9 +187,9 @@ def _kml(lines: _Lines, origin: GeodeticOrigin) -> str:  # noqa: ARG001 - every 
     return _xml(root)
 
 
-def _gpx(lines: _Lines, origin: GeodeticOrigin) -> str:  # noqa: ARG001
+def _gpx(content: _Content) -> str:
     root = ET.Element("gpx", xmlns=GPX, version="1.1", creator="gcs-formation")
-    for name, points in lines.items():
+    for name, points in content.lines.items():
         route = ET.SubElement(root, "rte")
         ET.SubElement(route, "name").text = name
         for each in points:
@@ -171,27 +198,31 @@ def _gpx(lines: _Lines, origin: GeodeticOrigin) -> str:  # noqa: ARG001
     return _xml(root)
 
 
-def _geojson(lines: _Lines, origin: GeodeticOrigin) -> str:  # noqa: ARG001
+def _geojson(content: _Content) -> str:
     features = []
-    for name, points in lines.items():
+    for name, points in content.lines.items():
         positions = [[*reversed(_degrees(each)), round(each.above_sea_m, 3)] for each in points]
         geometry = {"type": "LineString", "coordinates": positions}
         features.append({"type": "Feature", "properties": {"name": name}, "geometry": geometry})
     return json.dumps({"type": "FeatureCollection", "features": features}, indent=1) + "\n"
 
 
-def _csv(lines: _Lines, origin: GeodeticOrigin) -> str:  # noqa: ARG001
+def _csv(content: _Content) -> str:
     written = io.StringIO()
     table = csv.writer(written, lineterminator="\n")
     table.writerow(["path", "lat_deg", "lon_deg", "alt_m"])
-    for name, points in lines.items():
+    for name, points in content.lines.items():
         table.writerows([name, *_degrees(each), round(each.above_sea_m, 3)] for each in points)
     return written.getvalue()
 
 
-def _degrees(place: _Place) -> tuple[float, float]:
+def _degrees(place: _Place) -> LatLon:
     """Return latitude and longitude to 1e-8 degrees, 1 mm."""
-    return round(place.lat_deg, 8), round(place.lon_deg, 8)
+    return _rounded((place.lat_deg, place.lon_deg))
+
+
+def _rounded(place: LatLon) -> LatLon:
+    return round(place[0], 8), round(place[1], 8)
 
 
 def _xml(root: ET.Element) -> str:
@@ -199,7 +230,7 @@ def _xml(root: ET.Element) -> str:
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
 
 
-WRITERS: Final[Mapping[str, Callable[[_Lines, GeodeticOrigin], str]]] = MappingProxyType(
+WRITERS: Final[Mapping[str, Callable[[_Content], str]]] = MappingProxyType(
     {
         ".plan": _plan,
         ".waypoints": _waypoints,

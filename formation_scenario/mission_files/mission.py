@@ -14,6 +14,8 @@ MAX_BYTES: Final = 32 * 2**20
 
 LatLon: TypeAlias = tuple[float, float]
 """Latitude and longitude, degrees."""
+RallyPoint: TypeAlias = tuple[float, float, float]
+"""Latitude and longitude, degrees, and height above home, m."""
 Datum = Literal["sea level", "home", "ground"]
 """From where a height is measured."""
 
@@ -72,6 +74,18 @@ class FencePolygon:
 
 
 @dataclass(frozen=True, slots=True)
+class FileFence:
+    """The geofence and the rally points of a file.
+
+    With `any_inclusion` it is enough to be inside one of the areas to stay in (PX4); otherwise all bind (ArduPilot).
+    """
+
+    areas: tuple[FenceCircle | FencePolygon, ...] = ()
+    rally: tuple[RallyPoint, ...] = ()
+    any_inclusion: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Mission:
     """A mission file.
 
@@ -84,8 +98,7 @@ class Mission:
     items: tuple[MissionItem, ...]
     jump_targets: tuple[int, ...]
     home: tuple[float, float, float] | None = None
-    fence: tuple[FenceCircle | FencePolygon, ...] = ()
-    rally: tuple[tuple[float, float, float], ...] = ()
+    fence: FileFence = FileFence()
     track: bool = False
     remarks: tuple[str, ...] = ()
 

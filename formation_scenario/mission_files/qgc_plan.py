@@ -8,21 +8,25 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
-from typing import Any, cast
+from typing import Any, Final, cast
 
 from formation_scenario.mission_files.mission import (
     FenceCircle,
     FencePolygon,
+    FileFence,
     LatLon,
     Mission,
     MissionFileError,
     MissionItem,
+    RallyPoint,
     degrees,
     number,
 )
 from formation_scenario.mission_files.structure_scan import structure_scan
 
 JsonObject = dict[str, Any]
+PX4: Final = 12
+"""MAV_AUTOPILOT_PX4 at `firmwareType`."""
 NOT_FLOWN = ("fwLandingPattern", "vtolLandingPattern")
 
 
@@ -41,14 +45,19 @@ def read_plan(text: str, file: str) -> Mission:
     mission = cast("JsonObject", plan["mission"])
     reader = _Items(file)
     reader.read(_list(mission, "items", file))
-    home = mission.get("plannedHomePosition")
+    home, fence = mission.get("plannedHomePosition"), plan.get("geoFence")
+    if isinstance(fence, dict) and fence.get("breachReturn") is not None:
+        reader.remarks.append(f"{file}: geoFence: breachReturn isn't used: who is held at the fence flies on")
     return Mission(
         file,
         tuple(reader.items),
         tuple(reader.jump_targets),
         None if home is None else _place(home, f"{file}: plannedHomePosition"),
-        tuple(_fence(plan.get("geoFence"), file)),
-        tuple(_rally(plan.get("rallyPoints"), file)),
+        FileFence(
+            tuple(_fence(fence, file)),
+            tuple(_rally(plan.get("rallyPoints"), file)),
+            any_inclusion=mission.get("firmwareType") == PX4,
+        ),
         remarks=tuple(reader.remarks),
     )
 
@@ -130,19 +139,30 @@ def _fence(fence: object, file: str) -> Iterator[FenceCircle | FencePolygon]:
         if not isinstance(shape, dict):
             raise MissionFileError(f"{where}: no circle")
         radius_m = number(shape.get("radius"), where, "radius")
+        if radius_m <= 0.0:
+            raise MissionFileError(f"{where}: found {radius_m:g} as its radius; allowed: a number > 0")
         yield FenceCircle(_lat_lon(shape.get("center"), where), radius_m, circle.get("inclusion") is not False)
     for index, polygon in enumerate(_list(fence, "polygons", file, optional=True), 1):
         where = f"{file}: geoFence polygon {index}"
-        corners = tuple(_lat_lon(each, where) for each in _list(polygon, "polygon", where))
-        yield FencePolygon(corners, polygon.get("inclusion") is not False)
+        yield _polygon(_list(polygon, "polygon", where), where, inclusion=polygon.get("inclusion") is not False)
     if only := _list(fence, "polygon", file, optional=True):  # version 1: one polygon to stay in
-        yield FencePolygon(tuple(_lat_lon(each, f"{file}: geoFence polygon") for each in only), inclusion=True)
+        yield _polygon(only, f"{file}: geoFence polygon", inclusion=True)
 
 
-def _rally(rally: object, file: str) -> Iterator[tuple[float, float, float]]:
+def _polygon(corners: list[Any], where: str, *, inclusion: bool) -> FencePolygon:
+    if len(corners) < 3:
+        raise MissionFileError(f"{where}: found {len(corners)} corners; allowed: 3 or more")
+    return FencePolygon(tuple(_lat_lon(each, where) for each in corners), inclusion)
+
+
+def _rally(rally: object, file: str) -> Iterator[RallyPoint]:
     if isinstance(rally, dict):
         for index, point in enumerate(_list(rally, "points", file, optional=True), 1):
-            yield _place(point, f"{file}: rally point {index}")
+            where = f"{file}: rally point {index}"
+            lat, lon, height_m = _place(point, where)
+            if math.isnan(height_m):
+                raise MissionFileError(f"{where}: found no height; allowed: [latitude, longitude, height above home]")
+            yield lat, lon, height_m
 
 
 def _place(point: object, where: str) -> tuple[float, float, float]:

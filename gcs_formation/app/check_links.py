@@ -188,8 +188,9 @@ def cramped_lap(scenario: Scenario) -> str | None:
     if lack_m[worst] == 0.0:
         return None
     (north_m, east_m), radius_m = places[worst].tolist(), _lap_radius_m(scenario, leads)
+    key = leads.fence.areas.nearest(places[worst]).key
     return (
-        f"safety.fence.corners_m: found no room for a lap before the path (turns of {radius_m:.0f} m): at "
+        f"{key}: found no room for a lap before the path (turns of {radius_m:.0f} m): at "
         f"north {north_m:.0f}, east {east_m:.0f} vehicles are turned away; {math.ceil(lack_m[worst])} m more are needed"
     )
 

@@ -9,13 +9,13 @@ from typing import Any
 from flight_model.legs.deviation import deviation
 from flight_model.legs.path import LegsPath
 from formation_scenario import Scenario
-from formation_scenario.ground_and_fence import fence_distances
+from formation_scenario.ground_and_fence import FenceDistance, fence_distances
 
 FAR_M = 20.0
 """Distance of a spline from its legs, and outside its waypoints' heights, beyond which `check` warns."""
 WIDER_M = 0.5
-LISTED = 4
-"""Number of slots whose distance to the fence is listed."""
+LISTED = 20
+"""Number of slots whose distance to the fence is listed in words."""
 
 
 def path_figures(scenario: Scenario) -> dict[str, Any]:
@@ -24,7 +24,7 @@ def path_figures(scenario: Scenario) -> dict[str, Any]:
     figures |= deviation(scenario.written_path, scenario.path.waypoints_m)._asdict()
     if slots := fence_distances(scenario):
         figures["fence"] = [
-            {name: value for name, value in each._asdict().items() if value != math.inf} for each in slots
+            {name: value for name, value in each._asdict().items() if value not in (math.inf, "")} for each in slots
         ]
     return figures
 
@@ -38,19 +38,37 @@ def path_text(scenario: Scenario) -> Iterator[str]:
         f"at most {off.off_legs_m:.1f} m from its legs (at {off.off_legs_at_m:.0f} m), "
         f"{off.outside_heights_m:.1f} m outside its waypoints' heights"
     )
-    for each in fence_distances(scenario)[:LISTED]:
-        sides = (
-            "" if each.least_m == math.inf else f"{each.least_m:.0f} m from the fence at {each.at_m:.0f} m of the path"
-        )
-        heights = "" if each.height_m == math.inf else f"{each.height_m:.1f} m from its heights"
-        if sides or heights:
-            yield f"{each.who}: at least {', '.join(filter(None, (sides, heights)))}"
+    yield from _fence_text(fence_distances(scenario))
+
+
+def _fence_text(slots: list[FenceDistance]) -> Iterator[str]:
+    for each in slots[:LISTED]:
+        found = list[str]()
+        if each.least_m != math.inf:
+            place = f"at {each.at_m:.0f} m of the path (north {each.north_m:.0f}, east {each.east_m:.0f})"
+            found.append(f"{each.least_m:.0f} m from {each.area} {place}")
+        if each.height_m != math.inf:
+            found.append(f"{each.height_m:.1f} m from the fence's heights")
+        if found:
+            yield f"{each.who}: at least {', '.join(found)}"
+    if len(slots) > LISTED:
+        yield f"{len(slots) - LISTED} more slots: farther from the fence"
 
 
 def not_flown(scenario: Scenario) -> Iterator[str]:
     """Yield a warning of each thing in a mission file that isn't flown."""
     for text in scenario.path.not_flown:
         yield f"path: {text}"
+
+
+def rally_outside(scenario: Scenario) -> Iterator[str]:
+    """Yield a warning of each rally point outside the fence, where autopilots don't return to."""
+    fence = scenario.safety.fence
+    if fence is None:
+        return
+    for index, place_m in enumerate(fence.rally_m):
+        if (outside_m := fence.outside_m(*place_m)) > 0.0:
+            yield f"safety.fence.rally_m.{index}: rally point {outside_m:.0f} m outside the fence"
 
 
 def widened_circles(scenario: Scenario) -> Iterator[str]:

@@ -9,6 +9,7 @@ import numpy as np
 from flight_model.arrays import Array, beside
 from formation_scenario import Scenario
 from formation_scenario.fields import VehicleRef
+from formation_scenario.mission_fence import file_fence
 from formation_scenario.mission_files.export import NamedPath, export
 from formation_scenario.mission_files.mission import MissionFileError
 from formation_scenario.slot_assignment import columns, slot_schedule
@@ -40,7 +41,8 @@ def export_path(scenario: Scenario, file: Path, vehicle: VehicleRef | None = Non
         paths = {str(vehicle): paths[str(vehicle)]}
     elif file.suffix.lower() in MISSIONS:
         paths = dict([next(iter(paths.items()))])
-    export(file, [NamedPath(f"vehicle {name}", points) for name, points in paths.items()], scenario.origin.geodetic)
+    named, origin = [NamedPath(f"vehicle {name}", points) for name, points in paths.items()], scenario.origin.geodetic
+    export(file, named, origin, file_fence(scenario.safety.fence, origin))
 
 
 def _paths(scenario: Scenario) -> dict[str, Array]:

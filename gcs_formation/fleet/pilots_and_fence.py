@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from flight_model.fence_geometry import inside_m
 from formation_scenario import Scenario
-from formation_scenario.surroundings import Fence
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
@@ -31,7 +25,7 @@ class PilotsAndFence:
             seen = vehicle.telemetry.motion
             away_m = 0.0
             if seen is not None and vehicle.member is Member.PARTED and vehicle.airborne:
-                away_m = outside_m(self._fence, seen.north_m, seen.east_m, seen.height_m)
+                away_m = self._fence.outside_m(seen.north_m, seen.east_m, seen.height_m)
             if away_m > 0.0 and identity not in self._outside:
                 self._outside.add(identity)
                 text = f"flown outside by its pilot or its failsafe, {away_m:.1f} m"
@@ -40,12 +34,3 @@ class PilotsAndFence:
                 self._outside.discard(identity)
                 text = "no longer flown outside by its pilot or its failsafe"
                 self._note(now, "fence", text, vehicle, {"begins": False})
-
-
-def outside_m(fence: Fence, north_m: float, east_m: float, height_m: float) -> float:
-    """Return how far outside the fence a place is, m; 0 inside."""
-    lowest_m, highest_m = fence.heights_m
-    aside_m = 0.0
-    if fence.corners_m is not None:
-        aside_m = max(0.0, -float(inside_m(np.array(fence.corners_m), np.array((north_m, east_m)))))
-    return math.hypot(aside_m, max(0.0, height_m - highest_m, lowest_m - height_m))

@@ -16,7 +16,6 @@ import numpy as np
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Indices, Mask
-from flight_model.fence_geometry import inside_m
 from formation_scenario import Scenario
 from formation_scenario.surroundings import Fence
 from gcs_formation.record.history import Interval
@@ -251,15 +250,15 @@ class _FenceJudge:
 
     def __init__(self, fence: Fence, vehicles: int) -> None:
         self._lowest_m, self._highest_m = fence.heights_m
-        self._corners_m = None if fence.corners_m is None else np.array(fence.corners_m)
+        self._sides = fence.sides
         self._entered = np.zeros((3, vehicles, 1), dtype=bool)
 
     def outside_m(self, place: Array, in_formation: Mask, lands: Mask) -> Array:
         """Return distances (V, N) from the fence's inside, 0 there, of places (3, V, N), NaN on the ground."""
         height_m = place[2]
         sides_m = np.full(height_m.shape, -np.inf)
-        if self._corners_m is not None:
-            sides_m = -inside_m(self._corners_m, np.moveaxis(place[:2], 0, -1))
+        if self._sides is not None:
+            sides_m = -self._sides.inside_m(np.moveaxis(place[:2], 0, -1))
         beyond_m = np.stack((sides_m, height_m - self._highest_m, self._lowest_m - height_m))
         inside = np.concatenate((self._entered, (beyond_m <= 0.0) | in_formation), axis=-1)
         entered: Mask = np.maximum.accumulate(inside, axis=-1)

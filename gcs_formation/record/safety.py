@@ -13,9 +13,9 @@ from formation_scenario import Scenario
 from formation_scenario.fields import distinct_texts
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.flight import RecordedFlight
-from gcs_formation.record.limits_by_truth import LimitSeries
+from gcs_formation.record.limits_by_truth import Columns, LimitSeries
 from gcs_formation.record.path_distance import OFF_PATH_S, off_path
-from gcs_formation.record.timeseries import PHASES
+from gcs_formation.record.timeseries import PHASES, PLACE, TRUTH
 
 
 class Safety(NamedTuple):
@@ -74,8 +74,21 @@ def _breaches(scenario: Scenario, flight: RecordedFlight, limits: LimitSeries) -
     if (limits.fence_m > 0.0).any():
         worst = int(limits.fence_m.argmax())
         who, outside_m = list(flight.vehicles)[limits.farthest[worst]], float(limits.fence_m[worst])
-        said = f"vehicle {who} was {outside_m:.3g} m outside the fence {_when(flight, limits, worst)}"
-        yield f"safety broken: {said}; allowed: inside it (safety.fence)"
+        where, allowed_there = _left_by(scenario, flight.vehicles[who], int(limits.tick[worst]))
+        said = f"vehicle {who} was {outside_m:.3g} m {where} {_when(flight, limits, worst)}"
+        yield f"safety broken: {said}; allowed: {allowed_there}"
+
+
+def _left_by(scenario: Scenario, own: Columns, tick: int) -> tuple[str, str]:
+    """Return which part of the fence a vehicle had left at a tick, and what is allowed, in words."""
+    sides = None if scenario.safety.fence is None else scenario.safety.fence.sides
+    if sides is not None and tick >= 0:
+        north, east = (TRUTH if TRUTH[0] in own else PLACE)[:2]
+        place_m = np.array((own[north][tick], own[east][tick]))
+        area = sides.nearest(place_m)
+        if not area.inclusion and sides.inside_m(place_m) < 0.0:
+            return f"inside the {area}", f"outside it ({area.key})"
+    return "outside the fence", "inside it (safety.fence)"
 
 
 def _when(flight: RecordedFlight, limits: LimitSeries, row: int) -> str:

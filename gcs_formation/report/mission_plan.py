@@ -9,6 +9,7 @@ from textwrap import wrap
 import numpy as np
 from matplotlib.axes import Axes
 
+from flight_model.fence_geometry import FenceAreas
 from flight_model.path import FlightPath, PathError
 from formation_scenario import Scenario
 from formation_scenario.repair import Repair
@@ -70,10 +71,7 @@ def _path(scenario: Scenario) -> FlightPath | None:
 
 def _from_above(axes: Axes, scenario: Scenario, marked: Sequence[Violation], repaired: Scenario | None) -> None:
     waypoints = np.array(scenario.path.waypoints_m)
-    fence = scenario.safety.fence
-    if fence is not None and fence.corners_m is not None:
-        corners = np.array([*fence.corners_m, fence.corners_m[0]])
-        axes.plot(corners[:, 1], corners[:, 0], color=style.LIMIT, lw=style.LINE, ls="--", label="fence")
+    _fence(axes, None if scenario.safety.fence is None else scenario.safety.fence.sides)
     axes.plot(waypoints[:, 1], waypoints[:, 0], color=style.LIGHT, lw=style.THIN, label="legs")
     for each, colour, name in ((repaired, style.FOLLOWERS[2], "repaired"), (scenario, style.FOLLOWERS[0], "path")):
         path = None if each is None else _path(each)
@@ -87,6 +85,18 @@ def _from_above(axes: Axes, scenario: Scenario, marked: Sequence[Violation], rep
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="east, m", ylabel="north, m")
     axes.legend(loc="best", fontsize=style.FONT_PT - 1.5)
+
+
+def _fence(axes: Axes, sides: FenceAreas | None) -> None:
+    """Draw the edges of areas to stay in, and areas to stay out of."""
+    said = set[bool]()
+    for area in () if sides is None else sides.areas:
+        north_m, east_m = area.shape.edge_m().T
+        label = None if area.inclusion in said else "fence" if area.inclusion else "exclusion"
+        said.add(area.inclusion)
+        axes.plot(east_m, north_m, color=style.LIMIT, lw=style.LINE, ls="--" if area.inclusion else "-", label=label)
+        if not area.inclusion:
+            axes.fill(east_m, north_m, color=style.LIMIT, alpha=0.15, lw=0.0)
 
 
 def _heights(axes: Axes, scenario: Scenario, marked: Sequence[Violation], repaired: Scenario | None) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from airlink.clock import Instant, seconds_between
 from flight_model.arrays import Array, Indices, Mask, within, wrap
 from flight_model.autopilot_model import AutopilotModel, FlightState, respond
-from flight_model.fence_geometry import CHECKED_M, inside_m, room_m
+from flight_model.fence_geometry import CHECKED_M, FenceAreas, room_m
 from flight_model.slot import HEIGHT
 from flight_model.vehicle_arrays import FlightStates
 from formation_scenario import Scenario
@@ -75,7 +75,7 @@ class FenceLimits:
     def __init__(self, scenario: Scenario, models: list[AutopilotModel]) -> None:
         """Take the scenario's fence; the (C,) `models` have the turn rates."""
         self._fenced, self._fence = scenario.safety.fence is not None, scenario.safety.fence or Fence()
-        self._corners_m = np.array(self._fence.corners_m or np.zeros((0, 2)))
+        self._areas = self._fence.sides
         self._is_vehicle = np.array([each is not None for each in column_ids(scenario)])
         self._turn_rps = np.array([model.turn_rate_max_rps for model in models])
         self._side = np.zeros(self._is_vehicle.size)
@@ -88,8 +88,8 @@ class FenceLimits:
             return
         active: Mask = tick.active & self._is_vehicle
         self._limit_heights(tick, active)
-        if self._corners_m.size:
-            self._turn_away(tick, active)
+        if self._areas is not None:
+            self._turn_away(tick, active, self._areas)
         self._held.report_ends(tick)
 
     def _limit_heights(self, tick: Tick, active: Mask) -> None:
@@ -102,14 +102,14 @@ class FenceLimits:
                 held = f"held at {limit_m:g} m"
                 self._held.hold(tick, column, f"height {held}", f"height no longer {held}")
 
-    def _turn_away(self, tick: Tick, active: Mask) -> None:
+    def _turn_away(self, tick: Tick, active: Mask, areas: FenceAreas) -> None:
         if not active.any():
             return
         which = np.flatnonzero(active)
         state = FlightStates.from_each(tick.state[column] for column in which.tolist())
         place, velocity = np.stack((state.north_m, state.east_m), axis=-1), state.ground_mps.T
         through_air = state.airspeed_mps + np.hypot(state.wind_north_mps, state.wind_east_mps)
-        room = room_m(self._corners_m, place, velocity, through_air, self._turn_rps[which])
+        room = room_m(areas, place, velocity, through_air, self._turn_rps[which])
         before = self._side[which]
         held = room.max(axis=1) < np.where(before != 0.0, CHECKED_M, HELD_M)
         widest = np.where(room[:, 1] >= room[:, 0], 1.0, -1.0)
@@ -118,20 +118,14 @@ class FenceLimits:
         aside_rad = side * TURN_RAD
         lost = held & (room.max(axis=1) < 0.0)
         if lost.any():
-            off_rad = wrap(self._inward_rad(place[lost]) - state.heading_rad[lost])
+            off_rad = wrap(_inward_rad(areas, place[lost]) - state.heading_rad[lost])
             aside_rad[lost] = within(off_rad, -TURN_RAD, TURN_RAD)
         turned: list[int] = which[held].tolist()
         headings_rad: list[float] = (state.heading_rad + aside_rad)[held].tolist()
         for column, heading_rad in zip(turned, headings_rad, strict=True):
             speed_mps, _, height_m = tick.setpoints[column]
             tick.replace(column, (speed_mps, heading_rad, height_m))
-        self._note(tick, which, side, inside_m(self._corners_m, place))
-
-    def _inward_rad(self, place: Array) -> Array:
-        """Return the heading towards the inside from places (F, 2): where the distance to the edge grows most."""
-        steps = STEP_M * np.eye(2)
-        rise = [inside_m(self._corners_m, place + step) - inside_m(self._corners_m, place - step) for step in steps]
-        return np.arctan2(rise[1], rise[0])
+        self._note(tick, which, side, areas.inside_m(place))
 
     def _note(self, tick: Tick, which: Indices, side: Array, inside: Array) -> None:
         self._side[:] = 0.0
@@ -139,6 +133,12 @@ class FenceLimits:
         for column, away, distance_m in zip(which.tolist(), side.tolist(), inside.tolist(), strict=True):
             if away:
                 self._held.hold(tick, column, f"turned away, {distance_m:.0f} m inside", "no longer turned away")
+
+
+def _inward_rad(areas: FenceAreas, place: Array) -> Array:
+    """Return the heading towards the inside from places (F, 2): where the distance to the edge grows most."""
+    rise = [areas.inside_m(place + step) - areas.inside_m(place - step) for step in STEP_M * np.eye(2)]
+    return np.arctan2(rise[1], rise[0])
 
 
 class HeightFloor:

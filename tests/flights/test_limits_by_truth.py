@@ -61,6 +61,20 @@ def test_leaving_the_fence_is_a_violation_by_the_truth_whatever_setpoints_said(f
     assert [each.held for each in summary.verdicts] == [False, False]
 
 
+def test_who_is_blown_into_an_exclusion_has_left_the_fence_by_the_truth(fly: Fly, kept_truth, tmp_path: Path):
+    gust = {"at_s": 1, "vehicles": "all", "velocity_mps": [0, 32, 0]}
+    lake = {"kind": "exclusion", "centre_m": [150, 280], "radius_m": 100}
+    summary = fly(safety={"fence": {"areas": [lake]}}, disturbances=[gust], duration_s=9)
+    (truth,), (said,) = kept_truth, summary.breaches
+    away_m = np.hypot(truth["north_m"] - 150.0, truth["east_m"] - 280.0)[truth["airborne"] > 0]
+    assert summary.to_dict()["safety"]["fence_m"] == pytest.approx(100.0 - away_m.min(), abs=0.01)
+    assert 100.0 - away_m.min() > 20.0
+    assert "m inside the exclusion circle at" in said
+    assert said.endswith("allowed: outside it (safety.fence.areas.0)")
+    events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
+    assert any(each["kind"] == "fence" and each["text"].startswith("turned away") for each in events)
+
+
 def test_a_fence_that_nobody_leaves_is_kept_though_they_take_off_below_it(fly: Fly):
     fence = {"height_min_m": 80, "height_max_m": 200}
     safety = fly(safety={"fence": fence}, duration_s=3, start={"in_air": False}).to_dict()["safety"]

@@ -7,12 +7,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flight_model.fence_geometry import REACT_S, TURN_SHARE, Drift, Flyers, inside_m, room_along_m, room_m
+from flight_model.fence_geometry import (
+    REACT_S,
+    TURN_SHARE,
+    Drift,
+    FenceArea,
+    FenceAreas,
+    Flyers,
+    Polygon,
+    inside_m,
+    room_along_m,
+    room_m,
+)
 from formation_scenario import ScenarioError, load_scenario
 from tests.flights.conftest import scenario
 
 SQUARE = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 100.0], [0.0, 100.0]])
 L_SHAPED = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 50.0], [50.0, 50.0], [50.0, 100.0], [0.0, 100.0]])
+
+
+def only(corners: np.ndarray) -> FenceAreas:
+    """Return the fence of one polygon to stay in."""
+    return FenceAreas((FenceArea(Polygon(corners), inclusion=True, key="safety.fence.corners_m"),))
 
 
 @pytest.mark.parametrize(
@@ -36,8 +52,8 @@ def test_the_distance_to_the_edge_is_positive_inside(
 
 def test_room_is_what_a_circle_to_either_side_leaves() -> None:
     """Northbound at 10 m/s and 0.5 rad/s, 30 m from the eastern side of a square of 400 m."""
-    corners, speed, turn = 4.0 * SQUARE, 10.0, 0.5
-    room = room_m(corners, np.array([200.0, 370.0]), np.array([speed, 0.0]), np.array(speed), np.array(turn))
+    fence, speed, turn = only(4.0 * SQUARE), 10.0, 0.5
+    room = room_m(fence, np.array([200.0, 370.0]), np.array([speed, 0.0]), np.array(speed), np.array(turn))
     radius = speed / (TURN_SHARE * turn)
     ahead = 200.0 + REACT_S * speed
     left, right = min(400 - ahead, 30.0 + radius) - radius, (30.0 - radius) - radius
@@ -46,12 +62,12 @@ def test_room_is_what_a_circle_to_either_side_leaves() -> None:
 
 def test_in_a_wind_slots_are_behind_the_nose_and_the_wind_carries_everybody() -> None:
     """Course north at 20 m/s through air, 12 m/s from the west: a 3-4-5 triangle, 16 m/s over ground."""
-    corners, turn = 100.0 * SQUARE, np.array([0.2, 0.2])
+    fence, turn = only(100.0 * SQUARE), np.array([0.2, 0.2])
     way, flyers = (
         (np.array([5000.0]), np.array([9900.0]), np.zeros(1)),
         Flyers(np.array([0.0, -50.0]), np.zeros(2), turn),
     )
-    places, room = room_along_m(corners, way, flyers, Drift(20.0, 0.0, 12.0, 32.0))
+    places, room = room_along_m(fence, way, flyers, Drift(20.0, 0.0, 12.0, 32.0))
     assert places[:, 0] == pytest.approx(np.array([[5000.0, 9900.0], [4960.0, 9930.0]]))
     reached, radius = 5000.0 + REACT_S * 16.0, 32.0 / (TURN_SHARE * 0.2)
     assert reached < 10000.0 - radius

@@ -103,18 +103,61 @@ def test_a_fence_to_stay_in_is_the_scenarios_unless_it_has_one(tmp_path: Path) -
     assert scenario.safety.fence is not None
     assert scenario.safety.fence.corners_m is not None
     assert scenario.safety.fence.corners_m[0] == pytest.approx((-4000.0, -4000.0), abs=1e-3)
-    assert any("1 further areas of its fence aren't kept" in each for each in scenario.path.not_flown)
-    own = load(plan(tmp_path, geoFence={"polygons": areas}), safety={"fence": {"height_max_m": 200}})
+    (kept_out,) = scenario.safety.fence.areas
+    assert kept_out.kind == "exclusion"
+    assert kept_out.corners_m == pytest.approx(np.array([(7000.0, 0.0), (7100.0, 0.0), (7100.0, 100.0)]), abs=1e-3)
+    rally = {"points": [[*lat_lon(-100.0, 50.0), 40]]}
+    own = load(plan(tmp_path, geoFence={"polygons": areas}, rallyPoints=rally), safety={"fence": {"height_max_m": 200}})
     assert own.safety.fence is not None
-    assert own.safety.fence.corners_m is None
+    assert (own.safety.fence.sides, own.safety.fence.rally_m) == (None, ())
+    said = "2 areas of a fence and 1 rally points aren't used: the scenario has its safety.fence"
+    assert any(said in each for each in own.path.not_flown)
 
 
-def test_a_round_fence_is_a_polygon_inside_the_circle(tmp_path: Path) -> None:
+def test_circles_of_a_files_fence_stay_circles_and_rally_points_are_above_home(tmp_path: Path) -> None:
     circle = {"circle": {"center": lat_lon(1000.0, 500.0), "radius": 6000.0}, "inclusion": True}
-    scenario = load(plan(tmp_path, geoFence={"circles": [circle]}))
-    assert scenario.safety.fence is not None
-    corners = np.array(scenario.safety.fence.corners_m)
-    assert np.hypot(corners[:, 0] - 1000.0, corners[:, 1] - 500.0) == pytest.approx(6000.0, abs=1e-3)
+    rally = {"points": [[*lat_lon(-100.0, 50.0), 40]]}
+    origin = {"lat_deg": HOME[0], "lon_deg": HOME[1], "alt_m": 470.0}
+    fence = load(plan(tmp_path, geoFence={"circles": [circle]}, rallyPoints=rally), origin=origin).safety.fence
+    assert fence is not None
+    (area,) = fence.areas
+    assert (area.kind, area.radius_m, area.centre_m) == ("inclusion", 6000.0, pytest.approx((1000.0, 500.0), abs=1e-3))
+    assert fence.rally_m == (pytest.approx((-100.0, 50.0, 58.0), abs=1e-3),)
+
+
+@pytest.mark.parametrize(("firmware", "inclusions"), [(3, "all"), (12, "any"), (None, "all")])
+def test_of_several_inclusions_those_bind_that_the_plans_autopilot_asks_for(
+    tmp_path: Path, firmware: int | None, inclusions: str
+) -> None:
+    circles = [
+        {"circle": {"center": lat_lon(1000.0, east_m), "radius": 6000.0}, "inclusion": True} for east_m in (0.0, 900.0)
+    ]
+    directory = plan(tmp_path, geoFence={"circles": circles})
+    written = json.loads((directory / "tour.plan").read_text())
+    written["mission"]["firmwareType"] = firmware
+    (directory / "tour.plan").write_text(json.dumps(written))
+    fence = load(directory).safety.fence
+    assert fence is not None
+    assert fence.inclusions == inclusions
+
+
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [
+        ({"geoFence": {"polygons": [{"polygon": [[47.0, 8.0], [47.1, 8.0]]}]}}, "polygon 1: found 2 corners"),
+        ({"geoFence": {"circles": [{"circle": {"center": [47.0, 8.0], "radius": 0}}]}}, "circle 1: found 0 as its"),
+        ({"rallyPoints": {"points": [[47.0, 8.0]]}}, "rally point 1: found no height"),
+    ],
+)
+def test_areas_without_an_inside_and_rally_points_without_a_height_are_refused(
+    tmp_path: Path, part: dict[str, Any], said: str
+) -> None:
+    assert said in refusal(plan(tmp_path, **part))
+
+
+def test_a_return_point_of_the_fence_is_said_to_be_unused(tmp_path: Path) -> None:
+    scenario = load(plan(tmp_path, geoFence={"breachReturn": [*lat_lon(0.0, 0.0), 50]}))
+    assert any("breachReturn isn't used" in each for each in scenario.path.not_flown)
 
 
 def test_speeds_of_the_file_are_the_legs(tmp_path: Path) -> None:

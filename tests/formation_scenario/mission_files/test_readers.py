@@ -72,8 +72,8 @@ def test_a_plan_gives_items_home_fence_and_rally(tmp_path):
     assert math.isnan(mission.items[0].params[3]), "null is left open"
     assert [item.placed for item in mission.items] == [True, True, False]
     corners = ((47.0, 8.0), (47.01, 8.0), (47.01, 8.01))
-    assert mission.fence == (FenceCircle((47.0, 8.0), 900.0, True), FencePolygon(corners, False))
-    assert mission.rally == ((47.0, 8.001, 60.0),)
+    assert mission.fence.areas == (FenceCircle((47.0, 8.0), 900.0, True), FencePolygon(corners, False))
+    assert mission.fence.rally == ((47.0, 8.001, 60.0),)
 
 
 def test_surveys_are_flown_by_the_items_that_qgroundcontrol_made_of_them(tmp_path):

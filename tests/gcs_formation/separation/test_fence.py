@@ -11,7 +11,7 @@ from airlink.clock import Instant
 from flight_model.fence_geometry import inside_m
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
 from formation_scenario import Scenario, load_scenario
-from formation_scenario.surroundings import Fence
+from formation_scenario.surroundings import Area, Fence
 from gcs_formation import from_scenario
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.airspace import FenceLimits
@@ -20,14 +20,15 @@ from tests.flights.in_memory import World
 from tests.gcs_formation import tables
 
 SQUARE = ((-600.0, -600.0), (600.0, -600.0), (600.0, 600.0), (-600.0, 600.0))
+LAKE = {"kind": "exclusion", "centre_m": (250.0, 250.0), "radius_m": 120.0}
 BAY = ((-600.0, -600.0), (600.0, -600.0), (600.0, 100.0), (0.0, 100.0), (0.0, 600.0), (-600.0, 600.0))
 TICK_S = 0.15
 
 
-def fenced(corners: Any = None, count: int = 3, **heights: float) -> Scenario:
+def fenced(corners: Any = None, count: int = 3, **keys: Any) -> Scenario:
     """Return vehicles with a fence that isn't checked against their path."""
     planned = load_scenario(scenario(vehicles={"count": count}))
-    safety = planned.safety.model_copy(update={"fence": Fence(corners_m=corners, **heights)})
+    safety = planned.safety.model_copy(update={"fence": Fence(corners_m=corners, **keys)})
     return planned.model_copy(update={"safety": safety})
 
 
@@ -64,12 +65,17 @@ def least(world: World, corners: Any, seconds: int) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(
-    "corners", [pytest.param(SQUARE, id="square", marks=pytest.mark.slow), pytest.param(BAY, id="bay")]
+    ("corners", "areas"),
+    [
+        pytest.param(SQUARE, (), id="square", marks=pytest.mark.slow),
+        pytest.param(BAY, (), id="bay"),
+        pytest.param(SQUARE, (LAKE,), id="lake"),
+    ],
 )
-def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
+def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any, areas: Any) -> None:
     """40 vehicles for 75 s in 4 m/s of wind, each commanded a heading of its own that changes from time to time."""
     rng, count, polygon = np.random.default_rng(1), 40, np.array(corners)
-    planned = fenced(corners, count)
+    planned = fenced(corners, count, areas=[Area(**each) for each in areas])
     models = from_scenario.autopilot_models(planned)
     limits, model = FenceLimits(planned, models), AutopilotModels.from_each(models)
     height, climb, speed, wind, still = (np.full(count, value) for value in (100.0, 0.0, 22.0, 4.0, 0.0))
@@ -83,6 +89,9 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any) -> None:
         turned |= minimum(limits, now)[:, 1]
         state = advance(state, Setpoints.from_each(now.setpoints).table, np.full(count, TICK_S), model)
         assert inside_m(polygon, state.place_m[:2].T).min() > 0.0, f"after {step * TICK_S:.2f} s"
+        for area in areas:
+            north_m, east_m = area["centre_m"]
+            assert np.hypot(state.north_m - north_m, state.east_m - east_m).min() > area["radius_m"]
     assert turned.sum() > count / 2
 
 
