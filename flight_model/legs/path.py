@@ -124,17 +124,17 @@ class _Line:
         """Lay out all legs and joints."""
         leg, taken_m = 0, 0.0
         for first, last, joint, *_ in joints:
-            due_m = joint.length_m / 2.0 if joint.kind == "turn" and first == last else 0.0
-            self._straight(first, self._legs_m[leg] - taken_m - joint.before_m, due_m)
+            passing_m = self._passing(first, last, joint)
+            self._straight(first, self._legs_m[leg] - taken_m - joint.before_m, passing_m[0])
             begin_m, self.length_m = self.length_m, self.length_m + joint.length_m
             self.stretches += joint.stretches
             for inside in range(first + 1, last + 1):
                 if self._plan.circles.get(inside, Circles(0)).turns:
                     self.crowded_m[inside] = float(turned_m(np.asarray(TURN), self._limits(inside, None)).real)
             self.passed.append(Passed(first, last, joint.kind, begin_m, joint.length_m))
-            for waypoint, at_m in zip(range(first, last + 1), self._passing(first, last, joint, begin_m), strict=True):
-                self.waypoints_at_m.append(at_m)
-                self._due(waypoint, at_m)
+            for waypoint, after_m in zip(range(first, last + 1), passing_m, strict=True):
+                self.waypoints_at_m.append(begin_m + after_m)
+                self._due(waypoint, begin_m + after_m)
             if joint.kind == "detour" and first == last:
                 self._due(last, self.length_m)
             leg, taken_m = last, joint.after_m
@@ -143,18 +143,18 @@ class _Line:
         self.waypoints_at_m.append(self.length_m)
         self._due(last, self.length_m)
 
-    def _passing(self, first: int, last: int, joint: Joint, begin_m: float) -> list[float]:
-        """Return the distances at which waypoints are passed."""
+    def _passing(self, first: int, last: int, joint: Joint) -> list[float]:
+        """Return the distances along a joint at which its waypoints are passed."""
         count = last - first
-        if joint.kind != "turn":
-            return [begin_m + joint.length_m * each / max(count, 1) for each in range(count + 1)]
-        if count == 0:
-            return [begin_m + joint.length_m / 2.0]
+        if joint.kind in ("detour", "over"):
+            return [joint.length_m * each / max(count, 1) for each in range(count + 1)]
+        if count == 0 and joint.kind == "turn":
+            return [joint.length_m / 2.0]
         axis = self._flat[first] - self._flat[first - 1]
         axis = axis / abs(axis)
         way = self._flat[first] - joint.before_m * axis + axis * places(joint.stretches, SAMPLES)
         nearest = np.abs(self._flat[first : last + 1, None] - way).argmin(axis=1)
-        return (begin_m + joint.length_m * np.maximum.accumulate(nearest) / SAMPLES).tolist()
+        return (joint.length_m * np.maximum.accumulate(nearest) / SAMPLES).tolist()
 
     def _due(self, waypoint: int, at_m: float) -> None:
         """Note a waypoint's height at a distance; the higher limit of slopes is that of the leg before it."""
