@@ -1,17 +1,19 @@
 """The joints of all legs: fly-by turns where they fit, and where they don't, the shortest way that does.
 
 A turn that would pass too far from its waypoint overshoots one of its legs, or is a detour, unless these have no room
-inside the fence. Where the turns at both ends of a leg need more than its length, these are compared: in place of one of
-them or of both turns that overshoot, or detours, which leave a leg at its waypoint and come back to the next leg there;
-one turn in place of both; and between lanes that are nearer than a turn back is wide, one detour from lane to lane.
+inside the fence. Where the turns at both ends of a leg need more than its length, these are compared: in place of one
+of them or of both turns that overshoot, or detours, which leave a leg at its waypoint and come back to the next leg
+there; one turn in place of both; and between lanes that are nearer than a turn back is wide, one detour from lane to
+lane. Circles around a waypoint are given.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -59,9 +61,9 @@ class Placed(NamedTuple):
 class Joiner:
     """Finds the joints of legs between waypoints."""
 
-    def __init__(self, waypoints: Complex, rules: TurnRules) -> None:
-        """Take the waypoints (n,), north + i east, m."""
-        self._waypoints, self._rules = waypoints, rules
+    def __init__(self, waypoints: Complex, rules: TurnRules, given: Mapping[int, Joint] = MappingProxyType({})) -> None:
+        """Take the waypoints (n,), north + i east, m, and joints from one of them to the next one, by its index."""
+        self._waypoints, self._rules, self._given = waypoints, rules, given
         legs = np.diff(waypoints)
         self._lengths_m: list[float] = np.abs(legs).tolist()
         self._courses: list[float] = np.angle(legs).tolist()
@@ -70,7 +72,8 @@ class Joiner:
 
     def joints(self) -> list[Placed]:
         """Return the joints along the legs, one after another, such that each leg has room for those at its ends."""
-        found = [self._first_choice(index) for index in range(1, len(self._waypoints) - 1)]
+        inside = range(1, len(self._waypoints) - 1)
+        found = [self._first_choice(index) for index in inside if index - 1 not in self._given]
         slack = [self._slack_m(found, at) for at in range(len(found) + 1)]
         while slack and min(slack) < -ENOUGH_M:
             at = slack.index(min(slack))
@@ -84,6 +87,8 @@ class Joiner:
         return found
 
     def _first_choice(self, index: int) -> Placed:
+        if index in self._given:
+            return Placed(index, index + 1, self._given[index])
         corner, limits = self._corner(index, index), self._limits(index)
         joint = fly_over(corner, limits) if self._rules.over else fly_by(corner, limits, self._rules.most_m)
         if joint is not None:
@@ -135,6 +140,8 @@ class Joiner:
         With a partner at the other end of a crowded leg up to all of that: for which both there is room is seen later.
         """
         one = found[at]
+        if one.first in self._given:
+            return []
         choices = [self._detour(one.first, one.last)]
         if one.first == one.last:
             before_m = self._room_m(found, at, one.joint.before_m, alone=at == 0)
@@ -156,24 +163,35 @@ class Joiner:
         return sum(each.joint.longer_m for each in joints) + between
 
     def _candidates(self, found: list[Placed], at: int) -> Iterator[list[Placed]]:
+        """Yield what may replace two joints at the ends of a leg."""
         one, other = found[at : at + 2]
+        if self._given.keys() & {one.first, other.first}:
+            yield from self._pairs(found, at)
+            return
         leg_m, limits, corner = self._lengths_m[one.last], self._limits(one.first), self._corner(one.first, other.last)
         if not self._rules.over and (joint := fly_by(corner, limits, self._rules.most_m)) is not None:
             yield [Placed(one.first, other.last, joint)]
         # Lanes, and legs nearer to each other than a turn back is wide, are joined by one way from one to the other.
         width_m = abs(complex(turned_m(np.asarray(math.pi), limits)))
         merged = self._detour(one.first, other.last)
-        lanes = leg_m < width_m or abs(corner.angle_rad) > REVERSAL_RAD or other.last - one.first > 1
-        if lanes:
+        if leg_m < width_m or abs(corner.angle_rad) > REVERSAL_RAD or other.last - one.first > 1:
             yield [merged]
             # A detour over one waypoint turns by half a circle or more.
             least_m = leg_m + math.pi / limits.curvature_1pm + min(one.joint.longer_m, other.joint.longer_m, 0.0)
             if merged.lack_m == merged.missed_m == 0.0 and merged.joint.longer_m < least_m:
                 return
-        choices = [self._detour(one.first, one.last)], [self._detour(other.first, other.last)]
-        if merged.lack_m > 0.0 or not lanes:
-            choices = self._others(found, at, at + 1), self._others(found, at + 1, at)
-        for pair in product([one, *choices[0]], [other, *choices[1]]):
+            yield from self._pairs(found, at, overshooting=merged.lack_m > 0.0)
+        else:
+            yield from self._pairs(found, at)
+
+    def _pairs(self, found: list[Placed], at: int, *, overshooting: bool = True) -> Iterator[list[Placed]]:
+        """Yield what may replace each of two joints, or one of them, with room on the leg between."""
+        leg_m = self._lengths_m[found[at].last]
+        ones, others = (
+            self._others(found, each, partner) if overshooting else [self._detour(found[each].first, found[each].last)]
+            for each, partner in ((at, at + 1), (at + 1, at))
+        )
+        for pair in product([found[at], *ones], [found[at + 1], *others]):
             if leg_m - pair[0].joint.after_m - pair[1].joint.before_m >= -ENOUGH_M:
                 yield list(pair)
 

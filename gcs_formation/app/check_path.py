@@ -91,6 +91,7 @@ def _joints(path: LegsPath) -> str:
         "over": "turns after a waypoint",
         "overshoot": "turns that overshoot a leg",
         "detour": "detours outside",
+        "circle": "circled around",
     }
     counts = {kind: sum(each.kind == kind for each in path.passed) for kind in words}
     said = ", ".join(f"{count} {words[kind]}" for kind, count in counts.items() if count)
