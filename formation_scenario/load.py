@@ -24,6 +24,7 @@ from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
 from formation_scenario.overrides import OPTION, apply_overrides
 from formation_scenario.rules import expectations, inconsistencies
+from formation_scenario.run_in import run_in_inside_fence_s
 from formation_scenario.source import (
     Dumper,
     Key,
@@ -63,7 +64,8 @@ def load_scenario(
     """
     registry = source.registered if isinstance(source, Scenario) and not plugins else load_extensions(plugins)
     read = with_files(apply_overrides(_read(source), overrides, option), registry)
-    scenario, resolved = _to_the_paths_end(read, *_typed(read, registry))
+    read, scenario, resolved = _inside_the_fence(read, *_typed(read, registry))
+    scenario, resolved = _to_the_paths_end(read, scenario, resolved)
     found = inconsistencies(scenario)
     if scenario.law.gains == AUTO and not found:
         scenario = designed(scenario, read.data.get("law"))
@@ -104,6 +106,22 @@ def _plain(scenario: Scenario) -> dict[Key, Plain]:
     return plain_mapping(dumped)
 
 
+def _inside_the_fence(source: Source, scenario: Scenario, resolved: Source) -> tuple[Source, Scenario, Source]:
+    """Return a source and its scenario with a run-in that stays inside the fence, if the source gives no `run_in_s`."""
+    start = source.data.get("start")
+    start = start if isinstance(start, dict) else {}
+    if start.get("run_in_s") is not None:
+        return source, scenario, resolved
+    try:
+        longest_s = run_in_inside_fence_s(scenario, scenario.written_path)
+    except (PathError, OverflowError):
+        return source, scenario, resolved
+    if longest_s is None:
+        return source, scenario, resolved
+    shorter = replace(source, data=source.data | {"start": start | {"run_in_s": longest_s}})
+    return shorter, *_on_same_path(shorter, scenario)
+
+
 def _to_the_paths_end(source: Source, scenario: Scenario, resolved: Source) -> tuple[Scenario, Source]:
     """Return a scenario that ends with its path, to a millisecond, if the source gives no `duration_s`."""
     if source.data.get("duration_s") is not None:
@@ -114,7 +132,13 @@ def _to_the_paths_end(source: Source, scenario: Scenario, resolved: Source) -> t
         return scenario, resolved
     if not 0.0 < end_s <= MAX_NUMBER:
         return scenario, resolved
-    return _typed(replace(source, data=source.data | {"duration_s": end_s}), scenario.registered)
+    return _on_same_path(replace(source, data=source.data | {"duration_s": end_s}), scenario)
+
+
+def _on_same_path(source: Source, scenario: Scenario) -> tuple[Scenario, Source]:
+    """Return a source typed again that differs from a scenario's in what its path doesn't depend on."""
+    typed, resolved = _typed(source, scenario.registered)
+    return typed.with_path_of(scenario), resolved
 
 
 def _typed(source: Source, registry: Registry) -> tuple[Scenario, Source]:
