@@ -13,7 +13,7 @@ import numpy as np
 from formation_scenario import load_scenario
 
 FOLDER: Final = Path(__file__).parent
-AROUND_M: Final = 450.0
+AROUND_M: Final = 600.0
 """Room that the fence leaves around the waypoints, where the file has none."""
 FLOWN: Final = (
     "racetrack.waypoints",  # two long legs and two short ones, a jump without end
