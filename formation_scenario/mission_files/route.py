@@ -109,7 +109,9 @@ class _Executor:
             return self._jump(index, item)
         elif command not in commands.ENDS and command != commands.JUMP_TAG:
             self._ignored[command].append(item.where)
-        if command in commands.ENDS:
+        if command == commands.LAND_START and len(self._points) < 2:
+            self._remarks.append(f"{item.where}: the path goes on at {name_of(command)}: nothing is flown before it")
+        elif command in commands.ENDS:
             rest = len(self._mission.items) - index - 1
             after = f", with the {rest} items after it" if rest else ""
             if command != commands.LOITER_UNLIMITED or rest:

@@ -148,3 +148,10 @@ def test_what_is_not_carried_out_is_named_once_by_command_with_its_items():
 def test_fewer_than_two_waypoints_are_no_path():
     with pytest.raises(MissionFileError, match="found 1 waypoints to fly; allowed: 2 or more"):
         route(item(22, lat=47.0), waypoint(47.01), item(20))
+
+
+def test_where_nothing_is_flown_before_a_landing_begins_the_path_goes_on_up_to_the_landing():
+    flown = route(item(189, frame=2, where="item 1"), waypoint(47.0), waypoint(47.01), item(21, lat=47.02))
+    assert [point.lat_deg for point in flown.points] == [47.0, 47.01]
+    assert flown.remarks[0] == "item 1: the path goes on at DO_LAND_START: nothing is flown before it"
+    assert lats(waypoint(47.0), waypoint(47.01), item(189, frame=2), waypoint(47.02)) == [47.0, 47.01]
