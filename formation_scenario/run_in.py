@@ -20,7 +20,7 @@ BETWEEN_M = 5.0
 def run_in_inside_fence_s(scenario: Scenario, path: FlightPath) -> float | None:
     """Return the longest run-in on which every slot has room to turn away from the fence, s.
 
-    None where the usual one has, or the shortest hasn't. A formation that isn't assembled at its end flies laps.
+    `SHORTEST_S` where there is less; None where the usual one has. A formation that isn't assembled at its end flies laps.
     """
     fence = scenario.safety.fence
     if fence is None or fence.corners_m is None:
@@ -34,4 +34,4 @@ def run_in_inside_fence_s(scenario: Scenario, path: FlightPath) -> float | None:
     if not cramped.any():
         return None
     longest_s = (int(cramped.argmax()) - 1) * BETWEEN_M / scenario.path.begin_mps
-    return math.floor(10.0 * longest_s) / 10.0 if longest_s >= SHORTEST_S else None
+    return max(math.floor(10.0 * longest_s) / 10.0, SHORTEST_S)

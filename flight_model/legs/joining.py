@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.arrays import Array, Complex
+from flight_model.arrays import TURN, Array, Complex
 from flight_model.legs.detour import Detours
 from flight_model.legs.joint import Corner, Joint, courses_rad, distances_m, fly_by, fly_over, places
 from flight_model.legs.overshoot import Overshoots
@@ -28,6 +28,8 @@ Lack = Callable[[Complex, Array], float]
 """How much room a way lacks: places (K,), north + i east, and courses (K,), rad -> m, 0 if it has enough."""
 ROOM_STEP_M = 20.0
 ENOUGH_M = 1e-6
+LONGER_CIRCLES = 3.0
+"""How much longer than the shortest detour one may be that has more room, in circles of the tightest radius."""
 REVERSAL_RAD = math.radians(150.0)
 """Legs that differ by more in their course are lanes: both are flown whole, with a detour from one to the other."""
 
@@ -69,6 +71,7 @@ class Joiner:
         self._courses: list[float] = np.angle(legs).tolist()
         self._detours = dict[TurnLimits, Detours]()
         self._overshoots = dict[TurnLimits, Overshoots]()
+        self._placed = dict[tuple[int, int], Placed]()
 
     def joints(self) -> list[Placed]:
         """Return the joints along the legs, one after another, such that each leg has room for those at its ends."""
@@ -197,11 +200,19 @@ class Joiner:
 
     def _detour(self, first: int, last: int) -> Placed:
         """Return the shortest detour from a waypoint's leg to another's that has room, or lacks the least."""
+        if (first, last) not in self._placed:
+            self._placed[first, last] = self._best_detour(first, last)
+        return self._placed[first, last]
+
+    def _best_detour(self, first: int, last: int) -> Placed:
         corner, limits = self._corner(first, last), self._limits(first)
         detours = self._detours.setdefault(limits, Detours(limits))
         ways = detours.between(corner.end.real, corner.end.imag, corner.angle_rad)
         best, least_m = None, math.inf
+        longest_m = ways[0].length_m + LONGER_CIRCLES * TURN / limits.curvature_1pm
         for way in ways:
+            if way.length_m > longest_m:  # to where lines meet that are almost parallel, anywhere
+                break
             joint = Joint(0.0, 0.0, way.stretches(limits), "detour")
             lack_m, missed_m = self._lack_m(corner, joint.stretches), self._missed_m(corner, joint)
             if lack_m + missed_m < least_m - ENOUGH_M:

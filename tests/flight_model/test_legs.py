@@ -153,6 +153,17 @@ def test_a_detour_is_the_shortest_one_that_has_room():
     assert inside.length_m > shortest.length_m
 
 
+def test_a_detour_without_room_is_looked_for_near_its_legs_alone():
+    # The lines of legs that are almost opposite meet 1,000 km away.
+    waypoints = [[0, 0, 100], [1500, 0, 100], [1500, 200, 100], [0, 200.0003, 100]]
+
+    def lack(way, course_rad):
+        assert np.abs(way).max() < 10_000.0
+        return float(way.size)
+
+    assert legs(waypoints, lack=lack).length_m < 10_000.0
+
+
 waypoint = st.tuples(st.floats(-3000.0, 3000.0), st.floats(-3000.0, 3000.0), st.floats(80.0, 130.0))
 
 
