@@ -15,6 +15,7 @@ from pydantic import Field, ValidationError
 from formation_scenario.error_messages import problems_of
 from formation_scenario.extensions import AIRCRAFT, Registry, missing
 from formation_scenario.fields import (
+    MAX_NAME_LENGTH,
     MAX_NUMBER,
     MAX_SYSTEM_ID,
     Keys,
@@ -72,7 +73,7 @@ def resolve(source: Source) -> Source:
     Values of a wrong type are kept; typing reports them afterwards.
     """
     data = {name: value for name, value in source.data.items() if value is not None or name not in MAY_BE_EMPTY}
-    data.setdefault("name", Path(source.file).stem if source.file else "scenario")
+    data.setdefault("name", Path(source.file).stem[:MAX_NAME_LENGTH] if source.file else "scenario")
     vehicles = data.pop("vehicles", None)
     if vehicles is not None:
         data["vehicles"] = vehicles = _each(_counted(vehicles), _vehicle)

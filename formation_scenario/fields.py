@@ -36,6 +36,8 @@ MAX_NAME_LENGTH = 80
 MAX_NUMBER = 1e9
 MAX_NEAR_M = 10_000.0
 """Largest distance between two aircraft of a formation, m."""
+MAX_DISTANCE_M = 1e6
+"""Largest distance of a waypoint from the origin, m."""
 
 
 class Keys(BaseModel):

@@ -26,6 +26,7 @@ from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
 from formation_scenario.overrides import OPTION, apply_overrides
 from formation_scenario.rules import expectations, inconsistencies
+from formation_scenario.run_in import run_in_inside_fence_s
 from formation_scenario.source import (
     Dumper,
     Key,
@@ -133,7 +134,9 @@ def read_scenario(source: str | Path | Mapping[Any, Any], overrides: Sequence[st
 def to_the_paths_end(
     source: Source, registry: Registry, detours: dict[TurnLimits, Detours] | None = None
 ) -> tuple[Scenario, Source]:
-    """Return the typed scenario, which ends with its path, to a millisecond, if the source gives no `duration_s`.
+    """Return the typed scenario, with what follows from its path where the source doesn't give it.
+
+    Its run-in stays inside the fence, and it ends with its path, to a millisecond.
 
     `detours`: those that were found for scenarios like it, to which its path adds its own.
 
@@ -142,6 +145,27 @@ def to_the_paths_end(
     """
     scenario, resolved = _typed(source, registry)
     scenario = scenario if detours is None else scenario.sharing(detours)
+    return _to_the_paths_end(*_inside_the_fence(source, scenario, resolved))
+
+
+def _inside_the_fence(source: Source, scenario: Scenario, resolved: Source) -> tuple[Source, Scenario, Source]:
+    """Return a source and its scenario with a run-in that stays inside the fence, if the source gives no `run_in_s`."""
+    start = source.data.get("start")
+    start = start if isinstance(start, dict) else {}
+    if start.get("run_in_s") is not None:
+        return source, scenario, resolved
+    try:
+        longest_s = run_in_inside_fence_s(scenario, scenario.written_path)
+    except (PathError, OverflowError):
+        return source, scenario, resolved
+    if longest_s is None:
+        return source, scenario, resolved
+    shorter = replace(source, data=source.data | {"start": start | {"run_in_s": longest_s}})
+    return shorter, *_on_same_path(shorter, scenario)
+
+
+def _to_the_paths_end(source: Source, scenario: Scenario, resolved: Source) -> tuple[Scenario, Source]:
+    """Return a scenario that ends with its path, to a millisecond, if the source gives no `duration_s`."""
     if source.data.get("duration_s") is not None:
         return scenario, resolved
     try:
@@ -150,9 +174,13 @@ def to_the_paths_end(
         return scenario, resolved
     if not 0.0 < end_s <= MAX_NUMBER:
         return scenario, resolved
-    ended, resolved = _typed(replace(source, data=source.data | {"duration_s": end_s}), registry)
-    keys = type(ended).model_fields.keys() - {"path"}
-    return scenario.on_same_path({name: getattr(ended, name) for name in keys}), resolved
+    return _on_same_path(replace(source, data=source.data | {"duration_s": end_s}), scenario)
+
+
+def _on_same_path(source: Source, scenario: Scenario) -> tuple[Scenario, Source]:
+    """Return a source typed again that differs from a scenario's in what its path doesn't depend on."""
+    typed, resolved = _typed(source, scenario.registered)
+    return typed.sharing(scenario.detours).with_path_of(scenario), resolved
 
 
 def _typed(source: Source, registry: Registry) -> tuple[Scenario, Source]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from flight_model.arrays import Array
 from formation_scenario.mission_files import RoutePoint
-from formation_scenario.mission_files.export import thinned
+from formation_scenario.mission_files.export import smoothed
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.source import Key, Plain
 
@@ -42,7 +42,7 @@ def circles_of(points: Sequence[RoutePoint], speed: Plain) -> tuple[list[Plain],
 
 
 def thinned_with_keys(waypoints: Array, path: dict[Key, Plain], tolerance_m: float) -> tuple[Array, dict[Key, Plain]]:
-    """Return waypoints (K, 3) of (N, 3) without those within a tolerance, and the keys of their speeds and circles."""
+    """Return waypoints (K, 3) that pass (N, 3) within a tolerance, and the keys of their speeds and circles."""
     legs, circles = path.get("speed_mps"), path.get("circles")
     each_mps = legs if isinstance(legs, list) else [legs] * (len(waypoints) - 1)
     circling = (
@@ -51,7 +51,7 @@ def thinned_with_keys(waypoints: Array, path: dict[Key, Plain], tolerance_m: flo
     changes = {leg for leg in range(1, len(each_mps)) if each_mps[leg] != each_mps[leg - 1]}
     kept, speeds, moved = [waypoints[:1]], list[Plain](), list[Plain]()
     for begin, end in pairwise(sorted({0, len(each_mps)} | changes | {int(str(each)) for each in circling})):
-        part = thinned(waypoints[begin : end + 1], tolerance_m)[1:]
+        part = smoothed(waypoints[begin : end + 1], tolerance_m)[1:]
         kept.append(part)
         speeds += [each_mps[begin]] * len(part)
         moved += [circling[end] | {"waypoint": len(speeds)}] if end in circling else []

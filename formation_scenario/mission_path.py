@@ -19,7 +19,7 @@ from pydantic import ValidationError
 
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin
-from formation_scenario.fields import FileError, ScenarioError
+from formation_scenario.fields import MAX_DISTANCE_M, FileError, ScenarioError
 from formation_scenario.mission_fence import fence_keys
 from formation_scenario.mission_files import MissionFileError, RoutePoint, read_mission, route_of
 from formation_scenario.mission_legs import DEFAULT_MPS, circles_of, thinned_with_keys
@@ -95,6 +95,7 @@ class _FromFile:
         origin = self._origin()
         geodetic, points = _geodetic(origin), self._route.points
         places = np.array([_north_east(geodetic, each.lat_deg, each.lon_deg) for each in points])
+        self._refuse_far(points, places)
         heights = self._heights(points, places, origin)
         waypoints = np.column_stack((places, heights))
         path = self._speed()
@@ -110,6 +111,14 @@ class _FromFile:
         path = path | self._path
         path |= {"read_from": self._mission.file, "not_flown": list[Plain](self._not_flown)}
         return _changed(self._source, path, "file", waypoints.tolist(), more)
+
+    def _refuse_far(self, points: Sequence[RoutePoint], places: Array) -> None:
+        """Refuse points too far from the origin, before a path is planned through them."""
+        away_m = np.hypot(places[:, 0], places[:, 1])
+        far = int(away_m.argmax())
+        if away_m[far] > MAX_DISTANCE_M:
+            found = f"found {points[far].where} {away_m[far]:.3g} m from the origin"
+            raise self._refused(found, f"up to {MAX_DISTANCE_M:g} m")
 
     def _origin(self) -> dict[Key, Plain]:
         """Return the scenario's origin, or else the file's home, or else its first point."""

@@ -113,7 +113,7 @@ class Start(Keys):
         ...,
         "how long the leader flies straight to the path's start before t = 0, s",
         45,
-        derived="10 in the air, 60 from the ground",
+        derived="10 in the air, 60 from the ground; with a fence at most, as far as all have room to turn away from it",
     )
     tolerance_m: Positive = key(3.0, "a follower this near its slot counts as assembled, m", 5)
     timeout_s: Seconds = key(
@@ -458,6 +458,11 @@ class Scenario(Keys):
         found |= set() if "path" in update else {"_planned_speeds"}
         vars(copied).update({name: vars(self)[name] for name in found & vars(self).keys()})
         return copied
+
+    def with_path_of(self, other: Scenario) -> Scenario:
+        """Return itself with the path that another has found, whose keys that decide it are the same."""
+        vars(self).update({name: vars(other)[name] for name in {"written_path"} & vars(other).keys()})
+        return self
 
     def in_wind(self, north_mps: float, east_mps: float) -> Scenario:
         """Return the scenario in another constant wind, on the path that was planned."""

@@ -9,9 +9,10 @@ import numpy as np
 
 from flight_model.arrays import Array, Complex
 from flight_model.fence_geometry import CHECKED_M, Drift, Flyers, room_along_m
+from flight_model.legs.circling import Circles
 from flight_model.legs.detour import Detours
 from flight_model.legs.joining import Lack, TurnRules
-from flight_model.legs.path import Circles, LegPlan, LegsPath
+from flight_model.legs.path import LegPlan, LegsPath
 from flight_model.legs.speeds import SpeedChanges, SpeedProfile, speed_profile
 from flight_model.legs.turn import TurnLimits
 from flight_model.path import FlightPath

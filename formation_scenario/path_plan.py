@@ -49,7 +49,7 @@ class CirclesPlan(Keys):
     radius_m: Annotated[Number, Field(ge=-MAX_NEAR_M, le=MAX_NEAR_M)] = key(
         0.0,
         "positive: clockwise, negative: anticlockwise, widened to what every slot can fly; 0: the tightest, to the "
-        "side with more room, m",
+        "side of the next leg, m",
         -90,
     )
 
@@ -114,17 +114,21 @@ class PathPlan(Keys):
     )
     turn: Literal["fly_by", "fly_over"] = key(
         "fly_by",
-        "legs: fly_by turns inside a waypoint, fly_over passes it and then turns; where a turn doesn't fit, a detour "
-        "outside leads from the end of one leg to the begin of the next",
+        "legs: fly_by turns inside a waypoint, fly_over passes it and then turns; where a turn doesn't fit, one that "
+        "overshoots a leg and comes back, or a detour from the end of one leg to the begin of the next",
         "fly_over",
     )
     turn_distance_max_m: Positive = key(
-        100.0, "legs: farthest that a fly-by turn passes from its waypoint; beyond, a detour leads over it, m", 60
+        100.0,
+        "legs: farthest that a turn passes from its waypoint; sharper corners are turned by overshooting a leg, m",
+        60,
     )
     climb: Literal["refuse", "circle"] = key(
         "refuse", "legs: what becomes of a leg that is too steep: it is refused, or ends in circles", "circle"
     )
-    circles: AtMost[CirclesPlan] = key((), "legs: circles that end at a waypoint, which they touch")
+    circles: AtMost[CirclesPlan] = key(
+        (), "legs: circles around waypoints; they touch one that is nearer to another than to them"
+    )
     guidance: OwnGuidance | None = key(None, "by what the leader is guided along its route")
     steps: AtMost[Step] = key(
         (), "what is added to the leader's setpoints for a while; `gcs-formation identify` flies them"

@@ -23,7 +23,7 @@ from formation_scenario.expectation import (
     pointless,
 )
 from formation_scenario.extensions import FAULT
-from formation_scenario.fields import FileError, Timed, VehicleSelection, distinct_texts
+from formation_scenario.fields import MAX_DISTANCE_M, FileError, Timed, VehicleSelection, distinct_texts
 from formation_scenario.links import (
     ALLOWED,
     DefaultLink,
@@ -54,7 +54,6 @@ PLANNING_VEHICLES = 13
 """As many vehicles' slots take as long to check as a change without its vehicles."""
 MAX_PATH_M = 1e6
 """Half a day's flight; a longer path would take too long to check, every few metres against every limit."""
-MAX_DISTANCE_M = 1e6
 MAX_LATITUDE_DEG = 89.0
 """Beyond this latitude a degree of longitude is less than 2 km long."""
 MAX_HEIGHT_M = 30_000.0

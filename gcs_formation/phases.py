@@ -150,6 +150,8 @@ class Assembly:
         self._identities = column_ids(scenario)
         self._in_slots_s = 0.0
         self._laps = 0
+        self._below_m = 0.0
+        """How far the leader was below its path."""
         self._missed: int | None = None
         self._missed_m = math.nan
         self._missed_at = Instant(0)
@@ -170,17 +172,27 @@ class Assembly:
             self._laps = guidance.rounds
             self._report_lap(tick)
         most_m = self._tolerance_m * (HYSTERESIS if guidance.on_path and self.complete else 1.0)
-        self._in_slots_s = self._in_slots_s + self._dt_s if slots_rest and self._all_within(most_m, tick) else 0.0
+        within = self._at_height(most_m, tick, guidance) and slots_rest and self._all_within(most_m, tick)
+        self._in_slots_s = self._in_slots_s + self._dt_s if within else 0.0
 
     def _report_lap(self, tick: Tick) -> None:
         vehicle, ago_s = None, seconds_between(self._missed_at, tick.now)
         why = f"its followers have not kept their slots for {ASSEMBLED_S:g} s yet"
-        if self._missed is not None and ago_s <= ASSEMBLED_S:
+        if self._below_m > self._tolerance_m:
+            why = f"it is {self._below_m:.0f} m below the start of its path"
+        elif self._missed is not None and ago_s <= ASSEMBLED_S:
             vehicle = self._identities[self._missed]
             off = "was no member" if math.isnan(self._missed_m) else f"was {self._missed_m:.1f} m from its slot"
             why = f"vehicle {vehicle} {off} {ago_s:.1f} s ago; allowed: {self._tolerance_m:g} m (start.tolerance_m)"
         text = f"the leader flies a lap: {why}"
         tick.events.append(Event(tick.now, "lap", text, vehicle, {"laps": self._laps}))
+
+    def _at_height(self, most_m: float, tick: Tick, guidance: LeaderGuidance) -> bool:
+        """Return whether the leader isn't below its path still, as after a take-off that led it there too soon."""
+        leader, route = tick.virtual_leader or tick.state[tick.leader], guidance.route
+        height_m = leader.height_m if route is None else route.at(guidance.distance_m).height_m
+        self._below_m = height_m - leader.height_m
+        return self._below_m < most_m
 
     def _all_within(self, most_m: float, tick: Tick) -> bool:
         for column in range(len(self._identities)):

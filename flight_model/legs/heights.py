@@ -24,6 +24,8 @@ TIGHTER = (1.0, 2.0, 4.0)
 """Multiples of the preferred change of slope that are tried where there is no room for it."""
 
 LEFT_OUT_M = (0.1, 0.25, 0.5, 0.75)
+AROUND = 4
+"""Number of heights before and after a way that is too steep of which some may be left out."""
 KEPT_WITHIN_M = 1.0
 """Distance from heights that are left out within which the profile stays."""
 
@@ -93,9 +95,9 @@ def eased(length_m: float, rise_m: float, slopes: tuple[float, float], climbs: C
 def profile(distance_m: Array, height_m: Array, climbs: list[Climbs]) -> tuple[Heights, list[Steep]]:
     """Return the profile through heights (n,) at rising distances (n,), and what of it is too steep.
 
-    Where ways shorter than a slope's changes follow each other, as between points of a digitised line, some is too
-    steep for its rounding although all together aren't. Of such runs those heights are then left out that the line
-    through the others passes within one of `LEFT_OUT_M`: the first one that helps, with all within `KEPT_WITHIN_M`.
+    A way that is shorter than its slope's changes, as between points of a digitised line, may be too steep for its
+    rounding although all together aren't. Of the heights around it those are then left out that the line through the
+    others passes within one of `LEFT_OUT_M`: the first one that helps, with all within `KEPT_WITHIN_M`.
 
     Args:
         distance_m: (n,) along the way; two of them at least `LEAST_M` apart.
@@ -105,7 +107,7 @@ def profile(distance_m: Array, height_m: Array, climbs: list[Climbs]) -> tuple[H
     best, steep = _through(distance_m, height_m, climbs)
     if not steep:
         return best, steep
-    fixed = _fixed(distance_m, climbs)
+    fixed = _fixed(distance_m.size, steep)
     for tolerance_m in LEFT_OUT_M:
         kept = _kept(distance_m, height_m, fixed, tolerance_m)
         inside = [climbs[begin:end] for begin, end in pairwise(kept.tolist())]
@@ -119,11 +121,12 @@ def profile(distance_m: Array, height_m: Array, climbs: list[Climbs]) -> tuple[H
     return best, steep
 
 
-def _fixed(distance_m: Array, climbs: list[Climbs]) -> Mask:
-    """Return which heights (n,) aren't inside a run of ways shorter than two changes of slope."""
-    changes_m = np.array([2.0 * STEEPEST * each.slope / each.change_1pm for each in climbs])
-    short = np.diff(distance_m) < changes_m
-    return np.concatenate(([True], ~(short[1:] & short[:-1]), [True]))
+def _fixed(count: int, steep: list[Steep]) -> Mask:
+    """Return which heights (n,) aren't around a way that is too steep; the first and the last never are."""
+    fixed = np.ones(count, dtype=np.bool_)
+    for each in steep:
+        fixed[max(each.interval - AROUND + 1, 1) : min(each.interval + AROUND + 1, count - 1)] = False
+    return fixed
 
 
 def _kept(distance_m: Array, height_m: Array, fixed: Mask, tolerance_m: float) -> Indices:

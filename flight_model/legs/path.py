@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.arrays import TURN, Array, Complex, Indices
+from flight_model.arrays import TURN, Array, Indices
+from flight_model.legs.circling import Circles, Circling, Nodes, nodes
 from flight_model.legs.heights import Climbs, Heights, eased, profile
 from flight_model.legs.joining import Joiner, Placed, TurnRules
 from flight_model.legs.joint import SAMPLES, Joint, courses_rad, places
@@ -27,16 +29,6 @@ TINY_M = 1.0
 """Length of pieces below which they are cubics."""
 MOST_CIRCLES = 200
 _ABSCISSAE, _WEIGHTS = np.polynomial.legendre.leggauss(8)
-
-
-class Circles(NamedTuple):
-    """Whole circles before a waypoint, which they touch; without turns as many as the leg's climb takes.
-
-    The radius is widened to what all can fly; positive: clockwise, 0: the tightest, to the side with more room.
-    """
-
-    turns: int
-    radius_m: float = 0.0
 
 
 class LegPlan(NamedTuple):
@@ -83,14 +75,17 @@ class LegsPath(FlightPath):
         if short.size:
             found = f"found a waypoint {abs(flat[short[0] + 1] - flat[short[0]]):.3g} m from the one before it"
             raise PathError(found, int(short[0]) + 1)
-        line = _Line(flat, waypoints[:, 2], plan)
-        line.lay(Joiner(flat, plan.turns).joints())
+        nodes_ = nodes(flat, plan.circles, plan.turns.limits)
+        line = _Line(nodes_, waypoints[:, 2], plan)
+        limits = [plan.turns.limits[waypoint - 1] for waypoint in nodes_.waypoints[1:]]
+        line.lay(Joiner(nodes_.flat, replace(plan.turns, limits=limits), line.given).joints())
         self.crowded_m, self.circle_radii_m = line.crowded_m, line.circle_radii_m
         self._circled_m = line.circled_m
         self.passed, at_m = line.passed, np.array(line.knots_m)
         heights, steep = profile(at_m, np.array(line.heights_m), line.climbs)
         self.steep = {line.ends_at[each.interval]: each for each in steep}
-        nodes_m, coefficients = _curve(flat[0], float(np.angle(flat[1] - flat[0])), line.stretches, heights)
+        course_rad = float(np.angle(nodes_.flat[1] - flat[0]))
+        nodes_m, coefficients = _curve(flat[0], course_rad, line.stretches, heights)
         curvature_1pm = max(abs(each.to_1pm) for each in line.stretches)
         self.tightest_m = 1.0 / curvature_1pm if curvature_1pm else math.inf
         super().__init__(nodes_m, np.array(line.waypoints_at_m), coefficients)
@@ -103,15 +98,19 @@ class LegsPath(FlightPath):
         ends_m = [
             min(end_m, self._circled_m.get(leg, math.inf)) for (leg, _), end_m in zip(begins, ends_m, strict=True)
         ]
-        return [(leg, begin_m, end_m) for (leg, begin_m), end_m in zip(begins, ends_m, strict=True)]
+        legs = len(self.waypoints_at_m) - 1
+        return [(leg, begin_m, end_m) for (leg, begin_m), end_m in zip(begins, ends_m, strict=True) if leg < legs]
 
 
 class _Line:
     """The stretches of a path as they are laid out, and the distances at which waypoints' heights are due."""
 
-    def __init__(self, flat: Complex, heights_m: Array, plan: LegPlan) -> None:
-        self._legs_m: list[float] = np.abs(np.diff(flat)).tolist()
-        self._flat, self._wanted_m, self._plan = flat, heights_m.tolist(), plan
+    def __init__(self, nodes_: Nodes, heights_m: Array, plan: LegPlan) -> None:
+        self._nodes, self._flat = nodes_, nodes_.flat
+        self._legs_m: list[float] = np.abs(np.diff(nodes_.flat)).tolist()
+        self._wanted_m, self._plan = heights_m.tolist(), plan
+        around = {nodes_.waypoints[node] for node in nodes_.turns}
+        self._touching = {index: each for index, each in plan.circles.items() if index not in around}
         self.stretches = list[Stretch]()
         self.length_m = 0.0
         self.passed = list[Passed]()
@@ -120,41 +119,73 @@ class _Line:
         self.circled_m, self.crowded_m = dict[int, float](), dict[int, float]()
         self.circle_radii_m = dict[int, float]()
 
+    @property
+    def given(self) -> dict[int, Joint]:
+        """The turns around circled waypoints, by their first node, without the circles of a climb."""
+        return {node: _around(*turn) for node, turn in self._nodes.turns.items()}
+
     def lay(self, joints: list[Placed]) -> None:
         """Lay out all legs and joints."""
-        leg, taken_m = 0, 0.0
+        leg, taken_m, names = 0, 0.0, self._nodes.waypoints
         for first, last, joint, *_ in joints:
-            due_m = joint.length_m / 2.0 if joint.kind == "turn" and first == last else 0.0
-            self._straight(first, self._legs_m[leg] - taken_m - joint.before_m, due_m)
-            begin_m, self.length_m = self.length_m, self.length_m + joint.length_m
-            self.stretches += joint.stretches
-            for inside in range(first + 1, last + 1):
-                if self._plan.circles.get(inside, Circles(0)).turns:
-                    self.crowded_m[inside] = float(turned_m(np.asarray(TURN), self._limits(inside, None)).real)
-            self.passed.append(Passed(first, last, joint.kind, begin_m, joint.length_m))
-            for waypoint, at_m in zip(range(first, last + 1), self._passing(first, last, joint, begin_m), strict=True):
-                self.waypoints_at_m.append(at_m)
-                self._due(waypoint, at_m)
-            if joint.kind == "detour" and first == last:
-                self._due(last, self.length_m)
+            straight_m = self._legs_m[leg] - taken_m - joint.before_m
+            if first in self._nodes.turns:
+                self._circle(first, straight_m)
+            else:
+                self._joint(names[first], names[last], joint, self._passing(first, last, joint), straight_m)
             leg, taken_m = last, joint.after_m
-        last = len(self._flat) - 1
-        self._straight(last, self._legs_m[leg] - taken_m, 0.0)
-        self.waypoints_at_m.append(self.length_m)
-        self._due(last, self.length_m)
+        self._straight(names[-1], self._legs_m[leg] - taken_m, 0.0)
+        if len(self.waypoints_at_m) < len(self._wanted_m):
+            self.waypoints_at_m.append(self.length_m)
+        self._due(names[-1], self.length_m)
 
-    def _passing(self, first: int, last: int, joint: Joint, begin_m: float) -> list[float]:
-        """Return the distances at which waypoints are passed."""
+    def _joint(self, first: int, last: int, joint: Joint, passing_m: list[float], straight_m: float) -> None:
+        """Lay out the straight before a joint of waypoints `first` to `last`, and the joint."""
+        self._straight(first, straight_m, passing_m[0])
+        begin_m, self.length_m = self.length_m, self.length_m + joint.length_m
+        self.stretches += joint.stretches
+        for inside in range(first + 1, last + 1):
+            if self._touching.get(inside, Circles(0)).turns:
+                self.crowded_m[inside] = float(turned_m(np.asarray(TURN), self._limits(inside, None)).real)
+        self.passed.append(Passed(first, last, joint.kind, begin_m, joint.length_m))
+        for waypoint, after_m in zip(range(first, last + 1), passing_m, strict=True):
+            self.waypoints_at_m.append(begin_m + after_m)
+            self._due(waypoint, begin_m + after_m)
+        if joint.kind == "detour" and first == last:
+            self._due(last, self.length_m)
+
+    def _circle(self, node: int, straight_m: float) -> None:
+        """Lay out the straight before circles around a waypoint, and the circles: level, or as a climb to it takes."""
+        waypoint, (angle_rad, around) = self._nodes.waypoints[node], self._nodes.turns[node]
+        self._straight(waypoint, straight_m, 0.0)
+        begin_m, joint = self.length_m, _around(angle_rad, around)
+        if around.turns:
+            self._due(waypoint, begin_m)
+        rise_m, climbs = self._wanted_m[waypoint] - self.heights_m[-1], self._plan.climbs[waypoint - 1]
+        for more in range(MOST_CIRCLES):
+            joint = _around(angle_rad + math.copysign(more * TURN, angle_rad), around)
+            whole_m = begin_m - self.knots_m[-1] + joint.length_m
+            if around.turns or eased(whole_m, rise_m, (0.0, 0.0), climbs) is not None:
+                break
+        self.stretches += joint.stretches
+        self.length_m += joint.length_m
+        self.passed.append(Passed(waypoint, waypoint, joint.kind, begin_m, joint.length_m))
+        self.circle_radii_m[waypoint] = 1.0 / around.limits.curvature_1pm
+        self.waypoints_at_m.append(self.length_m)
+        self._due(waypoint, self.length_m)
+
+    def _passing(self, first: int, last: int, joint: Joint) -> list[float]:
+        """Return the distances along a joint at which its waypoints are passed."""
         count = last - first
-        if joint.kind != "turn":
-            return [begin_m + joint.length_m * each / max(count, 1) for each in range(count + 1)]
-        if count == 0:
-            return [begin_m + joint.length_m / 2.0]
+        if joint.kind in ("detour", "over"):
+            return [joint.length_m * each / max(count, 1) for each in range(count + 1)]
+        if count == 0 and joint.kind == "turn":
+            return [joint.length_m / 2.0]
         axis = self._flat[first] - self._flat[first - 1]
         axis = axis / abs(axis)
         way = self._flat[first] - joint.before_m * axis + axis * places(joint.stretches, SAMPLES)
         nearest = np.abs(self._flat[first : last + 1, None] - way).argmin(axis=1)
-        return (begin_m + joint.length_m * np.maximum.accumulate(nearest) / SAMPLES).tolist()
+        return (joint.length_m * np.maximum.accumulate(nearest) / SAMPLES).tolist()
 
     def _due(self, waypoint: int, at_m: float) -> None:
         """Note a waypoint's height at a distance; the higher limit of slopes is that of the leg before it."""
@@ -166,7 +197,7 @@ class _Line:
 
     def _straight(self, waypoint: int, length_m: float, due_m: float) -> None:
         """Lay out the rest of the leg to a waypoint, whose height is due `due_m` later; with circles if it is steep."""
-        asked = self._plan.circles.get(waypoint, Circles(0) if self._plan.circle else None)
+        asked = self._touching.get(waypoint, Circles(0) if self._plan.circle else None)
         limits = self._limits(waypoint, asked)
         circles = () if asked is None else self._circles(waypoint, length_m, due_m, asked)
         if circles:
@@ -218,15 +249,21 @@ class _Line:
     def _to_roomier_side(
         self, waypoint: int, angle_rad: float, limits: TurnLimits, after_m: float
     ) -> tuple[Stretch, ...]:
-        lack, leg = self._plan.turns.lack, self._flat[waypoint] - self._flat[waypoint - 1]
+        node = self._nodes.waypoints.index(waypoint)
+        lack, leg = self._plan.turns.lack, self._flat[node] - self._flat[node - 1]
         both = [turn_stretches(side * angle_rad, limits) for side in (1.0, -1.0)]
         if lack is None or not both[0]:
             return both[0]
-        begin = self._flat[waypoint] - leg / abs(leg) * (abs(leg) - after_m if after_m < 0.0 else 0.0)
+        begin = self._flat[node] - leg / abs(leg) * (abs(leg) - after_m if after_m < 0.0 else 0.0)
         course = float(np.angle(leg))
         return min(
             both, key=lambda way: lack(begin + np.exp(1j * course) * places(way, 100), course + courses_rad(way, 100))
         )
+
+
+def _around(angle_rad: float, circling: Circling) -> Joint:
+    """Return circles around a waypoint as a joint."""
+    return Joint(circling.lead_m, circling.lead_m, turn_stretches(angle_rad, circling.limits), "circle")
 
 
 def _curve(start: complex, course_rad: float, stretches: list[Stretch], heights: Heights) -> tuple[Array, Array]:

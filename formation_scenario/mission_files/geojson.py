@@ -7,19 +7,11 @@ ellipsoid.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator
 from typing import Any, Final
 
-from formation_scenario.mission_files.mission import (
-    MAX_ITEMS,
-    Mission,
-    MissionFileError,
-    MissionItem,
-    degrees,
-    number,
-    waypoint,
-)
+from formation_scenario.mission_files.mission import Mission, MissionFileError
+from formation_scenario.mission_files.points import Lines, Point, first_line
 
 ALLOWED: Final = "GeoJSON with a LineString, a MultiPoint, or Points"
 
@@ -35,18 +27,11 @@ def read_geojson(text: str, file: str) -> Mission:
     except (json.JSONDecodeError, RecursionError) as error:
         raise MissionFileError(f"{file}: not JSON: {error}") from error
     geometries = list(_geometries(data))
-    lines = [each for each in geometries if each.get("type") == "LineString"]
-    multi = [each for each in geometries if each.get("type") == "MultiPoint"]
-    points = [each.get("coordinates") for each in geometries if each.get("type") == "Point"]
-    chosen = next((each.get("coordinates") for each in (*lines, *multi)), points)
-    if not isinstance(chosen, list) or len(chosen) < 2:
-        raise MissionFileError(f"{file}: nothing to fly; allowed: {ALLOWED}, 2 or more positions")
-    if len(chosen) > MAX_ITEMS:
-        raise MissionFileError(f"{file}: found {len(chosen)} positions; allowed: up to {MAX_ITEMS}")
-    items = tuple(_item(each, f"{file}: position {index}") for index, each in enumerate(chosen, 1))
-    others = len(lines) + len(multi) - 1
-    remarks = (f"{file}: {others} other lines not flown",) if others > 0 else ()
-    return Mission(file, items, tuple(range(1, 1 + len(items))), remarks=remarks)
+    found: dict[str, list[Any]] = {"LineString": [], "MultiPoint": [], "Point": []}
+    for each in geometries:
+        found.get(str(each.get("type")), []).append(each.get("coordinates"))
+    lines = [_points(each, file) for each in (*found["LineString"], *found["MultiPoint"])]
+    return first_line(file, (Lines("line", lines), Lines("point", [_points(found["Point"], file)])), ALLOWED)
 
 
 def _geometries(data: object, depth: int = 0) -> Iterator[dict[str, Any]]:
@@ -63,9 +48,9 @@ def _geometries(data: object, depth: int = 0) -> Iterator[dict[str, Any]]:
         yield data
 
 
-def _item(position: object, where: str) -> MissionItem:
-    if not isinstance(position, list) or len(position) < 2:
-        raise MissionFileError(f"{where}: found {position!r:.40}; allowed: [longitude, latitude, height]")
-    height_m = number(position[2], where, "height") if len(position) > 2 else math.nan
-    lat, lon = degrees(position[1], where, "latitude"), degrees(position[0], where, "longitude")
-    return waypoint(where, lat, lon, height_m)
+def _points(positions: object, file: str) -> Iterator[Point]:
+    for index, position in enumerate(positions if isinstance(positions, list) else (), 1):
+        where = f"{file}: position {index}"
+        if not isinstance(position, list) or len(position) < 2:
+            raise MissionFileError(f"{where}: found {position!r:.40}; allowed: [longitude, latitude, height]")
+        yield Point(where, position[1], position[0], position[2] if len(position) > 2 else None)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, Final, cast
 
 from formation_scenario.mission_files.mission import (
@@ -106,8 +107,10 @@ class _Items:
             return
         transects = entry.get("TransectStyleComplexItem")
         if isinstance(transects, dict):  # surveys and corridors hold the items that QGroundControl made of them
+            begin = len(self.items)
             if items := transects.get("Items"):
                 self.read(items, within)
+                self._fill_heights(begin, transects)
             else:
                 self._transects(transects, where)
         elif kind in NOT_FLOWN:
@@ -118,16 +121,27 @@ class _Items:
             known = ("survey", "CorridorScan", "StructureScan", *NOT_FLOWN)
             raise MissionFileError(f"{where}: found a complex item '{kind}'; allowed: {', '.join(known)}")
 
+    def _fill_heights(self, begin: int, transects: JsonObject) -> None:
+        """Give items without a height that of the survey above the ground, as some programs leave it to it."""
+        height = _surface_m(transects)
+        for index, item in enumerate(self.items[begin:], begin):
+            if item.placed and math.isnan(item.height_m) and isinstance(height, int | float):
+                self.items[index] = replace(item, height_m=float(height))
+
     def _transects(self, transects: JsonObject, where: str) -> None:
         """Take the turning points as drawn, where a plan was saved without the items made of them."""
         points = _list(transects, "VisualTransectPoints", where)
-        camera = transects.get("CameraCalc")
-        height = camera.get("DistanceToSurface") if isinstance(camera, dict) else None
-        height_m = number(height, where, "CameraCalc.DistanceToSurface")
+        height_m = number(_surface_m(transects), where, "CameraCalc.DistanceToSurface")
         for point in points:
             lat, lon = _lat_lon(point, where)
             self.items.append(MissionItem(where, 16, 3, (math.nan,) * 4, lat, lon, height_m))
             self.jump_targets.append(-1)
+
+
+def _surface_m(transects: JsonObject) -> object:
+    """Return the distance of a survey to what it photographs, if the file has one."""
+    camera = transects.get("CameraCalc")
+    return camera.get("DistanceToSurface") if isinstance(camera, dict) else None
 
 
 def _fence(fence: object, file: str) -> Iterator[FenceCircle | FencePolygon]:

@@ -18,8 +18,9 @@ from formation_scenario.mission_files.mission import FRAME_MISSION, Datum, Missi
 
 MAX_POINTS: Final = 20_000
 """Limit of a route with its jumps unrolled."""
-SAME_PLACE_M: Final = 0.1
-"""Points nearer than this to the one before, at its height, are the same point written twice."""
+SAME_PLACE_M: Final = 1.0
+"""Points nearer than this to the one before are at its position: no leg leads from one to the other."""
+SAME_HEIGHT_M: Final = 0.1
 METRES_PER_DEGREE: Final = 111_320.0
 DEFAULT_RADIUS_M: Final = 80.0
 """Radius of a circle that leaves it to the autopilot: NAV_LOITER_RAD's order of magnitude."""
@@ -108,7 +109,9 @@ class _Executor:
             return self._jump(index, item)
         elif command not in commands.ENDS and command != commands.JUMP_TAG:
             self._ignored[command].append(item.where)
-        if command in commands.ENDS:
+        if command == commands.LAND_START and len(self._points) < 2:
+            self._remarks.append(f"{item.where}: the path goes on at {name_of(command)}: nothing is flown before it")
+        elif command in commands.ENDS:
             rest = len(self._mission.items) - index - 1
             after = f", with the {rest} items after it" if rest else ""
             if command != commands.LOITER_UNLIMITED or rest:
@@ -130,9 +133,19 @@ class _Executor:
         else:
             raise MissionFileError(f"{item.where}: found no position in the first waypoint")
         point = replace(point, speed_mps=self._speed_mps, circles=_circles(item))
-        if before is not None and point.circles is None and _same(before, point):
-            return
-        self._points.append(point)
+        if before is not None and _same_place(before, point):
+            self._again(before, point)
+        else:
+            self._points.append(point)
+
+    def _again(self, before: RoutePoint, point: RoutePoint) -> None:
+        """Take a point at the position of the one before: its circles and its height are flown there."""
+        if before.circles is not None and point.circles is not None:
+            self._remarks.append(f"{before.where}: circles at the position of {point.where} aren't flown")
+        circles = point.circles or before.circles
+        if not _same_height(before, point):
+            self._remarks.append(f"{before.where}: at the position of {point.where}, whose height is flown there")
+        self._points[-1] = replace(point, lat_deg=before.lat_deg, lon_deg=before.lon_deg, circles=circles)
 
     def _change_speed(self, item: MissionItem) -> None:
         """Take an airspeed or ground speed, which are the same in still air; the speed of legs from here on."""
@@ -182,10 +195,12 @@ def _radius(radius_m: float) -> float:
     return DEFAULT_RADIUS_M if math.isnan(radius_m) or radius_m == 0.0 else radius_m
 
 
-def _same(one: RoutePoint, other: RoutePoint) -> bool:
+def _same_place(one: RoutePoint, other: RoutePoint) -> bool:
     north_m = METRES_PER_DEGREE * (one.lat_deg - other.lat_deg)
     east_m = METRES_PER_DEGREE * (one.lon_deg - other.lon_deg) * math.cos(math.radians(one.lat_deg))
-    level = one.datum == other.datum and (
-        abs(one.height_m - other.height_m) < SAME_PLACE_M or (math.isnan(one.height_m) and math.isnan(other.height_m))
-    )
-    return level and math.hypot(north_m, east_m) < SAME_PLACE_M
+    return math.hypot(north_m, east_m) < SAME_PLACE_M
+
+
+def _same_height(one: RoutePoint, other: RoutePoint) -> bool:
+    unknown = math.isnan(one.height_m) and math.isnan(other.height_m)
+    return one.datum == other.datum and (unknown or abs(one.height_m - other.height_m) < SAME_HEIGHT_M)

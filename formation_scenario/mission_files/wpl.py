@@ -48,8 +48,13 @@ def _item(cells: list[str], where: str) -> MissionItem:
     frame, command = (
         int(number(cell, where, what)) for cell, what in zip(cells[2:4], ("frame", "command"), strict=True)
     )
-    values = [number(cell, where, f"column {index}") for index, cell in enumerate(cells[4:11], 5)]
+    values = [_value(cell, where, index) for index, cell in enumerate(cells[4:11], 5)]
     first, second, third, fourth, lat, lon, height = values
     if not (abs(lat) <= 90.0 and abs(lon) <= 180.0):
         lat = lon = math.nan  # commands use these columns for other parameters
     return MissionItem(where, command, frame, (first, second, third, fourth), lat, lon, height)
+
+
+def _value(cell: str, where: str, column: int) -> float:
+    """Return a parameter or coordinate; NaN, as programs write what is left open, is one."""
+    return math.nan if cell.lower() == "nan" else number(cell, where, f"column {column}")

@@ -5,25 +5,17 @@ Sources: OGC 12-007r2 (KML 2.3; 9.2 "AltitudeMode"), Google's extension `gx:Trac
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from formation_scenario.mission_files.mission import (
-    MAX_ITEMS,
-    Datum,
-    Mission,
-    MissionFileError,
-    MissionItem,
-    degrees,
-    number,
-    waypoint,
-)
+from formation_scenario.mission_files.mission import Datum, Mission, MissionFileError
+from formation_scenario.mission_files.points import Lines, Point, first_line
 
 ALTITUDE_MODES: Final[dict[str, Datum]] = {"absolute": "sea level", "relativeToGround": "ground"}
 """KML's; `clampToGround`, its default, has no height."""
 KML_ALLOWED: Final = "KML with a LineString, a gx:Track, or Points"
+GPX_ALLOWED: Final = "GPX with a route, a track, or waypoints"
 
 
 def read_kml(text: str, file: str) -> Mission:
@@ -35,13 +27,10 @@ def read_kml(text: str, file: str) -> Mission:
     root = _root(text, file, "kml", KML_ALLOWED)
     lines = [_line(each, file, index) for index, each in enumerate(_all(root, "LineString"), 1)]
     tracks = [_track(each, file, index) for index, each in enumerate(_all(root, "Track"), 1)]
-    points = [item for index, each in enumerate(_all(root, "Point"), 1) for item in _line(each, file, index)]
-    for found, kind, track in ((lines, "line", False), (tracks, "track", True), ([points], "point", False)):
-        if found and len(found[0]) > 1:
-            others = len(found) - 1
-            remark = (f"{file}: {others} other {kind}{'s' if others > 1 else ''} not flown",) if others else ()
-            return _mission(file, found[0], track=track, remarks=remark)
-    raise MissionFileError(f"{file}: nothing to fly; allowed: {KML_ALLOWED}")
+    points = (point for index, each in enumerate(_all(root, "Point"), 1) for point in _line(each, file, index))
+    return first_line(
+        file, (Lines("line", lines), Lines("track", tracks, track=True), Lines("point", [points])), KML_ALLOWED
+    )
 
 
 def read_gpx(text: str, file: str) -> Mission:
@@ -50,19 +39,13 @@ def read_gpx(text: str, file: str) -> Mission:
     Raises:
         MissionFileError: no XML, or nothing in it to fly.
     """
-    root = _root(text, file, "gpx", "GPX with a route, a track, or waypoints")
-    for around, inner, track in (("rte", "rtept", False), ("trk", "trkpt", True), ("gpx", "wpt", False)):
-        found = [root] if around == "gpx" else _all(root, around)
-        points = _gpx_points(_all(found[0], inner), file, inner) if found else []
-        if len(points) > 1:
-            others = len(found) - 1
-            remark = (f"{file}: {others} other <{around}> not flown",) if others else ()
-            return _mission(file, points, track=track, remarks=remark)
-    raise MissionFileError(f"{file}: nothing to fly; allowed: 2 or more points of a route, a track, or waypoints")
-
-
-def _mission(file: str, items: list[MissionItem], *, track: bool, remarks: tuple[str, ...]) -> Mission:
-    return Mission(file, tuple(items), tuple(range(1, 1 + len(items))), track=track, remarks=remarks)
+    root = _root(text, file, "gpx", GPX_ALLOWED)
+    routes = [_gpx_points(_all(each, "rtept"), f"{file}: rtept") for each in _all(root, "rte")]
+    tracks = [_gpx_points(_all(each, "trkpt"), f"{file}: trkpt") for each in _all(root, "trk")]
+    points = _gpx_points(_all(root, "wpt"), f"{file}: wpt")
+    return first_line(
+        file, (Lines("route", routes), Lines("track", tracks, track=True), Lines("waypoint", [points])), GPX_ALLOWED
+    )
 
 
 def _root(text: str, file: str, name: str, allowed: str) -> ET.Element:
@@ -94,38 +77,26 @@ def _text(element: ET.Element, name: str) -> str | None:
     return next((each.text for each in element if _name(each) == name), None)
 
 
-def _line(element: ET.Element, file: str, index: int) -> list[MissionItem]:
-    datum = ALTITUDE_MODES.get((_text(element, "altitudeMode") or "").strip())
-    triples = (_text(element, "coordinates") or "").split()
-    return list(_kml_points((each.split(",") for each in triples), datum, f"{file}: {_name(element)} {index}"))
+def _line(element: ET.Element, file: str, index: int) -> Iterator[Point]:
+    triples = (each.split(",") for each in (_text(element, "coordinates") or "").split())
+    return _kml_points(element, triples, f"{file}: {_name(element)} {index}")
 
 
-def _track(element: ET.Element, file: str, index: int) -> list[MissionItem]:
-    datum = ALTITUDE_MODES.get((_text(element, "altitudeMode") or "").strip())
+def _track(element: ET.Element, file: str, index: int) -> Iterator[Point]:
     coords = ((each.text or "").split() for each in element if _name(each) == "coord")
-    return list(_kml_points(coords, datum, f"{file}: track {index}"))
+    return _kml_points(element, coords, f"{file}: track {index}")
 
 
-def _kml_points(points: Iterable[list[str]], datum: Datum | None, within: str) -> Iterator[MissionItem]:
+def _kml_points(element: ET.Element, points: Iterator[list[str]], within: str) -> Iterator[Point]:
+    datum = ALTITUDE_MODES.get((_text(element, "altitudeMode") or "").strip())
     for index, point in enumerate(points, 1):
         where = f"{within}, point {index}"
-        if index > MAX_ITEMS:
-            raise MissionFileError(f"{within}: more than {MAX_ITEMS} points")
         if not 2 <= len(point) <= 3:
             raise MissionFileError(f"{where}: found {','.join(point)!r}; allowed: longitude,latitude,height")
-        height_m = number(point[2], where, "height") if datum is not None and len(point) == 3 else math.nan
-        lat, lon = degrees(point[1], where, "latitude"), degrees(point[0], where, "longitude")
-        yield waypoint(where, lat, lon, height_m, datum or "sea level")
+        height = point[2] if datum is not None and len(point) == 3 else None
+        yield Point(where, point[1], point[0], height, datum or "sea level")
 
 
-def _gpx_points(points: list[ET.Element], file: str, kind: str) -> list[MissionItem]:
-    if len(points) > MAX_ITEMS:
-        raise MissionFileError(f"{file}: found {len(points)} points; allowed: up to {MAX_ITEMS}")
-    items = list[MissionItem]()
+def _gpx_points(points: list[ET.Element], within: str) -> Iterator[Point]:
     for index, point in enumerate(points, 1):
-        where = f"{file}: {kind} {index}"
-        height = _text(point, "ele")
-        height_m = math.nan if height is None else number(height, where, "height")
-        lat, lon = degrees(point.get("lat"), where, "latitude"), degrees(point.get("lon"), where, "longitude")
-        items.append(waypoint(where, lat, lon, height_m))
-    return items
+        yield Point(f"{within} {index}", point.get("lat"), point.get("lon"), _text(point, "ele"))

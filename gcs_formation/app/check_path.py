@@ -104,8 +104,14 @@ def far_from_legs(scenario: Scenario) -> Iterator[str]:
 
 
 def _joints(path: LegsPath) -> str:
-    counts = {kind: sum(each.kind == kind for each in path.passed) for kind in ("turn", "over", "detour")}
-    words = {"turn": "turns inside a waypoint", "over": "turns after a waypoint", "detour": "detours outside"}
+    words = {
+        "turn": "turns inside a waypoint",
+        "over": "turns after a waypoint",
+        "overshoot": "turns that overshoot a leg",
+        "detour": "detours outside",
+        "circle": "circled around",
+    }
+    counts = {kind: sum(each.kind == kind for each in path.passed) for kind in words}
     said = ", ".join(f"{count} {words[kind]}" for kind, count in counts.items() if count)
     radius = f", of {path.tightest_m:.0f} m radius or more" if said else ""
     return f"straight legs, {said or 'no turns'}{radius}"

@@ -119,6 +119,27 @@ def test_a_turn_that_would_pass_too_far_from_its_waypoint_is_a_detour_over_it():
     assert inside.passed[0].kind == "turn"
 
 
+@pytest.mark.parametrize("degrees", [110.0, 120.0, 135.0, 149.0, -125.0])
+def test_a_sharp_corner_is_passed_within_the_distance_and_near_its_legs(degrees):
+    turned = 2000.0 * np.exp(1j * math.radians(degrees))
+    waypoints = [[0, 0, 100], [2000, 0, 100], [2000.0 + turned.real, turned.imag, 100]]
+    path = legs(waypoints)
+    (passed,) = path.passed
+    assert passed.kind == "overshoot"
+    points = path.at(np.arange(0.0, path.length_m, 2.0))
+    nearest_m = np.abs(points.north_m + 1j * points.east_m - 2000.0).min()
+    assert nearest_m <= MOST_M + 2.0
+    # A loop over the waypoint is two radii and more from both legs.
+    assert deviation(path, waypoints).off_legs_m < (1.0 - math.cos(math.radians(degrees))) * 150.0
+
+
+def test_a_sharp_corner_between_legs_of_which_one_is_short_takes_no_more_of_that_than_there_is():
+    path = legs([[0, 0, 100], [2000, 0, 100], [1800, 346.4, 100], [1800, 3000, 100]])
+    first, second = path.passed
+    assert first.begin_m + first.length_m <= second.begin_m + 1e-6
+    assert "detour" not in {first.kind, second.kind}
+
+
 def test_a_detour_is_the_shortest_one_that_has_room():
     waypoints = [[0, 0, 100], [1500, 0, 100], [1200, 60, 100], [0, 60, 100]]
     shortest = legs(waypoints)
@@ -130,6 +151,17 @@ def test_a_detour_is_the_shortest_one_that_has_room():
     inside = legs(waypoints, lack=lack)
     assert inside.at(np.linspace(0.0, inside.length_m, 5000)).north_m.max() < farthest_m - 50.0
     assert inside.length_m > shortest.length_m
+
+
+def test_a_detour_without_room_is_looked_for_near_its_legs_alone():
+    # The lines of legs that are almost opposite meet 1,000 km away.
+    waypoints = [[0, 0, 100], [1500, 0, 100], [1500, 200, 100], [0, 200.0003, 100]]
+
+    def lack(way, course_rad):
+        assert np.abs(way).max() < 10_000.0
+        return float(way.size)
+
+    assert legs(waypoints, lack=lack).length_m < 10_000.0
 
 
 waypoint = st.tuples(st.floats(-3000.0, 3000.0), st.floats(-3000.0, 3000.0), st.floats(80.0, 130.0))
@@ -185,9 +217,10 @@ def test_what_is_straight_lies_on_a_leg_and_turns_pass_within_the_distance_allow
     joined = np.zeros(at_m.size, dtype=bool)
     for each in path.passed:
         joined |= (at_m >= each.begin_m - 1e-6) & (at_m <= each.begin_m + each.length_m + 1e-6)
-        if each.kind == "turn" and each.first == each.last:
-            point, (north_m, east_m, _) = path.at(each.begin_m + each.length_m / 2.0), waypoints[each.first]
-            assert math.hypot(point.north_m - north_m, point.east_m - east_m) <= MOST_M + 1e-3
+        if each.kind in ("turn", "overshoot") and each.first == each.last:
+            point, (north_m, east_m, _) = path.at(path.waypoints_at_m[each.first]), waypoints[each.first]
+            between_m = each.length_m / 48.0 if each.kind == "overshoot" else 1e-3  # that is found by samples
+            assert math.hypot(point.north_m - north_m, point.east_m - east_m) <= MOST_M + between_m
     points = path.at(at_m[~joined])
     flat = np.array(waypoints)[:, :2] @ np.array([1.0, 1j])
     begin, way = flat[:-1, None], np.diff(flat)[:, None]

@@ -269,3 +269,26 @@ def test_loiter_turns_time_and_height_of_a_file_are_circles_of_its_path(tmp_path
     found = [(each.waypoint, each.turns, each.radius_m) for each in plan_.circles]
     assert found == [(1, 2, -90.0), (2, math.ceil(60.0 * 22.0 / (math.tau * 100.0)), 100.0), (3, 0, 80.0)]
     assert plan_.not_flown == ()
+
+
+def test_points_too_far_from_home_are_refused_before_a_path_is_planned(tmp_path: Path) -> None:
+    away = {"type": "SimpleItem", "command": 16, "frame": 3, "doJumpId": 9, "params": [0, 0, 0, 0, -33.0, 151.0, 100]}
+    words = refusal(plan(tmp_path, more=[away]))
+    assert "found tour.plan: item 4 1.8" in words
+    assert "allowed: up to 1e+06 m" in words
+
+
+def test_a_recorded_track_is_smoothed_in_height_apart_from_its_bends(tmp_path: Path) -> None:
+    s = np.linspace(0.0, 6000.0, 601)
+    east = np.abs(np.mod(s, 600.0) - 300.0)  # a bend every 300 m
+    height = 650.0 + 0.02 * s + 4.0 * np.sin(s)  # a steady climb with scatter
+    points = "".join(
+        f'<trkpt lat="{lat}" lon="{lon}"><ele>{up}</ele></trkpt>'
+        for (lat, lon), up in ((lat_lon(n, e), up) for n, e, up in zip(s, east, height, strict=True))
+    )
+    (tmp_path / "tour.gpx").write_text(f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>")
+    keys = {"origin": {"lat_deg": HOME[0], "lon_deg": HOME[1], "alt_m": 480.0}}
+    waypoints = np.array(load(tmp_path, {"file": "tour.gpx", "tolerance_m": 12}, **keys).path.waypoints_m)
+    assert len(waypoints) > 15
+    slopes = np.diff(waypoints[:, 2]) / np.diff(waypoints[:, 0])
+    assert slopes == pytest.approx(0.02, abs=0.002)

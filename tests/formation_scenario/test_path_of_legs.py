@@ -165,16 +165,45 @@ def test_turns_after_short_legs_are_planned_for_the_speed_that_is_reached():
 LOITER = "path.waypoints_m=[[0, 0, 100], [2500, 0, 100], [2500, 2500, 100]]"
 
 
-@pytest.mark.parametrize(("radius_m", "side"), [(400, 1.0), (-400, -1.0)])
-def test_circles_end_at_their_waypoint_with_their_radius_and_to_their_side(load, radius_m, side):
-    circles = f"path.circles=[{{waypoint: 1, turns: 2, radius_m: {radius_m}}}]"
-    plain, circling = load(LOITER, LEGS).leader_path, load(LOITER, LEGS, circles).leader_path
-    assert circling.length_m - plain.length_m == pytest.approx(2 * math.tau * 400.0, rel=0.1)
-    points = circling.at(np.linspace(0.0, circling.length_m, 5000))
-    assert np.abs(points.curvature_1pm[points.north_m < 1900.0]).max() <= 1.0 / 400.0 + 1e-9
-    aside_m = side * points.east_m[np.abs(points.course_rad) > 1.7]
-    assert aside_m.max() == pytest.approx(800.0, abs=60.0)
+@pytest.mark.parametrize(("radius_m", "left", "quarters"), [(400, False, 9), (-400, True, 11), (0, False, 9)])
+def test_circles_are_around_their_waypoint_with_their_radius_and_turns_to_their_side(load, radius_m, left, quarters):
+    path = load(LOITER, LEGS, f"path.circles=[{{waypoint: 1, turns: 2, radius_m: {radius_m}}}]").written_path
+    (passed,) = path.passed
+    assert passed.kind == "circle"
+    points = path.at(np.linspace(passed.begin_m, passed.begin_m + passed.length_m, 5000))
+    arc = np.abs(points.curvature_1pm) > np.abs(points.curvature_1pm).max() * (1.0 - 1e-6)
+    from_m = np.hypot(points.north_m - 2500.0, points.east_m)[arc]
+    assert np.ptp(from_m) < 0.1
+    assert from_m[0] == pytest.approx(abs(radius_m) or path.tightest_m, abs=0.1)
+    assert (points.curvature_1pm[arc] < 0.0).all() == left
+    # The next leg is a quarter to the right of the first; both are tangents, a little off these.
+    turned = np.unwrap(points.course_rad)
+    assert abs(turned[-1] - turned[0]) == pytest.approx(quarters * math.pi / 2.0, abs=0.4)
     assert points.height_m == pytest.approx(100.0)
+    begin, end = path.at(passed.begin_m - 1.0), path.at(passed.begin_m + passed.length_m + 1.0)
+    for point, other in ((begin, (0.0, 0.0)), (end, (2500.0, 2500.0))):
+        bearing = math.atan2(point.east_m - other[1], point.north_m - other[0])
+        assert abs(math.sin(point.course_rad - bearing)) < 1e-6
+
+
+def test_a_path_may_end_with_circles_and_go_from_circles_to_circles(load):
+    circles = "path.circles=[{waypoint: 1, turns: 1, radius_m: 300}, {waypoint: 2, turns: 3, radius_m: -350}]"
+    scenario = load(LOITER, LEGS, circles)
+    path = scenario.written_path
+    assert [(each.first, each.kind) for each in path.passed] == [(1, "circle"), (2, "circle")]
+    assert len(path.waypoints_at_m) == 3
+    begin_m = path.passed[1].begin_m
+    points = path.at(np.linspace(begin_m, path.length_m, 5000))
+    assert np.hypot(points.north_m - 2500.0, points.east_m - 2500.0).min() == pytest.approx(350.0, abs=0.5)
+    turned = np.unwrap(points.course_rad)
+    assert turned[-1] - turned[0] == pytest.approx(-6.0 * math.pi, abs=1e-3)
+
+
+def test_circles_where_the_leg_begins_inside_them_touch_their_waypoint(load):
+    near = "path.waypoints_m=[[0, 0, 100], [2500, 0, 100], [2600, 0, 100], [2600, 2500, 100]]"
+    path = load(near, LEGS, "path.circles=[{waypoint: 1, turns: 1, radius_m: 300}]").written_path
+    assert "circle" not in {each.kind for each in path.passed}
+    assert path.length_m > 2600.0 + 2500.0 + math.tau * 300.0 - 1000.0
 
 
 def test_circles_too_tight_for_the_slots_are_widened_which_is_said(load):

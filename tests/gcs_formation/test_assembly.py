@@ -29,10 +29,13 @@ class Watched:
         self.guidance, self.assembly = from_scenario.leader_guidance(planned), Assembly(planned)
         self.ticks = 0
 
-    def judge(self, *errors_m: float, axis: int = 1, on_run_in: bool = True, slots_rest: bool = True) -> Tick:
+    def judge(
+        self, *errors_m: float, axis: int = 1, on_run_in: bool = True, slots_rest: bool = True, height_m: float = 100.0
+    ) -> Tick:
         """Judge a tick at which the followers are off their slots along one axis, by NaN if they don't follow."""
         now = after(Instant(0), self.ticks / RATE_HZ)
         tick = Tick(now, math.nan, "assembling", 0, [VehicleLink(now)] * 3, [0.0] * 3, [0.0] * 3, [True] * 3)
+        tick.state = [FlightState(0.0, 0.0, height_m, 0.0, 20.0, 0.0, 0.0, 0.0), *tick.state[1:]]
         for column, off_m in enumerate(errors_m, start=1):
             error_m = [0.0 * off_m] * 3
             error_m[axis] = off_m
@@ -74,6 +77,17 @@ def test_on_the_straight_before_the_path_who_was_in_its_slot_may_be_twice_as_far
     assert watched.judged(ASSEMBLED_TICKS, 0.95 * LEAVES_M, 0.0)
     assert not watched.judged(1, 1.05 * LEAVES_M, 0.0)
     assert not watched.judged(2 * ASSEMBLED_TICKS, 0.95 * LEAVES_M, 0.0)
+
+
+def test_a_leader_still_below_the_start_of_its_path_flies_a_lap_with_all_in_their_slots():
+    watched = Watched()
+    for _ in range(2 * ASSEMBLED_TICKS):
+        watched.judge(0.0, 0.0, height_m=88.0)
+    assert not watched.assembly.complete
+    watched.guidance.rounds = 1
+    (event,) = watched.judge(0.0, 0.0, height_m=88.0).events
+    assert event.text == "the leader flies a lap: it is 12 m below the start of its path"
+    assert watched.judged(ASSEMBLED_TICKS, 0.0, 0.0)
 
 
 def test_off_that_straight_the_tolerance_is_the_same_for_all():

@@ -252,3 +252,24 @@ def test_no_plan_ends_in_another_error(inner):
         text = json.dumps({"fileType": "Plan", "mission": {"items": []}, key: inner})
         with suppress(MissionFileError):
             FORMATS[".plan"](text, "file")
+
+
+def test_the_first_line_that_can_be_flown_is_and_the_others_are_named(tmp_path):
+    line = "<LineString><altitudeMode>absolute</altitudeMode><coordinates>{}</coordinates></LineString>"
+    lines = "".join(line.format(each) for each in ("8.5,47.4,500", "8.5,47.4,500 8.6,47.4,500", "8,47,1 9,47,1"))
+    mission = read(tmp_path, "tour.kml", f"<kml><Document>{lines}</Document></kml>")
+    assert [item.lon_deg for item in mission.items] == [8.5, 8.6]
+    assert mission.remarks == ("tour.kml: 2 other lines not flown",)
+    features = [{"type": "LineString", "coordinates": each} for each in ([[8, 47]], [[8, 47, 5], [9, 47, 5]])]
+    geojson = json.dumps({"type": "GeometryCollection", "geometries": features})
+    assert len(read(tmp_path, "tour.geojson", geojson).items) == 2
+
+
+def test_survey_items_without_a_height_have_that_of_the_survey(tmp_path):
+    items = [
+        {"type": "SimpleItem", "command": 16, "frame": 3, "params": [0, 0, 0, None, 47.4, lon, None]} for lon in (8, 9)
+    ]
+    survey = {"CameraCalc": {"DistanceToSurface": 60}, "Items": items}
+    entry = {"type": "ComplexItem", "complexItemType": "survey", "TransectStyleComplexItem": survey}
+    text = json.dumps({"fileType": "Plan", "mission": {"items": [entry]}})
+    assert [item.height_m for item in read(tmp_path, "tour.plan", text).items] == [60.0, 60.0]

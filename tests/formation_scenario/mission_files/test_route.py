@@ -101,15 +101,22 @@ def test_circles_have_turns_or_time_and_their_radius_says_which_way():
 def test_an_item_without_a_position_is_where_the_vehicle_is():
     assert not MissionItem("", 16, 3, (0.0,) * 4, 0.0, 0.0, 50.0).placed
     flown = route(waypoint(47.0), waypoint(47.01), item(18, 2))
-    assert [point.lat_deg for point in flown.points] == [47.0, 47.01, 47.01]
+    assert [point.lat_deg for point in flown.points] == [47.0, 47.01]
     assert flown.points[-1].circles == Circles(80.0, turns=2.0)
     with pytest.raises(MissionFileError, match="no position in the first waypoint"):
         route(item(18, 2), waypoint(47.0))
 
 
-def test_the_same_point_written_twice_is_one_unless_its_height_differs():
+def test_points_less_than_a_metre_apart_are_one_with_the_height_and_the_circles_of_the_last():
     assert lats(waypoint(47.0), waypoint(47.0 + 5e-7), waypoint(47.01)) == [47.0, 47.01]
-    assert lats(waypoint(47.0), waypoint(47.0, height=120.0), waypoint(47.01)) == [47.0, 47.0, 47.01]
+    assert lats(waypoint(47.0), waypoint(47.0 + 2e-5), waypoint(47.01)) == [47.0, 47.0 + 2e-5, 47.01]
+    flown = route(waypoint(46.99), waypoint(47.0), item(16, lat=47.0, height=120.0, where="item 3"), waypoint(47.01))
+    assert [point.height_m for point in flown.points] == [100.0, 120.0, 100.0]
+    assert any("at the position of item 3, whose height is flown there" in remark for remark in flown.remarks)
+    circled = route(waypoint(46.99), item(18, 2, OPEN, 90.0, lat=47.0), waypoint(47.0))
+    assert circled.points[-1].circles == Circles(90.0, turns=2.0)
+    twice = route(waypoint(46.99), item(18, 2, lat=47.0), item(18, 1, lat=47.0, where="item 3"))
+    assert any("circles at the position of item 3 aren't flown" in remark for remark in twice.remarks)
 
 
 @pytest.mark.parametrize(
@@ -141,3 +148,10 @@ def test_what_is_not_carried_out_is_named_once_by_command_with_its_items():
 def test_fewer_than_two_waypoints_are_no_path():
     with pytest.raises(MissionFileError, match="found 1 waypoints to fly; allowed: 2 or more"):
         route(item(22, lat=47.0), waypoint(47.01), item(20))
+
+
+def test_where_nothing_is_flown_before_a_landing_begins_the_path_goes_on_up_to_the_landing():
+    flown = route(item(189, frame=2, where="item 1"), waypoint(47.0), waypoint(47.01), item(21, lat=47.02))
+    assert [point.lat_deg for point in flown.points] == [47.0, 47.01]
+    assert flown.remarks[0] == "item 1: the path goes on at DO_LAND_START: nothing is flown before it"
+    assert lats(waypoint(47.0), waypoint(47.01), item(189, frame=2), waypoint(47.02)) == [47.0, 47.01]
