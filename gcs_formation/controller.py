@@ -15,7 +15,7 @@ from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant, after, nanoseconds
 from flight_model.arrays import Array
-from flight_model.autopilot_model import FlightState, Setpoint, finite, rate, within, wrap
+from flight_model.autopilot_model import FlightState, Setpoint, finite, within
 from flight_model.slot import CHANNELS, UNKNOWN, Slot, Triple
 from formation_scenario import Scenario
 from formation_scenario.formation import added
@@ -41,10 +41,10 @@ from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFi
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.extend.in_flight import OnTicks, on_ticks
+from gcs_formation.guidance.lateral import bend_max_rps2
 from gcs_formation.guidance.leader_guidance import (
     LeaderCommand,
     LeaderCommands,
-    LeaderWind,
     way_ahead,
 )
 from gcs_formation.guidance.slots import FormationPlan, TrackAhead
@@ -90,7 +90,7 @@ class FormationController:
         self.fence, self.floor = FenceLimits(scenario, self.models), HeightFloor(scenario, self.models)
         self.separation = ConflictResolver(scenario, self.history, self.models)
         self._turn_rps, self._straight_on = 0.0, StraightOn(self.models, hovers=scenario.hovers)
-        self._leader_wind, self._leader_commands = LeaderWind(self._dt_s), LeaderCommands(self._dt_s)
+        self._leader_commands = LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
         self._bandwidth = [[1.0] * len(CHANNELS) for _ in range(self.columns)]
@@ -357,9 +357,9 @@ class FormationController:
         at = Instant(states.instant(tick.leader))
         state, model = states.of(tick.leader, tick.leader), self.models[tick.leader]
         tick.state[tick.leader] = state
-        ahead_s = (at - self.estimator.filters[tick.leader].stamp) / NANOSECONDS
-        guided, place_mps, wind_mps2 = self._leader_wind.guided(state, ahead_s)
-        wanted, turn_rps = self.guidance.steer(guided, model, assembled=assembled), 0.0
+        bend_rps2 = bend_max_rps2(self._slots_m, self.models)
+        wanted = self.guidance.steer(state, model, assembled=assembled, bend_max_rps2=bend_rps2)
+        turn_rps = self.guidance.turn_rps
         if self._own_guidance is not None:
             wanted = self._own_guidance.steer(self.guidance, wanted, state, model)
         self._add_steps(wanted, tick.mission_time_s)
@@ -371,11 +371,7 @@ class FormationController:
         commanded = bounds.limit(wanted.speed_mps, wanted.heading_rad, wanted.height_m)
         tick.setpoints[tick.leader] = commanded
         commanded = self._goes_on(tick.leader, commanded)
-        short_rad, held = wrap(commanded[1] - state.heading_rad), model.held(self._dt_s)
-        told_rps = rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps)
-        if turn is None:
-            turn_rps = self.guidance.turn_rps(guided, model, place_mps, told_rps, wind_mps2)
-        path = self.guidance.heading(guided)
+        path = self.guidance.heading(state)
         require_route(path, turn_rps, tick.leader)
         self._leader_commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
         self.plan.turn(tick.now / NANOSECONDS, turn_rps)
