@@ -23,7 +23,7 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, crab_rad, 
 from flight_model.curve import PathPoint
 from flight_model.slot import Triple
 
-BANDWIDTH_RADPS: Final = 0.5
+BANDWIDTH_RADPS: Final = 0.6
 """Highest bandwidth p of the loop."""
 GUST_MPS: Final = 1.0
 """A gust of this size may use up the change of turn rate that followers can keep up with, and no smaller one."""
@@ -34,9 +34,9 @@ BEND_MAX_RPS2: Final = 0.15
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
 LEAST_MPS: Final = 1.0
 """Lower bound of a speed that is divided by: a vehicle that can hover may stand."""
-REFERENCE_RADPS: Final = 1.0
-"""Rate at which the heading that the setpoints lead from follows the predicted heading: noise of headings is filtered,
-and what the model doesn't know forgotten."""
+REFERENCE_RADPS: Final = 0.2
+"""Rate at which the heading that setpoints lead from follows the predicted one: noise of headings is filtered, and what
+the model doesn't know is forgotten. A vehicle whose lag is wrong keeps a difference in every turn."""
 NEAREST_SHARE: Final = 0.2
 """Lower bound of 1 - curvature × distance: nearer to a bend's centre the route's turn is no longer meaningful."""
 atan: Final = math.atan
@@ -96,13 +96,11 @@ class LateralGuidance:
             speed_mps: airspeed to be flown; a vehicle that is to stand, at 0, faces along its route.
             bend_max_rps2: how fast the turn rate may change besides the route's own bends.
         """
+        if speed_mps == 0.0:
+            return self._stand(point, state, model)
         north_m, east_m = state.north_m - point.north_m, state.east_m - point.east_m
         _, right_m = rotated(point.course_rad, north_m, east_m)
         route = route_turn(point, state, right_m)
-        if speed_mps == 0.0:
-            self.forget()
-            self.setpoint_rps = route.turn_rps
-            return point.course_rad - crab_rad(state, point.course_rad) + model.tau_psi_s * route.turn_rps
         if math.isnan(self._heading_rad):
             self._heading_rad, self._turn_rps = state.heading_rad, route.turn_rps
         speed_mps, most_rps = max(speed_mps, LEAST_MPS), model.turn_rate_max_rps
@@ -111,15 +109,26 @@ class LateralGuidance:
         back_rps2 = 2.0 * radps * (within(turn_rps, -most_rps, most_rps) - self._turn_rps)
         return self._follow(state, model, route.bend_rps2 + within(back_rps2, -bend_max_rps2, bend_max_rps2))
 
+    def _stand(self, point: PathPoint, state: FlightState, model: AutopilotModel) -> float:
+        """Return the setpoint along the route, and begin again when the vehicle flies on."""
+        self.forget()
+        north_mps, east_mps = state.ground_mps()
+        along_mps, _ = rotated(point.course_rad, north_mps, east_mps)
+        self.setpoint_rps = point.curvature_1pm * along_mps
+        return point.course_rad - crab_rad(state, point.course_rad) + model.tau_psi_s * self.setpoint_rps
+
     def _follow(self, state: FlightState, model: AutopilotModel, bend_rps2: float) -> float:
         """Return the setpoint with which the turn rate changes at `bend_rps2`, within the vehicle's limit."""
         dt_s, before_rps, most_rps = self._dt_s, self._turn_rps, model.turn_rate_max_rps
+        # Beyond its own lag's worth of turning, a vehicle hasn't followed: it wasn't commanded for a while.
+        most_rad, ahead_rad = model.tau_psi_s * most_rps, signed(self._heading_rad - state.heading_rad)
+        self._heading_rad = state.heading_rad + within(ahead_rad, -most_rad, most_rad)
         self._turn_rps = within(before_rps + bend_rps2 * dt_s, -most_rps, most_rps)
         mean_rps = (before_rps + self._turn_rps) / 2.0
         # Held for a tick, this setpoint turns the vehicle by the mean rate times the tick, by (7).
         setpoint = self._heading_rad + model.held(dt_s).tau_psi_s * mean_rps
         self.setpoint_rps = before_rps + model.tau_psi_s * (self._turn_rps - before_rps) / dt_s
-        self._heading_rad += REFERENCE_RADPS * dt_s * signed(state.heading_rad - self._heading_rad) + mean_rps * dt_s
+        self._heading_rad += (mean_rps + REFERENCE_RADPS * (state.heading_rad - self._heading_rad)) * dt_s
         return setpoint
 
 
