@@ -41,7 +41,7 @@ from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFi
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.extend.in_flight import OnTicks, on_ticks
-from gcs_formation.guidance.lateral import bend_max_rps2
+from gcs_formation.guidance.lateral import TurnBounds, bend_max_rps2
 from gcs_formation.guidance.leader_guidance import (
     LeaderCommand,
     LeaderCommands,
@@ -357,11 +357,13 @@ class FormationController:
         at = Instant(states.instant(tick.leader))
         state, model = states.of(tick.leader, tick.leader), self.models[tick.leader]
         tick.state[tick.leader] = state
-        bend_rps2 = bend_max_rps2(self._slots_m, self.models)
-        wanted = self.guidance.steer(state, model, assembled=assembled, bend_max_rps2=bend_rps2)
-        turn_rps = self.guidance.turn_rps
+        sigma_rad = self.estimator.filters[tick.leader].course_sigma_rad
+        turns = TurnBounds(bend_max_rps2(self._slots_m, self.models), sigma_rad)
+        wanted = self.guidance.steer(state, model, assembled=assembled, bounds=turns)
+        path, turn_rps = self.guidance.heading(state), self.guidance.turn_rps
         if self._own_guidance is not None:
             wanted = self._own_guidance.steer(self.guidance, wanted, state, model)
+            turn_rps = path.turn_rps + model.tau_psi_s * path.bend_rps2
         self._add_steps(wanted, tick.mission_time_s)
         turn = self.guidance.turn
         if turn is not None:
@@ -371,7 +373,6 @@ class FormationController:
         commanded = bounds.limit(wanted.speed_mps, wanted.heading_rad, wanted.height_m)
         tick.setpoints[tick.leader] = commanded
         commanded = self._goes_on(tick.leader, commanded)
-        path = self.guidance.heading(state)
         require_route(path, turn_rps, tick.leader)
         self._leader_commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
         self.plan.turn(tick.now / NANOSECONDS, turn_rps)

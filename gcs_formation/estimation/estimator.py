@@ -15,6 +15,7 @@ from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, squared, wrap
 from flight_model.gain_design import UNMODELLED, WIND_WALK
 from gcs_formation.estimation.kalman import (
+    HEADING,
     WIND_EAST,
     WIND_NORTH,
     HeightCovariance,
@@ -241,6 +242,14 @@ class VehicleFilter:
     def wind_variance(self) -> float:
         """Variance of each component of the wind, (m/s)²."""
         return (self.level.wind_north[WIND_NORTH] + self.level.wind_east[WIND_EAST]) / 2
+
+    @property
+    def course_sigma_rad(self) -> float:
+        """Standard deviation of the course over ground, less the part by airspeed; 0 where no filter runs, rad."""
+        if self.state is None:
+            return 0.0
+        across = self.wind_variance / squared(max(self.state.airspeed_mps, LEAST_AIRSPEED_MPS))
+        return math.sqrt(self.level.heading[HEADING] + across)
 
     def _predict_covariances(self, elapsed_s: float, model: AutopilotModel, walk: tuple[float, float, float]) -> None:
         """Predict the covariances for the time of a sample."""

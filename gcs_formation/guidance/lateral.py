@@ -23,7 +23,7 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, crab_rad, 
 from flight_model.curve import PathPoint
 from flight_model.slot import Triple
 
-BANDWIDTH_RADPS: Final = 0.6
+BANDWIDTH_RADPS: Final = 0.65
 """Highest bandwidth p of the loop."""
 GUST_MPS: Final = 1.0
 """A gust of this size may use up the change of turn rate that followers can keep up with, and no smaller one."""
@@ -31,15 +31,35 @@ ACCELERATION_SHARE: Final = 0.7
 """Share of the followers' acceleration that a gust may use; the law needs the rest."""
 BEND_MAX_RPS2: Final = 0.15
 """How fast the turn rate of a leader without followers may change, besides the route's own bends."""
+NOISE_RPS2: Final = 3e-4
+"""Largest standard deviation that noise of the course, times p^2, may have: followers lead their speed by what it does
+to the turn rate's change. `configs/noise.yaml` has setpoints as quiet as with a third of the bandwidth then."""
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
 LEAST_MPS: Final = 1.0
 """Lower bound of a speed that is divided by: a vehicle that can hover may stand."""
 REFERENCE_RADPS: Final = 0.2
 """Rate at which the heading that setpoints lead from follows the predicted one: noise of headings is filtered, and what
 the model doesn't know is forgotten. A vehicle whose lag is wrong keeps a difference in every turn."""
+TINY_RAD: Final = 1e-9
 NEAREST_SHARE: Final = 0.2
 """Lower bound of 1 - curvature × distance: nearer to a bend's centre the route's turn is no longer meaningful."""
 atan: Final = math.atan
+
+
+@mypyc_attr(acyclic=True, free_list_len=1)
+class TurnBounds:
+    """What bounds the changes of a leader's turn rate."""
+
+    def __init__(self, bend_max_rps2: float = BEND_MAX_RPS2, course_sigma_rad: float = 0.0) -> None:
+        """Take how fast the turn rate may change besides the route's own bends, and the noise of the course."""
+        self.bend_max_rps2 = bend_max_rps2
+        self.course_sigma_rad = course_sigma_rad
+
+    def radps(self, speed_mps: float) -> float:
+        """Return the bandwidth: the highest one, or with which noise and a gust of `GUST_MPS` keep to the bounds."""
+        followed = math.sqrt(self.bend_max_rps2 * speed_mps / (2.0 * GUST_MPS))
+        quiet = math.sqrt(NOISE_RPS2 / max(self.course_sigma_rad, TINY_RAD))
+        return min(BANDWIDTH_RADPS, followed, quiet)
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -85,7 +105,7 @@ class LateralGuidance:
         self._heading_rad = math.nan
 
     def setpoint_rad(
-        self, point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps: float, bend_max_rps2: float
+        self, point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps: float, bounds: TurnBounds
     ) -> float:
         """Return the heading setpoint of this tick, rad.
 
@@ -94,7 +114,7 @@ class LateralGuidance:
             state: the vehicle's when the setpoint acts.
             model: of its autopilot.
             speed_mps: airspeed to be flown; a vehicle that is to stand, at 0, faces along its route.
-            bend_max_rps2: how fast the turn rate may change besides the route's own bends.
+            bounds: of the changes of its turn rate.
         """
         if speed_mps == 0.0:
             return self._stand(point, state, model)
@@ -104,7 +124,7 @@ class LateralGuidance:
         if math.isnan(self._heading_rad):
             self._heading_rad, self._turn_rps = state.heading_rad, route.turn_rps
         speed_mps, most_rps = max(speed_mps, LEAST_MPS), model.turn_rate_max_rps
-        radps = min(BANDWIDTH_RADPS, math.sqrt(bend_max_rps2 * speed_mps / (2.0 * GUST_MPS)))
+        radps, bend_max_rps2 = bounds.radps(speed_mps), bounds.bend_max_rps2
         turn_rps = route.turn_rps + _turn_back_rps(point, state, right_m, radps / 2.0 / speed_mps, radps, bend_max_rps2)
         back_rps2 = 2.0 * radps * (within(turn_rps, -most_rps, most_rps) - self._turn_rps)
         return self._follow(state, model, route.bend_rps2 + within(back_rps2, -bend_max_rps2, bend_max_rps2))

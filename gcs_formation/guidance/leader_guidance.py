@@ -17,7 +17,7 @@ from flight_model.path import FlightPath, Route
 from flight_model.path_lift_and_displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
 from flight_model.slot import LEADS_FROM_MPS
 from gcs_formation.estimation.setpoint_history import HISTORY_S
-from gcs_formation.guidance.lateral import BEND_MAX_RPS2, LateralGuidance
+from gcs_formation.guidance.lateral import LateralGuidance, TurnBounds
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,
     RouteHeading,
@@ -212,11 +212,11 @@ class LeaderGuidance:
         return self.on_path and self.distance_m >= self.path.length_m
 
     def steer(
-        self, state: FlightState, model: AutopilotModel, *, assembled: bool, bend_max_rps2: float = BEND_MAX_RPS2
+        self, state: FlightState, model: AutopilotModel, *, assembled: bool, bounds: TurnBounds | None = None
     ) -> Setpoint:
         """Return the setpoint for the leader in `state`.
 
-        `assembled`: the path may be begun; `bend_max_rps2`: how fast the turn rate may change for followers to keep up.
+        `assembled`: the path may be begun; `bounds`: of the changes of its turn rate.
         """
         if self.route is None:
             self._set_out(state)
@@ -229,7 +229,7 @@ class LeaderGuidance:
             self._join(state)
         self._point = self.route.at(self.distance_m)
         height_m = height_setpoint_m(self._point, state, model)
-        heading_rad = self._lateral.setpoint_rad(self._point, state, model, self.speed_mps, bend_max_rps2)
+        heading_rad = self._lateral.setpoint_rad(self._point, state, model, self.speed_mps, bounds or TurnBounds())
         setpoint = Setpoint(self.speed_mps, heading_rad, height_m)
         if self.speeds is not None and self.on_path:
             self.speed_mps, by_way = self.speeds.at(self.distance_m)

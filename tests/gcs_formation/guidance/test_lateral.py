@@ -19,7 +19,7 @@ from flight_model.legs.path import LegPlan, LegsPath
 from flight_model.legs.turn import TurnLimits
 from flight_model.path import Route
 from flight_model.spline import SplinePath
-from gcs_formation.guidance.lateral import BEND_MAX_RPS2, LateralGuidance, bend_max_rps2, route_turn
+from gcs_formation.guidance.lateral import BEND_MAX_RPS2, LateralGuidance, TurnBounds, bend_max_rps2, route_turn
 from gcs_formation.guidance.tracking import project
 
 SPEED_MPS, DT_S = 22.0, 0.1
@@ -70,7 +70,7 @@ def fly(
         state.wind_north_mps, state.wind_east_mps = wind(tick * DT_S)
         at_m = project(route, state.north_m, state.east_m, at_m)
         point = route.at(at_m)
-        setpoint_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, bend_rps2)
+        setpoint_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(bend_rps2))
         right_m, _ = point.aside_m(state.north_m, state.east_m, 0.0)
         turn_rps = math.remainder(state.heading_rad - before_rad, math.tau) / DT_S
         yield Flown(tick * DT_S, right_m, setpoint_rad, loop.setpoint_rps, turn_rps)
@@ -154,7 +154,7 @@ def test_who_stands_faces_along_the_route_however_far_beside_it(at_m: float, rig
     east_m = point.east_m + right_m * math.cos(point.course_rad)
     state = FlightState(north_m, east_m, 100.0, 0.0, 0.0, point.course_rad, 0.0, 0.0)
     loop = LateralGuidance(DT_S)
-    assert loop.setpoint_rad(point, state, MODEL, 0.0, BEND_MAX_RPS2) == point.course_rad
+    assert loop.setpoint_rad(point, state, MODEL, 0.0, TurnBounds()) == point.course_rad
     assert loop.setpoint_rps == 0.0
 
 
@@ -174,7 +174,7 @@ def test_a_course_far_from_the_route_leads_back_at_an_angle_and_never_away() -> 
     state = FlightState(0.0, 500.0, 100.0, 0.0, SPEED_MPS, math.radians(170.0), 0.0, 0.0)
     for _ in range(600):
         point = PathPoint(state.north_m, 0.0, 100.0, 0.0)
-        setpoint_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, BEND_MAX_RPS2)
+        setpoint_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds())
         advance(state, MODEL, SPEED_MPS, setpoint_rad, 100.0, DT_S)
     assert abs(state.east_m) < 1.0
     assert abs(math.remainder(state.heading_rad, math.tau)) < 0.02
