@@ -28,7 +28,7 @@ def path(random: Random, duration_s: float, *, level: bool = False) -> list[list
 
 
 def tight(random: Random, duration_s: float, turn_rps: float) -> list[list[float]]:
-    """Return waypoints of a level path that is straight at both ends and swings left and right with a peak turn rate."""
+    """Return waypoints of a level path, straight at both ends, that swings left and right up to a turn rate."""
     sign, swing_m = random.choice([-1.0, 1.0]), random.uniform(1200.0, 1800.0)
     length_m, points = SPEED_MPS * (duration_s + 10.0), [[0.0, 0.0, HEIGHT_M]]
     north_m = east_m = course_rad = 0.0
