@@ -68,6 +68,9 @@ class FormationController:
     fault: NotFiniteError | None = None
     """What isn't finite of what a part returned; from then on neither guidance nor law is used."""
 
+    _decided_rad: float = math.nan
+    """The leader's heading setpoint of the last tick, before a filter, the fence or the separation rule."""
+
     def __init__(self, scenario: Scenario) -> None:
         """Build law, models, path and slots from the scenario."""
         self.guidance, self.plan = from_scenario.leader_guidance(scenario), FormationPlan(scenario)
@@ -358,6 +361,7 @@ class FormationController:
         state, model = states.of(tick.leader, tick.leader), self.models[tick.leader]
         tick.state[tick.leader] = state
         sigma_rad = self.estimator.filters[tick.leader].course_sigma_rad
+        self._go_on_from_replaced(tick.leader, state)
         turns = TurnBounds(bend_max_rps2(self._slots_m, self.models), sigma_rad)
         wanted = self.guidance.steer(state, model, assembled=assembled, bounds=turns)
         path, turn_rps = self.guidance.heading(state), self.guidance.turn_rps
@@ -372,6 +376,7 @@ class FormationController:
         bounds = Envelope(wanted.heading_rad, state, model)
         commanded = bounds.limit(wanted.speed_mps, wanted.heading_rad, wanted.height_m)
         tick.setpoints[tick.leader] = commanded
+        self._decided_rad = commanded[1]
         commanded = self._goes_on(tick.leader, commanded)
         require_route(path, turn_rps, tick.leader)
         self._leader_commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
@@ -379,6 +384,13 @@ class FormationController:
         compensates, told = self._compensates, self._leader_commands
         commands = [told.at(states.instant(column) if compensates else at) for column in self._every_column]
         return Lead(tick.leader, at, commands, path)
+
+    def _go_on_from_replaced(self, leader: int, state: FlightState) -> None:
+        """Have the guidance go on from the last tick's heading setpoint where something replaced it."""
+        if self.last_tick is not None and self.last_tick.leader == leader:
+            commanded_rad = self.last_tick.setpoints[leader][1]
+            if finite(commanded_rad) and commanded_rad != self._decided_rad:
+                self.guidance.go_on_from(commanded_rad, state, self.models[leader])
 
     def _add_steps(self, wanted: Setpoint, mission_time_s: float) -> None:
         """Add the scenario's steps to the leader's setpoint."""

@@ -40,6 +40,9 @@ LEAST_MPS: Final = 1.0
 REFERENCE_RADPS: Final = 0.2
 """Rate at which the heading that setpoints lead from follows the predicted one: noise of headings is filtered, and what
 the model doesn't know is forgotten. A vehicle whose lag is wrong keeps a difference in every turn."""
+TURNS_BACK_SHARE: Final = 0.5
+"""Share of the angle to the route that could just be turned back before the route is crossed."""
+TWO_THIRDS: Final = 2.0 / 3.0
 TINY_RAD: Final = 1e-9
 NEAREST_SHARE: Final = 0.2
 """Lower bound of 1 - curvature × distance: nearer to a bend's centre the route's turn is no longer meaningful."""
@@ -104,6 +107,12 @@ class LateralGuidance:
         """Reset: another vehicle leads, or the leader stands or turns on the spot."""
         self._heading_rad = math.nan
 
+    def go_on_from(self, commanded_rad: float, state: FlightState, model: AutopilotModel) -> None:
+        """Go on from another heading setpoint than the last one: something else replaced it, and it still acts."""
+        most_rps = model.turn_rate_max_rps
+        self._heading_rad = state.heading_rad
+        self._turn_rps = within(signed(commanded_rad - state.heading_rad) / model.tau_psi_s, -most_rps, most_rps)
+
     def setpoint_rad(
         self, point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps: float, bounds: TurnBounds
     ) -> float:
@@ -125,7 +134,7 @@ class LateralGuidance:
             self._heading_rad, self._turn_rps = state.heading_rad, route.turn_rps
         speed_mps, most_rps = max(speed_mps, LEAST_MPS), model.turn_rate_max_rps
         radps, bend_max_rps2 = bounds.radps(speed_mps), bounds.bend_max_rps2
-        turn_rps = route.turn_rps + _turn_back_rps(point, state, right_m, radps / 2.0 / speed_mps, radps, bend_max_rps2)
+        turn_rps = route.turn_rps + _turn_back_rps(point, state, right_m, speed_mps, radps, bend_max_rps2)
         back_rps2 = 2.0 * radps * (within(turn_rps, -most_rps, most_rps) - self._turn_rps)
         return self._follow(state, model, route.bend_rps2 + within(back_rps2, -bend_max_rps2, bend_max_rps2))
 
@@ -153,13 +162,16 @@ class LateralGuidance:
 
 
 def _turn_back_rps(
-    point: PathPoint, state: FlightState, right_m: float, gain_1pm: float, radps: float, bend_max_rps2: float
+    point: PathPoint, state: FlightState, right_m: float, speed_mps: float, radps: float, bend_max_rps2: float
 ) -> float:
     """Return the turn rate towards the course that leads back to the route, besides the route's own turn.
 
     For a large angle it is the one that can be braked from before the vehicle has turned by it.
     """
-    intercept = within(atan(gain_1pm * right_m), -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD)
+    size_rad = min(atan(radps / 2.0 * abs(right_m) / speed_mps), INTERCEPT_MAX_RAD)
+    # An angle a that is turned back at the bound b takes 2 (a/b)^1/2, and v a (a/b)^1/2 of distance.
+    size_rad = min(size_rad, TURNS_BACK_SHARE * (abs(right_m) * math.sqrt(bend_max_rps2) / speed_mps) ** TWO_THIRDS)
+    intercept = size_rad if right_m > 0.0 else -size_rad
     course = point.course_rad - intercept
     off_rad = signed(course - crab_rad(state, course) - state.heading_rad)
     size_rps = min(radps * abs(off_rad), math.sqrt(bend_max_rps2 * abs(off_rad)))

@@ -237,6 +237,10 @@ class LeaderGuidance:
             setpoint.speed_mps = self.speed_mps + model.tau_v_s * by_way * self.heading(state).along_mps
         return setpoint
 
+    def go_on_from(self, commanded_rad: float, state: FlightState, model: AutopilotModel) -> None:
+        """Go on from a heading setpoint that replaced the last one of `steer`."""
+        self._lateral.go_on_from(commanded_rad, state, model)
+
     def take_over(self, route: Route | None, distance_m: float) -> None:
         """Guide another vehicle from now on, along `route` from `distance_m`; without one, to the path's start."""
         self.route, self.distance_m = route, distance_m

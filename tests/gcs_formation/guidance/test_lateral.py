@@ -168,16 +168,32 @@ def test_far_slots_and_weak_vehicles_allow_less_change_of_the_turn_rate() -> Non
     assert bend_max_rps2([unknown, narrow, wide], [MODEL] * 3) == pytest.approx(0.7 * 1.5 / 60.0)
 
 
-def test_a_course_far_from_the_route_leads_back_at_an_angle_and_never_away() -> None:
-    """Even from abreast of a point 500 m away, with its nose to the other side."""
-    loop = LateralGuidance(DT_S)
-    state = FlightState(0.0, 500.0, 100.0, 0.0, SPEED_MPS, math.radians(170.0), 0.0, 0.0)
-    for _ in range(600):
+@pytest.mark.parametrize("bend_rps2", [BEND_MAX_RPS2, FOLLOWED_RPS2, 0.005])
+@pytest.mark.parametrize(("right_m", "heading_deg"), [(20.0, 0.0), (50.0, 0.0), (200.0, 0.0), (500.0, 170.0)])
+def test_from_far_off_the_route_it_comes_back_without_crossing_it_by_much(
+    bend_rps2: float, right_m: float, heading_deg: float
+) -> None:
+    """However little its turn rate may change: it would swing from side to side if it turned back too late."""
+    loop, rights_m = LateralGuidance(DT_S), list[float]()
+    state = FlightState(0.0, right_m, 100.0, 0.0, SPEED_MPS, math.radians(heading_deg), 0.0, 0.0)
+    for _ in range(1500):
         point = PathPoint(state.north_m, 0.0, 100.0, 0.0)
-        setpoint_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds())
+        setpoint_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(bend_rps2))
         advance(state, MODEL, SPEED_MPS, setpoint_rad, 100.0, DT_S)
-    assert abs(state.east_m) < 1.0
+        rights_m.append(state.east_m)
+    assert min(rights_m) > -2.0
+    assert abs(rights_m[-1]) < 1.0
     assert abs(math.remainder(state.heading_rad, math.tau)) < 0.02
+
+
+def test_it_goes_on_from_a_setpoint_that_replaced_its_own() -> None:
+    """The turn that a filter began isn't undone at once: its next setpoint differs by what the bound allows in a tick."""
+    loop, point = LateralGuidance(DT_S), PathPoint(0.0, 0.0, 100.0, 0.0)
+    state = FlightState(0.0, 0.0, 100.0, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
+    loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(FOLLOWED_RPS2))
+    loop.go_on_from(0.2, state, MODEL)
+    setpoint_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(FOLLOWED_RPS2))
+    assert setpoint_rad == pytest.approx(0.2, abs=0.01)
 
 
 def test_a_noisy_course_is_followed_slower() -> None:
