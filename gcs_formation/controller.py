@@ -15,7 +15,7 @@ from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant, after, nanoseconds
 from flight_model.arrays import Array
-from flight_model.autopilot_model import FlightState, Setpoint, finite, rate, within, wrap
+from flight_model.autopilot_model import FlightState, Setpoint, finite, within
 from flight_model.slot import CHANNELS, UNKNOWN, Slot, Triple
 from formation_scenario import Scenario
 from formation_scenario.formation import added
@@ -41,10 +41,10 @@ from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFi
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.extend.in_flight import OnTicks, on_ticks
+from gcs_formation.guidance.lateral import TurnBounds, bend_max_rps2
 from gcs_formation.guidance.leader_guidance import (
     LeaderCommand,
     LeaderCommands,
-    LeaderWind,
     way_ahead,
 )
 from gcs_formation.guidance.slots import FormationPlan, TrackAhead
@@ -68,6 +68,9 @@ class FormationController:
     fault: NotFiniteError | None = None
     """What isn't finite of what a part returned; from then on neither guidance nor law is used."""
 
+    _decided_rad: float = math.nan
+    """The leader's heading setpoint of the last tick, before a filter, the fence or the separation rule."""
+
     def __init__(self, scenario: Scenario) -> None:
         """Build law, models, path and slots from the scenario."""
         self.guidance, self.plan = from_scenario.leader_guidance(scenario), FormationPlan(scenario)
@@ -90,7 +93,7 @@ class FormationController:
         self.fence, self.floor = FenceLimits(scenario, self.models), HeightFloor(scenario, self.models)
         self.separation = ConflictResolver(scenario, self.history, self.models)
         self._turn_rps, self._straight_on = 0.0, StraightOn(self.models, hovers=scenario.hovers)
-        self._leader_wind, self._leader_commands = LeaderWind(self._dt_s), LeaderCommands(self._dt_s)
+        self._leader_commands = LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
         self._bandwidth = [[1.0] * len(CHANNELS) for _ in range(self.columns)]
@@ -357,11 +360,14 @@ class FormationController:
         at = Instant(states.instant(tick.leader))
         state, model = states.of(tick.leader, tick.leader), self.models[tick.leader]
         tick.state[tick.leader] = state
-        ahead_s = (at - self.estimator.filters[tick.leader].stamp) / NANOSECONDS
-        guided, place_mps, wind_mps2 = self._leader_wind.guided(state, ahead_s)
-        wanted, turn_rps = self.guidance.steer(guided, model, assembled=assembled), 0.0
+        sigma_rad = self.estimator.filters[tick.leader].course_sigma_rad
+        self._go_on_from_replaced(tick.leader, state)
+        turns = TurnBounds(bend_max_rps2(self._slots_m, self.models), sigma_rad)
+        wanted = self.guidance.steer(state, model, assembled=assembled, bounds=turns)
+        path, turn_rps = self.guidance.heading(state), self.guidance.turn_rps
         if self._own_guidance is not None:
             wanted = self._own_guidance.steer(self.guidance, wanted, state, model)
+            turn_rps = path.turn_rps + model.tau_psi_s * path.bend_rps2
         self._add_steps(wanted, tick.mission_time_s)
         turn = self.guidance.turn
         if turn is not None:
@@ -370,18 +376,21 @@ class FormationController:
         bounds = Envelope(wanted.heading_rad, state, model)
         commanded = bounds.limit(wanted.speed_mps, wanted.heading_rad, wanted.height_m)
         tick.setpoints[tick.leader] = commanded
+        self._decided_rad = commanded[1]
         commanded = self._goes_on(tick.leader, commanded)
-        short_rad, held = wrap(commanded[1] - state.heading_rad), model.held(self._dt_s)
-        told_rps = rate(short_rad, held.tau_psi_s, held.turn_rate_max_rps)
-        if turn is None:
-            turn_rps = self.guidance.turn_rps(guided, model, place_mps, told_rps, wind_mps2)
-        path = self.guidance.heading(guided)
         require_route(path, turn_rps, tick.leader)
         self._leader_commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
         self.plan.turn(tick.now / NANOSECONDS, turn_rps)
         compensates, told = self._compensates, self._leader_commands
         commands = [told.at(states.instant(column) if compensates else at) for column in self._every_column]
         return Lead(tick.leader, at, commands, path)
+
+    def _go_on_from_replaced(self, leader: int, state: FlightState) -> None:
+        """Have the guidance go on from the last tick's heading setpoint where something replaced it."""
+        if self.last_tick is not None and self.last_tick.leader == leader:
+            commanded_rad = self.last_tick.setpoints[leader][1]
+            if finite(commanded_rad) and commanded_rad != self._decided_rad:
+                self.guidance.go_on_from(commanded_rad, state, self.models[leader])
 
     def _add_steps(self, wanted: Setpoint, mission_time_s: float) -> None:
         """Add the scenario's steps to the leader's setpoint."""

@@ -155,6 +155,7 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
         settle_s=settle_s(scenario),
         fence=_lap_fence(scenario),
+        dt_s=1.0 / scenario.law.rate_hz,
     )
 
 

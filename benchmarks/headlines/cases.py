@@ -9,7 +9,7 @@ from typing import Any
 
 import gcs_formation
 from benchmarks import PAPER, both_ways, events_of
-from benchmarks.headlines import Case, Figure, Flight, draws
+from benchmarks.headlines import Case, Figure, Flight, draws, guidance
 from gcs_formation.report import load_run
 from gcs_formation.report.gusts import gusts
 
@@ -208,4 +208,5 @@ CASES = (
     Case("succession.crash", PAPER, losing_leader, {"after": Figure(succeeded_after_s, 1), "separation": SEPARATION}),
     Case("navigation.gnss", PAPER, by_inertia, {axis: figure._replace(digits=2) for axis, figure in RMS.items()}),
     Case("separation.turbulence", PAPER, turbulent, {"separation": SEPARATION}),
+    *guidance.CASES,
 )

@@ -27,6 +27,34 @@ def path(random: Random, duration_s: float, *, level: bool = False) -> list[list
     return points
 
 
+def tight(random: Random, duration_s: float, turn_rps: float) -> list[list[float]]:
+    """Return waypoints of a level path, straight at both ends, that swings left and right up to a turn rate."""
+    sign, swing_m = random.choice([-1.0, 1.0]), random.uniform(1200.0, 1800.0)
+    length_m, points = SPEED_MPS * (duration_s + 10.0), [[0.0, 0.0, HEIGHT_M]]
+    north_m = east_m = course_rad = 0.0
+    for metre in range(int(length_m)):
+        begun, left = (min(max(each / 250.0, 0.0), 1.0) for each in (metre - 500.0, length_m - 300.0 - metre))
+        share = (begun * left) ** 2 * (3.0 - 2.0 * begun * left)
+        wave = math.sin(math.pi / 2.0 * math.sin(math.tau * (metre - 500.0) / swing_m))
+        course_rad += sign * share * wave * turn_rps / SPEED_MPS
+        north_m, east_m = north_m + math.cos(course_rad), east_m + math.sin(course_rad)
+        if metre % 25 == 24:
+            points.append([round(north_m, 2), round(east_m, 2), HEIGHT_M])
+    return points
+
+
+def mission(random: Random, duration_s: float) -> list[list[float]]:
+    """Return waypoints of a mission of legs, with corners of up to 100 degrees and legs of 500 to 900 m."""
+    points, course_rad, whole_m = [[0.0, 0.0, HEIGHT_M], [LEG_M, 0.0, HEIGHT_M]], 0.0, LEG_M
+    while whole_m < 1.2 * SPEED_MPS * duration_s:
+        course_rad += random.choice([-1.0, 1.0]) * random.uniform(0.3, 1.75)
+        leg_m, (north_m, east_m, _) = random.uniform(500.0, 900.0), points[-1]
+        step_m = leg_m * math.cos(course_rad), leg_m * math.sin(course_rad)
+        points.append([round(north_m + step_m[0]), round(east_m + step_m[1]), HEIGHT_M])
+        whole_m += leg_m
+    return points
+
+
 def seed(random: Random) -> int:
     """Return a scenario's seed."""
     return random.randrange(1, 10**6)

@@ -15,6 +15,7 @@ from airlink.clock import NANOSECONDS, Instant, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, squared, wrap
 from flight_model.gain_design import UNMODELLED, WIND_WALK
 from gcs_formation.estimation.kalman import (
+    HEADING,
     WIND_EAST,
     WIND_NORTH,
     HeightCovariance,
@@ -29,6 +30,7 @@ from gcs_formation.estimation.kalman import (
 from gcs_formation.estimation.noise_and_plausibility import (
     IMPLAUSIBLE_SIGMAS,
     UNKNOWN_MOTION,
+    UNKNOWN_TURN,
     PositionDrift,
     Values,
     VehicleNoise,
@@ -143,6 +145,7 @@ class VehicleFilter:
         self._root_hz = math.sqrt(telemetry_hz)
         self._residual: Values = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._implausible = 0
+        self._large_gust: LargeGust | None = None
 
     def place(self, state: FlightState, stamp: int) -> None:
         """Set the state."""
@@ -205,7 +208,7 @@ class VehicleFilter:
         jacobian.linearise(predicted)
         difference = innovation(values, predicted, jacobian)
         if self.wind_radps >= GUST_RADPS:
-            self._believe_gust(values, predicted, elapsed_s)
+            self._believe_gust(values, predicted, difference, elapsed_s)
         own = innovation_variances(self.level, self.height, jacobian, variances)
         self.noise.learn(minus(difference, self._residual), own)
         excess = excesses(difference, own, elapsed_s)
@@ -239,6 +242,14 @@ class VehicleFilter:
     def wind_variance(self) -> float:
         """Variance of each component of the wind, (m/s)²."""
         return (self.level.wind_north[WIND_NORTH] + self.level.wind_east[WIND_EAST]) / 2
+
+    @property
+    def course_sigma_rad(self) -> float:
+        """Standard deviation of the course over ground, less the part by airspeed; 0 where no filter runs, rad."""
+        if self.state is None:
+            return 0.0
+        across = self.wind_variance / squared(max(self.state.airspeed_mps, LEAST_AIRSPEED_MPS))
+        return math.sqrt(self.level.heading[HEADING] + across)
 
     def _predict_covariances(self, elapsed_s: float, model: AutopilotModel, walk: tuple[float, float, float]) -> None:
         """Predict the covariances for the time of a sample."""
@@ -280,13 +291,53 @@ class VehicleFilter:
         variances = self.noise.values
         return variances[3] + variances[6] + squared(airspeed_mps) * variances[7]
 
-    def _believe_gust(self, values: Values, predicted: FlightState, elapsed_s: float) -> None:
-        """Raise the wind's variance where a sample shows a gust."""
+    def _believe_gust(self, values: Values, predicted: FlightState, difference: Values, elapsed_s: float) -> None:
+        """Raise the wind's variance where a sample shows a gust.
+
+        One that is too large to be plausible is accepted once the next sample shows it too, has moved with it, and has
+        neither airspeed nor heading that would explain it: then it isn't an outlier.
+        """
         north_mps, east_mps = self._wind_of(values)
         size = (squared(north_mps - predicted.wind_north_mps) + squared(east_mps - predicted.wind_east_mps)) / 2
-        known = self._wind_noise(values[6]) + self.level.wind_north[WIND_NORTH]
-        if GUST_SIGMAS**2 * known < size < IMPLAUSIBLE_SIGMAS**2 * UNKNOWN_MOTION:
+        noise = self._wind_noise(values[6])
+        known = noise + self.level.wind_north[WIND_NORTH]
+        shown, self._large_gust = self._large_gust, None
+        if size >= IMPLAUSIBLE_SIGMAS**2 * UNKNOWN_MOTION:
+            now = LargeGust(north_mps, east_mps, values[0], values[1])
+            if _explained(difference) or not (shown is not None and now.repeats(shown, values, noise, elapsed_s)):
+                self._large_gust = None if _explained(difference) else now
+                return
+        if size > GUST_SIGMAS**2 * known:
             self.level.gust(size, elapsed_s)
+
+
+def _explained(difference: Values) -> bool:
+    """Return whether a changed airspeed or heading shows what looks like a gust."""
+    return squared(difference[6]) > UNKNOWN_MOTION or squared(difference[7]) > UNKNOWN_TURN
+
+
+class LargeGust:
+    """A gust that a single sample shows and that is too large to be accepted from it: its wind, and where it was."""
+
+    def __init__(self, wind_north_mps: float, wind_east_mps: float, north_m: float, east_m: float) -> None:
+        """Take the wind that the sample shows, and its position."""
+        self.wind_north_mps = wind_north_mps
+        self.wind_east_mps = wind_east_mps
+        self.north_m = north_m
+        self.east_m = east_m
+
+    def repeats(self, before: LargeGust, values: Values, noise: float, elapsed_s: float) -> bool:
+        """Return whether this sample, of `values`, shows the gust of the one before, and moved with it.
+
+        `noise`: variance of a component of the wind that one sample shows, (m/s)².
+        """
+        change = squared(self.wind_north_mps - before.wind_north_mps) + squared(
+            self.wind_east_mps - before.wind_east_mps
+        )
+        north_mps = (self.north_m - before.north_m) / elapsed_s - values[3]
+        east_mps = (self.east_m - before.east_m) / elapsed_s - values[4]
+        most = squared(GUST_SIGMAS) * noise + UNKNOWN_MOTION
+        return change < 2.0 * most and squared(north_mps) + squared(east_mps) < 2.0 * most
 
 
 class StateEstimator:

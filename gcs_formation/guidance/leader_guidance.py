@@ -1,4 +1,4 @@
-"""The leader's guidance: its route to the path and along it, its filtered wind, its turns on the spot, its commands."""
+"""The leader's guidance: its route to the path and along it, its turns on the spot, its commands."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from flight_model.path import FlightPath, Route
 from flight_model.path_lift_and_displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
 from flight_model.slot import LEADS_FROM_MPS
 from gcs_formation.estimation.setpoint_history import HISTORY_S
+from gcs_formation.guidance.lateral import LateralGuidance, TurnBounds
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,
     RouteHeading,
+    height_setpoint_m,
     nearest,
     project,
     route_heading,
-    track,
-    track_turn,
 )
 from gcs_formation.guidance.way_to_run_in import JoinRoute, join, joins
 
@@ -49,10 +49,6 @@ SHARE: Final = 0.5
 NOSE_RADPS: Final = 0.5
 """Fastest turn on the spot: vehicles yaw at 1 rad/s."""
 LEAST_S: Final = 2.0
-QUICK_RADPS, SLOW_RADPS = 1.0, 0.5
-"""Bandwidths of the wind estimate for the leader's guidance: followers' slots can't keep up with quicker turns."""
-Vector = tuple[float, float]
-"""A vector's components north and east."""
 AHEAD_M: Final = 165.0
 """Interval of the points along the leader's way around which the ground is checked."""
 
@@ -105,44 +101,6 @@ class TurnOnSpot:
         share, rate, change = minimum_jerk(min(max(elapsed_s / self.duration_s, 0.0), 1.0))
         rate, change = rate * self.by_rad / self.duration_s, change * self.by_rad / self.duration_s**2
         return self.begin_rad + share * self.by_rad + lag_s * rate, rate + lag_s * change
-
-
-class LeaderWind:
-    """The wind for the leader's guidance: the wind estimate filtered by two lags."""
-
-    def __init__(self, dt_s: float) -> None:
-        """Begin without a wind; the first one is taken over unfiltered. `dt_s` is the time between ticks."""
-        self._quick_kept, self._slow_kept = math.exp(-QUICK_RADPS * dt_s), math.exp(-SLOW_RADPS * dt_s)
-        self._quick_mps: Vector | None = None
-        self._slow_mps = (0.0, 0.0)
-
-    def guided(self, state: FlightState, ahead_s: float) -> tuple[FlightState, Vector, Vector]:
-        """Return the leader's state for its guidance, and the rates of its position and of its wind.
-
-        The position, predicted `ahead_s` with the estimated wind, is corrected so that it doesn't jump with that wind:
-        followers can't follow a leader whose turn rate jumps.
-        """
-        seen_mps = state.wind_north_mps, state.wind_east_mps
-        if self._quick_mps is None:
-            self._quick_mps = self._slow_mps = seen_mps
-        self._quick_mps = _lagged(self._quick_kept, self._quick_mps, seen_mps)
-        self._slow_mps = _lagged(self._slow_kept, self._slow_mps, self._quick_mps)
-        quick_mps2 = _rate(QUICK_RADPS, self._quick_mps, seen_mps)
-        north_mps, east_mps = state.ground_mps()
-        place_mps = north_mps + ahead_s * quick_mps2[0], east_mps + ahead_s * quick_mps2[1]
-        guided = state.copy()
-        guided.north_m -= ahead_s * (seen_mps[0] - self._quick_mps[0])
-        guided.east_m -= ahead_s * (seen_mps[1] - self._quick_mps[1])
-        guided.wind_north_mps, guided.wind_east_mps = self._slow_mps
-        return guided, place_mps, _rate(SLOW_RADPS, self._slow_mps, self._quick_mps)
-
-
-def _lagged(kept: float, before: Vector, seen: Vector) -> Vector:
-    return kept * before[0] + (1.0 - kept) * seen[0], kept * before[1] + (1.0 - kept) * seen[1]
-
-
-def _rate(radps: float, lagged: Vector, seen: Vector) -> Vector:
-    return radps * (seen[0] - lagged[0]), radps * (seen[1] - lagged[1])
 
 
 @mypyc_attr(acyclic=True)
@@ -229,8 +187,14 @@ class LeaderGuidance:
     """Distance along the path at which the way that returns to it ends."""
     turn: TurnOnSpot | None = None
     """Turn of a standing leader, whose final heading it then holds; None: it faces along its route."""
+    dt_s: float = 0.1
+    """Time between ticks."""
     _point: PathPoint | None = None
     """Point of the route where the leader was steered last."""
+
+    def __post_init__(self) -> None:
+        """Make the lateral loop."""
+        self._lateral = LateralGuidance(self.dt_s)
 
     @property
     def on_path(self) -> bool:
@@ -247,8 +211,13 @@ class LeaderGuidance:
         """Whether the leader has reached the path's end."""
         return self.on_path and self.distance_m >= self.path.length_m
 
-    def steer(self, state: FlightState, model: AutopilotModel, *, assembled: bool) -> Setpoint:
-        """Return the setpoint for the leader in `state`; `assembled`: the path may be begun."""
+    def steer(
+        self, state: FlightState, model: AutopilotModel, *, assembled: bool, bounds: TurnBounds | None = None
+    ) -> Setpoint:
+        """Return the setpoint for the leader in `state`.
+
+        `assembled`: the path may be begun; `bounds`: of the changes of its turn rate.
+        """
         if self.route is None:
             self._set_out(state)
         assert self.route is not None
@@ -259,16 +228,23 @@ class LeaderGuidance:
             self.rounds += 1
             self._join(state)
         self._point = self.route.at(self.distance_m)
-        setpoint = track(self._point, state, model, self.speed_mps)
+        height_m = height_setpoint_m(self._point, state, model)
+        heading_rad = self._lateral.setpoint_rad(self._point, state, model, self.speed_mps, bounds or TurnBounds())
+        setpoint = Setpoint(self.speed_mps, heading_rad, height_m)
         if self.speeds is not None and self.on_path:
             self.speed_mps, by_way = self.speeds.at(self.distance_m)
             # By (7) a speed that changes takes a setpoint that leads it by the time constant.
             setpoint.speed_mps = self.speed_mps + model.tau_v_s * by_way * self.heading(state).along_mps
         return setpoint
 
+    def go_on_from(self, commanded_rad: float, state: FlightState, model: AutopilotModel) -> None:
+        """Go on from a heading setpoint that replaced the last one of `steer`."""
+        self._lateral.go_on_from(commanded_rad, state, model)
+
     def take_over(self, route: Route | None, distance_m: float) -> None:
         """Guide another vehicle from now on, along `route` from `distance_m`; without one, to the path's start."""
         self.route, self.distance_m = route, distance_m
+        self._lateral.forget()
 
     def resume(
         self, speed_mps: float, at: Instant, heading_rad: float | None, amid_m: tuple[float, float] | None
@@ -292,11 +268,10 @@ class LeaderGuidance:
         """Return the leader's heading along its route, or the final heading of a turn that has begun."""
         return self.heading(state).heading_rad if self.turn is None else self.turn.goal_rad
 
-    def turn_rps(
-        self, state: FlightState, model: AutopilotModel, place_mps: Vector, told_rps: float, wind_mps2: Vector
-    ) -> float:
-        """Return the rate of the heading setpoint of `steer`, while the leader turns at `told_rps`."""
-        return track_turn(self._here(), state, model, self.speed_mps, place_mps, told_rps, wind_mps2)
+    @property
+    def turn_rps(self) -> float:
+        """The rate of the heading setpoint that `steer` returned."""
+        return self._lateral.setpoint_rps
 
     def _here(self) -> PathPoint:
         assert self._point is not None, "nobody was steered yet"

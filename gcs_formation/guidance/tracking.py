@@ -1,4 +1,4 @@
-"""Route tracking: setpoints that keep a vehicle on a route, and projection onto it."""
+"""Route tracking: heading and height along a route, and projection onto it."""
 
 from __future__ import annotations
 
@@ -7,15 +7,12 @@ from typing import Final, NamedTuple
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, crab_rad, rotated, squared, within
+from flight_model.autopilot_model import AutopilotModel, FlightState, crab_rad, rotated, squared, within
 from flight_model.curve import PathPoint
 from flight_model.path import Route
 from flight_model.path_lift_and_displacement import Rise
 from flight_model.slot import LEADS_FROM_MPS
 
-BANDWIDTH_RADPS: Final = 0.15
-"""Bandwidth of the cross-track loop, well below the heading hold's 1/tau_psi."""
-INTERCEPT_MAX_RAD: Final = math.radians(60.0)
 LEAST_MPS: Final = 1.0
 """Lower bound of a speed along a route that is divided by: a vehicle that can hover may stand."""
 NEWTON_STEPS: Final = 3
@@ -23,7 +20,6 @@ NEAR_ENOUGH_M: Final = 1e-9
 NEAREST_STEP_M: Final = 10.0
 MOST_ASIDE_RAD: Final = math.radians(30.0)
 """Largest angle to the path at which a way onto it continues a vehicle's own course."""
-atan: Final = math.atan
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -78,85 +74,21 @@ def nearest(route: Route, north_m: float, east_m: float, from_m: float, to_m: fl
     return min(max(project(route, north_m, east_m, min(places, key=away_m)), from_m), to_m)
 
 
-def track(point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps: float) -> Setpoint:
-    """Return the setpoint that keeps a vehicle on its route, whose nearest point is `point`.
+def height_setpoint_m(point: PathPoint, state: FlightState, model: AutopilotModel) -> float:
+    """Return the height setpoint that keeps a vehicle on its route, whose nearest point is `point`.
 
-    The course closes the cross-track error with `BANDWIDTH_RADPS`; the heading is corrected for wind; the route's own
-    turn and climb are fed forward through the lags of (7). At a commanded speed of 0 the heading is along the route.
+    The route's climb is fed forward through both lags of (7), and the updraught, which (7) climbs with, is taken off.
     """
-    _, right_m = rotated(point.course_rad, state.north_m - point.north_m, state.east_m - point.east_m)
-    along_mps, aside_mps = _along_and_aside(state, point.course_rad)
-    gain_1pm = _gain_1pm(speed_mps)
-    intercept = atan(gain_1pm * right_m)
-    limited = within(intercept, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD)
-    course = point.course_rad - limited
-    turn_rps = point.curvature_1pm * along_mps
-    if limited == intercept:
-        turn_rps -= gain_1pm * aside_mps / (1.0 + squared(gain_1pm * right_m))
-    heading = course - crab_rad(state, course) + model.tau_psi_s * turn_rps
-    rise_mps = point.slope * along_mps
-    height_m = point.height_m + (model.tau_ha_s + model.tau_hb_s) * rise_mps
-    height_m += model.tau_ha_s * model.tau_hb_s * point.slope_rate_1pm * squared(along_mps)
-    return Setpoint(speed_mps, heading, height_m)
-
-
-def track_turn(
-    point: PathPoint,
-    state: FlightState,
-    model: AutopilotModel,
-    speed_mps: float,
-    place_mps: tuple[float, float],
-    turn_rps: float,
-    wind_mps2: tuple[float, float],
-) -> float:
-    """Return the rate of the heading setpoint of `track`, rad/s: its time derivative along the vehicle's motion.
-
-    Differences of setpoints from tick to tick would be mostly the noise of positions. The rates of position and wind
-    are filtered differently and needn't agree.
-
-    Args:
-        point: of the route, nearest to the vehicle.
-        state: the vehicle's.
-        model: of its autopilot.
-        speed_mps: airspeed to be flown.
-        place_mps: rate of the vehicle's position, north and east.
-        turn_rps: rate of its heading.
-        wind_mps2: rate of its wind, north and east.
-    """
-    _, right_m = rotated(point.course_rad, state.north_m - point.north_m, state.east_m - point.east_m)
     along_mps, _ = _along_and_aside(state, point.course_rad)
-    passed_mps, aside_mps = rotated(point.course_rad, place_mps[0], place_mps[1])
-    along_mps2, across_mps2 = rotated(point.course_rad, wind_mps2[0], wind_mps2[1])
-    carried_mps, _ = rotated(point.course_rad, state.wind_north_mps, state.wind_east_mps)
-    path_rps, gain_1pm = point.curvature_1pm * passed_mps, _gain_1pm(speed_mps)
-    bend_rps2 = point.curvature_rate_1pm2 * passed_mps * along_mps + point.curvature_1pm * along_mps2
-    intercept = atan(gain_1pm * right_m)
-    limited = within(intercept, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD)
-    gain_1pm = gain_1pm / (1.0 + squared(gain_1pm * right_m)) if limited == intercept else 0.0
-    course_rps = path_rps - gain_1pm * aside_mps
-    # The axes turn, so the wind's component across them changes even while the wind is constant.
-    aside_mps2 = (along_mps - carried_mps) * turn_rps - along_mps * path_rps + across_mps2
-    crab_rps = _crab_rate(state, point.course_rad - limited, course_rps, wind_mps2)
-    return course_rps - crab_rps + model.tau_psi_s * (bend_rps2 - gain_1pm * aside_mps2)
-
-
-def _gain_1pm(speed_mps: float) -> float:
-    """Return the course correction per metre of cross-track error; 0 for a vehicle that is to stand."""
-    return 0.0 if speed_mps == 0.0 else BANDWIDTH_RADPS / max(speed_mps, LEAST_MPS)
+    rise_mps = point.slope * along_mps - state.updraught_mps
+    height_m = point.height_m + (model.tau_ha_s + model.tau_hb_s) * rise_mps
+    return height_m + model.tau_ha_s * model.tau_hb_s * point.slope_rate_1pm * squared(along_mps)
 
 
 def _along_and_aside(state: FlightState, course_rad: float) -> tuple[float, float]:
     """Return the velocity over ground along a course and to its right."""
     north_mps, east_mps = state.ground_mps()
     return rotated(course_rad, north_mps, east_mps)
-
-
-def _crab_rate(state: FlightState, course_rad: float, course_rps: float, wind_mps2: tuple[float, float]) -> float:
-    """Return the rate of the crab angle, rad/s, while course and wind change."""
-    along_mps, aside_mps = rotated(course_rad, state.wind_north_mps, state.wind_east_mps)
-    _, aside_mps2 = rotated(course_rad, wind_mps2[0], wind_mps2[1])
-    forward_mps2 = max(squared(state.airspeed_mps) - squared(aside_mps), 1.0)
-    return (aside_mps2 - along_mps * course_rps) / math.sqrt(forward_mps2)
 
 
 class Abreast(NamedTuple):

@@ -47,12 +47,12 @@ def begun_s(tmp_path: Path) -> float:
 
 
 def test_leaving_the_fence_is_a_violation_by_the_truth_whatever_setpoints_said(fly: Fly, kept_truth):
-    keys: dict[str, Any] = {"safety": {"fence": {"height_max_m": 115}}, "disturbances": [LIFT], "duration_s": 20}
+    keys: dict[str, Any] = {"safety": {"fence": {"height_max_m": 110}}, "disturbances": [LIFT], "duration_s": 20}
     wanted = [{"metric": "fence_m", "below": 0.1}, {"metric": "violations", "below": 1}]
     summary = fly(**keys, expect=wanted)
     safety, (truth,) = summary.to_dict()["safety"], kept_truth
     flown_m = np.where(truth["airborne"] > 0, truth["height_m"], 0.0)
-    assert safety["fence_m"] == pytest.approx(flown_m.max() - 115.0, abs=0.01)
+    assert safety["fence_m"] == pytest.approx(flown_m.max() - 110.0, abs=0.01)
     assert safety["fence_m"] > 15.0
     assert safety["violations"] == 1
     assert not summary.held
@@ -142,7 +142,7 @@ def test_the_leader_s_distance_from_its_path_is_that_of_its_true_places(fly: Fly
     assert summary.verdicts[0].value == pytest.approx(across_m[window].max(), abs=0.03)
 
 
-@pytest.mark.parametrize(("allowed_m", "safe"), [(50, True), (15, False)])
+@pytest.mark.parametrize(("allowed_m", "safe"), [(50, True), (10, False)])
 def test_a_leader_off_its_path_for_10_s_is_unsafe(fly: Fly, allowed_m: float, safe: bool):
     step = {"at_s": 3, "vehicles": "all", "velocity_mps": [0, 8, 0]}
     summary = fly(disturbances=[step], duration_s=30, safety={"path_distance_m": allowed_m})

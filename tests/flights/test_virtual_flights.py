@@ -241,6 +241,6 @@ def test_who_comes_from_afar_doesnt_overshoot_its_slot_by_much(fly: Fly) -> None
     flown = read_parquet(summary.run_dir / "timeseries.parquet")
     flight = (flown["vehicle"] == 2) & np.isfinite(flown["law_error_x_m"]) & (flown["mission_time_s"] >= 0)
     error_m, time_s = flown["law_error_x_m"][flight], flown["mission_time_s"][flight]
-    assert error_m[0] < -290
+    assert error_m[0] < -250, "it is still that far ahead when the path begins"
     assert error_m.max() < 12
     assert np.abs(error_m[time_s > 65]).max() < 1

@@ -173,6 +173,34 @@ def test_a_gust_on_exact_telemetry_is_believed_at_once():
     assert np.abs(flight.error()[WIND_NORTH:]).max() < 0.05
 
 
+@pytest.mark.parametrize("gust_mps", [4.0, 5.0, 12.0])
+def test_a_gust_too_large_to_be_plausible_is_accepted_once_the_next_sample_shows_it_too(gust_mps):
+    flight = Flight(sigma=RESOLUTION, declared=RESOLUTION)
+    for _ in range(100):
+        flight.fly()
+    flight.fly(gust_mps=gust_mps)
+    flight.fly()
+    assert np.abs(flight.error()[WIND_NORTH:]).max() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("off", "what"),
+    [
+        ((0.0, 0.0, 0.0, 6.0, 0.0, 0.0, 0.0, 0.0), "a velocity over ground that its positions don't show"),
+        ((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 6.0, 0.0), "an airspeed"),
+        ((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.4), "a heading"),
+    ],
+)
+def test_what_only_looks_like_a_large_gust_is_not_accepted_as_one(off, what):
+    """Two wrong samples, of which each shows the same wind."""
+    flight = Flight(sigma=RESOLUTION, declared=RESOLUTION)
+    for _ in range(100):
+        flight.fly()
+    for _ in range(2):
+        flight.fly(off=np.array(off))
+    assert np.abs(flight.error()[WIND_NORTH:]).max() < 0.5, what
+
+
 def test_what_carries_a_vehicle_up_is_told_from_its_own_climb():
     """It climbs by 10 m as commanded; then 0.5 m/s of rising air are added, which (7) doesn't know."""
     flight, felt_mps = Flight(sigma=RESOLUTION, declared=RESOLUTION), []
