@@ -232,6 +232,7 @@ class FormationController:
 
     def _keep_limits(self, tick: Tick, measured: Measured) -> None:
         """Apply filters from outside, fence, separation rule and ground, in this order; note what is commanded."""
+        self._decided_rad = tick.setpoints[tick.leader][1]
         if self._outside is not None and self.fault is None:
             self.fault = self._outside.filter(tick)
         self.fence.keep(tick)
@@ -376,7 +377,6 @@ class FormationController:
         bounds = Envelope(wanted.heading_rad, state, model)
         commanded = bounds.limit(wanted.speed_mps, wanted.heading_rad, wanted.height_m)
         tick.setpoints[tick.leader] = commanded
-        self._decided_rad = commanded[1]
         commanded = self._goes_on(tick.leader, commanded)
         require_route(path, turn_rps, tick.leader)
         self._leader_commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
