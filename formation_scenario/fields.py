@@ -179,6 +179,8 @@ def _printable(value: object) -> object:
     return value
 
 
+Frame = Literal["leader_heading", "follower_heading", "north"]
+"""The frames of slots (`slot_frame`)."""
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-MAX_NUMBER, le=MAX_NUMBER)]
 NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=MAX_NUMBER)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=MAX_NUMBER)]

@@ -16,6 +16,7 @@ from formation_scenario.fields import (
     AtMost,
     Flag,
     Fraction,
+    Frame,
     Keys,
     NonNegative,
     Number,
@@ -28,7 +29,6 @@ from formation_scenario.fields import (
     key,
 )
 from formation_scenario.register import marks_of
-from formation_scenario.slot_frame import Frame
 
 CUSTOM: Final = "custom"
 """The shape whose slots are keys."""

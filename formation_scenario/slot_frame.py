@@ -7,11 +7,11 @@ their direction from the leader whatever it does, as formations of multirotors a
 
 from __future__ import annotations
 
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 from flight_model.arrays import Array
+from formation_scenario.fields import Frame
 
-Frame = Literal["leader_heading", "follower_heading", "north"]
 Angle = TypeVar("Angle", float, Array)
 
 

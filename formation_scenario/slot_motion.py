@@ -12,7 +12,7 @@ from flight_model.arrays import Array, Mask
 from flight_model.path import PathPoints
 from flight_model.path_lift_and_displacement import minimum_jerk
 from flight_model.slot import Slot
-from formation_scenario.slot_frame import Frame
+from formation_scenario.fields import Frame
 
 STANDING_MPS = 1e-3
 """Lower bound of speeds in divisions."""

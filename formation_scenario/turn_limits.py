@@ -13,8 +13,8 @@ import numpy as np
 from flight_model.arrays import Array, Mask
 from flight_model.legs.heights import Climbs
 from flight_model.legs.turn import STEEPEST, TurnLimits
+from formation_scenario.fields import Frame
 from formation_scenario.slot_assignment import Members, SlotStep, column_models
-from formation_scenario.slot_frame import Frame
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.vehicles import VehicleModel
 

@@ -9,11 +9,11 @@ from typing import get_args
 
 import numpy as np
 
+from formation_scenario.fields import Frame
 from formation_scenario.formation import CUSTOM, SHAPE_NAMES
 from formation_scenario.model import Scenario
 from formation_scenario.repair.draft import Draft
 from formation_scenario.slot_assignment import slot_schedule
-from formation_scenario.slot_frame import Frame
 from formation_scenario.source import KeyPath, Plain
 from formation_scenario.turn_limits import turns_well
 

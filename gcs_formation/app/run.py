@@ -54,7 +54,7 @@ from sim_vehicles.config import fleet_config, stand_ins
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.truth import TruthError, TruthRecord, TruthWriter
 
-IMPORTED_AHEAD = ("importlib.metadata", "scipy.optimize", "scipy.sparse.csgraph", "scipy.spatial")
+IMPORTED_AHEAD = ("airlink.installed", "importlib.metadata", "scipy.optimize", "scipy.sparse.csgraph", "scipy.spatial")
 """Only some flights need these, but a tick that first has to import them would be late by a second."""
 END_S = 5.0
 """Wall time that the emulators get to exit by themselves, s."""

@@ -20,7 +20,8 @@ from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel, FlightState, rotated
 from flight_model.slot import UNKNOWN, Slot, Triple
-from formation_scenario.slot_frame import Frame, axis_rad
+from formation_scenario.fields import Frame
+from formation_scenario.slot_frame import axis_rad
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.control.setpoint import Envelope, LeaderMotion, Target, feed_forward, formation_error, slot_target

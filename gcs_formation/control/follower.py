@@ -15,7 +15,7 @@ from mypy_extensions import mypyc_attr
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import UNKNOWN, Slot, Triple, all_finite
-from formation_scenario.slot_frame import Frame
+from formation_scenario.fields import Frame
 from gcs_formation.control.fuzzy_pid import NO_GAINS, ChannelConstants, FuzzyGainScheduler, Gains, Pid
 from gcs_formation.control.outside import Feedback
 from gcs_formation.control.setpoint import (

@@ -15,7 +15,8 @@ from mypy_extensions import mypyc_attr
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, rotated, within, wrap
 from flight_model.slot import Slot, Triple, all_finite
-from formation_scenario.slot_frame import Frame, axis_rad
+from formation_scenario.fields import Frame
+from formation_scenario.slot_frame import axis_rad
 
 Replaced = tuple[bool, bool, bool]
 """For speed, heading and height: whether something else than the law's decision is commanded."""

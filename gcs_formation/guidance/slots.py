@@ -22,9 +22,10 @@ from flight_model.path import Route
 from flight_model.path_lift_and_displacement import SAMPLES, Bounds, least_lift, sample_places
 from flight_model.slot import Slot, Triple
 from formation_scenario import Scenario
+from formation_scenario.fields import Frame
 from formation_scenario.formation import FormationChange
 from formation_scenario.slot_assignment import Arrangement, assigned, slot_schedule
-from formation_scenario.slot_frame import Frame, axis_rad
+from formation_scenario.slot_frame import axis_rad
 from formation_scenario.slot_motion import SlotMotion, Transition
 from formation_scenario.terrain import Ground
 

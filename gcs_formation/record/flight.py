@@ -12,7 +12,8 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Indices, Mask
 from formation_scenario import Scenario
-from formation_scenario.slot_frame import Frame, axis_rad
+from formation_scenario.fields import Frame
+from formation_scenario.slot_frame import axis_rad
 from gcs_formation.record.coverage import scored_end_s
 from gcs_formation.record.history import history
 from gcs_formation.record.limits_by_truth import LimitSeries, Truth, limit_series

@@ -62,7 +62,7 @@ def test_leaving_the_fence_is_a_violation_by_the_truth_whatever_setpoints_said(f
 
 
 def test_who_is_blown_into_an_exclusion_has_left_the_fence_by_the_truth(fly: Fly, kept_truth, tmp_path: Path):
-    gust = {"at_s": 1, "vehicles": "all", "velocity_mps": [0, 32, 0]}
+    gust = {"at_s": 1, "vehicles": "all", "velocity_mps": [0, 45, 0]}
     lake = {"kind": "exclusion", "centre_m": [150, 280], "radius_m": 100}
     summary = fly(safety={"fence": {"areas": [lake]}}, disturbances=[gust], duration_s=9)
     (truth,), (said,) = kept_truth, summary.breaches

@@ -91,6 +91,7 @@ def test_a_flight_looks_for_garbage_seldom(before: int, within: int, monkeypatch
     gc.set_threshold(before, 11, 12)
     options, nothing = RunOptions(Path("unused"), "virtual"), cast("Any", None)
     monkeypatch.setattr(run_module, "_run_virtual", lambda *_: gc.get_threshold())
+    monkeypatch.setattr(run_module, "require_no_program", lambda _: None)
     assert run_module.run(nothing, options, nothing, nothing) == (within, 11, 12)
     assert gc.get_threshold() == (before, 11, 12)
 

@@ -9,7 +9,7 @@ from mypy_extensions import i64
 
 from airlink.clock import Instant
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
-from formation_scenario.slot_frame import Frame
+from formation_scenario.fields import Frame
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import ChannelConstants, FuzzyGainScheduler, PidGains

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flight_model.vehicle_arrays import FlightStates, Setpoints
-from formation_scenario.slot_frame import Frame
+from formation_scenario.fields import Frame
 from gcs_formation.control.laws import FormationLaw, VelocityController
 from tests.gcs_formation import tables
 from tests.gcs_formation.control.law_ticks import (

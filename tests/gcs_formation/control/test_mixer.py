@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from flight_model.autopilot_model import FlightState, rotated
 from flight_model.slot import Slot
-from formation_scenario.slot_frame import Frame
+from formation_scenario.fields import Frame
 from gcs_formation.control.setpoint import formation_error, slot_target
 
 angle = st.floats(-math.pi, math.pi)

@@ -7,7 +7,7 @@ import pytest
 
 from flight_model.autopilot_model import rotated
 from formation_scenario import load_scenario
-from formation_scenario.slot_frame import Frame
+from formation_scenario.fields import Frame
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, Transition, slot_needs
 from gcs_formation.guidance.slots import WAITS_S, FormationPlan
 from tests.flights.conftest import scenario
