@@ -18,6 +18,8 @@ ENDS: tuple[End, ...] = get_args(End)
 ALLOWED = "shape NAME [SPACING_M], spacing SPACING_M, speed MPS, heading DEG, leader ID, loiter, rtl, land"
 EXAMPLES = (*(f"shape {shape}" for shape in SHAPE_NAMES), "spacing 40", "speed 24", "heading 90", "leader 2", *ENDS)
 MOST_LETTERS = 100
+UNKNOWN_SHAPE = "found shape '"
+"""How the answer to an order begins whose shape isn't known."""
 FACES_RAD = math.radians(15.0)
 """Largest angle between a hovering formation's heading and its path when it sets out."""
 LEAST, MOST_MPS = math.ulp(0.0), 1000.0
@@ -48,7 +50,7 @@ def parse_order(text: str, also: tuple[str, ...] = (), shapes: Sequence[str] = (
     order = read_order(text, also)
     name, known = None if order.change is None else order.change.shape, (*SHAPE_NAMES, *shapes)
     if name is not None and name not in known:
-        raise OrderError(f"found shape '{name}'; allowed: {', '.join(known)}{did_you_mean(name, known)}")
+        raise OrderError(f"{UNKNOWN_SHAPE}{name}'; allowed: {', '.join(known)}{did_you_mean(name, known)}")
     return order
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NoReturn
 import click
 
 from airlink.cli import Status, examples, fail, say
-from formation_scenario.orders import OrderError, read_order
+from formation_scenario.orders import UNKNOWN_SHAPE, OrderError, read_order
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order
 from gcs_formation.cli import OVERRIDES, PLUGINS
@@ -278,6 +278,8 @@ def tell(run_dir: Path, order: tuple[str, ...]) -> None:
         fail(str(error))
     except NothingRunningError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
+    if not answer.accepted and UNKNOWN_SHAPE in answer.text:
+        fail(answer.text)  # which names there are, the flight knows: extensions have shapes too
     click.echo(answer.text, err=not answer.accepted)
     sys.exit(Status.FINE if answer.accepted else Status.EXPECTATION_BROKEN)
 
