@@ -160,7 +160,7 @@ def _keys_of(name: Key, given: Plain, source: Source, registry: Registry, proble
 
 
 def _metrics(source: Source, registry: Registry) -> Iterator[Problem]:
-    """Yield expectations of figures that nobody knows."""
+    """Yield expectations of unknown figures."""
     known = [*METRICS, *registry.names(METRIC)]
     wanted = source.data.get("expect")
     for index, each in enumerate(wanted if isinstance(wanted, list) else []):
@@ -200,7 +200,7 @@ def _names(model: type[BaseModel]) -> list[str]:
 
 
 def _unknown(model: type[BaseModel], given: Mapping[Key, Plain], path: KeyPath, source: Source) -> Iterator[Problem]:
-    """Yield keys that a model doesn't have, which pydantic ignores unless told otherwise; also in its inner models."""
+    """Yield keys that a model doesn't have, which pydantic ignores by default; also in its inner models."""
     if model.model_config.get("extra") in ("allow", "forbid"):
         return
     inner = {field.alias or name: bare(field)[0] for name, field in model.model_fields.items()}

@@ -11,14 +11,15 @@ import hashlib
 import json
 import sys
 import traceback
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.abc import SourceLoader
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 from pydantic import BaseModel, create_model
 
@@ -34,6 +35,7 @@ from formation_scenario.shipped_aircraft import shipped_names
 from formation_scenario.surroundings import DISTURBANCES, FAULTS
 from formation_scenario.vehicles import AUTOPILOTS, CLOCKS, FAMILIES
 
+Result = TypeVar("Result")
 GROUP = "gcs_formation.extensions"
 """The group of entry points of installed packages."""
 RECORD = "extensions.json"
@@ -138,6 +140,23 @@ class Registered:
             setattr(one, name, value)
         self.made.__init__(one, typed)
         return one
+
+    def call(
+        self,
+        act: Callable[[], Result],
+        failed: Callable[[str], Exception],
+        passing: tuple[type[Exception], ...] = (),
+    ) -> Result:
+        """Return what its code returns; raise `failed` of the words for whatever else than `passing` it raises.
+
+        Every call of code from outside goes through here: it may raise anything, and what it raises is its author's.
+        """
+        try:
+            return act()
+        except passing:
+            raise
+        except Exception as error:
+            raise failed(self.said(error)) from error
 
     def said(self, error: BaseException) -> str:
         """Return an error that its code raised in words, with the file and line of that code."""
@@ -314,10 +333,7 @@ def _of_file(origin: Origin) -> list[Registered]:
     assert spec.loader is not None
     module = module_from_spec(spec)
     sys.modules[name] = module  # where annotations and pickles of its classes are looked up
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise _unusable(error, origin.file, OPTION) from error
+    _load(partial(spec.loader.exec_module, module), origin.file, OPTION)
     found = list(_marked(module, origin))
     if not found:
         raise refused("", "registers nothing", "a register function of gcs_formation.extend", f"{OPTION} {origin.file}")
@@ -329,10 +345,7 @@ def _installed(entry: EntryPoint) -> list[Registered]:
     package = entry.module.partition(".")[0]
     dist = entry.dist
     who = f"package {dist.name if dist else package}"
-    try:
-        entry.load()
-    except Exception as error:
-        raise _unusable(error, entry.value, who) from error
+    _load(entry.load, entry.value, who)
     found = list[Registered]()
     for name, module in sorted(sys.modules.items()):
         if (name == package or name.startswith(f"{package}.")) and MARKS in vars(module):
@@ -343,9 +356,18 @@ def _installed(entry: EntryPoint) -> list[Registered]:
     return found
 
 
-def _unusable(error: Exception, file: str, what: str) -> Exception:
-    line = line_in(error, file)
-    return refused("", f"{type(error).__name__}: {error}", "", f"{what} {file}{f':{line}' if line else ''}")
+def _load(load: Callable[[], object], file: str, what: str) -> None:
+    """Execute a module from outside, which may raise anything.
+
+    Raises:
+        ScenarioError: it did; with the line.
+    """
+    try:
+        load()
+    except Exception as error:
+        line = line_in(error, file)
+        found = f"{type(error).__name__}: {error}"
+        raise refused("", found, "", f"{what} {file}{f':{line}' if line else ''}") from error
 
 
 def registered_in(module: ModuleType, kind: str) -> dict[str, Registered]:

@@ -142,7 +142,7 @@ def key(default: object, description: str = "", *examples: object, derived: str 
 
 
 EXTENSION = "of an extension"
-"""The tag of a group of keys for every word that is nobody's of ours: one that an extension registers."""
+"""The tag of a group of keys for every word that is none of ours: one that an extension registers."""
 
 
 def one_of(key: str, default: str, ours: Sequence[str]) -> Discriminator:

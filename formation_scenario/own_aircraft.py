@@ -46,10 +46,8 @@ def _model(entry: Registered, parameters: dict[Key, Plain]) -> dict[Key, Plain]:
     Raises:
         ScenarioError: it raised an error, or its model isn't allowed.
     """
-    try:
-        said = entry.instance({str(name): value for name, value in parameters.items()}).model()
-    except Exception as error:
-        raise refused(f"{entry}", entry.said(error)) from error
+    keys = {str(name): value for name, value in parameters.items()}
+    said = entry.call(lambda: entry.instance(keys).model(), lambda why: refused(f"{entry}", why))
     if not isinstance(said, dict):
         raise refused(f"{entry}", f"found {kind(said)} ({entry.where})", "a mapping of the keys of `model`")
     source = Source(entry.where, plain_mapping(said))

@@ -126,10 +126,10 @@ def _allow_extensions(generated: Schema, registry: Registry) -> None:
     for name, word, kinds, ours in NAMED:
         if name in groups:
             _allow_named(groups[name]["properties"], word, [*ours, *registry.names(*kinds)], registry.of(*kinds))
-    nobody = [name for name in ONLY_OF_EXTENSIONS if not registry.of(*NAMED_KINDS[name])]
-    for name in nobody:
+    unregistered = [name for name in ONLY_OF_EXTENSIONS if not registry.of(*NAMED_KINDS[name])]
+    for name in unregistered:
         del groups[name]
-    _without(generated, [{"$ref": f"#/$defs/{name}"} for name in nobody])
+    _without(generated, [{"$ref": f"#/$defs/{name}"} for name in unregistered])
     known = {each.name: _or(_keys_of(each), NULL) for each in registry.of(*SWITCHED, METRIC)}
     allowed: Schema = {"properties": known, "additionalProperties": False}
     generated["properties"]["extensions"] = _said(generated["properties"]["extensions"]) | {"type": "object"} | allowed

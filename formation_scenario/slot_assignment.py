@@ -244,10 +244,10 @@ def shape_slots(scenario: Members, arrangement: Arrangement, followers: int) -> 
     if entry is None:
         known = (*SHAPE_NAMES, *scenario.registered.names(SHAPE))
         raise ValueError(f"found shape '{name}'; allowed: {', '.join(known)}{did_you_mean(name, known)}")
-    try:
-        found = slots(name, followers, spacing_m, entry.instance(arrangement.parameters))
-    except Exception as error:
-        raise ValueError(f"found no slots by shape '{name}': {entry.said(error)}") from error
+    found = entry.call(
+        lambda: slots(name, followers, spacing_m, entry.instance(arrangement.parameters)),
+        lambda why: ValueError(f"found no slots by shape '{name}': {why}"),
+    )
     if not np.isfinite(found).all():
         raise ValueError(f"found a slot by shape '{name}' that isn't finite ({entry.where})")
     return found

@@ -183,7 +183,7 @@ class TcpListener(Transport):
         while len(self._clients) < MOST_CLIENTS:
             try:
                 connected, sender = self._listening.accept()
-            except OSError:  # nobody else waits, or who did has gone
+            except OSError:  # no other client waits, or it has gone
                 return
             stream = Stream(connected, Address(sender[0], sender[1]))
             self._clients[stream.peer] = stream

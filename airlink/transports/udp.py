@@ -1,6 +1,6 @@
 """UDP: sockets, datagrams received in batches, and the two ways of using them.
 
-`udpin` listens at an address and answers whoever sends to it; `udpout` sends to one address.
+`udpin` listens at an address and answers its senders; `udpout` sends to one address.
 """
 
 from __future__ import annotations

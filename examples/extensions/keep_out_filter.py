@@ -28,7 +28,7 @@ class KeepOut(SetpointFilter):
             heading_rad = self._tangent_rad(vehicle)
             if heading_rad is not None:
                 vehicle.replace(heading_rad=heading_rad)
-                cycle.event("keep_out", "turned aside from the obstacle", vehicle)
+                cycle.event("keep_out", "turned away from the obstacle", vehicle)
 
     def _tangent_rad(self, vehicle: Vehicle) -> float | None:
         """Return the heading along the nearer tangent; None for a vehicle whose way doesn't lead near."""

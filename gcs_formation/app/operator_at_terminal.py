@@ -72,7 +72,7 @@ class RunOptions:
             found = f"found {self.speedup:g} under the virtual clock, which is as fast as the processor allows"
             raise ValueError(f"speedup: {found}; allowed: none, or the real clock")
         if self.clock == "virtual" and self.forward:
-            found = f"found {self.forward[0].endpoint} under the virtual clock, in which nobody else lives"
+            found = f"found {self.forward[0].endpoint} under the virtual clock, which has no other programs"
             raise ValueError(f"forward: {found}; allowed: none, or the real clock")
         if self.until_s is not None and not _is_number(self.until_s, 0.0, sys.float_info.max):
             raise ValueError(f"until: found {self.until_s!r}; allowed: a number >= 0")

@@ -278,7 +278,7 @@ class Session:
         return summary
 
     def _opened_sinks(self) -> Sinks | None:
-        """Return the flight's recorders from outside, which are told every tick; None if it has none."""
+        """Return the flight's recorders from outside, which receive every tick; None if it has none."""
         found = sinks(self.scenario, self.recorder.path)
         if found is not None:
             self.recorder.tell_ticks_to(found.tick)

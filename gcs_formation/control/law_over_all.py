@@ -13,7 +13,7 @@ from formation_scenario.slot_assignment import column_ids
 from formation_scenario.slot_frame import axis_rad
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
-from gcs_formation.control.outside import guarded, made
+from gcs_formation.control.outside import guarded, made, three_numbers
 from gcs_formation.control.plain_values import FollowerSlot, plain_state, vehicle_name
 from gcs_formation.control.setpoint import Envelope, formation_error
 from gcs_formation.control.situation import Decided, Law, Situation
@@ -72,12 +72,11 @@ class LawOverAll(Law):
     def _within(self, column: int, state: FlightState, found: dict[Any, Any]) -> Triple:
         identity = self._identities[column]
         assert identity is not None
-        try:
-            speed, heading, height = found[vehicle_name(identity)]
-            wanted = float(speed), float(heading), float(height)
-        except Exception as error:
-            text = f"no three numbers for vehicle {identity}: {self._entry.said(error)}"
-            raise NotFiniteError(str(self._entry), None, text) from error
+        name, entry = vehicle_name(identity), self._entry
+        wanted = entry.call(
+            lambda: three_numbers(found[name]),
+            lambda why: NotFiniteError(str(entry), None, f"no three numbers for vehicle {identity}: {why}"),
+        )
         if not all_finite(wanted):
             values = f"speed {wanted[0]:.6g} m/s, heading {wanted[1]:.6g} rad, height {wanted[2]:.6g} m"
             raise NotFiniteError(f"{self._entry} ({self._entry.where})", column, f"setpoint: {values}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar
 
 from flight_model.slot import Triple, all_finite
@@ -18,10 +18,7 @@ def made(entry: Registered, keys: Mapping[str, Any], **given: Any) -> Any:  # no
     Raises:
         RunAbortedError: it raised an error while it was made.
     """
-    try:
-        return entry.instance(keys, **given)
-    except Exception as error:
-        raise RunAbortedError(f"{entry} can't begin: {entry.said(error)}") from error
+    return entry.call(lambda: entry.instance(keys, **given), lambda why: RunAbortedError(f"{entry} can't begin: {why}"))
 
 
 def guarded(entry: Registered, call: Callable[[], Result]) -> Result:
@@ -30,12 +27,13 @@ def guarded(entry: Registered, call: Callable[[], Result]) -> Result:
     Raises:
         NotFiniteError: it raised an error; the text has its file and line.
     """
-    try:
-        return call()
-    except NotFiniteError:
-        raise
-    except Exception as error:
-        raise NotFiniteError(str(entry), None, entry.said(error)) from error
+    return entry.call(call, lambda why: NotFiniteError(str(entry), None, why), (NotFiniteError,))
+
+
+def three_numbers(values: Iterable[Any]) -> Triple:
+    """Return three numbers as floats; ValueError or TypeError if they are something else."""
+    first, second, third = values
+    return float(first), float(second), float(third)
 
 
 class Feedback:
@@ -53,11 +51,7 @@ class Feedback:
         """
         law = self._law
         law.replaced = replaced
-        try:
-            speed, heading, height = law.feedback(mixed, slopes, dt_s)
-            output = float(speed), float(heading), float(height)
-        except Exception as error:
-            raise NotFiniteError(str(self._entry), None, self._entry.said(error)) from error
+        output = guarded(self._entry, lambda: three_numbers(law.feedback(mixed, slopes, dt_s)))
         if not all_finite(output):
             values = "speed {:.6g} m/s, heading {:.6g} rad, height {:.6g} m".format(*output)
             raise NotFiniteError(f"{self._entry} ({self._entry.where})", self._column, f"feedback: {values}")

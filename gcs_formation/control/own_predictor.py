@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -74,11 +74,8 @@ class OwnPrediction(States):
 
     def _predicted(self, which: int, whose: int) -> FlightState:
         vehicle, follower, to_s = self._seen[which], self._seen[whose], self.instant(whose) / NANOSECONDS
-        try:
-            values = [float(each) for each in self._own.predict(vehicle, to_s, follower)]
-            north_m, east_m, height_m, airspeed_mps, heading_rad, climb_mps, wind_north_mps, wind_east_mps = values
-        except Exception as error:
-            raise NotFiniteError(str(self._entry), None, self._entry.said(error)) from error
+        values = guarded(self._entry, lambda: _eight_numbers(self._own.predict(vehicle, to_s, follower)))
+        north_m, east_m, height_m, airspeed_mps, heading_rad, climb_mps, wind_north_mps, wind_east_mps = values
         if not math.isfinite(sum(values)):
             shown = ", ".join([f"{name} {value:.6g}" for name, value in zip(State._fields, values, strict=True)])
             raise NotFiniteError(f"{self._entry} ({self._entry.where})", which, f"state: {shown}")
@@ -112,3 +109,10 @@ class OwnPrediction(States):
         if self._history.empty:
             return Setpoint(math.nan, math.nan, math.nan)
         return Setpoint(*self._history.commanded(round(at_s * NANOSECONDS), column))
+
+
+def _eight_numbers(values: Iterable[Any]) -> list[float]:
+    found = [float(each) for each in values]
+    if len(found) != len(State._fields):
+        raise ValueError(f"found {len(found)} numbers; allowed: {len(State._fields)}")
+    return found

@@ -80,12 +80,13 @@ def own_autopilot(entry: Registered, keys: Mapping[str, Any], craft: Craft) -> A
     Raises:
         RunAbortedError: it can't begin.
     """
-    try:
+
+    def begun() -> Autopilot:
         autopilot: Autopilot = _held(entry).of(craft)
         autopilot.keys = entry.keys_model.model_validate(keys)
-    except Exception as error:
-        raise RunAbortedError(f"{entry} can't begin: {entry.said(error)}") from error
-    return autopilot
+        return autopilot
+
+    return entry.call(begun, lambda why: RunAbortedError(f"{entry} can't begin: {why}"))
 
 
 def _held(entry: Registered) -> type[Autopilot]:
@@ -123,9 +124,9 @@ def _method(entry: Registered, name: str, value: Any, base: type[Autopilot]) -> 
     def held(self: Autopilot, *args: object, **kwargs: object) -> object:
         if self.failure is None:
             try:
-                return own(self, *args, **kwargs)
-            except Exception as error:  # noqa: BLE001 - of code from outside
-                self.failure = NotFiniteError(str(entry), None, entry.said(error))
+                return entry.call(lambda: own(self, *args, **kwargs), lambda why: NotFiniteError(str(entry), None, why))
+            except NotFiniteError as error:
+                self.failure = error
         if name in NOTHING and getattr(ours, "__isabstractmethod__", False):
             return NOTHING[name]
         return ours(self, *args, **kwargs) if callable(ours) else ours

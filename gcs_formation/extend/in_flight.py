@@ -61,8 +61,8 @@ class OnTicks:
         for column, wanted in self.by_program.items():
             if tick.active[column]:
                 self._replace(tick, "the program", column, wanted)
-        told, replaced = tick.setpoints[tick.leader], tick.replaced[tick.leader]
-        self._leads_by = tuple(value if by else None for value, by in zip(told, replaced, strict=True))
+        sent, replaced = tick.setpoints[tick.leader], tick.replaced[tick.leader]
+        self._leads_by = tuple(value if by else None for value, by in zip(sent, replaced, strict=True))
         return None
 
     def goes_on(self, guided: Triple) -> Triple:

@@ -1,6 +1,6 @@
 """The functions that register a class: each notes it in the namespace of the module that it is written in.
 
-So a registration belongs to whoever loads that module, and a module that is only imported changes nothing.
+So a registration belongs to the run that loads that module, and a module that is only imported changes nothing.
 """
 
 from __future__ import annotations

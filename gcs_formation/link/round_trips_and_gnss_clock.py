@@ -339,11 +339,11 @@ class RoundTrips:
     def measure(self, answer: Timesync, now: Instant) -> bool:
         """Update delay and clock with an answer that arrived now; return whether the vehicle's clock has restarted."""
         sent = Instant(answer.ts1_ns)
-        anew = self.clock.observe(sent, answer.tc1_ns, now)
-        if anew:
+        restarted = self.clock.observe(sent, answer.tc1_ns, now)
+        if restarted:
             self.stamps = self._new_stamps()
         if self.own is not None:
-            self._take_own(self.own, sent, answer.tc1_ns, now, anew)
+            self._take_own(self.own, sent, answer.tc1_ns, now, restarted)
         if self.gnss is not None:
             self.gnss.probe(sent, answer.tc1_ns, now)
         one_way_s = self.clock.last_one_way_s()
@@ -352,12 +352,12 @@ class RoundTrips:
         write_f64_le(self.delays, one_way_s)
         write_f64_le(self.delays, up_s)
         write_f64_le(self.delays, down_s)
-        return anew
+        return restarted
 
-    def _take_own(self, own: OwnDelays, sent: Instant, vehicle_ns: int, now: Instant, anew: bool) -> None:
+    def _take_own(self, own: OwnDelays, sent: Instant, vehicle_ns: int, now: Instant, restarted: bool) -> None:
         """Have the delays estimated from outside; our clock maps stamps by their asymmetry."""
         clock = self.clock
-        if anew:
+        if restarted:
             own.reset()
         usual_s = max(0.0, clock.one_way_s + clock.split_s), max(0.0, clock.one_way_s - clock.split_s)
         up_s, down_s = own.take(sent, vehicle_ns, now, self._loop_s, usual_s)

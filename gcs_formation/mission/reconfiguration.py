@@ -291,7 +291,7 @@ class Reconfiguration:
         """Make the successor the leader at once; the others move to their slots behind it as soon as possible."""
         successor = self.successor(sinking, now)
         if successor is not None:
-            self._changing = ""  # a change behind the lost leader is void; the move behind another is nobody's plan
+            self._changing = ""  # a change behind the lost leader is void; the move behind another isn't planned
             self._hand_over(successor, *self._take_over(successor, now), now)
             self._want(self._wanted or self._controller.plan.arrangement, now)
 

@@ -99,8 +99,8 @@ class Cluster:
         if self._shipment is None or not self._shipment.is_for(task):
             self._shipment = Shipment(task.study, task.base)
             self._send(None)
-        told = task.planned, task.directory, self._shipment.digest
-        return self._client.submit(fly_shipped, *told, pure=False, retries=TRIES)
+        job = task.planned, task.directory, self._shipment.digest
+        return self._client.submit(fly_shipped, *job, pure=False, retries=TRIES)
 
     def _kept(self, task: Task, tasks: deque[Task], flown: Flown | Lacking) -> Iterator[dict[str, Any]]:
         """Yield a flight's row when its record is kept; queue it again if its worker lacked what it needs."""

@@ -99,7 +99,7 @@ def _unmet_conditions(study: Study, read: Source) -> Iterator[Problem]:
 
 
 def _unknown_metrics(study: Study, read: Source) -> Iterator[Problem]:
-    """Yield figures that nobody knows."""
+    """Yield unknown figures."""
     known = [*FIGURES, *study.registered.names(METRIC)]
     named: list[tuple[KeyPath, str]] = [(("metrics", i), name) for i, name in enumerate(study.metrics)]
     named += [(("expect", i, "metric"), each.metric) for i, each in enumerate(study.expect)]

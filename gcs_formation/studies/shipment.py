@@ -1,6 +1,6 @@
 """What a study's flights need, on its way to a worker on another machine; and a flight there.
 
-A worker may share no disk with whoever began the study. It is sent everything once: the study, its scenario, what
+A worker may share no disk with the study's process. It is sent everything once: the study, its scenario, what
 extensions register (by the content of their files) and the files that keys name. It unpacks them below its own
 directory, in a folder named by their hash, and each flight there reads them from it. A worker that doesn't have the
 folder, because it came later or was started again, says so and is sent everything then. So nothing depends on what a

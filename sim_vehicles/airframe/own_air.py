@@ -31,7 +31,7 @@ class OwnAir:
         """Make the instances of the `index`-th disturbance.
 
         Raises:
-            ExtensionError: one can't begin, or nobody registers it.
+            ExtensionError: one can't begin, or it isn't registered.
         """
         entry = config.registered.get(keys.kind, DISTURBANCE)
         if entry is None:

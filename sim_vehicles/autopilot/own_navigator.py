@@ -24,7 +24,7 @@ class OwnNavigator:
         """Make the vehicle's instance.
 
         Raises:
-            ExtensionError: it can't begin, or nobody registers it.
+            ExtensionError: it can't begin, or it isn't registered.
         """
         entry = registry.get(keys.source, NAVIGATION)
         if entry is None:
