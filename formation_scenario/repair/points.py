@@ -127,7 +127,10 @@ class Points:
             if self._spline or math.isfinite(known_m) or last - first > 1:
                 self._rises[leg] = min(known_m, factor * rise_m)
             else:
-                self._rises[leg] = min(_flown_m(draft.scenario, end, float(at_m[end] - at_m[begin])), rise_m)
+                # A detour between two legs is flown level: a leg has no more room than between its own waypoints.
+                leg_m = float(np.hypot(*(self._flat[leg + 1] - self._flat[leg])))
+                most_m = _flown_m(draft.scenario, end, min(leg_m, float(at_m[end] - at_m[begin])))
+                self._rises[leg] = min(most_m, rise_m)
 
     def _built(self) -> Draft | None:
         """Return the draft with all that is known, None if heights contradict each other."""

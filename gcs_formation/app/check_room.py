@@ -72,7 +72,10 @@ def little_left(scenario: Scenario) -> Iterator[str]:
     for key, speed in {**legs, **orders}.items():
         if speed is None or not all(low <= speed <= high for low, high in map(scenario.speeds_mps, scenario.vehicles)):
             continue
-        flown = points.only(scenario.speeds.near(at_m, speed)) if key in legs else points
+        near = scenario.speeds.near(at_m, speed) if key in legs else np.ones(at_m.size, dtype=np.bool_)
+        if not near.any():  # of a leg that is too short to reach its speed
+            continue
+        flown = points.only(near)
         sides = zip(*(_left(scenario, flown, step, speed) for step in steps), strict=True)
         for left_mps, found in (min((found for each in side for found in each), default=PLENTY) for side in sides):
             if left_mps < wanted_mps:

@@ -9,6 +9,7 @@ from textwrap import wrap
 import numpy as np
 from matplotlib.axes import Axes
 
+from flight_model.arrays import Array
 from flight_model.fence_geometry import FenceAreas
 from flight_model.path import FlightPath, PathError
 from formation_scenario import Scenario
@@ -19,6 +20,8 @@ from gcs_formation.report import style
 POINTS = 4000
 NUMBERED = 60
 """Up to this number of waypoints they are numbered."""
+APART = 0.02
+"""Distance of numbered waypoints, as a share of the mission's extent."""
 LISTED = 12
 """Number of marks that are explained below."""
 HEIGHT_CM, LINE_CM = 15.0, 0.32
@@ -38,7 +41,7 @@ def draw_plan(scenario: Scenario, violations: Sequence[Violation], file: Path, r
     Raises:
         OSError: a file that can't be written.
     """
-    repaired = repair.found.scenario if repair is not None and repair.changes else None
+    repaired = repair.found.scenario if repair is not None and repair.changes and repair.flies else None
     placed = (each for each in violations if each.waypoint is not None or np.isfinite(each.at_m))
     marked = sorted(placed, key=lambda each: (each.at_m if np.isfinite(each.at_m) else 0.0, each.waypoint or 0))
     said = [line for number, each in enumerate(marked[:LISTED], 1) for line in _said(f"{number}", each, repair)]
@@ -79,12 +82,22 @@ def _from_above(axes: Axes, scenario: Scenario, marked: Sequence[Violation], rep
             points = path.at(np.linspace(0.0, path.length_m, POINTS))
             axes.plot(points.east_m, points.north_m, color=colour, lw=style.LINE, label=name)
     axes.plot(waypoints[:, 1], waypoints[:, 0], ".", color=style.INK, ms=3.0)
-    for index, (north_m, east_m, _) in enumerate(waypoints.tolist() if len(waypoints) <= NUMBERED else ()):
+    for index in _numbered(waypoints[:, :2]) if len(waypoints) <= NUMBERED else ():
+        north_m, east_m, _ = waypoints[index]
         axes.annotate(str(index), (east_m, north_m), (3, 3), textcoords="offset points", fontsize=style.FONT_PT - 2.0)
     _marks(axes, [(east_m, north_m) for north_m, east_m in _places(scenario, marked)])
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="east, m", ylabel="north, m")
     axes.legend(loc="best", fontsize=style.FONT_PT - 1.5)
+
+
+def _numbered(places: Array) -> list[int]:
+    """Return the waypoints that are numbered: of those whose numbers would lie on one another, the first."""
+    apart_m, found = APART * float(np.ptp(places, axis=0).max()), list[int]()
+    for index, place in enumerate(places):
+        if all(np.hypot(*(place - places[other])) >= apart_m for other in found):
+            found.append(index)
+    return found
 
 
 def _fence(axes: Axes, sides: FenceAreas | None) -> None:

@@ -16,12 +16,13 @@ import gcs_formation
 from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.extensions import load_extensions
 from formation_scenario.schema import scenario_schema
-from gcs_formation.record.run_directory import EVENTS, SCENARIO, TIMESERIES
+from gcs_formation.record.run_directory import SCENARIO, TIMESERIES
 from gcs_formation.report.page import write_report
 from gcs_formation.studies import Study
 from gcs_formation.studies.compare import _settings, named_laws
 from gcs_formation.studies.flight import Task, fly
 from gcs_formation.studies.plan import Planned
+from tests.flights.own_files import HEAD, events, flown, keys, own
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "extensions"
 CONTRACT = """
@@ -45,35 +46,6 @@ class Ceiling(SetpointFilter):
                 vehicle.replace(height_m=self.keys.top_m)
                 cycle.event("ceiling", "held under it", vehicle)
 """
-HEAD = "from pydantic import BaseModel\nfrom gcs_formation.extend import *\n"
-
-
-def keys(**more: Any) -> dict[str, Any]:
-    return {
-        "name": "own",
-        "duration_s": 14,
-        "vehicles": {"count": 3},
-        "start": {"in_air": True, "run_in_s": 6},
-        "finish": {"loiter_s": 1},
-        "formation": {"shape": "arrow", "spacing_m": 30},
-        "path": {"waypoints_m": [[0, 0, 100], [2000, 0, 100], [4000, 0, 100]]},
-        **more,
-    }
-
-
-def own(tmp_path: Path, code: str, name: str = "own.py") -> Path:
-    file = tmp_path / name
-    file.write_text(code, encoding="utf-8")
-    return file
-
-
-def events(run: Path, kind: str) -> list[dict[str, Any]]:
-    found = [json.loads(line) for line in (run / EVENTS).read_text(encoding="utf-8").splitlines()]
-    return [each for each in found if each["kind"] == kind]
-
-
-def flown(tmp_path: Path, plugin: Path, **more: Any) -> gcs_formation.Summary:
-    return gcs_formation.run(keys(**more), clock="virtual", out=tmp_path / "run", plugins=[plugin])
 
 
 @pytest.fixture(scope="module")
@@ -107,8 +79,8 @@ def test_followers_take_a_leader_that_a_filter_holds_to_go_on_as_it_was_commande
 
 def test_an_event_that_is_raised_tick_after_tick_is_one_and_nobody_disobeys(climb):
     home, _ = climb
-    assert sorted(each["vehicle"] for each in events(home / "run", "ceiling") if each["t_s"] < 40) == ["1", "2", "3"]
-    assert not events(home / "run", "disobeys")
+    assert sorted(each["vehicle"] for each in events(home, "ceiling") if each["t_s"] < 40) == ["1", "2", "3"]
+    assert not events(home, "disobeys")
 
 
 def test_the_record_names_what_was_used_and_is_flown_again_only_with_it(climb):
@@ -157,7 +129,7 @@ def test_the_example_of_a_filter_keeps_everybody_away_from_an_obstacle(tmp_path)
     found = pq.read_table(tmp_path / "run" / TIMESERIES).to_pydict()
     north_m, east_m = np.array(found["true_north_m"]), np.array(found["true_east_m"])
     assert np.nanmin(np.hypot(north_m - 600, east_m - 15)) > 40, "it turns with a lag"
-    assert {each["vehicle"] for each in events(tmp_path / "run", "keep_out")} == {"1", "3"}, "2 is beyond the leader"
+    assert {each["vehicle"] for each in events(tmp_path, "keep_out")} == {"1", "3"}, "2 is beyond the leader"
 
 
 def test_the_examples_of_monitor_recorder_and_metric(tmp_path):
@@ -169,7 +141,7 @@ def test_the_examples_of_monitor_recorder_and_metric(tmp_path):
     summary = flown(tmp_path, own(tmp_path, code), expect=expect, **more)
     (verdict,) = summary.figures["expect"]
     assert verdict["held"], verdict
-    assert {each["vehicle"] for each in events(tmp_path / "run", "in_slot")} == {"2", "3"}
+    assert {each["vehicle"] for each in events(tmp_path, "in_slot")} == {"2", "3"}
     lines = [json.loads(line) for line in (tmp_path / "run" / "positions.jsonl").read_text().splitlines()]
     assert sum("vehicles" in line for line in lines) > 200
     assert any(line.get("kind") == "in_slot" for line in lines)

@@ -92,3 +92,16 @@ def test_the_plan_is_drawn_of_what_flies_and_of_what_does_not(tmp_path: Path) ->
         assert check(tmp_path, {"waypoints_m": waypoints}, "--plan", str(file))[0] == status
         assert file.read_bytes().startswith(b"\x89PNG")
     assert check(tmp_path, {"waypoints_m": LOW}, "--plan", str(tmp_path / "plan.pdf"))[0] == 2
+
+
+def test_a_mission_that_ends_with_a_short_steep_leg_behind_a_detour_is_repaired_by_that_height_alone(
+    tmp_path: Path,
+) -> None:
+    mission, out = Path(__file__).parents[2] / "missions" / "delivery.waypoints", tmp_path / "out.yaml"
+    code, said = check(tmp_path, {"file": str(mission)}, "--repair", str(out), vehicles={"count": 4})
+    assert code == 0
+    assert [line for line in said.splitlines() if line.startswith("path.waypoints_m.")] == [
+        "path.waypoints_m.34: moved 5.0 m up, from [-86.259813, -10791.829, 35] to [-86.259813, -10791.829, 40]"
+    ]
+    checked = CliRunner().invoke(main, ["check", str(out)])
+    assert (checked.exit_code, checked.exception) == (0, None)
