@@ -111,6 +111,8 @@ class Consistency:
         self.axes = [Axis() for _ in range(axes)]
         self.wrong: int | None = None
         """Which quantity isn't believed: `POSITION`, `VELOCITY`, or None."""
+        self.doubts_velocity = False
+        """Whether the other axes of this velocity are already known to be wrong."""
         self.lasts = False
         """Whether it has been wrong again since: it isn't a single jump."""
         self.evidence_m = 0.0
@@ -223,6 +225,8 @@ class Consistency:
         faster = math.hypot(*[axis.moved_m for axis in self.axes]) > self._fastest_mps * elapsed_s
         if faster or self._unchanged[POSITION] >= UNCHANGED:
             return POSITION
+        if self.doubts_velocity:
+            return VELOCITY
         if self._unchanged[VELOCITY] >= UNCHANGED and not any([axis.rate_mps for axis in self.axes]):
             return VELOCITY
         unlike = [axis.unlike_m for axis in self.axes]
@@ -243,7 +247,7 @@ class Consistency:
 
     def _arc(self, rate_mps: list[float]) -> float:
         """Return the ratio of an arc's chord by the mean of the velocities at its ends: tan x / x, x half its angle."""
-        if len(self.axes) < 2:  # noqa: PLR2004 - a height has no arc
+        if len(self.axes) < 2:
             return 1.0
         north, east = self.axes
         cross = north.rate_mps * rate_mps[1] - east.rate_mps * rate_mps[0]

@@ -11,7 +11,7 @@ from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from gcs_formation.estimation.estimator import Sample, VehicleFilter
 from gcs_formation.recorder import Note
-from gcs_formation.telemetry_health.consistency import POSITION, Consistency
+from gcs_formation.telemetry_health.consistency import POSITION, VELOCITY, Consistency
 from gcs_formation.vehicle.vehicle import Vehicle
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
@@ -49,6 +49,7 @@ class VehicleHealth:
             witness,
             (math.sqrt(noise[0]), math.sqrt(noise[2])),
         )
+        self.up.doubts_velocity = self.across.wrong == VELOCITY
         up = self.up.take(
             int(sample.stamp),
             [sample.height_m],
@@ -92,11 +93,13 @@ class VehicleHealth:
         found = dict[str, str]()
         for each, names in ((self.across, HORIZONTAL), (self.up, VERTICAL)):
             if each.wrong is not None:
-                quantity, instead = names[each.wrong], ("carried on by its velocity", f"that of its {names[0]} is flown")
+                instead = "carried on by its velocity" if each.wrong == POSITION else f"that of its {names[0]} is flown"
                 words = f"its {names[0]} moved {each.evidence_m:.1f} m otherwise than its velocity says"
-                found[quantity] = f"{words}: {quantity} not believed, {instead[each.wrong]}"
+                found[names[each.wrong]] = f"{words}: {names[each.wrong]} not believed, {instead}"
             elif each.displaced_m > 0.0:
                 found[names[0]] = f"its {names[0]} has jumped by {each.displaced_m:.1f} m: taken to be where it was"
+        if self.vehicle.telemetry.not_finite:
+            found["attitude"] = f"{self.vehicle.telemetry.not_finite}: flown without"
         new = [(quantity, False, text) for quantity, text in found.items() if self._reported.get(quantity) != text]
         new += [(each, True, f"its {each} is believed again") for each in self._reported if each not in found]
         self._reported = found

@@ -81,6 +81,8 @@ class Telemetry:
     airspeed_mps: float = math.nan
     airspeed_stamp_s: float = math.nan
     """Stamp of the newest position when the airspeed arrived: VFR_HUD has no stamp."""
+    hud_heading_rad: float = math.nan
+    """Heading of the newest VFR_HUD."""
     heartbeat: Heartbeat | None = None
     heartbeats: int = 0
     armed: bool = False
@@ -149,17 +151,27 @@ class Telemetry:
             self.airspeed_stamp_s = stamp_s
 
     def take_attitude(self, message: Attitude) -> None:
-        """Store an attitude."""
+        """Store an attitude; of one that isn't finite what can be used, with VFR_HUD's heading in place of its yaw."""
         if _is_attitude(message):
             self.attitude, self.not_finite = message, ""
-        else:
-            self.implausible += 1
-            self.not_finite = _first_not_finite(message)
+            return
+        self.implausible += 1
+        self.not_finite = _first_not_finite(message)
+        usable = _usable(message, self.hud_heading_rad)
+        if usable is not None:
+            self.attitude = usable
 
     def take_airspeed(self, message: VfrHud) -> None:
-        """Store an airspeed; a multirotor without a sensor gets its ground speed instead."""
+        """Store an airspeed; a multirotor without a sensor gets its ground speed instead.
+
+        A fixed wing that has told an airspeed and tells none any more has a reading of 0, which no flight explains.
+        """
+        self.hud_heading_rad = message.heading_rad
         unmeasured = self.stands and math.isnan(message.airspeed_mps)
         speed_mps = message.groundspeed_mps if unmeasured else message.airspeed_mps
+        if math.isnan(speed_mps) and abs(self.airspeed_mps) < INFINITE:
+            self.implausible += 1
+            speed_mps = 0.0
         if 0.0 <= speed_mps <= SPEED_LIMIT_MPS:
             self.airspeed_mps = speed_mps
             self.airspeed_stamp_s = self.motion.stamp_s if self.motion else math.nan
@@ -181,7 +193,7 @@ class Telemetry:
         """Forget everything that a restart invalidates."""
         self.motion = self.attitude = self.heartbeat = self.custom_mode = None
         self.armed, self.flight_status = False, m.MAV_STATE_UNINIT
-        self.airspeed_mps = self.airspeed_stamp_s = math.nan
+        self.airspeed_mps = self.airspeed_stamp_s = self.hud_heading_rad = math.nan
         self.ekf_flags = self.sensors_healthy = 0
         self.landed_state, self.home_m = m.MAV_LANDED_STATE_UNDEFINED, None
 
@@ -241,6 +253,15 @@ def _is_attitude(message: Attitude) -> bool:
         and -TURN_LIMIT_RPS <= message.yawspeed_radps <= TURN_LIMIT_RPS
         and abs(message.time_boot_s) < INFINITE
     )
+
+
+def _usable(message: Attitude, heading_rad: float) -> Attitude | None:
+    """Return an attitude with what the control law needs of it, or with a heading in place of its yaw; None without."""
+    yaw_rad, yaw_rps = message.yaw_rad, message.yawspeed_radps
+    yaw_rad = yaw_rad if -ANGLE_LIMIT_RAD <= yaw_rad <= ANGLE_LIMIT_RAD else heading_rad
+    yaw_rps = yaw_rps if -TURN_LIMIT_RPS <= yaw_rps <= TURN_LIMIT_RPS else 0.0
+    usable = abs(message.time_boot_s) < INFINITE and -ANGLE_LIMIT_RAD <= yaw_rad <= ANGLE_LIMIT_RAD
+    return Attitude(message.time_boot_s, 0.0, 0.0, yaw_rad, 0.0, 0.0, yaw_rps) if usable else None
 
 
 def _first_not_finite(message: Message) -> str:
