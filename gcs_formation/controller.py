@@ -95,8 +95,10 @@ class FormationController:
         self.lags = from_scenario.lag_estimator(scenario, self.history, self.models)
         self._projection = from_scenario.projection(scenario, self.history, self.models)
         self.fence, self.floor = FenceLimits(scenario, self.models), HeightFloor(scenario, self.models)
-        self.heights = HeightBound(self.models, self._dt_s)
-        self.separation = ConflictResolver(scenario, self.history, self.models)
+        self.separation, self._heights = (
+            ConflictResolver(scenario, self.history, self.models),
+            HeightBound(self.models, self._dt_s),
+        )
         self._turn_rps, self._straight_on = 0.0, StraightOn(self.models, hovers=scenario.hovers)
         self._leader_commands = LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
@@ -241,7 +243,7 @@ class FormationController:
         if self._outside is not None and self.fault is None:
             self.fault = self._outside.filter(tick)
         if self.fault is None:
-            self.heights.keep(tick, self._leader_m, self._slots_m)
+            self._heights.keep(tick, self._leader_m, self._slots_m)
         self.fence.keep(tick)
         if self.columns > 1:
             self.separation.keep(tick, measured, self.plan.apart_m(tick.now / NANOSECONDS))

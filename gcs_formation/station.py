@@ -82,8 +82,10 @@ class Station(Engine):
         self.flight, self._membership, self.margins = self.course.flight, membership, MarginWatch(scenario, *fleet)
         self._senders = Senders(self.vehicles, self.networks, self.flight, note, self.course.fail, scenario.station.ids)
         self._flood, self._telemetry, self.down = FloodWatch(note), TelemetryWatch(*fleet), DownWatch(self.vehicles)
-        self._pilots_and_fence = PilotsAndFence(scenario, *fleet)
-        self._health = TelemetryHealth(self.vehicles, self.controller.estimator.filters, self.controller.models, note)
+        self._pilots_and_fence, self._health = (
+            PilotsAndFence(scenario, *fleet),
+            TelemetryHealth(self.vehicles, self.controller.estimator.filters, self.controller.models, note),
+        )
         self.design = DesignWatch(scenario, self.vehicles, (self.controller.retune, self.margins.retune), note)
         self._common_clock, self._takeover = CommonClock(self.vehicles, utc_at_0_s, note), Takeover(resumed, *fleet)
         self._starting = Starting(

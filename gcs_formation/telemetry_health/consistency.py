@@ -227,7 +227,7 @@ class Consistency:
             return POSITION
         if self.doubts_velocity:
             return VELOCITY
-        if self._unchanged[VELOCITY] >= UNCHANGED and not any([axis.rate_mps for axis in self.axes]):
+        if self._unchanged[VELOCITY] >= UNCHANGED and not any(axis.rate_mps for axis in self.axes):
             return VELOCITY
         unlike = [axis.unlike_m for axis in self.axes]
         if math.isnan(sum(unlike)):

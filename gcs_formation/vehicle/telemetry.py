@@ -39,6 +39,9 @@ INFINITE: Final = math.inf
 TURN_LIMIT_RPS: Final = 50.0
 ALTITUDE_LIMIT_M: Final = 100e3
 """Limits of plausible values for an aircraft."""
+ALONE: Final = 5
+ALONE_S: Final = 1.5
+"""An airspeed or attitude is flown without after so many positions alone, over this time, s."""
 APART_LIMIT_S: Final = 2.0
 """Largest difference of stamps between a position and the attitude and airspeed paired with it, s."""
 
@@ -100,6 +103,11 @@ class Telemetry:
     """Messages dropped because an aircraft can't have sent such values."""
     not_finite: str = ""
     """Name and value of the first field that isn't finite in the newest attitude, empty if all are."""
+    _without_airspeed: int = 0
+    _without_attitude: int = 0
+    """Positions since the last airspeed and attitude that were told, whose stamps are the next two."""
+    _airspeed_told_s: float = math.nan
+    _attitude_told_s: float = math.nan
     texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
     texts_reported: int = 0
     """Number of complete texts received."""
@@ -144,22 +152,36 @@ class Telemetry:
             return
         north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
         stamp_s = message.time_boot_s
+        self._without_airspeed += 1
+        self._without_attitude += 1
+        if (self._without_airspeed > ALONE or self._without_attitude > ALONE) and self.complete:
+            self._fly_without(stamp_s)
         self.motion = ReportedMotion(
             stamp_s, north_m, east_m, -down_m, message.vx_mps, message.vy_mps, -message.vz_mps, message.relative_alt_m
         )
         if math.isnan(self.airspeed_stamp_s):
             self.airspeed_stamp_s = stamp_s
 
+    def _fly_without(self, stamp_s: float) -> None:
+        """Replace an airspeed or an attitude that is no longer told: no airspeed is a reading of 0, as in VFR_HUD."""
+        if self._without_airspeed > ALONE and stamp_s - self._airspeed_told_s > ALONE_S and not self.stands:
+            self.airspeed_mps, self.airspeed_stamp_s = 0.0, stamp_s
+        known = self._without_airspeed <= ALONE and abs(self.hud_heading_rad) < INFINITE
+        if self._without_attitude > ALONE and stamp_s - self._attitude_told_s > ALONE_S and known:
+            self.attitude = Attitude(stamp_s, 0.0, 0.0, self.hud_heading_rad, 0.0, 0.0, 0.0)
+
     def take_attitude(self, message: Attitude) -> None:
         """Store an attitude; of one that isn't finite what can be used, with VFR_HUD's heading in place of its yaw."""
         if _is_attitude(message):
             self.attitude, self.not_finite = message, ""
+            self._without_attitude, self._attitude_told_s = 0, message.time_boot_s
             return
         self.implausible += 1
         self.not_finite = _first_not_finite(message)
         usable = _usable(message, self.hud_heading_rad)
         if usable is not None:
             self.attitude = usable
+            self._without_attitude, self._attitude_told_s = 0, message.time_boot_s
 
     def take_airspeed(self, message: VfrHud) -> None:
         """Store an airspeed; a multirotor without a sensor gets its ground speed instead.
@@ -174,7 +196,8 @@ class Telemetry:
             speed_mps = 0.0
         if 0.0 <= speed_mps <= SPEED_LIMIT_MPS:
             self.airspeed_mps = speed_mps
-            self.airspeed_stamp_s = self.motion.stamp_s if self.motion else math.nan
+            self.airspeed_stamp_s = self._airspeed_told_s = self.motion.stamp_s if self.motion else math.nan
+            self._without_airspeed = 0
         else:
             self.implausible += 1
 
@@ -217,6 +240,17 @@ class Telemetry:
     def aloft(self) -> bool:
         """Whether its position is well above its home."""
         return self.motion is not None and self.motion.above_home_m > AIRBORNE_M
+
+    @property
+    def lacking(self) -> str:
+        """Which quantity is no longer told while the others are: position, attitude or airspeed; empty if all are."""
+        position_s = math.nan if self.motion is None else self.motion.stamp_s
+        if self._attitude_told_s - position_s > ALONE_S:
+            return "position"
+        if self._without_attitude > ALONE and position_s - self._attitude_told_s > ALONE_S:
+            return "attitude"
+        without = self._without_airspeed > ALONE and position_s - self._airspeed_told_s > ALONE_S
+        return "airspeed" if without and not self.stands else ""
 
     @property
     def of_one_time(self) -> bool:
