@@ -139,7 +139,7 @@ class Consistency:
         position_m: list[float],
         rate_mps: list[float],
         witness_mps: list[float],
-        sigmas: tuple[float, float],
+        variances: tuple[float, float],
     ) -> bool:
         """Take a sample; return whether what is flown, `flown_m` and `flown_mps` of each axis, differs from it.
 
@@ -148,13 +148,13 @@ class Consistency:
             position_m: of each axis.
             rate_mps: the velocity.
             witness_mps: the velocity by other quantities; NaN where there are none.
-            sigmas: standard deviations of the position's and the velocity's noise, m and m/s.
+            variances: of the position's and the velocity's noise, m² and m²/s².
         """
         elapsed_s = (stamp_ns - self._stamp_ns) * 1e-9
         if elapsed_s <= 0.0:
             return self._flies_otherwise()
         if self._stamp_ns and elapsed_s <= GAP_S:
-            self._compare(elapsed_s, position_m, rate_mps, witness_mps, sigmas)
+            self._compare(elapsed_s, position_m, rate_mps, witness_mps, variances)
         else:
             for axis in self.axes:
                 axis.clear()
@@ -177,7 +177,7 @@ class Consistency:
         position_m: list[float],
         rate_mps: list[float],
         witness_mps: list[float],
-        sigmas: tuple[float, float],
+        variances: tuple[float, float],
     ) -> None:
         arc, same_position, same_rate = self._arc(rate_mps), True, True
         for place, axis in enumerate(self.axes):
@@ -188,21 +188,21 @@ class Consistency:
                 axis.offset_m -= gained_m
         self._unchanged[POSITION] = self._unchanged[POSITION] + 1 if same_position else 0
         self._unchanged[VELOCITY] = self._unchanged[VELOCITY] + 1 if same_rate else 0
-        share, place = self._worst(elapsed_s, sigmas)
+        share, place = self._worst(elapsed_s, variances)
         self._agrees_s = self._agrees_s + elapsed_s if share < AGREES_SHARE else 0.0
         if share >= 1.0:
             self._disbelieve(place, elapsed_s)
         elif self.wrong is not None and self._agrees_s >= RETURNS_S:
-            self._believe(sigmas[0])
+            self._believe(variances[0])
 
-    def _worst(self, elapsed_s: float, sigmas: tuple[float, float]) -> tuple[float, int]:
+    def _worst(self, elapsed_s: float, variances: tuple[float, float]) -> tuple[float, int]:
         """Return the largest share that a sum has of its bound, and which of the sums that is."""
         most, worst = 0.0, 0
         for place, memory_s in enumerate(MEMORIES_S):
             square = 0.0
             for axis in self.axes:
                 square += axis.gained_m[place] * axis.gained_m[place]
-            variance = sigmas[0] * sigmas[0] + sigmas[1] * sigmas[1] * elapsed_s * memory_s / 2.0
+            variance = variances[0] + variances[1] * elapsed_s * memory_s / 2.0
             share = math.sqrt(square) / (CONSTANTS_M[place] + SIGMAS * math.sqrt(variance))
             if share > most:
                 most, worst = share, place
@@ -238,10 +238,10 @@ class Consistency:
         of_velocity = math.hypot(*[axis.unlike_m - axis.gained_m[0] for axis in self.axes])
         return VELOCITY if of_velocity > of_position else POSITION
 
-    def _believe(self, position_sigma_m: float) -> None:
+    def _believe(self, position_variance: float) -> None:
         """Believe both again; a displacement that noise explains is forgotten."""
         self.wrong, self.lasts, self._agrees_s = None, False, 0.0
-        if self.displaced_m < CONSTANTS_M[0] + SIGMAS * position_sigma_m:
+        if self.displaced_m < CONSTANTS_M[0] + SIGMAS * math.sqrt(position_variance):
             for axis in self.axes:
                 axis.offset_m = 0.0
 

@@ -53,19 +53,18 @@ class VehicleHealth:
         motion = vehicle.telemetry.motion
         told_s = UNKNOWN if motion is None else motion.stamp_s
         stamp = self._timing.take(told_s, int(sample.stamp), int(now), place_m, velocity_mps, longest_s)
+        if self._timing.standing:
+            return sample
         airspeed_mps, heading_rad = sample.airspeed_mps, sample.heading_rad
         witness = [UNKNOWN, UNKNOWN]
         if not vehicle.telemetry.stands:
             airspeed_mps = self._airspeed.take(stamp, airspeed_mps, math.sqrt(noise[4]))
             heading_rad = self._heading.take(stamp, heading_rad, *velocity_mps, math.sqrt(noise[5]))
             witness = _by_air(airspeed_mps, heading_rad, known.state)
-        across_sigmas, up_sigmas = (
-            (math.sqrt(noise[0]), math.sqrt(noise[2])),
-            (math.sqrt(noise[1]), math.sqrt(noise[3])),
-        )
-        across = self._across.take(stamp, list(place_m), list(velocity_mps), witness, across_sigmas)
+        across_variances, up_variances = (noise[0], noise[2]), (noise[1], noise[3])
+        across = self._across.take(stamp, list(place_m), list(velocity_mps), witness, across_variances)
         self._up.doubts_velocity = self._across.wrong == VELOCITY
-        up = self._up.take(stamp, [sample.height_m], [sample.climb_mps], [UNKNOWN], up_sigmas)
+        up = self._up.take(stamp, [sample.height_m], [sample.climb_mps], [UNKNOWN], up_variances)
         as_told = airspeed_mps == sample.airspeed_mps and heading_rad == sample.heading_rad and stamp == sample.stamp
         if as_told and not across and not up:
             return sample
