@@ -333,12 +333,13 @@ class Station(Engine):
         if self.flight.phase not in COMMANDED:
             return
         samples: list[Sample | None] = [None] * self.controller.columns
-        leader = self.controller.plan.leader
+        leader, commanded = self.controller.plan.leader, self.last_tick
         for vehicle in self._each:
             column = vehicle.column
             leads = column == leader
             told = vehicle.sampler.new(now, flew=vehicle.flew, leads=leads)
-            samples[column] = self._health.examine(column, told, now, leads=leads)
+            height_m = math.nan if commanded is None or not commanded.active[column] else commanded.setpoints[column][2]
+            samples[column] = self._health.examine(column, told, height_m, now, leads=leads)
         self.controller.take(samples)
 
     def _fly(self, now: Instant) -> None:

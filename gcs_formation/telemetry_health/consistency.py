@@ -7,8 +7,8 @@ deviations beside a constant for what isn't noise (a CUSUM test with a leak; Bas
 Abrupt Changes", 1993, 2.2).
 
 Which of the two is wrong? A position that has moved faster than the aircraft can, or that hasn't changed by a bit; a
-velocity that is 0; else the one that agrees less with a third witness, the velocity by airspeed, heading and the wind
-known before. Without one a velocity whose opposite agrees is; else the position.
+velocity that is 0; else the one that agrees less with a third witness: the velocity by airspeed, heading and the wind
+known before, the climb by the commanded height. Without one a velocity whose opposite agrees is; else the position.
 
 - A wrong velocity is replaced by the position's own (an alpha-beta filter, led by the witness's changes).
 - A wrong position is replaced by the last right one, carried on by the velocities. Once it moves with these again it
@@ -222,21 +222,23 @@ class Consistency:
             axis.clear()
 
     def _which(self, elapsed_s: float) -> int:
-        faster = math.hypot(*[axis.moved_m for axis in self.axes]) > self._fastest_mps * elapsed_s
-        if faster or self._unchanged[POSITION] >= UNCHANGED:
+        if math.hypot(*[axis.moved_m for axis in self.axes]) > self._fastest_mps * elapsed_s:
             return POSITION
         if self.doubts_velocity:
             return VELOCITY
-        if self._unchanged[VELOCITY] >= UNCHANGED and not any(axis.rate_mps for axis in self.axes):
-            return VELOCITY
-        unlike = [axis.unlike_m for axis in self.axes]
-        if math.isnan(sum(unlike)):
-            opposed_m = math.hypot(*[axis.opposed_m for axis in self.axes])
-            gained_m = math.hypot(*[axis.gained_m[0] for axis in self.axes])
-            return VELOCITY if opposed_m < OPPOSED_SHARE * gained_m else POSITION
-        of_position = math.hypot(*unlike)
-        of_velocity = math.hypot(*[axis.unlike_m - axis.gained_m[0] for axis in self.axes])
-        return VELOCITY if of_velocity > of_position else POSITION
+        unlike, level = [axis.unlike_m for axis in self.axes], len(self.axes) > 1
+        witnessed = not math.isnan(sum(unlike))
+        if level or not witnessed:  # a height, and its rate of 0, are the same for long in level flight
+            if self._unchanged[POSITION] >= UNCHANGED:
+                return POSITION
+            if self._unchanged[VELOCITY] >= UNCHANGED and not any(axis.rate_mps for axis in self.axes):
+                return VELOCITY
+        if witnessed:
+            of_velocity = math.hypot(*[axis.unlike_m - axis.gained_m[0] for axis in self.axes])
+            return VELOCITY if of_velocity > math.hypot(*unlike) else POSITION
+        opposed_m = math.hypot(*[axis.opposed_m for axis in self.axes])
+        gained_m = math.hypot(*[axis.gained_m[0] for axis in self.axes])
+        return VELOCITY if opposed_m < OPPOSED_SHARE * gained_m else POSITION
 
     def _believe(self, position_variance: float) -> None:
         """Believe both again; a displacement that noise explains is forgotten."""

@@ -22,7 +22,8 @@ more than a sample."""
 QUIET_S: Final = 1.0
 """What jumps again and again is carried on until it hasn't for this time."""
 FROZEN: Final = 5
-"""So many headings in a row that are the same to the bit are frozen, if the course turned by `JUMP_RAD` meanwhile."""
+"""So many headings in a row that are the same to the bit are frozen, if the course turned by `JUMP_RAD` meanwhile, the
+sharpest turn left out: that may be a gust."""
 GAP_S: Final = 3.0
 
 
@@ -38,7 +39,7 @@ class HeadingCheck:
         self.evidence_rad = 0.0
         """By how much it has jumped, or hasn't turned with the course."""
         self._stamp_ns, self._heading_rad, self._course_rad = 0, 0.0, 0.0
-        self._same, self._turned_rad, self._quiet_s = 0, 0.0, QUIET_S
+        self._same, self._turned_rad, self._widest_rad, self._quiet_s = 0, 0.0, 0.0, QUIET_S
 
     def take(self, stamp_ns: int, heading_rad: float, north_mps: float, east_mps: float, sigma_rad: float) -> float:
         """Take a heading and the velocity over ground of one time; return the heading to be flown by.
@@ -60,21 +61,23 @@ class HeadingCheck:
             self.evidence_rad, self.frozen, self._quiet_s = abs(turned_rad - bent_rad), False, 0.0
         if self._quiet_s < QUIET_S:
             self.offset_rad = wrap(self.offset_rad - turned_rad + bent_rad)
-            self._same, self._turned_rad = 0, 0.0
+            self._same, self._turned_rad, self._widest_rad = 0, 0.0, 0.0
         elif turned_rad == 0.0:
             self._stand(bent_rad)
         else:
-            self.frozen = False
-            self._same, self._turned_rad = 0, 0.0
-            if abs(self.offset_rad) < most_rad:
+            if self.frozen or abs(self.offset_rad) < most_rad:
                 self.offset_rad = 0.0
+            self.frozen = False
+            self._same, self._turned_rad, self._widest_rad = 0, 0.0, 0.0
 
     def _stand(self, bent_rad: float) -> None:
         """Take a heading that hasn't changed by a bit, while the course turned."""
         self._same, self._turned_rad = self._same + 1, self._turned_rad + bent_rad
+        if abs(bent_rad) > abs(self._widest_rad):
+            self._widest_rad = bent_rad
         if self.frozen:
             self.offset_rad = wrap(self.offset_rad + bent_rad)
-        elif self._same >= FROZEN and abs(self._turned_rad) > JUMP_RAD:
+        elif self._same >= FROZEN and abs(self._turned_rad - self._widest_rad) > JUMP_RAD:
             self.offset_rad = wrap(self.offset_rad + self._turned_rad)
             self.evidence_rad, self.frozen = abs(self._turned_rad), True
 

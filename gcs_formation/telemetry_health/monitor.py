@@ -27,8 +27,10 @@ class TelemetryHealth:
         self._each = {each.column: VehicleHealth(each, models[each.column]) for each in vehicles.values()}
         self._filters, self._note = filters, note
 
-    def examine(self, column: int, sample: Sample | None, now: Instant, *, leads: bool) -> Sample | None:
-        """Return what a column's newest sample says, as far as it can be true.
+    def examine(
+        self, column: int, sample: Sample | None, commanded_m: float, now: Instant, *, leads: bool
+    ) -> Sample | None:
+        """Return what a column's newest sample says, as far as it can be true; it is commanded to a height or NaN.
 
         A vehicle whose position can't be known well enough is `unfit` for the formation. An event says which quantity
         isn't believed, by which evidence, and later that it is again.
@@ -36,7 +38,7 @@ class TelemetryHealth:
         health = self._each[column]
         vehicle = health.vehicle
         if sample is not None:
-            sample = health.examine(sample, self._filters[column], now, leads=leads)
+            sample = health.examine(sample, self._filters[column], commanded_m, now, leads=leads)
             vehicle.unfit = health.unfit
         for quantity, healthy, text in health.changes(now):
             self._note(now, "health", text, vehicle, {"quantity": quantity, "healthy": healthy})

@@ -9,7 +9,7 @@ SHIFT_S: Final = 0.1
 """Smallest shift of stamps that is found: positions reach a tick of the control loop up to its period late."""
 SUPPORT_S: Final = 0.12
 SUPPORT_SHARE: Final = 0.3
-"""A shift by the position must be that of the arrival within the larger of these."""
+"""A shift by the position must be that of the arrival within the larger of these, and within its half."""
 LEAST_M: Final = 2.0
 """What a position gains on its velocity in one sample before its stamp is suspected, m."""
 LATE_S: Final = 1.0
@@ -80,7 +80,7 @@ class Timing:
         along_m = (gained_m[0] * velocity_mps[0] + gained_m[1] * velocity_mps[1]) / speed_mps
         across_m = (gained_m[1] * velocity_mps[0] - gained_m[0] * velocity_mps[1]) / speed_mps
         shift_s, later_s = along_m / speed_mps, arrival_s - elapsed_s
-        supported = abs(later_s - shift_s) < max(SUPPORT_S, SUPPORT_SHARE * abs(shift_s))
+        supported = abs(later_s - shift_s) < min(max(SUPPORT_S, SUPPORT_SHARE * abs(shift_s)), abs(shift_s) / 2.0)
         if abs(shift_s) > SHIFT_S and supported and abs(across_m) < SUPPORT_SHARE * abs(along_m):
             self.shift_s += shift_s
             if abs(self.shift_s) < SHIFT_S:

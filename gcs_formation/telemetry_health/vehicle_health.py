@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from airlink.clock import LONG_AGO, Instant, seconds_between
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel, FlightState, within
 from gcs_formation.estimation.estimator import Sample, VehicleFilter
 from gcs_formation.telemetry_health.consistency import POSITION, VELOCITY, Consistency
 from gcs_formation.telemetry_health.heading_and_airspeed import AirspeedJumps, HeadingCheck
@@ -45,8 +45,11 @@ class VehicleHealth:
         self._heading, self._timing = HeadingCheck(model.turn_rate_max_rps), Timing()
         self._airspeed = AirspeedJumps(model.accel_max_mps2)
 
-    def examine(self, sample: Sample, known: VehicleFilter, now: Instant, *, leads: bool) -> Sample:
-        """Return what is to be flown by: the sample itself, or a copy without what can't be true."""
+    def examine(self, sample: Sample, known: VehicleFilter, commanded_m: float, now: Instant, *, leads: bool) -> Sample:
+        """Return what is to be flown by: the sample itself, or a copy without what can't be true.
+
+        `commanded_m`: the height commanded last, NaN if none is.
+        """
         vehicle, noise = self.vehicle, known.noise.by_quantity
         longest_s = vehicle.clock.one_way_s + LATE_S + JITTERS * vehicle.jitter.jitter_s
         place_m, velocity_mps = (sample.north_m, sample.east_m), (sample.north_mps, sample.east_mps)
@@ -64,11 +67,17 @@ class VehicleHealth:
         across_variances, up_variances = (noise[0], noise[2]), (noise[1], noise[3])
         across = self._across.take(stamp, list(place_m), list(velocity_mps), witness, across_variances)
         self._up.doubts_velocity = self._across.wrong == VELOCITY
-        up = self._up.take(stamp, [sample.height_m], [sample.climb_mps], [UNKNOWN], up_variances)
+        climb_mps = self._climb_mps(commanded_m - sample.height_m - self._up.axes[0].offset_m)
+        up = self._up.take(stamp, [sample.height_m], [sample.climb_mps], [climb_mps], up_variances)
         as_told = airspeed_mps == sample.airspeed_mps and heading_rad == sample.heading_rad and stamp == sample.stamp
         if as_told and not across and not up:
             return sample
         return self._corrected(sample, Instant(stamp), airspeed_mps, heading_rad, leads=leads)
+
+    def _climb_mps(self, below_m: float) -> float:
+        """Return the climb to a commanded height from so far below it; NaN if there is none."""
+        model = self._model
+        return within(below_m / (model.tau_ha_s + model.tau_hb_s), -model.climb_max_mps, model.climb_max_mps)
 
     def _corrected(
         self, sample: Sample, stamp: Instant, airspeed_mps: float, heading_rad: float, *, leads: bool
