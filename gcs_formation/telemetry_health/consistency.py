@@ -20,9 +20,11 @@ from __future__ import annotations
 import math
 from typing import Final
 
-MEMORIES_S: Final = (2.0, 10.0)
+SHORT_S: Final = 2.0
+LONG_S: Final = 10.0
 """Memories of the two sums, s."""
-CONSTANTS_M: Final = (2.0, 4.0)
+SHORT_M: Final = 2.0
+LONG_M: Final = 4.0
 """Bounds of the sums in exact telemetry, m. A position rounded to a control loop's cycle is off by 0.5 m at 25 m/s."""
 SIGMAS: Final = 5.0
 GAP_S: Final = 3.0
@@ -51,8 +53,9 @@ class Axis:
         """The newest position told, m."""
         self.rate_mps = math.nan
         self.witness_mps = math.nan
-        self.gained_m = [0.0, 0.0]
-        """What the position gains on the integral of the velocity, in each of the two sums, m."""
+        self.short_m = 0.0
+        self.long_m = 0.0
+        """What the position gains on the integral of the velocity, in the two sums, m."""
         self.unlike_m = 0.0
         """What it gains on the integral of the witness, in the short sum, m; NaN without one."""
         self.opposed_m = 0.0
@@ -71,9 +74,9 @@ class Axis:
         """
         moved_m, half_s = position_m - self.position_m, elapsed_s / 2.0 * arc
         gained_m = moved_m - (rate_mps + self.rate_mps) * half_s
-        for place, memory_s in enumerate(MEMORIES_S):
-            self.gained_m[place] = max(0.0, 1.0 - elapsed_s / memory_s) * self.gained_m[place] + gained_m
-        kept = max(0.0, 1.0 - elapsed_s / MEMORIES_S[0])
+        kept = max(0.0, 1.0 - elapsed_s / SHORT_S)
+        self.short_m = kept * self.short_m + gained_m
+        self.long_m = (1.0 - elapsed_s / LONG_S) * self.long_m + gained_m
         before_m = 0.0 if math.isnan(self.unlike_m) else kept * self.unlike_m
         self.unlike_m = before_m + moved_m - (witness_mps + self.witness_mps) * half_s
         self.opposed_m = kept * self.opposed_m + moved_m + (rate_mps + self.rate_mps) * half_s
@@ -98,7 +101,7 @@ class Axis:
 
     def clear(self) -> None:
         """Begin the sums anew."""
-        self.gained_m = [0.0, 0.0]
+        self.short_m = self.long_m = 0.0
         self.unlike_m = self.opposed_m = 0.0
 
 
@@ -188,36 +191,34 @@ class Consistency:
                 axis.offset_m -= gained_m
         self._unchanged[POSITION] = self._unchanged[POSITION] + 1 if same_position else 0
         self._unchanged[VELOCITY] = self._unchanged[VELOCITY] + 1 if same_rate else 0
-        share, place = self._worst(elapsed_s, variances)
+        short, long = self._shares(elapsed_s, variances)
+        share = max(short, long)
         self._agrees_s = self._agrees_s + elapsed_s if share < AGREES_SHARE else 0.0
         if share >= 1.0:
-            self._disbelieve(place, elapsed_s)
+            self._disbelieve(elapsed_s, short=short >= long)
         elif self.wrong is not None and self._agrees_s >= RETURNS_S:
             self._believe(variances[0])
 
-    def _worst(self, elapsed_s: float, variances: tuple[float, float]) -> tuple[float, int]:
-        """Return the largest share that a sum has of its bound, and which of the sums that is."""
-        most, worst = 0.0, 0
-        for place, memory_s in enumerate(MEMORIES_S):
-            square = 0.0
-            for axis in self.axes:
-                square += axis.gained_m[place] * axis.gained_m[place]
-            variance = variances[0] + variances[1] * elapsed_s * memory_s / 2.0
-            share = math.sqrt(square) / (CONSTANTS_M[place] + SIGMAS * math.sqrt(variance))
-            if share > most:
-                most, worst = share, place
-        return most, worst
+    def _shares(self, elapsed_s: float, variances: tuple[float, float]) -> tuple[float, float]:
+        """Return which shares the two sums have of their bounds."""
+        short, long, doubled = 0.0, 0.0, variances[1] * elapsed_s / 2.0
+        for axis in self.axes:
+            short += axis.short_m * axis.short_m
+            long += axis.long_m * axis.long_m
+        short_m = SHORT_M + SIGMAS * math.sqrt(variances[0] + doubled * SHORT_S)
+        long_m = LONG_M + SIGMAS * math.sqrt(variances[0] + doubled * LONG_S)
+        return math.sqrt(short) / short_m, math.sqrt(long) / long_m
 
-    def _disbelieve(self, place: int, elapsed_s: float) -> None:
-        """Decide which quantity is wrong by a sum that has passed its bound, and begin the sums anew."""
+    def _disbelieve(self, elapsed_s: float, *, short: bool) -> None:
+        """Decide which quantity is wrong by the sum that has passed its bound, and begin the sums anew."""
         self.lasts = self.wrong is not None
         if self.wrong is None:
             self.wrong = self._which(elapsed_s)
-            self.evidence_m = math.hypot(*[axis.gained_m[place] for axis in self.axes])
+            self.evidence_m = math.hypot(*[axis.short_m if short else axis.long_m for axis in self.axes])
             for axis in self.axes:
                 axis.flown_m = math.nan
                 if self.wrong == POSITION:
-                    axis.offset_m -= axis.gained_m[place]
+                    axis.offset_m -= axis.short_m if short else axis.long_m
         for axis in self.axes:
             axis.clear()
 
@@ -234,16 +235,16 @@ class Consistency:
             if self._unchanged[VELOCITY] >= UNCHANGED and not any(axis.rate_mps for axis in self.axes):
                 return VELOCITY
         if witnessed:
-            of_velocity = math.hypot(*[axis.unlike_m - axis.gained_m[0] for axis in self.axes])
+            of_velocity = math.hypot(*[axis.unlike_m - axis.short_m for axis in self.axes])
             return VELOCITY if of_velocity > math.hypot(*unlike) else POSITION
         opposed_m = math.hypot(*[axis.opposed_m for axis in self.axes])
-        gained_m = math.hypot(*[axis.gained_m[0] for axis in self.axes])
+        gained_m = math.hypot(*[axis.short_m for axis in self.axes])
         return VELOCITY if opposed_m < OPPOSED_SHARE * gained_m else POSITION
 
     def _believe(self, position_variance: float) -> None:
         """Believe both again; a displacement that noise explains is forgotten."""
         self.wrong, self.lasts, self._agrees_s = None, False, 0.0
-        if self.displaced_m < CONSTANTS_M[0] + SIGMAS * math.sqrt(position_variance):
+        if self.displaced_m < SHORT_M + SIGMAS * math.sqrt(position_variance):
             for axis in self.axes:
                 axis.offset_m = 0.0
 
