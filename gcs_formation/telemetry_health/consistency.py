@@ -64,6 +64,8 @@ class Axis:
         """How far it has moved since the sample before, m."""
         self.offset_m = 0.0
         """What is added to the position told, m."""
+        self.before_m = 0.0
+        """The same, before the fault that was found last."""
         self.flown_m = math.nan
         self.flown_mps = math.nan
 
@@ -120,6 +122,8 @@ class Consistency:
         """Whether it has been wrong again since: it isn't a single jump."""
         self.evidence_m = 0.0
         """What the position had gained on the velocity when this was found, m."""
+        self._doubtful = False
+        """Whether which of the two is wrong was decided by the first samples alone, and is decided once more."""
         self._stamp_ns = 0
         self._unchanged = [0, 0]
         """How many samples in a row had the same position, and the same velocity."""
@@ -211,16 +215,19 @@ class Consistency:
 
     def _disbelieve(self, elapsed_s: float, *, short: bool) -> None:
         """Decide which quantity is wrong by the sum that has passed its bound, and begin the sums anew."""
-        self.lasts = self.wrong is not None
-        if self.wrong is None:
-            self.wrong = self._which(elapsed_s)
+        first, self.lasts = self.wrong is None, self.wrong is not None
+        found = self._which(elapsed_s) if first or self._doubtful else self.wrong
+        self._doubtful = first
+        if first:
             self.evidence_m = math.hypot(*[axis.short_m if short else axis.long_m for axis in self.axes])
-            for axis in self.axes:
-                axis.flown_m = math.nan
-                if self.wrong == POSITION:
-                    axis.offset_m -= axis.short_m if short else axis.long_m
         for axis in self.axes:
+            if first:
+                axis.flown_m, axis.before_m = math.nan, axis.offset_m
+                axis.offset_m -= (axis.short_m if short else axis.long_m) if found == POSITION else 0.0
+            elif found != self.wrong:
+                axis.flown_m, axis.offset_m = math.nan, axis.before_m
             axis.clear()
+        self.wrong = found
 
     def _which(self, elapsed_s: float) -> int:
         if math.hypot(*[axis.moved_m for axis in self.axes]) > self._fastest_mps * elapsed_s:

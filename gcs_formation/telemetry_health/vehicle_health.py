@@ -23,6 +23,7 @@ WIND_MPS: Final = 20.0
 RISES_MPS: Final = 10.0
 """An aircraft doesn't move faster than this multiple of its limit and this wind, or rise or sink of the air."""
 AGAIN_S: Final = 3.0
+"""What goes on is said again, and what is over is said, after this time, s."""
 HORIZONTAL: Final = ("position", "velocity")
 VERTICAL: Final = ("height", "velocity")
 
@@ -43,7 +44,7 @@ class VehicleHealth:
         self._across = Consistency(2, FASTER * model.speed_max_mps + WIND_MPS)
         self._up = Consistency(1, FASTER * model.climb_max_mps + RISES_MPS)
         self._heading, self._timing = HeadingCheck(model.turn_rate_max_rps), Timing()
-        self._airspeed = AirspeedJumps(model.accel_max_mps2)
+        self._airspeed, self._wind = AirspeedJumps(model.accel_max_mps2), (UNKNOWN, UNKNOWN)
 
     def examine(self, sample: Sample, known: VehicleFilter, commanded_m: float, now: Instant, *, leads: bool) -> Sample:
         """Return what is to be flown by: the sample itself, or a copy without what can't be true.
@@ -52,7 +53,9 @@ class VehicleHealth:
         """
         vehicle, noise = self.vehicle, known.noise.by_quantity
         longest_s = vehicle.clock.one_way_s + LATE_S + JITTERS * vehicle.jitter.jitter_s
-        place_m, velocity_mps = (sample.north_m, sample.east_m), (sample.north_mps, sample.east_mps)
+        north_m, east_m, up_m = vehicle.telemetry.displaced_m
+        place_m, velocity_mps = (sample.north_m - north_m, sample.east_m - east_m), (sample.north_mps, sample.east_mps)
+        height_m = sample.height_m - up_m
         motion = vehicle.telemetry.motion
         told_s = UNKNOWN if motion is None else motion.stamp_s
         stamp = self._timing.take(told_s, int(sample.stamp), int(now), place_m, velocity_mps, longest_s)
@@ -63,16 +66,28 @@ class VehicleHealth:
         if not vehicle.telemetry.stands:
             airspeed_mps = self._airspeed.take(stamp, airspeed_mps, math.sqrt(noise[4]))
             heading_rad = self._heading.take(stamp, heading_rad, *velocity_mps, math.sqrt(noise[5]))
-            witness = _by_air(airspeed_mps, heading_rad, known.state)
+            witness = self._by_air(airspeed_mps, heading_rad, known.state)
         across_variances, up_variances = (noise[0], noise[2]), (noise[1], noise[3])
         across = self._across.take(stamp, list(place_m), list(velocity_mps), witness, across_variances)
         self._up.doubts_velocity = self._across.wrong == VELOCITY
-        climb_mps = self._climb_mps(commanded_m - sample.height_m - self._up.axes[0].offset_m)
-        up = self._up.take(stamp, [sample.height_m], [sample.climb_mps], [climb_mps], up_variances)
+        climb_mps = self._climb_mps(commanded_m - height_m - self._up.axes[0].offset_m)
+        up = self._up.take(stamp, [height_m], [sample.climb_mps], [climb_mps], up_variances)
         as_told = airspeed_mps == sample.airspeed_mps and heading_rad == sample.heading_rad and stamp == sample.stamp
-        if as_told and not across and not up:
+        if as_told and not across and not up and vehicle.telemetry.displaced_m == (0.0, 0.0, 0.0):
             return sample
+        north, east = self._across.axes
+        vehicle.telemetry.displaced_m = north.offset_m, east.offset_m, self._up.axes[0].offset_m
         return self._corrected(sample, Instant(stamp), airspeed_mps, heading_rad, leads=leads)
+
+    def _by_air(self, airspeed_mps: float, heading_rad: float, known: FlightState | None) -> list[float]:
+        """Return the velocity over ground by airspeed, heading and wind; NaN while that isn't known.
+
+        While the velocity isn't believed the wind is the one before: the present one is estimated from what is flown.
+        """
+        if self._across.wrong is None:
+            self._wind = _wind_mps(known)
+        north_mps, east_mps = self._wind
+        return [airspeed_mps * math.cos(heading_rad) + north_mps, airspeed_mps * math.sin(heading_rad) + east_mps]
 
     def _climb_mps(self, below_m: float) -> float:
         """Return the climb to a commanded height from so far below it; NaN if there is none."""
@@ -164,11 +179,5 @@ class VehicleHealth:
         return found
 
 
-def _by_air(airspeed_mps: float, heading_rad: float, known: FlightState | None) -> list[float]:
-    """Return the velocity over ground by airspeed, heading and the wind known before; NaN while that isn't known."""
-    if known is None or math.isnan(known.wind_north_mps):
-        return [UNKNOWN, UNKNOWN]
-    return [
-        airspeed_mps * math.cos(heading_rad) + known.wind_north_mps,
-        airspeed_mps * math.sin(heading_rad) + known.wind_east_mps,
-    ]
+def _wind_mps(known: FlightState | None) -> tuple[float, float]:
+    return (UNKNOWN, UNKNOWN) if known is None else (known.wind_north_mps, known.wind_east_mps)

@@ -80,6 +80,8 @@ class Telemetry:
     stands: bool = False
     """Whether the vehicle is a multirotor."""
     motion: ReportedMotion | None = None
+    displaced_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """What is added to every position told, north, east and up: its telemetry was found to have jumped."""
     attitude: Attitude | None = None
     airspeed_mps: float = math.nan
     airspeed_stamp_s: float = math.nan
@@ -103,6 +105,8 @@ class Telemetry:
     """Messages dropped because an aircraft can't have sent such values."""
     not_finite: str = ""
     """Name and value of the first field that isn't finite in the newest attitude, empty if all are."""
+    _without_position: int = 0
+    """Attitudes since the last position."""
     _without_airspeed: int = 0
     _without_attitude: int = 0
     """Positions since the last airspeed and attitude that were told, whose stamps are the next two."""
@@ -152,12 +156,21 @@ class Telemetry:
             return
         north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
         stamp_s = message.time_boot_s
+        self._without_position = 0
         self._without_airspeed += 1
         self._without_attitude += 1
         if (self._without_airspeed > ALONE or self._without_attitude > ALONE) and self.complete:
             self._fly_without(stamp_s)
+        north_more_m, east_more_m, up_m = self.displaced_m
         self.motion = ReportedMotion(
-            stamp_s, north_m, east_m, -down_m, message.vx_mps, message.vy_mps, -message.vz_mps, message.relative_alt_m
+            stamp_s,
+            north_m + north_more_m,
+            east_m + east_more_m,
+            up_m - down_m,
+            message.vx_mps,
+            message.vy_mps,
+            -message.vz_mps,
+            message.relative_alt_m + up_m,
         )
         if math.isnan(self.airspeed_stamp_s):
             self.airspeed_stamp_s = stamp_s
@@ -172,6 +185,7 @@ class Telemetry:
 
     def take_attitude(self, message: Attitude) -> None:
         """Store an attitude; of one that isn't finite what can be used, with VFR_HUD's heading in place of its yaw."""
+        self._without_position += 1
         if _is_attitude(message):
             self.attitude, self.not_finite = message, ""
             self._without_attitude, self._attitude_told_s = 0, message.time_boot_s
@@ -214,6 +228,7 @@ class Telemetry:
 
     def forget(self) -> None:
         """Forget everything that a restart invalidates."""
+        self.displaced_m = (0.0, 0.0, 0.0)
         self.motion = self.attitude = self.heartbeat = self.custom_mode = None
         self.armed, self.flight_status = False, m.MAV_STATE_UNINIT
         self.airspeed_mps = self.airspeed_stamp_s = self.hud_heading_rad = math.nan
@@ -245,7 +260,7 @@ class Telemetry:
     def lacking(self) -> str:
         """Which quantity is no longer told while the others are: position, attitude or airspeed; empty if all are."""
         position_s = math.nan if self.motion is None else self.motion.stamp_s
-        if self._attitude_told_s - position_s > ALONE_S:
+        if self._without_position > ALONE and self._attitude_told_s - position_s > ALONE_S:
             return "position"
         if self._without_attitude > ALONE and position_s - self._attitude_told_s > ALONE_S:
             return "attitude"
