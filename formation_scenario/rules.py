@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from airlink.telemetry_faults import EFFECTS, QUANTITIES, refusal
 from flight_model.earth import SEMI_MAJOR_M
 from flight_model.legs.path import MIN_LEG_M
 from flight_model.path import PathError
@@ -39,7 +40,7 @@ from formation_scenario.path_limits import WAYPOINTS
 from formation_scenario.scripted import ACTS, ScriptedLink, ScriptedOrder
 from formation_scenario.source import Finding, KeyPath
 from formation_scenario.start_states_and_end_times import latest_end_s
-from formation_scenario.surroundings import PASSING, Disturbance, DrydenTurbulence, Fault, Fence
+from formation_scenario.surroundings import PASSING, TELEMETRY_KEYS, Disturbance, DrydenTurbulence, Fault, Fence
 from formation_scenario.terrain import ALLOWED as ELEVATION_FILES
 from formation_scenario.vehicle_rules import one_vehicle
 from formation_scenario.vehicles import Vehicle
@@ -297,18 +298,39 @@ def disturbances(scenario: Scenario) -> Iterator[Finding]:
 
 
 def faults(scenario: Scenario) -> Iterator[Finding]:
-    """Yield faults with an end or a mode that their kind doesn't have."""
+    """Yield faults with an end or keys that their kind doesn't have."""
     planned: list[tuple[KeyPath, Fault]] = [(("faults", i), each) for i, each in enumerate(scenario.faults)]
     scripted = ((i, act.fault) for i, act in scenario.scripted)
     planned += [(("orders", i, "fault"), each) for i, each in scripted if each is not None]
     for path, fault in planned:
         own = scenario.registered.get(fault.kind, FAULT)
-        if fault.until_s is not None and not (fault.kind in PASSING if own is None else own.made.lasts):
-            yield (*path, "until_s"), f"found an end of a {fault.kind}", f"only for {', '.join(PASSING)}"
-        elif fault.until_s is not None and fault.until_s <= fault.at_s:
-            yield (*path, "until_s"), f"found {fault.until_s:g}", f"after at_s, {fault.at_s:g}"
+        end = "until_s" if fault.for_s is None else "for_s"
+        if fault.end_s < math.inf and not (fault.kind in PASSING if own is None else own.made.lasts):
+            yield (*path, end), f"found an end of a {fault.kind}", f"only for {', '.join(PASSING)}"
+        elif fault.for_s is not None and fault.until_s is not None:
+            yield (*path, end), "found both until_s and for_s", "one of the two"
+        elif fault.end_s <= fault.at_s:
+            yield (*path, end), f"found {fault.end_s:g}", f"after at_s, {fault.at_s:g}"
         if fault.mode is not None and fault.kind != "pilot":
             yield (*path, "mode"), f"found a mode for a {fault.kind}", "only for pilot"
+        yield from _of_telemetry(fault, path)
+
+
+def _of_telemetry(fault: Fault, path: KeyPath) -> Iterator[Finding]:
+    """Yield what is wrong with the keys of a fault of telemetry, and those keys of other faults."""
+    given = [name for name in TELEMETRY_KEYS if getattr(fault, name) is not None]
+    if fault.kind != "telemetry":
+        yield from (((*path, name), f"found one for a {fault.kind}", "only for telemetry") for name in given)
+        return
+    quantity, effect = fault.quantity, fault.effect
+    if quantity is None:
+        yield (*path, "quantity"), "found none", ", ".join(QUANTITIES)
+    if effect is None:
+        yield (*path, "effect"), "found none", ", ".join(EFFECTS)
+    refused = None if quantity is None or effect is None else refusal(quantity, effect, fault.amount)
+    if refused is not None:
+        name, found, allowed = refused
+        yield (*path, name), found, allowed
 
 
 def acts(scenario: Scenario) -> Iterator[Finding]:

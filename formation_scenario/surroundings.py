@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 import numpy as np
 from pydantic import Field, Tag
 
+from airlink.telemetry_faults import Effect, Quantity
 from flight_model.arrays import Array
 from flight_model.fence_geometry import Circle, FenceArea, FenceAreas, Polygon
 from formation_scenario.fields import (
@@ -43,13 +44,14 @@ FENCE_CORNERS = "safety.fence.corners_m"
 Positives: TypeAlias = Annotated[tuple[Positive, Positive, Positive], Allowed("a list of 3 numbers > 0")]
 KIND = "how the velocity varies with time"
 HillShape = Literal["gaussian", "cosine"]
-FaultKind = Literal["crash", "freeze", "restart", "ignore", "pilot"]
+FaultKind = Literal["crash", "freeze", "restart", "ignore", "pilot", "telemetry"]
 FAULTS: Final[tuple[str, ...]] = get_args(FaultKind)
 DISTURBANCES: Final = ("step", "ramp", "sine", "dryden")
 PilotsMode = Literal["MANUAL", "FBWA", "CRUISE", "LOITER", "RTL"]
-PASSING: tuple[str, ...] = ("freeze", "ignore", "pilot")
+PASSING: tuple[str, ...] = ("freeze", "ignore", "pilot", "telemetry")
 """Kinds of faults that may end."""
 DEFAULT_MODE: PilotsMode = "LOITER"
+TELEMETRY_KEYS: Final = ("quantity", "effect", "amount")
 
 
 class Area(Keys):
@@ -242,22 +244,44 @@ class Fault(Timed):
     - restart: its autopilot reboots, with its clock at 0.
     - ignore: it acknowledges commands without carrying them out.
     - pilot: its pilot changes the mode, and changes it back to GUIDED at the end.
+    - telemetry: its messages say something else of one quantity, and it flies on by what it knows.
     """
 
     kind: Annotated[str, Open(", ".join(FAULTS), FAULTS)] = key(
         ..., "the kind of fault: one of these, or one that an extension registers", "freeze"
     )
     until_s: Positive | None = key(None, f"{', '.join(PASSING)}: when it ends, s", 50, derived="never")
+    for_s: Positive | None = key(None, "instead of until_s: how long it lasts, s", 30, derived="for good")
     mode: PilotsMode | None = key(None, "pilot: the mode that the pilot chooses", "FBWA", derived=DEFAULT_MODE)
+    quantity: Quantity | None = key(None, "telemetry: of which the messages say something else", "position")
+    effect: Effect | None = key(None, "telemetry: what happens to the quantity", "freeze")
+    amount: Vector | Number | None = key(
+        None,
+        "telemetry, of offset, drift (a second), noise, scale, late and duplicate (s): in m, m/s or rad; a number, or "
+        "[north, east, down] of a position or velocity, [roll, pitch, yaw] of an attitude. A number alone offsets "
+        "north, or yaw",
+        [0, 0, 20],
+    )
     parameters: OwnKeys = key(None, OF_AN_EXTENSION, {})
+
+    @property
+    def end_s(self) -> float:
+        """When it ends, s; infinite if it doesn't."""
+        if self.for_s is not None:
+            return self.at_s + self.for_s
+        return math.inf if self.until_s is None else self.until_s
 
     @property
     def own_keys(self) -> dict[str, Any]:
         """The keys of its kind alone."""
-        return {"mode": self.mode or DEFAULT_MODE} if self.kind == "pilot" else dict(self.parameters or {})
+        if self.kind == "pilot":
+            return {"mode": self.mode or DEFAULT_MODE}
+        if self.kind == "telemetry":
+            return {name: getattr(self, name) for name in TELEMETRY_KEYS}
+        return dict(self.parameters or {})
 
     def moments(self) -> Iterator[tuple[float, bool]]:
         """Yield the mission times at which it begins and, if it does, ends, s, each with whether it is the end."""
         yield self.at_s, False
-        if self.until_s is not None:
-            yield self.until_s, True
+        if self.end_s < math.inf:
+            yield self.end_s, True

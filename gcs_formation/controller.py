@@ -51,6 +51,7 @@ from gcs_formation.guidance.slots import FormationPlan, TrackAhead
 from gcs_formation.phases import Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from gcs_formation.separation.airspace import FenceLimits, HeightFloor
+from gcs_formation.separation.height_bound import HeightBound
 from gcs_formation.separation.resolver import ConflictResolver
 
 VIRTUAL: Final = 0
@@ -67,6 +68,9 @@ class FormationController:
 
     fault: NotFiniteError | None = None
     """What isn't finite of what a part returned; from then on neither guidance nor law is used."""
+
+    _leader_m: float = math.nan
+    """The height that the guidance wants of the leader, whatever it says of its own."""
 
     _decided_rad: float = math.nan
     """The leader's heading setpoint of the last tick, before a filter, the fence or the separation rule."""
@@ -91,7 +95,10 @@ class FormationController:
         self.lags = from_scenario.lag_estimator(scenario, self.history, self.models)
         self._projection = from_scenario.projection(scenario, self.history, self.models)
         self.fence, self.floor = FenceLimits(scenario, self.models), HeightFloor(scenario, self.models)
-        self.separation = ConflictResolver(scenario, self.history, self.models)
+        self.separation, self._heights = (
+            ConflictResolver(scenario, self.history, self.models),
+            HeightBound(self.models, self._dt_s),
+        )
         self._turn_rps, self._straight_on = 0.0, StraightOn(self.models, hovers=scenario.hovers)
         self._leader_commands = LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
@@ -231,10 +238,12 @@ class FormationController:
             self.fault = NotFiniteError(part, None, f"{type(error).__name__}: {error}")
 
     def _keep_limits(self, tick: Tick, measured: Measured) -> None:
-        """Apply filters from outside, fence, separation rule and ground, in this order; note what is commanded."""
+        """Apply outside filters, plan's heights, fence, separation rule and ground, in this order; note the outcome."""
         self._decided_rad = tick.setpoints[tick.leader][1]
         if self._outside is not None and self.fault is None:
             self.fault = self._outside.filter(tick)
+        if self.fault is None:
+            self._heights.keep(tick, self._leader_m, self._slots_m)
         self.fence.keep(tick)
         if self.columns > 1:
             self.separation.keep(tick, measured, self.plan.apart_m(tick.now / NANOSECONDS))
@@ -373,6 +382,7 @@ class FormationController:
         turn = self.guidance.turn
         if turn is not None:
             wanted.heading_rad, turn_rps = turn.setpoint(at, model.tau_psi_s)
+        self._leader_m = wanted.height_m
         require_setpoint(GUIDANCE, tick.leader, (wanted.speed_mps, wanted.heading_rad, wanted.height_m))
         bounds = Envelope(wanted.heading_rad, state, model)
         commanded = bounds.limit(wanted.speed_mps, wanted.heading_rad, wanted.height_m)

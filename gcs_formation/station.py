@@ -35,6 +35,7 @@ from gcs_formation.mission.resumption import WAIT_S, Resumption, Takeover
 from gcs_formation.mission.starting import UNCHECKED, PreFlight, PreFlightOptions, Starting
 from gcs_formation.phases import COMMANDED, OVER, Cause, Phase
 from gcs_formation.recorder import Detail, Event, Recorder, Tick
+from gcs_formation.telemetry_health.monitor import TelemetryHealth
 from gcs_formation.vehicle.vehicle import Vehicle
 
 AWAY_NS: Final = NANOSECONDS // 5
@@ -81,7 +82,10 @@ class Station(Engine):
         self.flight, self._membership, self.margins = self.course.flight, membership, MarginWatch(scenario, *fleet)
         self._senders = Senders(self.vehicles, self.networks, self.flight, note, self.course.fail, scenario.station.ids)
         self._flood, self._telemetry, self.down = FloodWatch(note), TelemetryWatch(*fleet), DownWatch(self.vehicles)
-        self._pilots_and_fence = PilotsAndFence(scenario, *fleet)
+        self._pilots_and_fence, self._health = (
+            PilotsAndFence(scenario, *fleet),
+            TelemetryHealth(self.vehicles, self.controller.estimator.filters, self.controller.models, note),
+        )
         self.design = DesignWatch(scenario, self.vehicles, (self.controller.retune, self.margins.retune), note)
         self._common_clock, self._takeover = CommonClock(self.vehicles, utc_at_0_s, note), Takeover(resumed, *fleet)
         self._starting = Starting(
@@ -282,6 +286,7 @@ class Station(Engine):
             if vehicle.restarts > self._restarts[place]:
                 self._restarts[place] = vehicle.restarts
                 self.controller.estimator.forget(vehicle.column)
+                self._health.forget(vehicle.column)
                 self._note(now, "restarted", "its clock has begun anew", vehicle)
         self._send_all(self.preflight.requests(now), now)
         self.preflight.watch()
@@ -328,10 +333,13 @@ class Station(Engine):
         if self.flight.phase not in COMMANDED:
             return
         samples: list[Sample | None] = [None] * self.controller.columns
-        leader = self.controller.plan.leader
+        leader, commanded = self.controller.plan.leader, self.last_tick
         for vehicle in self._each:
             column = vehicle.column
-            samples[column] = vehicle.sampler.new(now, flew=vehicle.flew, leads=column == leader)
+            leads = column == leader
+            told = vehicle.sampler.new(now, flew=vehicle.flew, leads=leads)
+            height_m = math.nan if commanded is None or not commanded.active[column] else commanded.setpoints[column][2]
+            samples[column] = self._health.examine(column, told, height_m, now, leads=leads)
         self.controller.take(samples)
 
     def _fly(self, now: Instant) -> None:

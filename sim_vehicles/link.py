@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import heapq
+from collections.abc import Callable
 from typing import Final
 
 from airlink import mavlink as m
-from airlink.clock import NEVER, Instant, seconds_between
+from airlink.clock import NEVER, Instant, after, seconds_between
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame, FrameWriter, StreamParser
@@ -21,6 +23,8 @@ UNHEARD: Final = Instant(-1)
 MAX_PEERS: Final = 16
 MAX_INBOX: Final = 4096
 """Datagrams kept for the next cycle; more are dropped, as by a full serial buffer."""
+Altering = Callable[[Message, Instant], list[tuple[float, Message]]]
+"""Returns what is sent in place of a message, and by how much later, s."""
 _TIMESYNC: Final = m.MAVLINK_MSG_ID_TIMESYNC.to_bytes(3, "little")
 
 
@@ -58,12 +62,20 @@ class Link:
         """Peers by address, sorted by when they last sent."""
         self._dropped = 0
         """Invalid frames of forgotten peers."""
+        self._number = 0
+        """Of altered telemetry that was put off."""
+        self.altering: list[Altering] = []
+        """What alters the telemetry that is sent, one after the other."""
         self.restart()
 
     def restart(self) -> None:
         """Start afresh, as after power-up: an empty inbox, no peers, frames numbered from 0."""
         self._dropped = self.frames_bad
         self._inbox.clear()
+        self._late: list[tuple[Instant, int, Message]] = []
+        """Altered telemetry that is sent later: when, its number, and the message."""
+        self.next_late = NEVER
+        """When the first of these is sent."""
         self._peers.clear()
         self._heard: list[Peer] = []
         """Peers that have sent a valid frame, sorted by when they first did."""
@@ -150,7 +162,31 @@ class Link:
             self._send(peer, message)
 
     def broadcast(self, message: Message, now: Instant) -> None:
-        """Send to all peers heard recently."""
+        """Send to all peers heard recently, as faults of telemetry alter it."""
+        if self.altering:
+            self._alter(message, now)
+            return
+        self._send_to_all(message, now)
+
+    def send_late(self, now: Instant) -> None:
+        """Send the altered telemetry that is due."""
+        while self._late and self._late[0][0] <= now:
+            self._send_to_all(heapq.heappop(self._late)[2], now)
+        self.next_late = self._late[0][0] if self._late else NEVER
+
+    def _alter(self, message: Message, now: Instant) -> None:
+        copies = [(0.0, message)]
+        for altered in self.altering:
+            copies = [(sooner_s + later_s, sent) for sooner_s, each in copies for later_s, sent in altered(each, now)]
+        for later_s, sent in copies:
+            if later_s <= 0.0:
+                self._send_to_all(sent, now)
+                continue
+            self._number += 1
+            heapq.heappush(self._late, (after(now, later_s), self._number, sent))
+            self.next_late = self._late[0][0]
+
+    def _send_to_all(self, message: Message, now: Instant) -> None:
         if self._fixed is not None:
             self._send(self._fixed, message)
             return

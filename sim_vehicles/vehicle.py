@@ -96,6 +96,8 @@ class Vehicle(Autopilot):
     def tell(self) -> bool:
         """Send what is due besides its streams; return whether one of these is."""
         now = self.now
+        if now >= self.link.next_late:
+            self.link.send_late(now)
         if now >= self._next_timesync:
             self._next_timesync = after(now, TIMESYNC_S)
             self.broadcast(Timesync(0, self.time_ns))
@@ -120,6 +122,7 @@ class Vehicle(Autopilot):
         wake = min(self.streams.next_due, self._next_timesync)
         wake = min(wake, self._up if self.pilot.booting else NEVER)
         wake = min(wake, self.link.next_arrival)
+        wake = min(wake, self.link.next_late)
         wake = min(wake, self.failsafe.deadline())
         wake = min(wake, self.missions.next_due())
         wake = min(wake, self.disarm_at)

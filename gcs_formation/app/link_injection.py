@@ -65,7 +65,7 @@ def planned_end_s(scenario: Scenario, vehicle: VehicleId, ended_s: float) -> flo
     ends_s = math.inf
     for fault in scenario.faults:
         chosen = any(each.vehicle_id == vehicle for each in scenario.selected(fault.vehicles))
-        over = fault.until_s is not None and fault.until_s <= ended_s
+        over = fault.end_s <= ended_s
         if chosen and scenario.silences(fault) and fault.at_s <= ended_s and not over:
             ends_s = min(ends_s, fault.at_s)
     return ends_s

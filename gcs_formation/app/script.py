@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Collection, Iterator
 from operator import attrgetter, itemgetter
@@ -164,7 +165,7 @@ class Script:
         """Return whether the vehicles have this fault for good; a restart ends what they have."""
         if fault.kind == "restart":
             self._lasting.clear()
-        if fault.kind == "restart" or fault.at_s > 0.0 or fault.until_s is not None:
+        if fault.kind == "restart" or fault.at_s > 0.0 or fault.end_s < math.inf:
             return False
         lasting = {(fault.kind, str(fault.own_keys), vehicle) for vehicle in hit}
         known = lasting <= self._lasting

@@ -143,7 +143,7 @@ class Membership:
         """Return the membership in words, and for a loitering vehicle why its positions can't be used."""
         if vehicle.member is Member.PARTED:
             return self._parting_text(vehicle, now)
-        why = vehicle.sampler.why_unknown(now) if vehicle.sampler.refused else None
+        why = vehicle.unfit or (vehicle.sampler.why_unknown(now) if vehicle.sampler.refused else None)
         holds = vehicle.member is Member.HOLDING and why is not None
         return f"{vehicle.member.value}: {why}" if holds else vehicle.member.value
 
@@ -195,7 +195,7 @@ class Membership:
         now: Instant,
         limit_s: float = math.inf,
     ) -> bool:
-        if self._holds_delayed and vehicle.identity in beyond:
+        if vehicle.unfit or (self._holds_delayed and vehicle.identity in beyond):
             return False
         if vehicle.member is Member.HOLDING and self._circles_m is not None:
             return False

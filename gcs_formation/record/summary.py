@@ -136,7 +136,7 @@ def _flying_on(outcome: RunOutcome) -> Iterator[str]:
     for planned in scenario.vehicles:
         text = outcome.flying_on.get(planned.vehicle_id)
         faults = (each for each in scenario.faults if planned in scenario.selected(each.vehicles))
-        hindered = any(each.at_s <= end_s < (each.until_s or math.inf) for each in faults)
+        hindered = any(each.at_s <= end_s < each.end_s for each in faults)
         if text is not None and not hindered and not is_out(scenario, planned, end_s, either=True):
             yield text
 

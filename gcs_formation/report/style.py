@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -212,8 +213,8 @@ def _planned(run: RunData) -> Iterator[Mark]:
     named = (("disturbance", each) for each in scenario.disturbances), ((each.kind, each) for each in scenario.faults)
     for name, each in chain(*named):
         yield Mark(each.at_s, f"{name}{_of(each.vehicles)}")
-        if each.until_s is not None:
-            yield Mark(each.until_s, f"{name} over{_of(each.vehicles)}")
+        if each.end_s < math.inf:
+            yield Mark(each.end_s, f"{name} over{_of(each.vehicles)}")
     for change in scenario.formation.changes:
         leader = f"leader {change.leader}" if change.leader is not None else ""
         spacing = f"spacing {change.spacing_m:g} m" if change.shape is None and change.spacing_m is not None else ""

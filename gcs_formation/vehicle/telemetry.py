@@ -39,6 +39,9 @@ INFINITE: Final = math.inf
 TURN_LIMIT_RPS: Final = 50.0
 ALTITUDE_LIMIT_M: Final = 100e3
 """Limits of plausible values for an aircraft."""
+ALONE: Final = 5
+ALONE_S: Final = 1.5
+"""An airspeed or attitude is flown without after so many positions alone, over this time, s."""
 APART_LIMIT_S: Final = 2.0
 """Largest difference of stamps between a position and the attitude and airspeed paired with it, s."""
 
@@ -77,10 +80,14 @@ class Telemetry:
     stands: bool = False
     """Whether the vehicle is a multirotor."""
     motion: ReportedMotion | None = None
+    displaced_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """What is added to every position told, north, east and up: its telemetry was found to have jumped."""
     attitude: Attitude | None = None
     airspeed_mps: float = math.nan
     airspeed_stamp_s: float = math.nan
     """Stamp of the newest position when the airspeed arrived: VFR_HUD has no stamp."""
+    hud_heading_rad: float = math.nan
+    """Heading of the newest VFR_HUD."""
     heartbeat: Heartbeat | None = None
     heartbeats: int = 0
     armed: bool = False
@@ -98,6 +105,13 @@ class Telemetry:
     """Messages dropped because an aircraft can't have sent such values."""
     not_finite: str = ""
     """Name and value of the first field that isn't finite in the newest attitude, empty if all are."""
+    _without_position: int = 0
+    """Attitudes since the last position."""
+    _without_airspeed: int = 0
+    _without_attitude: int = 0
+    """Positions since the last airspeed and attitude that were told, whose stamps are the next two."""
+    _airspeed_told_s: float = math.nan
+    _attitude_told_s: float = math.nan
     texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
     texts_reported: int = 0
     """Number of complete texts received."""
@@ -142,27 +156,62 @@ class Telemetry:
             return
         north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
         stamp_s = message.time_boot_s
+        self._without_position = 0
+        self._without_airspeed += 1
+        self._without_attitude += 1
+        if (self._without_airspeed > ALONE or self._without_attitude > ALONE) and self.complete:
+            self._fly_without(stamp_s)
+        north_more_m, east_more_m, up_m = self.displaced_m
         self.motion = ReportedMotion(
-            stamp_s, north_m, east_m, -down_m, message.vx_mps, message.vy_mps, -message.vz_mps, message.relative_alt_m
+            stamp_s,
+            north_m + north_more_m,
+            east_m + east_more_m,
+            up_m - down_m,
+            message.vx_mps,
+            message.vy_mps,
+            -message.vz_mps,
+            message.relative_alt_m + up_m,
         )
         if math.isnan(self.airspeed_stamp_s):
             self.airspeed_stamp_s = stamp_s
 
+    def _fly_without(self, stamp_s: float) -> None:
+        """Replace an airspeed or an attitude that is no longer told: no airspeed is a reading of 0, as in VFR_HUD."""
+        if self._without_airspeed > ALONE and stamp_s - self._airspeed_told_s > ALONE_S and not self.stands:
+            self.airspeed_mps, self.airspeed_stamp_s = 0.0, stamp_s
+        known = self._without_airspeed <= ALONE and abs(self.hud_heading_rad) < INFINITE
+        if self._without_attitude > ALONE and stamp_s - self._attitude_told_s > ALONE_S and known:
+            self.attitude = Attitude(stamp_s, 0.0, 0.0, self.hud_heading_rad, 0.0, 0.0, 0.0)
+
     def take_attitude(self, message: Attitude) -> None:
-        """Store an attitude."""
+        """Store an attitude; of one that isn't finite what can be used, with VFR_HUD's heading in place of its yaw."""
+        self._without_position += 1
         if _is_attitude(message):
             self.attitude, self.not_finite = message, ""
-        else:
-            self.implausible += 1
-            self.not_finite = _first_not_finite(message)
+            self._without_attitude, self._attitude_told_s = 0, message.time_boot_s
+            return
+        self.implausible += 1
+        self.not_finite = _first_not_finite(message)
+        usable = _usable(message, self.hud_heading_rad)
+        if usable is not None:
+            self.attitude = usable
+            self._without_attitude, self._attitude_told_s = 0, message.time_boot_s
 
     def take_airspeed(self, message: VfrHud) -> None:
-        """Store an airspeed; a multirotor without a sensor gets its ground speed instead."""
+        """Store an airspeed; a multirotor without a sensor gets its ground speed instead.
+
+        A fixed wing that has told an airspeed and tells none any more has a reading of 0, which no flight explains.
+        """
+        self.hud_heading_rad = message.heading_rad
         unmeasured = self.stands and math.isnan(message.airspeed_mps)
         speed_mps = message.groundspeed_mps if unmeasured else message.airspeed_mps
+        if math.isnan(speed_mps) and abs(self.airspeed_mps) < INFINITE:
+            self.implausible += 1
+            speed_mps = 0.0
         if 0.0 <= speed_mps <= SPEED_LIMIT_MPS:
             self.airspeed_mps = speed_mps
-            self.airspeed_stamp_s = self.motion.stamp_s if self.motion else math.nan
+            self.airspeed_stamp_s = self._airspeed_told_s = self.motion.stamp_s if self.motion else math.nan
+            self._without_airspeed = 0
         else:
             self.implausible += 1
 
@@ -179,9 +228,10 @@ class Telemetry:
 
     def forget(self) -> None:
         """Forget everything that a restart invalidates."""
+        self.displaced_m = (0.0, 0.0, 0.0)
         self.motion = self.attitude = self.heartbeat = self.custom_mode = None
         self.armed, self.flight_status = False, m.MAV_STATE_UNINIT
-        self.airspeed_mps = self.airspeed_stamp_s = math.nan
+        self.airspeed_mps = self.airspeed_stamp_s = self.hud_heading_rad = math.nan
         self.ekf_flags = self.sensors_healthy = 0
         self.landed_state, self.home_m = m.MAV_LANDED_STATE_UNDEFINED, None
 
@@ -205,6 +255,17 @@ class Telemetry:
     def aloft(self) -> bool:
         """Whether its position is well above its home."""
         return self.motion is not None and self.motion.above_home_m > AIRBORNE_M
+
+    @property
+    def lacking(self) -> str:
+        """Which quantity is no longer told while the others are: position, attitude or airspeed; empty if all are."""
+        position_s = math.nan if self.motion is None else self.motion.stamp_s
+        if self._without_position > ALONE and self._attitude_told_s - position_s > ALONE_S:
+            return "position"
+        if self._without_attitude > ALONE and position_s - self._attitude_told_s > ALONE_S:
+            return "attitude"
+        without = self._without_airspeed > ALONE and position_s - self._airspeed_told_s > ALONE_S
+        return "airspeed" if without and not self.stands else ""
 
     @property
     def of_one_time(self) -> bool:
@@ -241,6 +302,15 @@ def _is_attitude(message: Attitude) -> bool:
         and -TURN_LIMIT_RPS <= message.yawspeed_radps <= TURN_LIMIT_RPS
         and abs(message.time_boot_s) < INFINITE
     )
+
+
+def _usable(message: Attitude, heading_rad: float) -> Attitude | None:
+    """Return an attitude with what the control law needs of it, or with a heading in place of its yaw; None without."""
+    yaw_rad, yaw_rps = message.yaw_rad, message.yawspeed_radps
+    yaw_rad = yaw_rad if -ANGLE_LIMIT_RAD <= yaw_rad <= ANGLE_LIMIT_RAD else heading_rad
+    yaw_rps = yaw_rps if -TURN_LIMIT_RPS <= yaw_rps <= TURN_LIMIT_RPS else 0.0
+    usable = abs(message.time_boot_s) < INFINITE and -ANGLE_LIMIT_RAD <= yaw_rad <= ANGLE_LIMIT_RAD
+    return Attitude(message.time_boot_s, 0.0, 0.0, yaw_rad, 0.0, 0.0, yaw_rps) if usable else None
 
 
 def _first_not_finite(message: Message) -> str:

@@ -101,8 +101,9 @@ class Vehicle:
         self._at_last: tuple[StartUpStep, ...] = ()
         """Steps after those of its autopilot in each start-up."""
         self.start_up = self._started_afresh()
-        # holds_at_m: the height at which it was last commanded to loiter while the others fly on
-        self.member, self.holds_at_m, self.frames_out = Member.STARTING, math.nan, 0
+        # holds_at_m: the height at which it was last commanded to loiter while the others fly on; unfit: why its
+        # telemetry can't be flown by in the formation, empty if it can
+        self.member, self.holds_at_m, self.frames_out, self.unfit = Member.STARTING, math.nan, 0, ""
         self.effects, self.pilots_choice, self.take_off = EffectWatch(), PilotsChoice(), TakeOff()
         channels = {command: SetpointChannel(command, setpoint_gap_s) for command in autopilot.setpoint_commands}
         self.setpoint_channels = [channels[command] for command in autopilot.setpoint_commands]

@@ -10,6 +10,8 @@ from pydantic import BaseModel
 
 from airlink.clock import NANOSECONDS, Instant
 from airlink.random_streams import random_stream
+from airlink.telemetry_faults import Effect, Quantity, Vector
+from airlink.telemetry_faults.altering import TelemetryFault
 from formation_scenario.extensions import FAULT, ExtensionError, Registered, registered_in
 from formation_scenario.simulated import EmulatedVehicle, Measured, VehicleFault, register_fault
 from formation_scenario.surroundings import DEFAULT_MODE, Fault
@@ -101,6 +103,26 @@ class Pilot(VehicleFault):
         vehicle.take_over(None)
 
 
+@register_fault("telemetry")
+class Telemetry(VehicleFault):
+    """Its messages say something else of one quantity; it flies on by what it knows."""
+
+    class Keys(BaseModel):
+        """Of the entry itself."""
+
+        quantity: Quantity
+        effect: Effect
+        amount: float | Vector | None = None
+
+    altered: TelemetryFault
+    """What it does to messages, once it has begun."""
+
+    def strike(self, vehicle: EmulatedVehicle) -> None:
+        """Begin to alter messages."""
+        keys, began = self.keys, Instant(round(vehicle.time_s * NANOSECONDS))
+        self.altered = TelemetryFault(keys.quantity, keys.effect, keys.amount, self.random, began)
+
+
 OURS: Final[dict[str, Registered]] = registered_in(sys.modules[__name__], FAULT)
 
 
@@ -179,6 +201,8 @@ class InjectedFaults:
         guarded.call(partial(instance.end if ends else instance.strike, vehicle), None)
         distorts = any(_overrides(each, "measure") for _, each, _ in self._struck)
         self._autopilot.distort = self._distorted if distorts else None
+        instances = [each.instance for _, each, _ in self._struck]
+        self._autopilot.link.altering = [each.altered.sent for each in instances if isinstance(each, Telemetry)]
 
     def act(self) -> None:
         """Let each act in this cycle."""

@@ -1,0 +1,56 @@
+"""Bounds commanded heights by those of path and slot, whatever a vehicle says of its own height.
+
+Setpoints stay within what a vehicle reaches soon of where it says that it is. One that says 14 m too much, more than
+that reach, would be commanded to climb, say so, and be commanded higher still.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from flight_model.autopilot_model import AutopilotModel, within
+from flight_model.slot import Triple
+from gcs_formation.recorder import Tick
+
+BOUND_M: Final = 15.0
+"""How far above or below its path and slot a vehicle may be commanded, m: more than the 12 m that a small fixed wing
+reaches in its time constants, so that no flight by true heights is changed."""
+
+
+class HeightBound:
+    """Keeps heights near those that the plan has for each column, or between these and where it joined."""
+
+    def __init__(self, models: list[AutopilotModel], dt_s: float) -> None:
+        """Take the (C,) models, for their climb limits, and the time from tick to tick, s."""
+        self._models, self._dt_s = models, dt_s
+        self._joined_m = [math.nan] * len(models)
+        """From where each may still be on its way to its slot; NaN of those that aren't commanded."""
+
+    def keep(self, tick: Tick, leader_m: float, slots_m: Sequence[Triple]) -> None:
+        """Bound a tick's heights.
+
+        Args:
+            tick: with the law's setpoints.
+            leader_m: height of the leader's path.
+            slots_m: (C,) forward, right and up; empty before there are any, the leader's isn't used.
+        """
+        for column, setpoint in enumerate(tick.setpoints):
+            if not tick.active[column] or tick.slots_left or not slots_m:
+                self._joined_m[column] = math.nan
+                continue
+            planned_m = leader_m if column == tick.leader else leader_m + slots_m[column][2]
+            if math.isnan(planned_m) or math.isnan(setpoint[2]):
+                continue
+            from_m = self._from_m(column, planned_m, tick.state[column].height_m)
+            height_m = within(setpoint[2], min(from_m, planned_m) - BOUND_M, max(from_m, planned_m) + BOUND_M)
+            if height_m != setpoint[2]:
+                tick.replace(column, (setpoint[0], setpoint[1], height_m))
+
+    def _from_m(self, column: int, planned_m: float, height_m: float) -> float:
+        """Return where a column comes from: where it was when it joined, moved to its plan at its climb limit."""
+        from_m, step_m = self._joined_m[column], self._models[column].climb_max_mps * self._dt_s
+        from_m = height_m if math.isnan(from_m) else from_m + within(planned_m - from_m, -step_m, step_m)
+        self._joined_m[column] = from_m
+        return from_m

@@ -1,0 +1,266 @@
+"""Whether what a vehicle says of its position, and of how fast it moves, can be true together.
+
+From sample to sample a position moves by the integral of the velocity. What it gains on that is summed with a leak, in
+two sums: a short one finds jumps and what is frozen, a long one finds slow drifts. White noise of positions stays in
+such a sum once, noise of velocities adds up over its memory; both are known, so that the bounds are five standard
+deviations beside a constant for what isn't noise (a CUSUM test with a leak; Basseville and Nikiforov, "Detection of
+Abrupt Changes", 1993, 2.2).
+
+Which of the two is wrong? A position that has moved faster than the aircraft can, or that hasn't changed by a bit; a
+velocity that is 0; else the one that agrees less with a third witness: the velocity by airspeed, heading and the wind
+known before, the climb by the commanded height. Without one a velocity whose opposite agrees is; else the position.
+
+- A wrong velocity is replaced by the position's own (an alpha-beta filter, led by the witness's changes).
+- A wrong position is replaced by the last right one, carried on by the velocities. Once it moves with these again it
+  may be displaced: an aircraft doesn't jump, so it is taken to be where it was carried, until a jump back.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+SHORT_S: Final = 2.0
+LONG_S: Final = 10.0
+"""Memories of the two sums, s."""
+SHORT_M: Final = 2.0
+LONG_M: Final = 4.0
+"""Bounds of the sums in exact telemetry, m. A position rounded to a control loop's cycle is off by 0.5 m at 25 m/s."""
+SIGMAS: Final = 5.0
+GAP_S: Final = 3.0
+"""After a longer interval between samples there is nothing to compare, s."""
+UNCHANGED: Final = 2
+"""A position that is the same to the bit so many times in a row is frozen, and a velocity that is 0 isn't filled. One
+that isn't 0 may well be the same: that is straight flight."""
+OPPOSED_SHARE: Final = 0.25
+"""A velocity has the wrong sign if its opposite leaves less than this share of what it leaves itself."""
+AGREES_SHARE: Final = 0.5
+RETURNS_S: Final = 3.0
+"""What has been wrong is right again after it has kept this share of its bounds for this time, s."""
+ALPHA: Final = 0.4
+BETA: Final = 0.1
+"""Gains of the alpha-beta filter; together critically damped at some 4 samples."""
+POSITION: Final = 0
+VELOCITY: Final = 1
+
+
+class Axis:
+    """One coordinate: its sums, and what is flown instead of a wrong quantity."""
+
+    def __init__(self) -> None:
+        """Start without a sample."""
+        self.position_m = math.nan
+        """The newest position told, m."""
+        self.rate_mps = math.nan
+        self.witness_mps = math.nan
+        self.short_m = 0.0
+        self.long_m = 0.0
+        """What the position gains on the integral of the velocity, in the two sums, m."""
+        self.unlike_m = 0.0
+        """What it gains on the integral of the witness, in the short sum, m; NaN without one."""
+        self.opposed_m = 0.0
+        """What it gains on the integral of the opposite velocity, in the short sum, m."""
+        self.moved_m = 0.0
+        """How far it has moved since the sample before, m."""
+        self.offset_m = 0.0
+        """What is added to the position told, m."""
+        self.before_m = 0.0
+        """The same, before the fault that was found last."""
+        self.flown_m = math.nan
+        self.flown_mps = math.nan
+
+    def take(self, elapsed_s: float, position_m: float, rate_mps: float, witness_mps: float, arc: float) -> float:
+        """Take the next sample after some time; return what its position gains on the velocities, m.
+
+        `arc`: ratio of an arc's chord by the mean of the velocities at its ends.
+        """
+        moved_m, half_s = position_m - self.position_m, elapsed_s / 2.0 * arc
+        gained_m = moved_m - (rate_mps + self.rate_mps) * half_s
+        kept = max(0.0, 1.0 - elapsed_s / SHORT_S)
+        self.short_m = kept * self.short_m + gained_m
+        self.long_m = (1.0 - elapsed_s / LONG_S) * self.long_m + gained_m
+        before_m = 0.0 if math.isnan(self.unlike_m) else kept * self.unlike_m
+        self.unlike_m = before_m + moved_m - (witness_mps + self.witness_mps) * half_s
+        self.opposed_m = kept * self.opposed_m + moved_m + (rate_mps + self.rate_mps) * half_s
+        self.moved_m = moved_m
+        return gained_m
+
+    def fly(self, elapsed_s: float, position_m: float, rate_mps: float, witness_mps: float, *, derived: bool) -> None:
+        """Set what is flown by the newest sample, and keep it; `derived`: the velocity is that of the position."""
+        known_m, before_m, change_mps = position_m + self.offset_m, self.flown_m, witness_mps - self.witness_mps
+        if not derived:
+            self.flown_m, self.flown_mps = known_m, rate_mps
+        elif math.isnan(before_m):
+            by_position_mps = (position_m - self.position_m) / elapsed_s
+            self.flown_m, self.flown_mps = known_m, by_position_mps if math.isnan(witness_mps) else witness_mps
+        else:
+            velocity_mps = self.flown_mps + (0.0 if math.isnan(change_mps) else change_mps)
+            expected_m = before_m + velocity_mps * elapsed_s
+            innovation_m = known_m - expected_m
+            self.flown_m = expected_m + ALPHA * innovation_m
+            self.flown_mps = velocity_mps + BETA * innovation_m / elapsed_s
+        self.position_m, self.rate_mps, self.witness_mps = position_m, rate_mps, witness_mps
+
+    def clear(self) -> None:
+        """Begin the sums anew."""
+        self.short_m = self.long_m = 0.0
+        self.unlike_m = self.opposed_m = 0.0
+
+
+class Consistency:
+    """A position of one or two coordinates and its velocity, as one vehicle tells them."""
+
+    def __init__(self, axes: int, fastest_mps: float) -> None:
+        """Start by believing both; `axes`: 2 for north and east, 1 for the height; `fastest_mps`: it can't be."""
+        self._fastest_mps = fastest_mps
+        self.axes = [Axis() for _ in range(axes)]
+        self.wrong: int | None = None
+        """Which quantity isn't believed: `POSITION`, `VELOCITY`, or None."""
+        self.doubts_velocity = False
+        """Whether the other axes of this velocity are already known to be wrong."""
+        self.lasts = False
+        """Whether it has been wrong again since: it isn't a single jump."""
+        self.evidence_m = 0.0
+        """What the position had gained on the velocity when this was found, m."""
+        self._doubtful = False
+        """Whether which of the two is wrong was decided by the first samples alone, and is decided once more."""
+        self._stamp_ns = 0
+        self._unchanged = [0, 0]
+        """How many samples in a row had the same position, and the same velocity."""
+        self._agrees_s = 0.0
+
+    @property
+    def displaced_m(self) -> float:
+        """How far from where it says the vehicle is taken to be, m."""
+        return math.hypot(*[axis.offset_m for axis in self.axes])
+
+    def forget(self) -> None:
+        """Start anew, as after a restart."""
+        self.axes = [Axis() for _ in self.axes]
+        self.wrong, self.lasts = None, False
+        self._stamp_ns, self._unchanged, self._agrees_s = 0, [0, 0], 0.0
+
+    def take(
+        self,
+        stamp_ns: int,
+        position_m: list[float],
+        rate_mps: list[float],
+        witness_mps: list[float],
+        variances: tuple[float, float],
+    ) -> bool:
+        """Take a sample; return whether what is flown, `flown_m` and `flown_mps` of each axis, differs from it.
+
+        Args:
+            stamp_ns: when it was measured.
+            position_m: of each axis.
+            rate_mps: the velocity.
+            witness_mps: the velocity by other quantities; NaN where there are none.
+            variances: of the position's and the velocity's noise, m² and m²/s².
+        """
+        elapsed_s = (stamp_ns - self._stamp_ns) * 1e-9
+        if elapsed_s <= 0.0:
+            return self._flies_otherwise()
+        if self._stamp_ns and elapsed_s <= GAP_S:
+            self._compare(elapsed_s, position_m, rate_mps, witness_mps, variances)
+        else:
+            for axis in self.axes:
+                axis.clear()
+        self._stamp_ns = stamp_ns
+        for place, axis in enumerate(self.axes):
+            axis.fly(elapsed_s, position_m[place], rate_mps[place], witness_mps[place], derived=self.wrong == VELOCITY)
+        return self._flies_otherwise()
+
+    def _flies_otherwise(self) -> bool:
+        if self.wrong is not None:
+            return True
+        for axis in self.axes:  # noqa: SIM110 - compiled, `any` costs ten times as much
+            if axis.offset_m != 0.0:
+                return True
+        return False
+
+    def _compare(
+        self,
+        elapsed_s: float,
+        position_m: list[float],
+        rate_mps: list[float],
+        witness_mps: list[float],
+        variances: tuple[float, float],
+    ) -> None:
+        arc, same_position, same_rate = self._arc(rate_mps), True, True
+        for place, axis in enumerate(self.axes):
+            same_position = same_position and position_m[place] == axis.position_m
+            same_rate = same_rate and rate_mps[place] == axis.rate_mps
+            gained_m = axis.take(elapsed_s, position_m[place], rate_mps[place], witness_mps[place], arc)
+            if self.wrong == POSITION:
+                axis.offset_m -= gained_m
+        self._unchanged[POSITION] = self._unchanged[POSITION] + 1 if same_position else 0
+        self._unchanged[VELOCITY] = self._unchanged[VELOCITY] + 1 if same_rate else 0
+        short, long = self._shares(elapsed_s, variances)
+        share = max(short, long)
+        self._agrees_s = self._agrees_s + elapsed_s if share < AGREES_SHARE else 0.0
+        if share >= 1.0:
+            self._disbelieve(elapsed_s, short=short >= long)
+        elif self.wrong is not None and self._agrees_s >= RETURNS_S:
+            self._believe(variances[0])
+
+    def _shares(self, elapsed_s: float, variances: tuple[float, float]) -> tuple[float, float]:
+        """Return which shares the two sums have of their bounds."""
+        short, long, doubled = 0.0, 0.0, variances[1] * elapsed_s / 2.0
+        for axis in self.axes:
+            short += axis.short_m * axis.short_m
+            long += axis.long_m * axis.long_m
+        short_m = SHORT_M + SIGMAS * math.sqrt(variances[0] + doubled * SHORT_S)
+        long_m = LONG_M + SIGMAS * math.sqrt(variances[0] + doubled * LONG_S)
+        return math.sqrt(short) / short_m, math.sqrt(long) / long_m
+
+    def _disbelieve(self, elapsed_s: float, *, short: bool) -> None:
+        """Decide which quantity is wrong by the sum that has passed its bound, and begin the sums anew."""
+        first, self.lasts = self.wrong is None, self.wrong is not None
+        found = self._which(elapsed_s) if first or self._doubtful else self.wrong
+        self._doubtful = first
+        if first:
+            self.evidence_m = math.hypot(*[axis.short_m if short else axis.long_m for axis in self.axes])
+        for axis in self.axes:
+            if first:
+                axis.flown_m, axis.before_m = math.nan, axis.offset_m
+                axis.offset_m -= (axis.short_m if short else axis.long_m) if found == POSITION else 0.0
+            elif found != self.wrong:
+                axis.flown_m, axis.offset_m = math.nan, axis.before_m
+            axis.clear()
+        self.wrong = found
+
+    def _which(self, elapsed_s: float) -> int:
+        if math.hypot(*[axis.moved_m for axis in self.axes]) > self._fastest_mps * elapsed_s:
+            return POSITION
+        if self.doubts_velocity:
+            return VELOCITY
+        unlike, level = [axis.unlike_m for axis in self.axes], len(self.axes) > 1
+        witnessed = not math.isnan(sum(unlike))
+        if level or not witnessed:  # a height, and its rate of 0, are the same for long in level flight
+            if self._unchanged[POSITION] >= UNCHANGED:
+                return POSITION
+            if self._unchanged[VELOCITY] >= UNCHANGED and not any(axis.rate_mps for axis in self.axes):
+                return VELOCITY
+        if witnessed:
+            of_velocity = math.hypot(*[axis.unlike_m - axis.short_m for axis in self.axes])
+            return VELOCITY if of_velocity > math.hypot(*unlike) else POSITION
+        opposed_m = math.hypot(*[axis.opposed_m for axis in self.axes])
+        gained_m = math.hypot(*[axis.short_m for axis in self.axes])
+        return VELOCITY if opposed_m < OPPOSED_SHARE * gained_m else POSITION
+
+    def _believe(self, position_variance: float) -> None:
+        """Believe both again; a displacement that noise explains is forgotten."""
+        self.wrong, self.lasts, self._agrees_s = None, False, 0.0
+        if self.displaced_m < SHORT_M + SIGMAS * math.sqrt(position_variance):
+            for axis in self.axes:
+                axis.offset_m = 0.0
+
+    def _arc(self, rate_mps: list[float]) -> float:
+        """Return the ratio of an arc's chord by the mean of the velocities at its ends: tan x / x, x half its angle."""
+        if len(self.axes) < 2:
+            return 1.0
+        north, east = self.axes
+        cross = north.rate_mps * rate_mps[1] - east.rate_mps * rate_mps[0]
+        before = north.rate_mps * north.rate_mps + east.rate_mps * east.rate_mps
+        later = rate_mps[0] * rate_mps[0] + rate_mps[1] * rate_mps[1]
+        return 1.0 + cross * cross / (12.0 * max(before * later, 1.0))

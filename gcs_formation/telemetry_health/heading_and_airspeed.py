@@ -1,0 +1,109 @@
+"""Whether a fixed wing's heading and airspeed can be true: it turns and speeds up no faster than it can.
+
+What has jumped is taken to be as before, and carried on by the course and the limits until it jumps back.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from flight_model.autopilot_model import wrap
+
+FASTER: Final = 1.5
+JUMP_RAD: Final = 0.15
+"""A heading that has turned by more than this beyond this multiple of the limit of turns has jumped. Estimates of
+ArduPlanes turn by up to 0.09 rad in 0.1 s when gusts yaw them."""
+SIGMAS: Final = 7.0
+"""Standard deviations of the noise that are added: five, of the difference of two readings."""
+GUST_MPS: Final = 4.5
+"""An airspeed that has changed by more than this beyond the limit of accelerations has jumped: gusts build up over
+more than a sample."""
+QUIET_S: Final = 1.0
+"""What jumps again and again is carried on until it hasn't for this time."""
+FROZEN: Final = 5
+"""So many headings in a row that are the same to the bit are frozen, if the course turned by `JUMP_RAD` meanwhile, the
+sharpest turn left out: that may be a gust."""
+GAP_S: Final = 3.0
+
+
+class HeadingCheck:
+    """The heading of one fixed wing."""
+
+    def __init__(self, turn_max_rps: float) -> None:
+        """Start by believing it."""
+        self._turn_max_rps = turn_max_rps
+        self.offset_rad = 0.0
+        """What is added to the heading told."""
+        self.frozen = False
+        self.evidence_rad = 0.0
+        """By how much it has jumped, or hasn't turned with the course."""
+        self._stamp_ns, self._heading_rad, self._course_rad = 0, 0.0, 0.0
+        self._same, self._turned_rad, self._widest_rad, self._quiet_s = 0, 0.0, 0.0, QUIET_S
+
+    def take(self, stamp_ns: int, heading_rad: float, north_mps: float, east_mps: float, sigma_rad: float) -> float:
+        """Take a heading and the velocity over ground of one time; return the heading to be flown by.
+
+        `sigma_rad`: standard deviation of the heading's noise.
+        """
+        elapsed_s, course_rad = (stamp_ns - self._stamp_ns) * 1e-9, math.atan2(east_mps, north_mps)
+        if self._stamp_ns and 0.0 < elapsed_s <= GAP_S:
+            turned_rad, bent_rad = wrap(heading_rad - self._heading_rad), wrap(course_rad - self._course_rad)
+            self._judge(elapsed_s, turned_rad, bent_rad, sigma_rad)
+        if elapsed_s > 0.0:
+            self._stamp_ns, self._heading_rad, self._course_rad = stamp_ns, heading_rad, course_rad
+        return wrap(heading_rad + self.offset_rad) if self.offset_rad != 0.0 else heading_rad
+
+    def _judge(self, elapsed_s: float, turned_rad: float, bent_rad: float, sigma_rad: float) -> None:
+        most_rad = FASTER * self._turn_max_rps * elapsed_s + JUMP_RAD + SIGMAS * sigma_rad
+        self._quiet_s += elapsed_s
+        if abs(turned_rad) > most_rad:
+            self.evidence_rad, self.frozen, self._quiet_s = abs(turned_rad - bent_rad), False, 0.0
+        if self._quiet_s < QUIET_S:
+            self.offset_rad = wrap(self.offset_rad - turned_rad + bent_rad)
+            self._same, self._turned_rad, self._widest_rad = 0, 0.0, 0.0
+        elif turned_rad == 0.0:
+            self._stand(bent_rad)
+        else:
+            if self.frozen or abs(self.offset_rad) < most_rad:
+                self.offset_rad = 0.0
+            self.frozen = False
+            self._same, self._turned_rad, self._widest_rad = 0, 0.0, 0.0
+
+    def _stand(self, bent_rad: float) -> None:
+        """Take a heading that hasn't changed by a bit, while the course turned."""
+        self._same, self._turned_rad = self._same + 1, self._turned_rad + bent_rad
+        if abs(bent_rad) > abs(self._widest_rad):
+            self._widest_rad = bent_rad
+        if self.frozen:
+            self.offset_rad = wrap(self.offset_rad + bent_rad)
+        elif self._same >= FROZEN and abs(self._turned_rad - self._widest_rad) > JUMP_RAD:
+            self.offset_rad = wrap(self.offset_rad + self._turned_rad)
+            self.evidence_rad, self.frozen = abs(self._turned_rad), True
+
+
+class AirspeedJumps:
+    """The airspeed of one fixed wing."""
+
+    def __init__(self, accel_max_mps2: float) -> None:
+        """Start by believing it."""
+        self._accel_max_mps2 = accel_max_mps2
+        self.offset_mps = 0.0
+        """What is added to the airspeed told."""
+        self.evidence_mps = 0.0
+        """By how much it jumped last."""
+        self._stamp_ns, self._airspeed_mps = 0, 0.0
+
+    def take(self, stamp_ns: int, airspeed_mps: float, sigma_mps: float) -> float:
+        """Take an airspeed; return the one to be flown by. `sigma_mps`: standard deviation of its noise."""
+        elapsed_s, changed_mps = (stamp_ns - self._stamp_ns) * 1e-9, airspeed_mps - self._airspeed_mps
+        if self._stamp_ns and 0.0 < elapsed_s <= GAP_S:
+            most_mps = FASTER * self._accel_max_mps2 * elapsed_s + GUST_MPS + SIGMAS * sigma_mps
+            if abs(changed_mps) > most_mps:
+                self.offset_mps -= changed_mps
+                self.evidence_mps = abs(changed_mps)
+                if abs(self.offset_mps) < most_mps:
+                    self.offset_mps = 0.0
+        if elapsed_s > 0.0:
+            self._stamp_ns, self._airspeed_mps = stamp_ns, airspeed_mps
+        return airspeed_mps + self.offset_mps if self.offset_mps != 0.0 else airspeed_mps

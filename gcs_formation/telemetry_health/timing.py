@@ -1,0 +1,95 @@
+"""Whether a vehicle's positions are of the time that their stamps say: shifted, standing, late or missing ones."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+SHIFT_S: Final = 0.1
+"""Smallest shift of stamps that is found: positions reach a tick of the control loop up to its period late."""
+SUPPORT_S: Final = 0.12
+SUPPORT_SHARE: Final = 0.3
+"""A shift by the position must be that of the arrival within the larger of these, and within its half."""
+LEAST_M: Final = 2.0
+"""What a position gains on its velocity in one sample before its stamp is suspected, m."""
+LATE_S: Final = 1.0
+JITTERS: Final = 5.0
+"""A position is late if it is older on arrival than its link's delay by this and so many standard deviations of it."""
+LASTS_S: Final = 2.0
+"""Positions that have been late for this long aren't flown by: the link's measured delay has had time to follow."""
+STANDING: Final = 3
+"""So many positions that differ and have the same stamp: the stamps stand still."""
+
+
+class Timing:
+    """The stamps of one vehicle's positions."""
+
+    def __init__(self) -> None:
+        """Start by believing them."""
+        self.shift_s = 0.0
+        """What is added to the stamps."""
+        self.late_s = 0.0
+        """How late positions come, once they do so for long; else 0."""
+        self.standing = False
+        self._told_s = math.nan
+        self._stamp_ns, self._arrived_ns, self._north_m, self._east_m = 0, 0, 0.0, 0.0
+        self._late_since_ns, self._same = 0, 0
+
+    def take(
+        self,
+        told_s: float,
+        stamp_ns: int,
+        now_ns: int,
+        place_m: tuple[float, float],
+        velocity_mps: tuple[float, float],
+        longest_s: float,
+    ) -> int:
+        """Take a position's stamp; return the stamp to be used, ns.
+
+        Args:
+            told_s: on the vehicle's clock.
+            stamp_ns: on the station's clock.
+            now_ns: when it is used first.
+            place_m: north and east.
+            velocity_mps: likewise.
+            longest_s: the age to be expected at most, s.
+        """
+        elapsed_s = (stamp_ns - self._stamp_ns) * 1e-9
+        arrival_s = (now_ns - self._arrived_ns) * 1e-9
+        moved_m = place_m[0] - self._north_m, place_m[1] - self._east_m
+        if self._stamp_ns:
+            stands = told_s == self._told_s
+            self._same = self._same + 1 if stands and moved_m != (0.0, 0.0) else 0
+            self.standing = self._same >= STANDING or (self.standing and stands)
+            if not stands and 0.0 < elapsed_s < 2.0 * LASTS_S:
+                self._shift(elapsed_s, arrival_s, moved_m, velocity_mps)
+        self._told_s, self._stamp_ns, self._arrived_ns = told_s, stamp_ns, now_ns
+        self._north_m, self._east_m = place_m
+        used_ns = stamp_ns + round(self.shift_s * 1e9)
+        self._watch_age((now_ns - used_ns) * 1e-9, now_ns, longest_s)
+        return used_ns
+
+    def _shift(
+        self, elapsed_s: float, arrival_s: float, moved_m: tuple[float, float], velocity_mps: tuple[float, float]
+    ) -> None:
+        """Shift the stamps if a position has moved as if more or less time had passed, and came so, too."""
+        speed_mps = math.hypot(*velocity_mps)
+        gained_m = moved_m[0] - velocity_mps[0] * elapsed_s, moved_m[1] - velocity_mps[1] * elapsed_s
+        if speed_mps < LEAST_M or math.hypot(*gained_m) < LEAST_M:
+            return
+        along_m = (gained_m[0] * velocity_mps[0] + gained_m[1] * velocity_mps[1]) / speed_mps
+        across_m = (gained_m[1] * velocity_mps[0] - gained_m[0] * velocity_mps[1]) / speed_mps
+        shift_s, later_s = along_m / speed_mps, arrival_s - elapsed_s
+        supported = abs(later_s - shift_s) < min(max(SUPPORT_S, SUPPORT_SHARE * abs(shift_s)), abs(shift_s) / 2.0)
+        if abs(shift_s) > SHIFT_S and supported and abs(across_m) < SUPPORT_SHARE * abs(along_m):
+            self.shift_s += shift_s
+            if abs(self.shift_s) < SHIFT_S:
+                self.shift_s = 0.0
+
+    def _watch_age(self, age_s: float, now_ns: int, longest_s: float) -> None:
+        if age_s <= longest_s:
+            self._late_since_ns, self.late_s = 0, 0.0
+            return
+        self._late_since_ns = self._late_since_ns or now_ns
+        if (now_ns - self._late_since_ns) * 1e-9 >= LASTS_S:
+            self.late_s = age_s

@@ -1,0 +1,196 @@
+"""Position against velocity, heading against course, stamps against arrival: telemetry of one vehicle, not flown."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gcs_formation.telemetry_health.consistency import POSITION, VELOCITY, Consistency
+from gcs_formation.telemetry_health.heading_and_airspeed import AirspeedJumps, HeadingCheck
+from gcs_formation.telemetry_health.timing import Timing
+
+STEP_S, SPEED_MPS, TURN_RPS = 0.1, 22.0, 0.15
+FASTEST_MPS = 60.0
+
+
+class Turning:
+    """An aircraft that turns steadily; what it says can be altered."""
+
+    def __init__(self, *, sigma_m=0.0, sigma_mps=0.0, witness=True, seed=1):
+        self.checked, self.random = Consistency(2, FASTEST_MPS), np.random.default_rng(seed)
+        self.sigmas, self.witness, self.time_s = (sigma_m, sigma_mps), witness, 0.0
+        self.variances = sigma_m**2, sigma_mps**2
+
+    def truth(self):
+        heading = TURN_RPS * self.time_s
+        radius_m = SPEED_MPS / TURN_RPS
+        place = [radius_m * math.sin(heading), radius_m * (1.0 - math.cos(heading))]
+        return place, [SPEED_MPS * math.cos(heading), SPEED_MPS * math.sin(heading)]
+
+    def fly(self, seconds, place_of=None, velocity_of=None):
+        """Return how long it took until something was disbelieved, None if nothing was."""
+        begun_s, found_s = self.time_s, None
+        for _ in range(round(seconds / STEP_S)):
+            self.time_s += STEP_S
+            place, velocity = self.truth()
+            witness = velocity if self.witness else [math.nan, math.nan]
+            place = list(np.add(place, self.sigmas[0] * self.random.standard_normal(2)))
+            told = list(np.add(velocity, self.sigmas[1] * self.random.standard_normal(2)))
+            place = place if place_of is None else place_of(place, self.time_s - begun_s)
+            told = told if velocity_of is None else velocity_of(told)
+            self.checked.take(1 + round(self.time_s * 1e9), place, told, witness, self.variances)
+            if found_s is None and self.checked.wrong is not None:
+                found_s = self.time_s - begun_s
+        return found_s
+
+    def off_m(self):
+        """Return how far what is flown is from the truth, in place and velocity."""
+        place, velocity = self.truth()
+        axes = self.checked.axes
+        return (
+            math.dist(place, [axis.flown_m for axis in axes]),
+            math.dist(velocity, [axis.flown_mps for axis in axes]),
+        )
+
+
+@pytest.mark.parametrize(("sigma_m", "sigma_mps"), [(0.0, 0.0), (0.5, 0.1), (2.0, 0.5)])
+def test_true_telemetry_is_believed_for_half_an_hour(sigma_m, sigma_mps):
+    assert Turning(sigma_m=sigma_m, sigma_mps=sigma_mps).fly(1800.0) is None
+
+
+def test_a_frozen_position_is_found_at_once_and_carried_on_by_the_velocity():
+    flown = Turning()
+    flown.fly(5.0)
+    frozen, _ = flown.truth()
+    assert flown.fly(20.0, place_of=lambda _place, _s: frozen) <= 0.2 + 1e-9
+    assert flown.checked.wrong == POSITION
+    assert flown.checked.lasts
+    assert flown.off_m()[0] < 0.5
+
+
+def test_a_jump_is_taken_out_and_a_jump_back_forgets_it():
+    flown = Turning()
+    flown.fly(5.0)
+    assert flown.fly(5.0, place_of=lambda place, _s: [place[0], place[1] + 20.0]) <= 0.1 + 1e-9
+    assert flown.checked.wrong is None  # it moves by its velocity again
+    assert flown.checked.displaced_m == pytest.approx(20.0, abs=0.1)
+    assert flown.off_m()[0] < 0.1
+    flown.fly(5.0)
+    assert flown.checked.displaced_m == 0.0
+    assert flown.off_m()[0] < 0.01
+
+
+@pytest.mark.parametrize(("rate_mps", "most_s"), [(10.0, 0.3), (3.0, 1.0), (1.0, 6.0)])
+def test_a_drift_is_found_the_sooner_the_faster_it_is(rate_mps, most_s):
+    flown = Turning()
+    flown.fly(5.0)
+    assert flown.fly(8.0, place_of=lambda place, s: [place[0] + rate_mps * s, place[1]]) <= most_s
+    assert flown.checked.wrong == POSITION
+    assert flown.off_m()[0] < 4.5
+
+
+@pytest.mark.parametrize("witness", [True, False])
+@pytest.mark.parametrize("factor", [0.0, -1.0])
+def test_a_velocity_that_is_empty_or_opposite_is_replaced_by_the_positions_own(witness, factor):
+    flown = Turning(witness=witness)
+    flown.fly(5.0)
+    assert flown.fly(10.0, velocity_of=lambda told: [factor * each for each in told]) <= 0.3
+    assert flown.checked.wrong == VELOCITY
+    off_m, off_mps = flown.off_m()
+    assert off_m < 0.5
+    assert off_mps < (0.5 if witness else 2.5)
+
+
+def test_a_velocity_at_half_its_value_is_told_from_a_position_by_the_witness():
+    flown = Turning()
+    flown.fly(5.0)
+    flown.fly(3.0, velocity_of=lambda told: [each / 2.0 for each in told])
+    assert flown.checked.wrong == VELOCITY
+
+
+def test_a_gap_or_a_restart_is_no_jump():
+    flown = Turning()
+    flown.fly(5.0)
+    flown.time_s += 60.0
+    assert flown.fly(5.0) is None
+    flown.checked.forget()
+    assert flown.fly(5.0, place_of=lambda place, _s: [place[0] + 500.0, place[1]]) is None
+
+
+def test_a_height_that_drifts_in_level_flight_is_the_height_and_a_false_rate_is_the_rate():
+    def found(height_of, climb_mps, commanded_mps):
+        checked = Consistency(1, 14.0)
+        for tick in range(60):
+            checked.take(1 + round(tick * 1e8), [height_of(tick / 10.0)], [climb_mps], [commanded_mps], (0.0, 0.0))
+        return checked.wrong
+
+    assert found(lambda s: 100.0 - 3.0 * s, 0.0, 0.0) == POSITION  # commanded level
+    assert found(lambda s: 100.0 + 2.0 * s, 0.0, 2.0) == VELOCITY  # commanded to climb, and does
+    assert found(lambda s: 100.0 + 2.0 * s, -2.0, math.nan) == VELOCITY  # its sign is wrong
+    assert found(lambda _s: 100.0, 2.0, 2.0) == POSITION  # frozen on a climb
+    assert found(lambda _s: 100.0, 0.0, 0.0) is None
+
+
+class TestHeading:
+    def taken(self, told, course):
+        checked = HeadingCheck(0.25)
+        return checked, [
+            checked.take(1 + round(i * 1e8), each, 22.0 * math.cos(way), 22.0 * math.sin(way), 0.0)
+            for i, (each, way) in enumerate(zip(told, course, strict=True))
+        ]
+
+    def test_a_true_heading_is_flown_to_the_bit(self):
+        course = [0.02 * i for i in range(100)]
+        assert self.taken(course, course)[1] == course
+
+    def test_a_jump_is_taken_out(self):
+        course = [0.02 * i for i in range(60)]
+        told = course[:30] + [each + 0.5 for each in course[30:]]
+        _, flown = self.taken(told, course)
+        assert flown == pytest.approx(course, abs=1e-9)
+
+    def test_a_heading_that_is_frozen_in_a_bend_is_turned_with_the_course(self):
+        course = [0.02 * i for i in range(60)]
+        checked, flown = self.taken(course[:30] + [course[29]] * 30, course)
+        assert checked.frozen
+        assert flown[-1] == pytest.approx(course[-1], abs=1e-6)
+
+    def test_a_gust_that_turns_the_course_of_straight_flight_is_no_fault(self):
+        checked, flown = self.taken([0.0] * 60, [0.0] * 30 + [0.25] * 30)
+        assert not checked.frozen
+        assert flown == [0.0] * 60
+
+
+def test_an_airspeed_that_jumps_is_taken_to_be_as_before_until_it_jumps_back():
+    checked = AirspeedJumps(1.5)
+    told = [22.0] * 5 + [13.2] * 5 + [22.5] * 5
+    flown = [checked.take(1 + round(i * 1e8), each, 0.0) for i, each in enumerate(told)]
+    assert flown == pytest.approx([22.0] * 10 + [22.5] * 5)
+
+
+class TestStamps:
+    def taken(self, shifts_s, *, arrivals_s=None):
+        """Return the error of each stamp used, s, of positions sent every 0.1 s with these shifts of their stamps."""
+        timing, errors = Timing(), list[float]()
+        for i, shift_s in enumerate(shifts_s):
+            true_s = 10.0 + i * STEP_S
+            arrival_s = true_s + 0.05 + (0.0 if arrivals_s is None else arrivals_s[i])
+            told_ns = round((true_s + shift_s) * 1e9)
+            used = timing.take(told_ns * 1e-9, told_ns, round(arrival_s * 1e9), (22.0 * true_s, 0.0), (22.0, 0.0), 1.0)
+            errors.append(used * 1e-9 - true_s)
+        return timing, errors
+
+    @pytest.mark.parametrize("shift_s", [0.5, 3.0])
+    def test_stamps_that_jump_ahead_are_shifted_back(self, shift_s):
+        timing, errors = self.taken([0.0] * 10 + [shift_s] * 10)
+        assert max(map(abs, errors)) < 0.01
+        assert timing.shift_s == pytest.approx(-shift_s)
+
+    def test_a_link_that_slows_down_moves_no_stamp(self):
+        timing, errors = self.taken([0.0] * 20, arrivals_s=[0.0] * 10 + [0.4] * 10)
+        assert max(map(abs, errors)) < 1e-6
+        assert timing.late_s == 0.0
+
+    def test_positions_that_are_seconds_old_for_long_are_late(self):
+        timing, _ = self.taken([0.0] * 40, arrivals_s=[2.0] * 40)
+        assert timing.late_s == pytest.approx(2.05)
