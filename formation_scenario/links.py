@@ -6,22 +6,23 @@ import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, NamedTuple
+from typing import Annotated, Any, Final, NamedTuple
 
 from pydantic import AfterValidator, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from formation_scenario.bounded_read import read_bounded
+from formation_scenario.channels import Channel
 from formation_scenario.fields import (
     MAX_NUMBER,
     OF_AN_EXTENSION,
     Allowed,
+    AtMost,
     FileError,
     Flag,
     Fraction,
     Keys,
     NonNegative,
-    Number,
     OwnKeys,
     Text,
     Timed,
@@ -29,30 +30,25 @@ from formation_scenario.fields import (
     Word,
     key,
 )
+from formation_scenario.impairment_types import MIN_KBPS, MOST_MS, Burst, Distribution, Milliseconds
 
 MOST_CHANGES: Final = 5000
 """Of links in a flight."""
-MOST_MS = 600_000.0
 ALLOWED = f"a file with a number of milliseconds from 0 to {MOST_MS:.0f} on each line, # before comments"
 _NUMBER = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
-LEAST_KBPS = 1e-3
-"""One bit a second, at which the longest UDP datagram takes six days."""
 
 
 def _passable(rate_kbps: float) -> float:
-    if 0.0 < rate_kbps < LEAST_KBPS:
+    if 0.0 < rate_kbps < MIN_KBPS:
         raise PydanticCustomError("data_rate", "nothing would ever arrive")
     return rate_kbps
 
 
-Distribution = Literal["normal", "uniform", "pareto"]
-Burst = Annotated[Number, Field(ge=1.0, le=1e6)]
-Milliseconds = Annotated[NonNegative, Field(le=MOST_MS)]
 DataRate = Annotated[
     NonNegative,
     AfterValidator(_passable),
-    WithJsonSchema({"anyOf": [{"const": 0.0}, {"type": "number", "minimum": LEAST_KBPS, "maximum": MAX_NUMBER}]}),
-    Allowed(f"0, or a number >= {LEAST_KBPS:g}"),
+    WithJsonSchema({"anyOf": [{"const": 0.0}, {"type": "number", "minimum": MIN_KBPS, "maximum": MAX_NUMBER}]}),
+    Allowed(f"0, or a number >= {MIN_KBPS:g}"),
 ]
 
 
@@ -182,6 +178,11 @@ class Links(Keys):
         "above it, m",
         [-200, 0, 3],
         derived="the origin",
+    )
+    channels: AtMost[Channel] = key(
+        (),
+        "radios that several vehicles share, whose datagrams pass them before their own links",
+        [{"vehicles": "all", "rate_kbps": 57.6, "duplex": "half", "turnaround_ms": 5}],
     )
     changes: Annotated[tuple[LinkChange, ...], Field(max_length=MOST_CHANGES)] = key(
         (),

@@ -484,6 +484,16 @@ class Scenario(Keys):
             return self.vehicles
         return tuple(vehicle for vehicle in self.vehicles if any(ref in selection for ref in vehicle.refs))
 
+    def channel_members(self) -> list[tuple[int, tuple[Vehicle, ...]]]:
+        """Return the radios that vehicles share: each one's index in `links.channels`, and its vehicles."""
+        found = list[tuple[int, tuple[Vehicle, ...]]]()
+        for index, channel in enumerate(self.links.channels):
+            if channel.vehicles == "each":
+                found += [(index, (vehicle,)) for vehicle in self.vehicles]
+            else:
+                found.append((index, self.selected(channel.vehicles)))
+        return found
+
     def recorded_delays(self, file: str) -> RecordedDelays:
         """Return the delays in a file of some link's; each file is read once.
 

@@ -11,6 +11,7 @@ from flight_model.earth import SEMI_MAJOR_M
 from flight_model.legs.path import MIN_LEG_M
 from flight_model.path import PathError
 from formation_scenario import vehicle_rules
+from formation_scenario.channel_rules import channels
 from formation_scenario.expectation import (
     FENCE,
     FOLLOWER_METRICS,
@@ -404,6 +405,7 @@ RULES = (
     link_changes,
     traces,
     bursts,
+    channels,
     vehicle_rules.slots,
     vehicle_rules.changes,
     vehicle_rules.orders,

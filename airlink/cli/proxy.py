@@ -11,10 +11,11 @@ from typing import Any, Final, NamedTuple
 
 import click
 
-from airlink.cli import SEED, SIGNALS, Command, Status, fail, version_option
+from airlink.cli import SEED, SIGNALS, Command, Status, fail, radio_option, version_option
 from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
 from airlink.impairment import Direction, Impairment
 from airlink.proxy import Proxy, Relay
+from airlink.radio.settings import RadioSettings
 
 LONGEST_LINE: Final = 4096
 EXAMPLES: Final = """\b
@@ -140,8 +141,9 @@ class Console:
 
 
 def settings(relay: Relay) -> str:
-    """Return the settings, one line for each direction."""
-    return "\n".join(f"{way.name.lower()}: {described(relay.impairments[way])}" for way in Direction)
+    """Return the settings, one line for each direction, and one for the radio if there is one."""
+    lines = [f"{way.name.lower()}: {described(relay.impairments[way])}" for way in Direction]
+    return "\n".join(lines if relay.radio is None else [radio_option.described(relay.radio.settings), *lines])
 
 
 def summary(relay: Relay) -> str:
@@ -167,6 +169,13 @@ def _connection(kind: str) -> Callable[[click.Context, click.Parameter, str], En
         return endpoint
 
     return read
+
+
+def _radio(_context: click.Context, _parameter: click.Parameter, text: str | None) -> RadioSettings | None:
+    try:
+        return None if text is None else radio_option.parse_radio(text)
+    except ImpairmentError as error:
+        raise click.BadParameter(str(error)) from error
 
 
 def _impairment_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -199,13 +208,19 @@ def _set(relay: Relay, options: dict[str, str | None]) -> None:
 @click.option(
     "--to", metavar="UDPOUT", callback=_connection("udpout"), required=True, help="where the ground station listens"
 )
+@click.option(
+    "--radio",
+    metavar="KEYS",
+    callback=_radio,
+    help="one radio that all vehicles share, as links.channels of a scenario: rate_kbps=57.6,duplex=half",
+)
 @click.option("--seed", type=SEED, default=1, show_default=True, help="of the random numbers")
 @_impairment_options
-def main(listen: Endpoint, to: Endpoint, seed: int, **options: str | None) -> None:
+def main(listen: Endpoint, to: Endpoint, radio: RadioSettings | None, seed: int, **options: str | None) -> None:
     """Put an impaired link between vehicles and a ground station."""
     for number in SIGNALS:
         signal.signal(number, signal.default_int_handler)  # a shell's background jobs ignore SIGINT
-    relay = Relay(seed)
+    relay = Relay(seed, radio)
     _set(relay, options)
     try:
         with Proxy(listen, to, relay) as proxy:

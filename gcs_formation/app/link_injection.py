@@ -13,8 +13,9 @@ import numpy as np
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from airlink.impaired_link import ChannelStatistics, ImpairedEngine
+from airlink.impaired_link import ImpairedEngine
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
+from airlink.one_way_channel import ChannelStatistics
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.fields import refused
@@ -22,6 +23,7 @@ from formation_scenario.links import Impairment as PlannedImpairment
 from formation_scenario.links import LinkStep, least_mean_burst
 from formation_scenario.scripted import ScriptedLink, impaired
 from gcs_formation.app.link_processes import LinkProcesses
+from gcs_formation.app.shared_radios import radios_of
 from gcs_formation.phases import Flight
 from gcs_formation.recorder import Event, Recorder
 from gcs_formation.station import Station
@@ -77,6 +79,7 @@ class LinkSchedule:
     def __init__(self, scenario: Scenario, flight: Flight) -> None:
         """Links change with the mission time of `flight`; before t = 0 they are as at t = 0."""
         self._scenario, self._flight, self.seed = scenario, flight, scenario.seed
+        self.radios = radios_of(scenario)
         self.processes = LinkProcesses(scenario)
         self._steps: dict[VehicleId, Steps] = {
             vehicle.vehicle_id: scenario.link_steps(vehicle) for vehicle in scenario.vehicles
@@ -212,9 +215,9 @@ def impair(scenario: Scenario, station: Station) -> ImpairedEngine | None:
 
 def wrapped(station: Station, schedule: LinkSchedule) -> ImpairedEngine | None:
     """Return the station wrapped in links, which know whom it talks to; None if nothing impairs them."""
-    if schedule.clear:
+    if schedule.clear and not schedule.radios:
         return None
-    links = ImpairedEngine(station, station.networks, schedule.both_ways, schedule.seed)
+    links = ImpairedEngine(station, station.networks, schedule.both_ways, schedule.seed, schedule.radios)
     for identity, vehicle in station.vehicles.items():
         if vehicle.connection.peer is not None:
             links.expect(vehicle.connection.socket, vehicle.connection.peer, identity)

@@ -10,8 +10,8 @@ from scipy.stats import kstest, truncnorm
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
-from airlink.impaired_link import Channel
 from airlink.impairment import CDF, QUANTILE, UNIMPAIRED, Direction, Impairment
+from airlink.one_way_channel import Channel
 from airlink.random_streams import random_stream
 
 MANY = 100_000
