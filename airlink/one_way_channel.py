@@ -117,9 +117,9 @@ class Channel:
             if found_s is None:
                 return []
             more_s += found_s
-        deliveries = [after(departure, impairment.delay_of(draws[2], number) + more_s)]
+        deliveries = [after(departure, impairment.delay_of(draws[2]) + more_s)]
         if draws[1] < impairment.duplicate:
-            deliveries.append(after(departure, impairment.delay_of(draws[3], number) + more_s))
+            deliveries.append(after(departure, impairment.delay_of(draws[3]) + more_s))
             deliveries.sort()
         if not impairment.reorder:
             deliveries = [max(delivery, self._last_delivery) for delivery in deliveries]

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Annotated, Any, Final, NamedTuple
 
 from pydantic import AfterValidator, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from formation_scenario.bounded_read import read_bounded
 from formation_scenario.channels import Channel
 from formation_scenario.fields import (
     MAX_NUMBER,
     OF_AN_EXTENSION,
     Allowed,
     AtMost,
-    FileError,
     Flag,
     Fraction,
     Keys,
@@ -30,12 +26,11 @@ from formation_scenario.fields import (
     Word,
     key,
 )
-from formation_scenario.impairment_types import MIN_KBPS, MOST_MS, Burst, Distribution, Milliseconds
+from formation_scenario.impairment_types import MIN_KBPS, Burst, Distribution, Milliseconds
+from formation_scenario.traces.keys import Trace
 
 MOST_CHANGES: Final = 5000
 """Of links in a flight."""
-ALLOWED = f"a file with a number of milliseconds from 0 to {MOST_MS:.0f} on each line, # before comments"
-_NUMBER = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 
 
 def _passable(rate_kbps: float) -> float:
@@ -50,41 +45,6 @@ DataRate = Annotated[
     WithJsonSchema({"anyOf": [{"const": 0.0}, {"type": "number", "minimum": MIN_KBPS, "maximum": MAX_NUMBER}]}),
     Allowed(f"0, or a number >= {MIN_KBPS:g}"),
 ]
-
-
-MOST_TRACE_BYTES = 16_000_000
-
-
-class RecordedDelays(NamedTuple):
-    """The delays in a file, and their mean."""
-
-    delays_ms: tuple[float, ...]
-    mean_ms: float
-
-
-def read_trace(path: Path) -> RecordedDelays:
-    """Return the delays in a file, in its order; empty lines and text after # are ignored.
-
-    Raises:
-        FileError: the file can't be read, has no number, or a line that isn't a number from 0 to `MOST_MS`.
-    """
-    try:
-        text = read_bounded(path, MOST_TRACE_BYTES).decode("utf-8")
-    except OSError as error:
-        raise FileError(f"found {path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise FileError(f"found {path}, which isn't text in UTF-8") from error
-    lines = ((number, line.partition("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1))
-    delays_ms = tuple(_delay_ms(entry, f"{path}:{number}") for number, entry in lines if entry)
-    if not delays_ms:
-        raise FileError(f"found {path} without a number in it")
-    return RecordedDelays(delays_ms, math.fsum(delays_ms) / len(delays_ms))
-
-
-def _delay_ms(entry: str, place: str) -> float:
-    if not _NUMBER.match(entry) or not 0.0 <= float(entry) <= MOST_MS:
-        raise FileError(f"found '{entry[:40]}' at {place}")
-    return float(entry)
 
 
 class Impairment(Keys):
@@ -106,9 +66,13 @@ class Impairment(Keys):
     outage: Flag = key(False, "whether everything is lost")
     trace_file: Text | None = key(
         None,
-        "file of recorded delays (ms, one a line) that are added to delay_ms in place of jitter, in their order, "
-        "then from the beginning again; relative to the scenario's file",
+        "short form of trace: {file: …}: a number of ms a line is of one way, a second after the one before it",
         "lte.txt",
+    )
+    trace: Trace | None = key(
+        None,
+        "recorded delays that are added to delay_ms in place of jitter, played by time and repeated; gaps are losses",
+        {"file": "ping.csv", "column": "rtt_ms", "kind": "rtt", "time": "t_s"},
     )
     process: Word = key(
         None,
@@ -116,6 +80,11 @@ class Impairment(Keys):
         "none",
     )
     parameters: OwnKeys = key(None, f"beside process: {OF_AN_EXTENSION}", {})
+
+    @property
+    def recording(self) -> Trace | None:
+        """The recorded delays, in their short form or not."""
+        return Trace(file=self.trace_file) if self.trace is None and self.trace_file is not None else self.trace
 
     def __hash__(self) -> int:
         """Hash what usually differs; an extension's own keys are a mapping, which has no hash."""
@@ -144,6 +113,7 @@ class ImpairmentPatch(Keys):
     reorder: Flag | None = _patch("reorder")
     outage: Flag | None = _patch("outage")
     trace_file: Text | None = _patch("trace_file")
+    trace: Trace | None = _patch("trace")
     process: Word = _patch("process")
     parameters: OwnKeys = _patch("parameters")
 
@@ -228,7 +198,16 @@ def link_steps(links: Links, changes: Iterable[LinkChange]) -> tuple[LinkStep, .
 
 
 def _patched(impairment: Impairment, *patches: ImpairmentPatch | None) -> Impairment:
-    keys = Impairment.model_fields
-    given = [{key: getattr(patch, key) for key in keys} for patch in patches if patch is not None]
-    update = {key: value for values in given for key, value in values.items() if value is not None}
+    for patch in patches:
+        impairment = impairment if patch is None else patched(impairment, patch)
+    return impairment
+
+
+def patched(impairment: Impairment, patch: ImpairmentPatch) -> Impairment:
+    """Return an impairment with what a patch gives; a record of delays replaces another in its other form."""
+    given = {name: getattr(patch, name) for name in Impairment.model_fields}
+    update = {name: value for name, value in given.items() if value is not None}
+    for name, other in (("trace", "trace_file"), ("trace_file", "trace")):
+        if name in update:
+            update.setdefault(other, None)
     return impairment.model_copy(update=update)

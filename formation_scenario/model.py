@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from math import hypot, radians
-from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -59,7 +58,7 @@ from formation_scenario.fields import (
     key,
 )
 from formation_scenario.formation import Formation, Law
-from formation_scenario.links import Links, LinkStep, RecordedDelays, link_steps, read_trace
+from formation_scenario.links import Links, LinkStep, link_steps
 from formation_scenario.orders import PlannedOrder, read_order
 from formation_scenario.path_of_legs import path_of_legs, planned_speeds
 from formation_scenario.path_plan import PathPlan
@@ -69,6 +68,9 @@ from formation_scenario.shapes import SHAPE
 from formation_scenario.station import StationId
 from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
+from formation_scenario.traces.keys import Trace
+from formation_scenario.traces.reading import read_trace
+from formation_scenario.traces.recorded import RecordedDelays
 from formation_scenario.vehicles import CLOCKS, Vehicle, reads_equivalent_airspeed
 
 Seconds = Annotated[Positive, Field(le=1e6)]
@@ -494,18 +496,18 @@ class Scenario(Keys):
                 found.append((index, self.selected(channel.vehicles)))
         return found
 
-    def recorded_delays(self, file: str) -> RecordedDelays:
-        """Return the delays in a file of some link's; each file is read once.
+    def recorded_delays(self, trace: Trace) -> RecordedDelays:
+        """Return recorded delays of some link's; each record is read once.
 
         Raises:
             FileError: the file can't be read, or holds something else.
         """
-        if file not in self._recorded:
-            self._recorded[file] = read_trace(Path(file))
-        return self._recorded[file]
+        if trace not in self._recorded:
+            self._recorded[trace] = read_trace(trace)
+        return self._recorded[trace]
 
     @cached_property
-    def _recorded(self) -> dict[str, RecordedDelays]:
+    def _recorded(self) -> dict[Trace, RecordedDelays]:
         return {}
 
     def link_steps(self, vehicle: Vehicle) -> tuple[LinkStep, ...]:

@@ -14,14 +14,16 @@ import numpy as np
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from airlink.impaired_link import ImpairedEngine
-from airlink.impairment import UNIMPAIRED, Direction, Impairment
+from airlink.impairment import UNIMPAIRED, Direction, Impairment, together
 from airlink.one_way_channel import ChannelStatistics
+from airlink.trace import Trace
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.fields import refused
 from formation_scenario.links import Impairment as PlannedImpairment
 from formation_scenario.links import LinkStep, least_mean_burst
 from formation_scenario.scripted import ScriptedLink, impaired
+from formation_scenario.traces.keys import Trace as RecordedTrace
 from gcs_formation.app.link_processes import LinkProcesses
 from gcs_formation.app.shared_radios import radios_of
 from gcs_formation.phases import Flight
@@ -141,7 +143,7 @@ class Translations:
         """Start with none of `scenario`'s; `processes` makes those of extensions."""
         self._scenario, self._processes = scenario, processes
         self._links = dict[tuple[Steps, VehicleId | None], Translated]()
-        self._traces_s = dict[str, tuple[float, ...]]()
+        self._traces = dict[RecordedTrace, Trace]()
 
     def of(self, steps_of: Mapping[VehicleId, Steps]) -> dict[VehicleId, Translated]:
         """Return each vehicle's translated link; vehicles with the same steps share it, others are forgotten."""
@@ -164,12 +166,13 @@ class Translations:
         return Translated([step.at_s for step in steps[1:]], ways)
 
     def _impairment(self, vehicle: VehicleId, way: Direction, planned: PlannedImpairment) -> Impairment:
-        trace_s = self._trace_s(planned.trace_file) if planned.trace_file else ()
+        process, recording = self._processes.of(vehicle, way, planned), planned.recording
+        if recording is not None:
+            process = together(self._trace(recording), process)
         return Impairment(
             delay_s=planned.delay_ms / 1e3,
-            jitter_s=planned.jitter_ms / 1e3,
-            distribution="trace" if trace_s else planned.distribution,
-            trace_s=trace_s,
+            jitter_s=planned.jitter_ms / 1e3 if recording is None else 0.0,
+            distribution=planned.distribution,
             loss=planned.loss,
             mean_burst=planned.mean_burst,
             duplicate=planned.duplicate,
@@ -177,13 +180,15 @@ class Translations:
             queue_s=planned.queue_ms / 1e3,
             reorder=planned.reorder,
             outage=planned.outage,
-            process=self._processes.of(vehicle, way, planned),
+            process=process,
         )
 
-    def _trace_s(self, file: str) -> tuple[float, ...]:
-        if file not in self._traces_s:
-            self._traces_s[file] = tuple(each / 1e3 for each in self._scenario.recorded_delays(file).delays_ms)
-        return self._traces_s[file]
+    def _trace(self, recording: RecordedTrace) -> Trace:
+        if recording not in self._traces:
+            found = self._scenario.recorded_delays(recording)
+            delays_s = [each / 1e3 for each in found.delays_ms]
+            self._traces[recording] = Trace(found.times_s, delays_s, found.period_s, gaps=found.gaps)
+        return self._traces[recording]
 
 
 def _changed(steps: Steps, change: ScriptedLink) -> Steps:

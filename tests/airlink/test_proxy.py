@@ -204,7 +204,7 @@ def test_every_line_is_answered_with_what_is_set(capsys):
 
 
 def test_what_is_shown_can_be_set_again():
-    wanted = Impairment(0.25, 0.05, "pareto", (), 0.1, 3.0, 0.2, 57600.0, 0.5, False, True)
+    wanted = Impairment(0.25, 0.05, "pareto", 0.1, 3.0, 0.2, 57600.0, 0.5, False, True)
     impairment = UNIMPAIRED
     for setting in described(wanted).split(", "):
         impairment = changed(impairment, *setting.split())
