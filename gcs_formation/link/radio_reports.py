@@ -20,6 +20,10 @@ from gcs_formation.link.link_health import Connection
 UNKNOWN: Final = 255
 STALE_S: Final = 5.0
 """A radio reports about once a second; older reports say nothing about now."""
+COUNTS: Final = 65536
+"""Counts of RADIO_STATUS begin again there."""
+LEAST_S: Final = 0.2
+"""Least time between two reports of one radio that are kept for the record."""
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 
 
@@ -48,6 +52,7 @@ class RadioReports:
         """Take reports from where the `connections` are."""
         self._connections = list(connections)
         self._newest = dict[tuple[int, Address], RadioReport]()
+        self._kept = dict[tuple[int, Address], list[RadioReport]]()
 
     def take(self, frame: Frame, datagram: Datagram, now: Instant) -> bool:
         """Take a frame that is no vehicle's; return whether it was a report of one of our radios."""
@@ -56,9 +61,13 @@ class RadioReports:
             return False
         if all(each.peer != datagram.peer or each.socket != datagram.socket for each in self._connections):
             return False
-        self._newest[datagram.remote] = RadioReport(
+        report = RadioReport(
             now, said.rssi, said.remrssi, said.noise, said.remnoise, min(said.txbuf, 100), said.rxerrors, said.fixed
         )
+        self._newest[datagram.remote] = report
+        kept = self._kept.setdefault(datagram.remote, [])
+        if not kept or seconds_between(kept[-1].at, now) >= LEAST_S:
+            kept.append(report)
         return True
 
     def of(self, connection: Connection, now: Instant) -> RadioReport | None:
@@ -67,3 +76,7 @@ class RadioReports:
             return None
         found = self._newest.get((connection.socket, connection.peer))
         return None if found is None or seconds_between(found.at, now) > STALE_S else found
+
+    def all_of(self, connection: Connection) -> list[RadioReport]:
+        """Return the reports on the radio by which a vehicle was last reached, in the order of time."""
+        return [] if connection.peer is None else self._kept.get((connection.socket, connection.peer), [])
