@@ -16,8 +16,8 @@ def channels(scenario: Scenario) -> Iterator[Finding]:
     """Yield radios without a rate, with impossible losses, of vehicles that don't exist, or that share a vehicle."""
     for index, channel in enumerate(scenario.links.channels):
         key = ("links", "channels", index)
-        if channel.rate_kbps is None:
-            yield key, "found a channel without a data rate", "rate_kbps"
+        if channel.rate_kbps is None and channel.profile is None:
+            yield key, "found a channel without a data rate", "rate_kbps or profile"
         min_burst = least_mean_burst(channel.loss or 0.0)
         if channel.mean_burst is not None and channel.mean_burst < min_burst:
             allowed = f"{min_burst:g} or more with that loss" if min_burst < math.inf else "a loss below 1 beside it"

@@ -13,12 +13,29 @@ from formation_scenario.fields import (
     Flag,
     Fraction,
     Keys,
+    OneOf,
     Positive,
     VehicleRef,
     key,
 )
 from formation_scenario.impairment_types import MIN_KBPS, Burst, Distribution, Milliseconds
 
+PROFILES: Final = (
+    "sik_433",
+    "sik_915",
+    "sik_433_ecc",
+    "sik_915_ecc",
+    "rfd900x",
+    "mlrs_50hz",
+    "mlrs_31hz",
+    "mlrs_19hz",
+    "elrs",
+    "wifi",
+    "lte",
+    "satellite_leo",
+    "satellite_geo",
+)
+"""Radios whose figures are known; these are in `airlink.radio.profiles`."""
 MIN_BUFFER_BYTES: Final = 300
 """The longest MAVLink frame has 280 bytes."""
 ChannelRate = Annotated[
@@ -45,46 +62,51 @@ class Channel(Keys):
     vehicles: ChannelVehicles = key(
         "all", "who is reached by it: all, a list of ids, or each by one of its own", [2, 3]
     )
+    profile: Annotated[str, OneOf(", ".join(PROFILES), PROFILES)] | None = key(
+        None, "a radio by name, from whose figures the other keys differ", "sik_915"
+    )
     rate_kbps: ChannelRate | None = key(None, "data rate, kbit/s", 57.6)
     uplink_rate_kbps: ChannelRate | None = key(
-        None, "data rate to the vehicles if it is another, kbit/s", 25.6, derived="rate_kbps"
+        None, "data rate to the vehicles if it is another, kbit/s", 25.6, derived="the profile's, or rate_kbps"
     )
     duplex: Literal["half", "full"] | None = key(
         None,
         "half: one end sends at a time; full: the ground and one of the vehicles do",
         "full",
-        derived="half",
+        derived="the profile's, or half",
     )
     turnaround_ms: Milliseconds | None = key(
-        None, "half duplex: silence between sending one way and the other, ms", 5, derived="0"
+        None, "half duplex: silence between sending one way and the other, ms", 5, derived="the profile's, or 0"
     )
     buffer_bytes: Bytes | None = key(
         None,
         "what waits at each end before it is sent, bytes; a datagram that doesn't fit is lost",
         4096,
-        derived="1850, a SiK radio's",
+        derived="the profile's, or 1850, a SiK radio's",
     )
     arbitration: Literal["tdm", "first_come"] | None = key(
         None,
         "who sends next: the ends in turns (tdm), or the end whose datagram came first",
         "first_come",
-        derived="tdm",
+        derived="the profile's, or tdm",
     )
     window_ms: Annotated[Milliseconds, Field(gt=0.0)] | None = key(
-        None, "longest turn of one end, ms", 50, derived="131, a SiK radio's"
+        None, "longest turn of one end, ms", 50, derived="the profile's, or 131, a SiK radio's"
     )
-    delay_ms: Milliseconds | None = key(None, "further delay after sending, ms", 20, derived="0")
-    jitter_ms: Milliseconds | None = key(None, "standard deviation of that delay, ms", 5, derived="0")
-    distribution: Distribution | None = key(None, "distribution of the jitter", "pareto", derived="normal")
+    delay_ms: Milliseconds | None = key(None, "further delay after sending, ms", 20, derived="the profile's, or 0")
+    jitter_ms: Milliseconds | None = key(None, "standard deviation of that delay, ms", 5, derived="the profile's, or 0")
+    distribution: Distribution | None = key(
+        None, "distribution of the jitter", "pareto", derived="the profile's, or normal"
+    )
     loss: Fraction | None = key(
         None,
         "probability that a datagram is lost on the air, whose time it has used",
         0.05,
-        derived="0",
+        derived="the profile's, or 0",
     )
     mean_burst: Burst | None = key(
         None, "mean number of datagrams lost in a row; without it each is lost on its own", 3
     )
     radio_status: Flag | None = key(
-        None, "whether its ends report by RADIO_STATUS once a second", False, derived="true"
+        None, "whether its ends report by RADIO_STATUS once a second", False, derived="the profile's, or true"
     )

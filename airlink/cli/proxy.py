@@ -212,7 +212,7 @@ def _set(relay: Relay, options: dict[str, str | None]) -> None:
     "--radio",
     metavar="KEYS",
     callback=_radio,
-    help="one radio that all vehicles share, as links.channels of a scenario: rate_kbps=57.6,duplex=half",
+    help="one radio that all vehicles share, as links.channels of a scenario: sik_915, or rate_kbps=57.6,duplex=half",
 )
 @click.option("--seed", type=SEED, default=1, show_default=True, help="of the random numbers")
 @_impairment_options

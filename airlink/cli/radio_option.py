@@ -8,7 +8,8 @@ from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
 from airlink.endpoint import ImpairmentError
-from airlink.impairment import UNIMPAIRED, Impairment
+from airlink.impairment import UNIMPAIRED
+from airlink.radio.profiles import PROFILES
 from airlink.radio.settings import RadioSettings
 
 
@@ -45,9 +46,11 @@ MOST_MS: Final = 600_000.0
 MIN_KBPS: Final = 1e-3
 RATE: Final = "rate_kbps"
 UPLINK_RATE: Final = "uplink_rate_kbps"
+RATE_FIELD: Final = "downlink_bps"
+UPLINK_FIELD: Final = "uplink_bps"
 KEYS: Final[Mapping[str, RadioKey]] = {
-    RATE: RadioKey("downlink_bps", MIN_KBPS, 1e6, 1e-3),
-    UPLINK_RATE: RadioKey("uplink_bps", MIN_KBPS, 1e6, 1e-3),
+    RATE: RadioKey(RATE_FIELD, MIN_KBPS, 1e6, 1e-3),
+    UPLINK_RATE: RadioKey(UPLINK_FIELD, MIN_KBPS, 1e6, 1e-3),
     "duplex": RadioKey("half_duplex", words={"half": True, "full": False}),
     "turnaround_ms": RadioKey("turnaround_s", 0.0, MOST_MS, 1e3),
     "buffer_bytes": RadioKey("buffer_bytes", 300, 1e9, whole=True),
@@ -65,24 +68,30 @@ KEYS: Final[Mapping[str, RadioKey]] = {
 
 
 def parse_radio(text: str) -> RadioSettings:
-    """Return the radio of a text such as `rate_kbps=57.6,duplex=half,turnaround_ms=5`.
+    """Return the radio of a text such as `sik_915,loss=0.05` or `rate_kbps=57.6,duplex=half,turnaround_ms=5`.
 
     Raises:
-        ImpairmentError: no such key, or a value that isn't allowed; the message says what is.
+        ImpairmentError: no such radio or key, or a value that isn't allowed; the message says what is.
     """
     radio: dict[str, Any] = {}
     air: dict[str, Any] = {}
-    for word in text.split(","):
+    words = [word.strip() for word in text.split(",")]
+    profile = PROFILES.get(words[0])
+    for word in words if profile is None else words[1:]:
         name, _, value = (part.strip() for part in word.partition("="))
         key = KEYS.get(name)
         if key is None:
-            raise ImpairmentError(f"found '{word.strip()}'; allowed: KEY=VALUE,…, KEY one of {', '.join(KEYS)}")
+            raise ImpairmentError(
+                f"found '{word}'; allowed: [{'|'.join(PROFILES)}],KEY=VALUE,…, KEY of {', '.join(KEYS)}"
+            )
         (air if key.of_air else radio)[key.field] = _read(name, key, value)
-    if "downlink_bps" not in radio:
-        raise ImpairmentError(f"found no {RATE}; allowed: {RATE}=57.6 and the like")
-    impairment = replace(UNIMPAIRED, **air)
-    given = {"uplink_bps": radio["downlink_bps"]} | radio
-    return RadioSettings(**given, air=UNIMPAIRED if impairment == Impairment() else replace(impairment, reorder=True))
+    if RATE_FIELD in radio:
+        radio.setdefault(UPLINK_FIELD, radio[RATE_FIELD])
+    elif profile is None:
+        raise ImpairmentError(f"found no {RATE}; allowed: {RATE}=57.6 and the like, or one of {', '.join(PROFILES)}")
+    settings = RadioSettings(**radio) if profile is None else replace(profile, **radio)
+    impairment = replace(settings.air, **air)
+    return replace(settings, air=impairment if impairment == UNIMPAIRED else replace(impairment, reorder=True))
 
 
 def _read(name: str, key: RadioKey, value: str) -> Any:  # noqa: ANN401 - as `RadioKey.read`

@@ -8,6 +8,7 @@ from typing import Any, Final
 from airlink.endpoint import VehicleId
 from airlink.engine import Datagram
 from airlink.impairment import UNIMPAIRED, Impairment
+from airlink.radio.profiles import PROFILES
 from airlink.radio.settings import RadioSettings
 from airlink.radio.shared_radio import SharedRadio
 from formation_scenario import Scenario
@@ -27,9 +28,11 @@ def radios_of(scenario: Scenario) -> dict[VehicleId, SharedRadio[Datagram]]:
 
 
 def settings_of(channel: Channel) -> RadioSettings:
-    """Return what a channel's keys say, in SI units; keys that aren't given are the defaults."""
+    """Return what a channel's keys say, in SI units; keys that aren't given are the profile's, or the defaults."""
     rate_bps = KILO * (channel.rate_kbps or 0.0)
-    settings = RadioSettings(rate_bps, rate_bps)
+    settings = RadioSettings(rate_bps, rate_bps) if channel.profile is None else PROFILES[channel.profile]
+    if channel.rate_kbps is not None:
+        settings = replace(settings, uplink_bps=rate_bps, downlink_bps=rate_bps)
     if channel.uplink_rate_kbps is not None:
         settings = replace(settings, uplink_bps=KILO * channel.uplink_rate_kbps)
     given: dict[str, Any] = {

@@ -2,13 +2,15 @@
 
 import pytest
 
+from airlink.radio.profiles import PROFILES
+from formation_scenario import channels
 from gcs_formation.app.shared_radios import radios_of, settings_of
 
 
 @pytest.mark.parametrize(
     ("channels", "expected"),
     [
-        ("[{duplex: half}]", "links.channels.0: found a channel without a data rate; rate_kbps"),
+        ("[{duplex: half}]", "links.channels.0: found a channel without a data rate; rate_kbps or profile"),
         ("[{rate_kbps: 0}]", "links.channels.0.rate_kbps: found 0; a number >= 0.001"),
         ("[{rate_kbps: 9, buffer_bytes: 100}]", "links.channels.0.buffer_bytes: found 100; a whole number from 300"),
         ("[{rate_kbps: 9, vehicles: [9]}]", "links.channels.0.vehicles.0: found 9; 1, 2, 3, 4"),
@@ -18,6 +20,7 @@ from gcs_formation.app.shared_radios import radios_of, settings_of
         ),
         ("[{rate_kbps: 9, loss: 0.8, mean_burst: 2}]", "links.channels.0.mean_burst: found 2 with a loss of 0.8; 4"),
         ("[{rate_kbps: 9, duplex: simplex}]", "links.channels.0.duplex: found 'simplex'"),
+        ("[{profile: sik_951}]", "links.channels.0.profile: found 'sik_951'; sik_433, sik_915, "),
     ],
 )
 def test_channels_that_cannot_be_are_refused(refusal, channels, expected):
@@ -42,6 +45,17 @@ def test_keys_that_are_left_out_are_a_sik_radios_without_delay_or_loss(load):
     assert (settings.buffer_bytes, settings.window_s, settings.turnaround_s) == (1850, 0.131, 0.0)
     assert settings.air.transparent
     assert settings.reports
+
+
+def test_every_profile_is_a_radio_whose_figures_other_keys_change(load):
+    assert tuple(PROFILES) == channels.PROFILES
+    for name, radio in PROFILES.items():
+        (channel,) = load(f"links.channels=[{{profile: {name}}}]").links.channels
+        assert settings_of(channel) == radio
+        (channel,) = load(f"links.channels=[{{profile: {name}, rate_kbps: 30, loss: 0.2}}]").links.channels
+        changed = settings_of(channel)
+        assert (changed.uplink_bps, changed.downlink_bps, changed.air.loss) == (30e3, 30e3, 0.2)
+        assert (changed.air.delay_s, changed.buffer_bytes) == (radio.air.delay_s, radio.buffer_bytes)
 
 
 def test_every_key_of_a_channel_reaches_its_radio(load):
