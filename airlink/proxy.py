@@ -11,7 +11,8 @@ from functools import partial
 from itertools import count
 from typing import Final, Self
 
-from airlink.clock import Instant, RealClock
+from airlink.clock import Instant, RealClock, after, seconds_between
+from airlink.delay_record import DelayRecord
 from airlink.driver import IDLE_WAIT_S, select_for
 from airlink.endpoint import ANY_HOST, LOOPBACK, Address, Endpoint, EndpointError, PortError
 from airlink.engine import DelayQueue
@@ -36,6 +37,9 @@ Passage = tuple[int, Direction, bytes]
 class Relay:
     """Impairs the links of remotes, numbered from 0, all by the same settings, and all behind one radio if given."""
 
+    record: DelayRecord | None = None
+    """Takes the delays of all datagrams."""
+
     def __init__(self, seed: int, radio: RadioSettings | None = None) -> None:
         """Start with unimpaired links; remote r has the random numbers of vehicle r + 1 on network 1."""
         self.radio = None if radio is None else SharedRadio[Passage](radio, seed)
@@ -49,12 +53,17 @@ class Relay:
         """Put a datagram into the radio, if there is one, or else into its channel."""
         remote, direction, data = passage
         channel = self._channel(remote, direction)
+        if self.record is not None and direction is Direction.DOWNLINK:
+            self.record.came(remote, data, now)
         if self.radio is not None:
             self._move_radio_to(self.radio, now)
             if not self.radio.offer(direction, _vehicle(remote), len(data), passage, now):
                 channel.lose()
+                self._note(direction, now, [])
             return
-        for delivery in channel.pass_on(len(data), now, self.impairments[direction]):
+        deliveries = channel.pass_on(len(data), now, self.impairments[direction])
+        self._note(direction, now, deliveries)
+        for delivery in deliveries:
             self.under_way.push(delivery, passage)
 
     def next_timer(self) -> Instant | None:
@@ -67,11 +76,19 @@ class Relay:
         if self.radio is not None:
             self._move_radio_to(self.radio, now)
         due = self.under_way.pop_due(now)
+        if self.record is not None:
+            for remote, direction, data in due:
+                if direction is Direction.UPLINK:
+                    self.record.sent_on(remote, data, now)
         if self.radio is not None and self.radio.report_due(now):
             report, remotes = self.radio.ground_report(), {remote for remote, _ in self._channels}
             due += [(remote, Direction.DOWNLINK, report) for remote in sorted(remotes)]
             due += [(each, Direction.UPLINK, self.radio.vehicle_report(_vehicle(each))) for each in sorted(remotes)]
         return due
+
+    def _note(self, direction: Direction, entered: Instant, deliveries: list[Instant]) -> None:
+        if self.record is not None:
+            self.record.carried(direction, entered, seconds_between(entered, deliveries[0]) if deliveries else None)
 
     def _channel(self, remote: int, direction: Direction) -> Channel:
         channel = self._channels.get((remote, direction))
@@ -90,6 +107,7 @@ class Relay:
             else:
                 impairment = self.impairments[direction]
                 deliveries = channel.pass_on(sent.size_bytes, sent.left, impairment, sent.waited_s, sent.air_s)
+            self._note(direction, after(sent.left, -sent.waited_s), deliveries)
             if not deliveries:
                 radio.lose(sent.vehicle, direction)
             for delivery in deliveries:

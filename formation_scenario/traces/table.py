@@ -41,6 +41,8 @@ def read_table(
     clock_s = 1.0 if time is None else UNITS_S[_unit(name, time, time_unit, None)]
     found = list[Sample]()
     for line, cells in rows[1:]:
+        if when is not None and not _cell(cells, when):
+            continue  # of another column's samples
         at_s = math.nan if when is None else _time_s(name, line, _cell(cells, when), clock_s)
         delay_of_cell = delay(name, line, _cell(cells, place))
         found.append(Sample(line, at_s, math.nan if delay_of_cell == NO_DELAY else 1e3 * scale_s * delay_of_cell))
