@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, NamedTuple, TypeAlias
 
 from pydantic import Field, WithJsonSchema
 
+from airlink.radio.profiles import PROFILES
 from formation_scenario.fields import (
     MAX_NUMBER,
     WHOLE,
@@ -20,22 +21,6 @@ from formation_scenario.fields import (
 )
 from formation_scenario.impairment_types import MIN_KBPS, Burst, Distribution, Milliseconds
 
-PROFILES: Final = (
-    "sik_433",
-    "sik_915",
-    "sik_433_ecc",
-    "sik_915_ecc",
-    "rfd900x",
-    "mlrs_50hz",
-    "mlrs_31hz",
-    "mlrs_19hz",
-    "elrs",
-    "wifi",
-    "lte",
-    "satellite_leo",
-    "satellite_geo",
-)
-"""Radios whose figures are known; these are in `airlink.radio.profiles`."""
 MIN_BUFFER_BYTES: Final = 300
 """The longest MAVLink frame has 280 bytes."""
 ChannelRate = Annotated[
@@ -56,13 +41,22 @@ ChannelVehicles: TypeAlias = Annotated[
 ]
 
 
+class Air(NamedTuple):
+    """What the air does to what was sent."""
+
+    delay_ms: float
+    jitter_ms: float
+    loss: float
+    mean_burst: float | None
+
+
 class Channel(Keys):
     """A radio: what goes to its vehicles and comes from them shares one medium."""
 
     vehicles: ChannelVehicles = key(
         "all", "who is reached by it: all, a list of ids, or each by one of its own", [2, 3]
     )
-    profile: Annotated[str, OneOf(", ".join(PROFILES), PROFILES)] | None = key(
+    profile: Annotated[str, OneOf(", ".join(PROFILES), tuple(PROFILES))] | None = key(
         None, "a radio by name, from whose figures the other keys differ", "sik_915"
     )
     rate_kbps: ChannelRate | None = key(None, "data rate, kbit/s", 57.6)
@@ -110,3 +104,13 @@ class Channel(Keys):
     radio_status: Flag | None = key(
         None, "whether its ends report by RADIO_STATUS once a second", False, derived="the profile's, or true"
     )
+
+    @property
+    def air(self) -> Air:
+        """What the air does, by the keys or else by the profile."""
+        found = Air(0.0, 0.0, 0.0, None)
+        if self.profile is not None:
+            air = PROFILES[self.profile].air
+            found = Air(1e3 * air.delay_s, 1e3 * air.jitter_s, air.loss, air.mean_burst)
+        given = {name: getattr(self, name) for name in Air._fields}
+        return found._replace(**{name: value for name, value in given.items() if value is not None})

@@ -197,6 +197,25 @@ def link_steps(links: Links, changes: Iterable[LinkChange]) -> tuple[LinkStep, .
     return tuple(steps)
 
 
+def through_air(steps: tuple[LinkStep, ...], channel: Channel) -> tuple[LinkStep, ...]:
+    """Return a link's states with the delay, jitter and loss of a channel's air added, both ways."""
+    air = channel.air
+
+    def together(way: Impairment) -> Impairment:
+        return way.model_copy(
+            update={
+                "delay_ms": way.delay_ms + air.delay_ms,
+                "jitter_ms": math.hypot(way.jitter_ms, air.jitter_ms),
+                "loss": 1.0 - (1.0 - way.loss) * (1.0 - air.loss),
+                "mean_burst": way.mean_burst or air.mean_burst,
+            }
+        )
+
+    if not any(air[:3]):
+        return steps
+    return tuple(LinkStep(step.at_s, together(step.uplink), together(step.downlink)) for step in steps)
+
+
 def _patched(impairment: Impairment, *patches: ImpairmentPatch | None) -> Impairment:
     for patch in patches:
         impairment = impairment if patch is None else patched(impairment, patch)

@@ -58,7 +58,7 @@ from formation_scenario.fields import (
     key,
 )
 from formation_scenario.formation import Formation, Law
-from formation_scenario.links import Links, LinkStep, link_steps
+from formation_scenario.links import Links, LinkStep, link_steps, through_air
 from formation_scenario.orders import PlannedOrder, read_order
 from formation_scenario.path_of_legs import path_of_legs, planned_speeds
 from formation_scenario.path_plan import PathPlan
@@ -511,7 +511,17 @@ class Scenario(Keys):
         return {}
 
     def link_steps(self, vehicle: Vehicle) -> tuple[LinkStep, ...]:
-        """Return the states of one vehicle's link in time order, the first at 0 s."""
+        """Return the states of one vehicle's whole link in time order, the first at 0 s, with its channel's air."""
+        channel = self._channel_of.get(vehicle.vehicle_id)
+        steps = self.own_link_steps(vehicle)
+        return steps if channel is None else through_air(steps, self.links.channels[channel])
+
+    @cached_property
+    def _channel_of(self) -> dict[VehicleId, int]:
+        return {each.vehicle_id: index for index, vehicles in self.channel_members() for each in vehicles}
+
+    def own_link_steps(self, vehicle: Vehicle) -> tuple[LinkStep, ...]:
+        """Return the states of one vehicle's own link in time order, the first at 0 s."""
         return self._link_steps[vehicle.vehicle_id]
 
     @cached_property

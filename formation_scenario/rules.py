@@ -205,7 +205,7 @@ def bursts(scenario: Scenario) -> Iterator[Finding]:
     """Yield bursts of losses too short for the share that is lost."""
     refused: set[KeyPath] = set()
     for vehicle in scenario.vehicles:
-        for path, step in zip(_step_places(scenario, vehicle), scenario.link_steps(vehicle), strict=True):
+        for path, step in zip(_step_places(scenario, vehicle), scenario.own_link_steps(vehicle), strict=True):
             for way, link in (("uplink", step.uplink), ("downlink", step.downlink)):
                 least = least_mean_burst(link.loss)
                 if link.mean_burst is not None and link.mean_burst < least and path not in refused:

@@ -84,7 +84,7 @@ class LinkSchedule:
         self.radios = radios_of(scenario)
         self.processes = LinkProcesses(scenario)
         self._steps: dict[VehicleId, Steps] = {
-            vehicle.vehicle_id: scenario.link_steps(vehicle) for vehicle in scenario.vehicles
+            vehicle.vehicle_id: scenario.own_link_steps(vehicle) for vehicle in scenario.vehicles
         }
         self._known = Translations(scenario, self.processes)
         self._links = dict[VehicleId, Translated]()

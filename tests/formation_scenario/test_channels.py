@@ -3,7 +3,6 @@
 import pytest
 
 from airlink.radio.profiles import PROFILES
-from formation_scenario import channels
 from gcs_formation.app.shared_radios import radios_of, settings_of
 
 
@@ -48,7 +47,6 @@ def test_keys_that_are_left_out_are_a_sik_radios_without_delay_or_loss(load):
 
 
 def test_every_profile_is_a_radio_whose_figures_other_keys_change(load):
-    assert tuple(PROFILES) == channels.PROFILES
     for name, radio in PROFILES.items():
         (channel,) = load(f"links.channels=[{{profile: {name}}}]").links.channels
         assert settings_of(channel) == radio
@@ -70,3 +68,17 @@ def test_every_key_of_a_channel_reaches_its_radio(load):
     assert (settings.turnaround_s, settings.buffer_bytes, settings.window_s) == (0.003, 999, 0.04)
     assert (settings.arbitration, settings.reports) == ("first_come", False)
     assert (air.delay_s, air.jitter_s, air.distribution, air.loss, air.mean_burst) == (0.01, 0.002, "uniform", 0.1, 4.0)
+
+
+def test_a_vehicles_whole_link_has_its_channels_air_and_its_own_link_has_not(load):
+    scenario = load(
+        "links.channels=[{rate_kbps: 9, vehicles: [2], delay_ms: 100, jitter_ms: 30, loss: 0.5, mean_burst: 2}]",
+        "links.default={delay_ms: 10, jitter_ms: 40, loss: 0.2}",
+    )
+    one, two, *_ = scenario.vehicles
+    assert scenario.link_steps(one) == scenario.own_link_steps(one)
+    (step,), (own,) = scenario.link_steps(two), scenario.own_link_steps(two)
+    assert own.uplink.delay_ms == 10.0
+    for way in (step.uplink, step.downlink):
+        assert (way.delay_ms, way.jitter_ms, way.mean_burst) == (110.0, 50.0, 2.0)
+        assert way.loss == pytest.approx(0.6)

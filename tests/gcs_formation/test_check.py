@@ -106,6 +106,17 @@ def test_recorded_delays_count_with_their_mean(check, tmp_path: Path) -> None:
     assert json.loads(check("--json", *links)[1])["loop_delay_s"] == pytest.approx(0.7)
 
 
+def test_a_channels_delay_and_loss_count(check) -> None:
+    def loop_s(channel: str) -> float:
+        found: float = json.loads(check("--json", "--set", f"links.channels=[{channel}]")[1])["loop_delay_s"]
+        return found
+
+    clean_s = loop_s("{rate_kbps: 500}")
+    assert loop_s("{rate_kbps: 500, delay_ms: 100}") == pytest.approx(clean_s + 0.2)
+    assert loop_s("{profile: satellite_geo}") == pytest.approx(clean_s + 0.56, abs=0.01)
+    assert loop_s("{profile: satellite_geo, delay_ms: 100}") == pytest.approx(clean_s + 0.2, abs=0.01)
+
+
 def test_recorded_delays_that_are_too_long_or_without_times_are_named(check, tmp_path: Path) -> None:
     file = tmp_path / "ping.csv"
     file.write_text("t_s,rtt_ms\n0,100\n1,3000\n2,100\n3,100\n")
