@@ -9,11 +9,11 @@ from typing import Final
 
 from formation_scenario.traces.recorded import Sample
 
-REPLY: Final = re.compile(r"(?:bytes from|Reply from|bytes=).*?time\s*([=<])\s*([\d.]+)\s*ms", re.IGNORECASE)
-NUMBER: Final = re.compile(r"\b(?:icmp_)?seq[=\s]+(\d+)", re.IGNORECASE)
-STAMP: Final = re.compile(r"^\s*\[(\d+\.\d+)\]")
-LOST: Final = re.compile(r"no answer yet|request timeout|request timed out|unreachable|ttl expired", re.IGNORECASE)
-SUMMARY: Final = re.compile(r"(\d+) packets transmitted.*?time (\d+)\s*ms", re.IGNORECASE)
+REPLY: Final = r"(?:bytes from|Reply from|bytes=).*?time\s*([=<])\s*([\d.]+)\s*ms"
+NUMBER: Final = r"\b(?:icmp_)?seq[=\s]+(\d+)"
+STAMP: Final = r"^\s*\[(\d+\.\d+)\]"
+LOST: Final = r"no answer yet|request timeout|request timed out|unreachable|ttl expired"
+SUMMARY: Final = r"(\d+) packets transmitted.*?time (\d+)\s*ms"
 COPY: Final = "(DUP!)"
 WRAP: Final = 65536
 """Of ping's numbers."""
@@ -23,7 +23,9 @@ USUAL_S: Final = 1.0
 
 def is_ping(lines: Sequence[str]) -> bool:
     """Return whether lines are ping's output: an answer, or the heading and no answers."""
-    return any(REPLY.search(line) for line in lines) or any(line.startswith("PING ") for line in lines[:3])
+    return any(re.search(REPLY, line, re.IGNORECASE) for line in lines) or any(
+        line.startswith("PING ") for line in lines[:3]
+    )
 
 
 def read_ping(lines: Sequence[str], period_s: float | None) -> list[Sample]:
@@ -35,17 +37,17 @@ def read_ping(lines: Sequence[str], period_s: float | None) -> list[Sample]:
     summary: tuple[int, float] | None = None
     number = -1
     for line, text in enumerate(lines, start=1):
-        if (sent := SUMMARY.search(text)) is not None:
+        if (sent := re.search(SUMMARY, text, re.IGNORECASE)) is not None:
             summary = int(sent[1]), float(sent[2]) / 1e3
-        answer, lost = REPLY.search(text), LOST.search(text)
+        answer, lost = re.search(REPLY, text, re.IGNORECASE), re.search(LOST, text, re.IGNORECASE)
         if (answer is None and lost is None) or COPY in text:
             continue
-        given = NUMBER.search(text)
+        given = re.search(NUMBER, text, re.IGNORECASE)
         number = number + 1 if given is None else _unwrapped(int(given[1]), number)
         places.setdefault(number, line)
         if answer is not None and math.isnan(delays_ms.get(number, math.nan)):
             delays_ms[number] = float(answer[2]) / (2.0 if answer[1] == "<" else 1.0)
-            stamp = STAMP.match(text)
+            stamp = re.match(STAMP, text)
             if stamp is not None:
                 stamps_s[number] = float(stamp[1]) - delays_ms[number] / 1e3
         else:
