@@ -93,6 +93,19 @@ def test_a_round_trip_beyond_is_from_being_sent_on_to_the_answer(tmp_path: Path)
     assert record_of.times_s == (0.0, 1.0, 2.0)
 
 
+def test_rows_are_in_the_order_of_their_times_whatever_became_known_first() -> None:
+    file = Kept()
+    with DelayRecord(file) as record:
+        record.carried(UP, at(2.0), 0.1)
+        record.sent_on(0, b"", at(2.5))
+        record.carried(UP, at(3.0), None)
+        record.carried(UP, at(2.0), 1.5)
+        record.carried(UP, at(2.4), 0.9)
+        record.sent_on(0, b"", at(90.0))
+        assert len(file.getvalue().splitlines()) == 5
+    assert [row.split(",")[1] for row in file.text.splitlines()[1:]] == ["100.000", "1500.000", "900.000", ""]
+
+
 def test_waiting_for_a_radio_and_what_it_drops_are_in_the_record(tmp_path: Path) -> None:
     relay = Relay(1, RadioSettings(8e3, 8e3, buffer_bytes=300, reports=False))
     with DelayRecord(file := Kept()) as record:

@@ -97,6 +97,8 @@ def test_vehicles_with_one_radio_share_its_time_and_others_have_their_own() -> N
     assert (first, second, alone) == (pytest.approx(size_s, abs=1e-6), pytest.approx(2 * size_s, abs=1e-6), 0.0)
     for system in (1, 2):
         assert all(way.lost == 0 and way.datagrams > 190 for way in links.statistics(VehicleId(1, system)))
+        downlink = links.statistics(VehicleId(1, system))[DOWN]
+        assert downlink.mean_delay_s == pytest.approx(system * size_s, rel=0.02)
     busy_s = radio.medium.lanes[UP].busy_ns / 1e9
     assert busy_s == pytest.approx(4 * 200 * size_s, rel=0.02)
 
