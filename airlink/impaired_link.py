@@ -2,139 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Final
 
-import numpy as np
-
-from airlink.clock import Instant, after, seconds_between
+from airlink.clock import Instant
 from airlink.endpoint import Address, Endpoint, VehicleId
 from airlink.engine import Datagram, DelayQueue, Engine
 from airlink.frame import MANY_REMOTES, MAX_REMOTES, StreamParser, first_system
-from airlink.impairment import UNIMPAIRED, Direction, Impairment
+from airlink.impairment import Direction, Impairment
+from airlink.one_way_channel import Channel, ChannelStatistics
+from airlink.radio.settings import RADIO
+from airlink.radio.shared_radio import SharedRadio
 from airlink.random_streams import random_stream
 
 Schedule = Callable[[VehicleId, Instant], tuple[Impairment, Impairment]]
 """Returns the impairments of a vehicle's uplink and downlink at an instant."""
-
-BLOCK: Final = 256
-"""Number of datagrams whose random numbers are drawn together."""
-DRAWS: Final = 4
-"""Random numbers that a datagram can need: for its loss, its duplication, and the delays of both copies."""
-
-
-class ChannelStatistics:
-    """Counts of a channel so far."""
-
-    def __init__(self) -> None:
-        """Start at 0."""
-        self.datagrams: int = 0
-        """Datagrams sent."""
-        self.lost: int = 0
-        self.delivered: int = 0
-        """Datagrams that arrived, counting both copies of duplicated ones."""
-        self.total_delay_s: float = 0.0
-
-    def add(self, other: ChannelStatistics) -> None:
-        """Add another channel's counts."""
-        self.datagrams += other.datagrams
-        self.lost += other.lost
-        self.delivered += other.delivered
-        self.total_delay_s += other.total_delay_s
-
-    @property
-    def loss(self) -> float:
-        """Share of the datagrams that were lost, 0 to 1."""
-        return self.lost / self.datagrams if self.datagrams else 0.0
-
-    @property
-    def mean_delay_s(self) -> float:
-        """Mean delay of those that arrived, s, including the wait for the limited rate; NaN if none did."""
-        return self.total_delay_s / self.delivered if self.delivered else math.nan
-
-
-class Channel:
-    """One direction of one link.
-
-    The n-th datagram always uses the n-th random numbers of the stream, whatever the impairment, so runs that
-    differ only in an impairment can be compared datagram by datagram.
-    """
-
-    def __init__(self, stream: np.random.Generator) -> None:
-        """Draw from `stream`."""
-        self.statistics = ChannelStatistics()
-        self._random = stream
-        self._draws: list[list[float]] = []
-        """Random numbers of the present block of datagrams."""
-        self._drawn = 0
-        self._lost_last = False
-        self._busy_until = Instant(0)
-        self._last_delivery = Instant(0)
-        self._impairment = UNIMPAIRED
-        self._transparent = True
-        self._loss_after_arrival, self._loss_after_loss = 0.0, 0.0
-
-    def pass_on(self, size_bytes: int, now: Instant, impairment: Impairment) -> list[Instant]:
-        """Take a datagram at `now`; return when it is delivered: never, once or twice."""
-        if impairment is not self._impairment:
-            self._impairment, self._transparent = impairment, impairment.transparent
-            self._loss_after_arrival, self._loss_after_loss = impairment.loss_after
-        statistics = self.statistics
-        number = statistics.datagrams
-        statistics.datagrams = number + 1
-        if self._transparent:
-            self._lost_last = False
-            deliveries = [max(now, self._last_delivery)]
-        else:
-            deliveries = self._impaired(number, size_bytes, now)
-        if not deliveries:
-            statistics.lost += 1
-            return deliveries
-        statistics.delivered += len(deliveries)
-        total_s = 0.0
-        for delivery in deliveries:
-            total_s += seconds_between(now, delivery)
-            self._last_delivery = max(self._last_delivery, delivery)
-        statistics.total_delay_s += total_s
-        return deliveries
-
-    def _impaired(self, number: int, size_bytes: int, now: Instant) -> list[Instant]:
-        while number >= self._drawn:
-            self._draws = self._random.random((BLOCK, DRAWS)).tolist()
-            self._drawn += BLOCK
-        impairment, draws = self._impairment, self._draws[number - self._drawn]
-        loss = self._loss_after_loss if self._lost_last else self._loss_after_arrival
-        self._lost_last = draws[0] < loss
-        departure = self._departure(size_bytes, now)
-        if impairment.outage or self._lost_last or departure is None:
-            return []
-        more_s = 0.0
-        process = impairment.process
-        if process is not None:
-            found_s = process(size_bytes, now)
-            if found_s is None:
-                return []
-            more_s = found_s
-        deliveries = [after(departure, impairment.delay_of(draws[2], number) + more_s)]
-        if draws[1] < impairment.duplicate:
-            deliveries.append(after(departure, impairment.delay_of(draws[3], number) + more_s))
-            deliveries.sort()
-        if not impairment.reorder:
-            deliveries = [max(delivery, self._last_delivery) for delivery in deliveries]
-        return deliveries
-
-    def _departure(self, size_bytes: int, now: Instant) -> Instant | None:
-        """Return when the last bit has been sent, None if the queue is full."""
-        impairment = self._impairment
-        if impairment.rate_bps == 0.0 or impairment.outage:
-            return now
-        start = max(now, self._busy_until)
-        if seconds_between(now, start) > impairment.queue_s:
-            return None
-        self._busy_until = after(start, 8 * size_bytes / impairment.rate_bps)
-        return self._busy_until
+Radios = Mapping[VehicleId, SharedRadio[Datagram]]
+"""The radio by which each vehicle is reached, if it is one for several."""
+NO_RADIOS: Final[Radios] = MappingProxyType({})
 
 
 class ImpairedEngine(Engine):
@@ -142,15 +29,24 @@ class ImpairedEngine(Engine):
 
     A datagram's sender is identified by the system id of its first frame and the network of its socket, once a valid
     frame has come from its address; its receiver by the address from which that vehicle was last heard. Datagrams from
-    or to unknown vehicles pass unimpaired.
+    or to unknown vehicles pass unimpaired. What goes to or comes from a vehicle with a radio passes that first.
     """
 
-    def __init__(self, engine: Engine, network_of_socket: Sequence[int], schedule: Schedule, seed: int) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        network_of_socket: Sequence[int],
+        schedule: Schedule,
+        seed: int,
+        radios: Radios = NO_RADIOS,
+    ) -> None:
         """Wrap `engine`, whose socket s belongs to network `network_of_socket[s]`; links follow `schedule`."""
         self._engine = engine
         self._network_of_socket = network_of_socket
         self._schedule = schedule
         self._seed = seed
+        self._radio_of = dict(radios)
+        self._radios = list({id(radio): radio for radio in radios.values()}.values())
         self._channels: dict[VehicleId, tuple[Channel, Channel]] = {}
         self._vehicle_at = OrderedDict[tuple[int, Address], VehicleId]()
         self._under_way = DelayQueue[tuple[Direction, Datagram]]()
@@ -174,6 +70,8 @@ class ImpairedEngine(Engine):
             if vehicle is None:
                 arrived.append(datagram)
                 continue
+            if self._radios and self._takes_radio(vehicle, Direction.DOWNLINK, datagram):
+                continue
             for delivery in self._pass_on(vehicle, Direction.DOWNLINK, datagram):
                 if delivery <= now:
                     arrived.append(datagram)
@@ -189,8 +87,10 @@ class ImpairedEngine(Engine):
             if vehicle is None:
                 self._outbox.append(datagram)
                 continue
+            if self._radios and self._takes_radio(vehicle, Direction.UPLINK, datagram):
+                continue
             for delivery in self._pass_on(vehicle, Direction.UPLINK, datagram):
-                own = Datagram(datagram.socket, datagram.peer, datagram.data)  # each copy is an object of its own
+                own = _copy(datagram)
                 if delivery <= self._now:
                     self._outbox.append(own)
                 else:
@@ -199,11 +99,11 @@ class ImpairedEngine(Engine):
         return sent
 
     def next_timer(self) -> Instant | None:
-        """Return when the engine's timer is due or the next datagram arrives, whichever is first."""
-        timer, arrival = self._engine.next_timer(), self._under_way.next()
-        if timer is None or arrival is None:
-            return arrival if timer is None else timer
-        return min(timer, arrival)
+        """Return when the engine's timer or a radio's is due, or the next datagram arrives, whichever is first."""
+        first = _earlier(self._engine.next_timer(), self._under_way.next())
+        for radio in self._radios:
+            first = _earlier(first, radio.next_timer())
+        return first
 
     def handle_timer(self, now: Instant) -> None:
         """Deliver what has arrived; then let the engine handle its timer if it is due."""
@@ -228,6 +128,10 @@ class ImpairedEngine(Engine):
     def _move_to(self, now: Instant) -> None:
         self._now = max(self._now, now)
         arrived: list[Datagram] = []
+        for radio in self._radios:
+            self._move_radio_to(radio, now)
+            if radio.report_due(now):
+                arrived += self._reports(radio)
         for direction, datagram in self._under_way.pop_due(now):
             (arrived if direction is Direction.DOWNLINK else self._outbox).append(datagram)
         if arrived:
@@ -239,7 +143,9 @@ class ImpairedEngine(Engine):
         vehicle = known = self._vehicle_at.get(remote)
         system = first_system(datagram.data)
         if system is not None and (vehicle is None or vehicle.system != system):
-            sound = StreamParser().feed(datagram.data)
+            sound = [each for each in StreamParser().feed(datagram.data) if (each.system, each.component) != RADIO]
+            if not sound and system == RADIO.system:
+                return None  # a real radio's own report
             vehicle = VehicleId(self._network_of_socket[datagram.socket], sound[0].system) if sound else vehicle
         if vehicle is not None and vehicle is not known:
             self._vehicle_at[remote] = vehicle
@@ -248,6 +154,42 @@ class ImpairedEngine(Engine):
         elif vehicle is not None and len(self._vehicle_at) > MANY_REMOTES:
             self._vehicle_at.move_to_end(remote)
         return vehicle
+
+    def _takes_radio(self, vehicle: VehicleId, direction: Direction, datagram: Datagram) -> bool:
+        """Give a datagram to the vehicle's radio; return False if it has none."""
+        radio = self._radio_of.get(vehicle)
+        if radio is None:
+            return False
+        self._move_radio_to(radio, self._now)
+        if not radio.offer(direction, vehicle, len(datagram.data), datagram, self._now):
+            self._channels_of(vehicle)[direction].lose()
+        return True
+
+    def _move_radio_to(self, radio: SharedRadio[Datagram], now: Instant) -> None:
+        """Let what the radio has sent by now pass its vehicle's own link."""
+        for sent in radio.passed(now):
+            vehicle = VehicleId(*sent.vehicle)
+            channel = self._channels_of(vehicle)[sent.direction]
+            deliveries = list[Instant]()
+            if sent.air_s is None:
+                channel.lose()
+            else:
+                impairment = self._schedule(vehicle, sent.left)[sent.direction]
+                deliveries = channel.pass_on(sent.size_bytes, sent.left, impairment, sent.waited_s, sent.air_s)
+            if not deliveries:
+                radio.lose(sent.vehicle, sent.direction)
+            for delivery in deliveries:
+                self._under_way.push(delivery, (sent.direction, _copy(sent.item)))
+
+    def _reports(self, radio: SharedRadio[Datagram]) -> list[Datagram]:
+        """Return what the radio's ground end reports, at each address of its vehicles; those of these ends are sent."""
+        report = radio.ground_report()
+        found = list[Datagram]()
+        for (socket, peer), vehicle in self._vehicle_at.items():
+            if self._radio_of.get(vehicle) is radio:
+                found.append(Datagram(socket, peer, report))
+                self._outbox.append(Datagram(socket, peer, radio.vehicle_report(vehicle)))
+        return found
 
     def _pass_on(self, vehicle: VehicleId, direction: Direction, datagram: Datagram) -> list[Instant]:
         impairment = self._schedule(vehicle, self._now)[direction]
@@ -259,3 +201,14 @@ class ImpairedEngine(Engine):
             uplink, downlink = (Channel(random_stream(self._seed, "links", *vehicle, way)) for way in Direction)
             channels = self._channels[vehicle] = (uplink, downlink)
         return channels
+
+
+def _copy(datagram: Datagram) -> Datagram:
+    """Return a datagram of its own, as each copy has to be: its receiver owns it."""
+    return Datagram(datagram.socket, datagram.peer, datagram.data)
+
+
+def _earlier(one: Instant | None, other: Instant | None) -> Instant | None:
+    if one is None or other is None:
+        return other if one is None else one
+    return min(one, other)

@@ -18,7 +18,7 @@ from airlink.clock import Instant
 
 Process = Callable[[int, Instant], float | None]
 """Returns by how much longer a datagram of so many bytes takes that enters the link at an instant, s; None: lost."""
-Distribution = Literal["normal", "uniform", "pareto", "trace"]
+Distribution = Literal["normal", "uniform", "pareto"]
 
 _NORMAL = NormalDist()
 _UNIFORM_HALF_WIDTH: Final = math.sqrt(3.0)
@@ -55,8 +55,6 @@ class Impairment:
     delay_s: float = 0.0
     jitter_s: float = 0.0
     distribution: Distribution = "normal"
-    """`trace`: the recorded delays `trace_s` are added to `delay_s`, in their order, repeated from the beginning."""
-    trace_s: tuple[float, ...] = ()
     loss: float = 0.0
     """Probability that a datagram is lost, 0 to 1."""
     mean_burst: float | None = None
@@ -73,7 +71,7 @@ class Impairment:
     """Whether everything is lost."""
 
     process: Process | None = None
-    """Delay and loss from outside, which add to the rest."""
+    """Delay and loss by time, recorded or from outside, which add to the rest."""
 
     @cached_property
     def transparent(self) -> bool:
@@ -89,10 +87,8 @@ class Impairment:
         burst = max(self.mean_burst, odds, 1.0)
         return odds / burst, 1.0 - 1.0 / burst
 
-    def delay_of(self, share: float, number: int) -> float:
-        """Return the delay, s, at the quantile `share` (0 to 1), or the trace's for datagram `number`."""
-        if self.distribution == "trace":
-            return self.delay_s + (self.trace_s[number % len(self.trace_s)] if self.trace_s else 0.0)
+    def delay_of(self, share: float) -> float:
+        """Return the delay, s, at the quantile `share` (0 to 1)."""
         if self.jitter_s == 0.0:
             return self.delay_s
         share = self._share_below_zero + (1.0 - self._share_below_zero) * share
@@ -102,6 +98,18 @@ class Impairment:
     @cached_property
     def _share_below_zero(self) -> float:
         return CDF[self.distribution](-self.delay_s / self.jitter_s)
+
+
+def together(one: Process, other: Process | None) -> Process:
+    """Return a process with the delays of both, in which a datagram is lost if either loses it."""
+    if other is None:
+        return one
+
+    def both(size_bytes: int, now: Instant) -> float | None:
+        first_s, second_s = one(size_bytes, now), other(size_bytes, now)
+        return None if first_s is None or second_s is None else first_s + second_s
+
+    return both
 
 
 UNIMPAIRED: Final = Impairment()

@@ -11,12 +11,15 @@ from functools import partial
 from itertools import count
 from typing import Final, Self
 
-from airlink.clock import Instant, RealClock
+from airlink.clock import Instant, RealClock, after, seconds_between
+from airlink.delay_record import DelayRecord
 from airlink.driver import IDLE_WAIT_S, select_for
 from airlink.endpoint import ANY_HOST, LOOPBACK, Address, Endpoint, EndpointError, PortError
 from airlink.engine import DelayQueue
-from airlink.impaired_link import Channel, ChannelStatistics
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
+from airlink.one_way_channel import Channel, ChannelStatistics
+from airlink.radio.settings import RadioSettings
+from airlink.radio.shared_radio import SharedRadio
 from airlink.random_streams import random_stream
 from airlink.transports.udp import Inbox, open_socket, resolved
 
@@ -32,10 +35,14 @@ Passage = tuple[int, Direction, bytes]
 
 
 class Relay:
-    """Impairs the links of remotes, numbered from 0, all by the same settings."""
+    """Impairs the links of remotes, numbered from 0, all by the same settings, and all behind one radio if given."""
 
-    def __init__(self, seed: int) -> None:
+    record: DelayRecord | None = None
+    """Takes the delays of all datagrams."""
+
+    def __init__(self, seed: int, radio: RadioSettings | None = None) -> None:
         """Start with unimpaired links; remote r has the random numbers of vehicle r + 1 on network 1."""
+        self.radio = None if radio is None else SharedRadio[Passage](radio, seed)
         self.impairments: dict[Direction, Impairment] = dict.fromkeys(Direction, UNIMPAIRED)
         self._seed = seed
         self._channels: dict[tuple[int, Direction], Channel] = {}
@@ -43,17 +50,73 @@ class Relay:
         self.under_way = DelayQueue[Passage]()
 
     def accept(self, passage: Passage, now: Instant) -> None:
-        """Put a datagram into its channel."""
+        """Put a datagram into the radio, if there is one, or else into its channel."""
         remote, direction, data = passage
+        channel = self._channel(remote, direction)
+        if self.record is not None and direction is Direction.DOWNLINK:
+            self.record.came(remote, data, now)
+        if self.radio is not None:
+            self._move_radio_to(self.radio, now)
+            if not self.radio.offer(direction, _vehicle(remote), len(data), passage, now):
+                channel.lose()
+                self._note(direction, now, [])
+            return
+        deliveries = channel.pass_on(len(data), now, self.impairments[direction])
+        self._note(direction, now, deliveries)
+        for delivery in deliveries:
+            self.under_way.push(delivery, passage)
+
+    def next_timer(self) -> Instant | None:
+        """Return when the next datagram is due or the radio has something to do; None if never."""
+        timers = [self.under_way.next(), None if self.radio is None else self.radio.next_timer()]
+        return min((each for each in timers if each is not None), default=None)
+
+    def pop_due(self, now: Instant) -> list[Passage]:
+        """Remove and return the datagrams that arrive by now, and what the radio's ends report."""
+        if self.radio is not None:
+            self._move_radio_to(self.radio, now)
+        due = self.under_way.pop_due(now)
+        if self.record is not None:
+            for remote, direction, data in due:
+                if direction is Direction.UPLINK:
+                    self.record.sent_on(remote, data, now)
+        if self.radio is not None and self.radio.report_due(now):
+            report, remotes = self.radio.ground_report(), {remote for remote, _ in self._channels}
+            due += [(remote, Direction.DOWNLINK, report) for remote in sorted(remotes)]
+            due += [(each, Direction.UPLINK, self.radio.vehicle_report(_vehicle(each))) for each in sorted(remotes)]
+        return due
+
+    def _note(self, direction: Direction, entered: Instant, deliveries: list[Instant]) -> None:
+        if self.record is not None:
+            self.record.carried(direction, entered, seconds_between(entered, deliveries[0]) if deliveries else None)
+
+    def _channel(self, remote: int, direction: Direction) -> Channel:
         channel = self._channels.get((remote, direction))
         if channel is None:
             stream = random_stream(self._seed, "links", NETWORK, remote + 1, direction)
             channel = self._channels[remote, direction] = Channel(stream)
-        for delivery in channel.pass_on(len(data), now, self.impairments[direction]):
-            self.under_way.push(delivery, passage)
+        return channel
+
+    def _move_radio_to(self, radio: SharedRadio[Passage], now: Instant) -> None:
+        """Let what the radio has sent by now pass the links behind it."""
+        for sent in radio.passed(now):
+            remote, direction, _ = sent.item
+            channel, deliveries = self._channel(remote, direction), list[Instant]()
+            if sent.air_s is None:
+                channel.lose()
+            else:
+                impairment = self.impairments[direction]
+                deliveries = channel.pass_on(sent.size_bytes, sent.left, impairment, sent.waited_s, sent.air_s)
+            self._note(direction, after(sent.left, -sent.waited_s), deliveries)
+            if not deliveries:
+                radio.lose(sent.vehicle, direction)
+            for delivery in deliveries:
+                self.under_way.push(delivery, sent.item)
 
     def forget(self, remote: int) -> None:
         """Remove a remote, whose number isn't used again; its statistics are kept."""
+        if self.radio is not None:
+            self.radio.forget(_vehicle(remote))
         for way, total in self._forgotten.items():
             channel = self._channels.pop((remote, way), None)
             if channel is not None:
@@ -67,6 +130,11 @@ class Relay:
             if way is direction:
                 total.add(channel.statistics)
         return total
+
+
+def _vehicle(remote: int) -> tuple[int, int]:
+    """Return what tells a remote apart from others, as for the random numbers of links."""
+    return NETWORK, remote + 1
 
 
 class Proxy:
@@ -125,11 +193,11 @@ class Proxy:
     def run(self, until: Callable[[], bool]) -> None:
         """Run until `until` holds; it is checked after every wake-up, at least ten times a second."""
         while not until():
-            timer = self._relay.under_way.next()
+            timer = self._relay.next_timer()
             wait_s = IDLE_WAIT_S if timer is None else min(self._clock.wall_seconds_until(timer), IDLE_WAIT_S)
             for key, _ in select_for(self._selector, wait_s):
                 key.data()
-            for passage in self._relay.under_way.pop_due(self._clock.now()):
+            for passage in self._relay.pop_due(self._clock.now()):
                 self._send(*passage)
 
     def _from_remotes(self) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from airlink.clock import Instant, after
-from airlink.impaired_link import Channel
 from airlink.impairment import Distribution, Impairment
+from airlink.one_way_channel import Channel
 from gcs_formation.studies.dataset import markdown
 
 DELAY_S = 0.150

@@ -60,8 +60,13 @@ MAY_BE_EMPTY = (
 MODELS = ("model", "true_model")
 PARAMETERS = "parameters"
 """Key of a model that names a parameter file; beside an extension's aircraft, a group of its keys."""
-FILES = {"links": ("trace_file",), "terrain": ("file",), "vehicles": (*MODELS, PARAMETERS), "path": ("file",)}
-"""Groups of keys that name files, and the keys that do; models are names of shipped files too."""
+FILES = {
+    "links": ("trace_file", "trace.file"),
+    "terrain": ("file",),
+    "vehicles": (*MODELS, PARAMETERS),
+    "path": ("file",),
+}
+"""Groups of keys that name files, and the keys that do, or `group.key`; models are names of shipped files too."""
 FAMILIES = ("arduplane", "arducopter", "px4")
 """Autopilot families with a shipped vehicle file of the same name, for vehicles without `model`."""
 _FIRMWARE_OF = {"arduplane": "ardupilot", "px4": "px4"}
@@ -131,9 +136,12 @@ def _with_absolute(value: Plain, names: tuple[str, ...], directory: Path) -> Pla
         return value
     group = {inner: _with_absolute(item, names, directory) for inner, item in value.items()}
     for name in names:
-        file = group.get(name)
+        outer, _, inner = name.partition(".")
+        inside = group.get(outer)
+        file = inside.get(inner) if inner and isinstance(inside, dict) else inside
         if isinstance(file, str) and (name not in MODELS or file.endswith(SUFFIXES)):
-            group[name] = str((directory / file).absolute())
+            absolute = str((directory / file).absolute())
+            group[outer] = {**inside, inner: absolute} if isinstance(inside, dict) else absolute
     return group
 
 

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable
-from pathlib import Path
-from typing import Annotated, Any, Final, Literal, NamedTuple
+from typing import Annotated, Any, Final, NamedTuple
 
 from pydantic import AfterValidator, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from formation_scenario.bounded_read import read_bounded
+from formation_scenario.channels import Channel
 from formation_scenario.fields import (
     MAX_NUMBER,
     OF_AN_EXTENSION,
     Allowed,
-    FileError,
+    AtMost,
     Flag,
     Fraction,
     Keys,
     NonNegative,
-    Number,
     OwnKeys,
     Text,
     Timed,
@@ -29,66 +26,25 @@ from formation_scenario.fields import (
     Word,
     key,
 )
+from formation_scenario.impairment_types import MIN_KBPS, Burst, Distribution, Milliseconds
+from formation_scenario.traces.keys import Trace
 
 MOST_CHANGES: Final = 5000
 """Of links in a flight."""
-MOST_MS = 600_000.0
-ALLOWED = f"a file with a number of milliseconds from 0 to {MOST_MS:.0f} on each line, # before comments"
-_NUMBER = re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
-LEAST_KBPS = 1e-3
-"""One bit a second, at which the longest UDP datagram takes six days."""
 
 
 def _passable(rate_kbps: float) -> float:
-    if 0.0 < rate_kbps < LEAST_KBPS:
+    if 0.0 < rate_kbps < MIN_KBPS:
         raise PydanticCustomError("data_rate", "nothing would ever arrive")
     return rate_kbps
 
 
-Distribution = Literal["normal", "uniform", "pareto"]
-Burst = Annotated[Number, Field(ge=1.0, le=1e6)]
-Milliseconds = Annotated[NonNegative, Field(le=MOST_MS)]
 DataRate = Annotated[
     NonNegative,
     AfterValidator(_passable),
-    WithJsonSchema({"anyOf": [{"const": 0.0}, {"type": "number", "minimum": LEAST_KBPS, "maximum": MAX_NUMBER}]}),
-    Allowed(f"0, or a number >= {LEAST_KBPS:g}"),
+    WithJsonSchema({"anyOf": [{"const": 0.0}, {"type": "number", "minimum": MIN_KBPS, "maximum": MAX_NUMBER}]}),
+    Allowed(f"0, or a number >= {MIN_KBPS:g}"),
 ]
-
-
-MOST_TRACE_BYTES = 16_000_000
-
-
-class RecordedDelays(NamedTuple):
-    """The delays in a file, and their mean."""
-
-    delays_ms: tuple[float, ...]
-    mean_ms: float
-
-
-def read_trace(path: Path) -> RecordedDelays:
-    """Return the delays in a file, in its order; empty lines and text after # are ignored.
-
-    Raises:
-        FileError: the file can't be read, has no number, or a line that isn't a number from 0 to `MOST_MS`.
-    """
-    try:
-        text = read_bounded(path, MOST_TRACE_BYTES).decode("utf-8")
-    except OSError as error:
-        raise FileError(f"found {path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise FileError(f"found {path}, which isn't text in UTF-8") from error
-    lines = ((number, line.partition("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1))
-    delays_ms = tuple(_delay_ms(entry, f"{path}:{number}") for number, entry in lines if entry)
-    if not delays_ms:
-        raise FileError(f"found {path} without a number in it")
-    return RecordedDelays(delays_ms, math.fsum(delays_ms) / len(delays_ms))
-
-
-def _delay_ms(entry: str, place: str) -> float:
-    if not _NUMBER.match(entry) or not 0.0 <= float(entry) <= MOST_MS:
-        raise FileError(f"found '{entry[:40]}' at {place}")
-    return float(entry)
 
 
 class Impairment(Keys):
@@ -110,9 +66,13 @@ class Impairment(Keys):
     outage: Flag = key(False, "whether everything is lost")
     trace_file: Text | None = key(
         None,
-        "file of recorded delays (ms, one a line) that are added to delay_ms in place of jitter, in their order, "
-        "then from the beginning again; relative to the scenario's file",
+        "short form of trace: {file: …}: a number of ms a line is of one way, a second after the one before it",
         "lte.txt",
+    )
+    trace: Trace | None = key(
+        None,
+        "recorded delays that are added to delay_ms in place of jitter, played by time and repeated; gaps are losses",
+        {"file": "ping.csv", "column": "rtt_ms", "kind": "rtt", "time": "t_s"},
     )
     process: Word = key(
         None,
@@ -120,6 +80,11 @@ class Impairment(Keys):
         "none",
     )
     parameters: OwnKeys = key(None, f"beside process: {OF_AN_EXTENSION}", {})
+
+    @property
+    def recording(self) -> Trace | None:
+        """The recorded delays, in their short form or not."""
+        return Trace(file=self.trace_file) if self.trace is None and self.trace_file is not None else self.trace
 
     def __hash__(self) -> int:
         """Hash what usually differs; an extension's own keys are a mapping, which has no hash."""
@@ -148,6 +113,7 @@ class ImpairmentPatch(Keys):
     reorder: Flag | None = _patch("reorder")
     outage: Flag | None = _patch("outage")
     trace_file: Text | None = _patch("trace_file")
+    trace: Trace | None = _patch("trace")
     process: Word = _patch("process")
     parameters: OwnKeys = _patch("parameters")
 
@@ -182,6 +148,11 @@ class Links(Keys):
         "above it, m",
         [-200, 0, 3],
         derived="the origin",
+    )
+    channels: AtMost[Channel] = key(
+        (),
+        "radios that several vehicles share, whose datagrams pass them before their own links",
+        [{"vehicles": "all", "rate_kbps": 57.6, "duplex": "half", "turnaround_ms": 5}],
     )
     changes: Annotated[tuple[LinkChange, ...], Field(max_length=MOST_CHANGES)] = key(
         (),
@@ -226,8 +197,36 @@ def link_steps(links: Links, changes: Iterable[LinkChange]) -> tuple[LinkStep, .
     return tuple(steps)
 
 
+def through_air(steps: tuple[LinkStep, ...], channel: Channel) -> tuple[LinkStep, ...]:
+    """Return a link's states with the delay, jitter and loss of a channel's air added, both ways."""
+    air = channel.air
+
+    def together(way: Impairment) -> Impairment:
+        return way.model_copy(
+            update={
+                "delay_ms": way.delay_ms + air.delay_ms,
+                "jitter_ms": math.hypot(way.jitter_ms, air.jitter_ms),
+                "loss": 1.0 - (1.0 - way.loss) * (1.0 - air.loss),
+                "mean_burst": way.mean_burst or air.mean_burst,
+            }
+        )
+
+    if not any(air[:3]):
+        return steps
+    return tuple(LinkStep(step.at_s, together(step.uplink), together(step.downlink)) for step in steps)
+
+
 def _patched(impairment: Impairment, *patches: ImpairmentPatch | None) -> Impairment:
-    keys = Impairment.model_fields
-    given = [{key: getattr(patch, key) for key in keys} for patch in patches if patch is not None]
-    update = {key: value for values in given for key, value in values.items() if value is not None}
+    for patch in patches:
+        impairment = impairment if patch is None else patched(impairment, patch)
+    return impairment
+
+
+def patched(impairment: Impairment, patch: ImpairmentPatch) -> Impairment:
+    """Return an impairment with what a patch gives; a record of delays replaces another in its other form."""
+    given = {name: getattr(patch, name) for name in Impairment.model_fields}
+    update = {name: value for name, value in given.items() if value is not None}
+    for name, other in (("trace", "trace_file"), ("trace_file", "trace")):
+        if name in update:
+            update.setdefault(other, None)
     return impairment.model_copy(update=update)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from math import hypot, radians
-from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -59,7 +58,7 @@ from formation_scenario.fields import (
     key,
 )
 from formation_scenario.formation import Formation, Law
-from formation_scenario.links import Links, LinkStep, RecordedDelays, link_steps, read_trace
+from formation_scenario.links import Links, LinkStep, link_steps, through_air
 from formation_scenario.orders import PlannedOrder, read_order
 from formation_scenario.path_of_legs import path_of_legs, planned_speeds
 from formation_scenario.path_plan import PathPlan
@@ -69,6 +68,9 @@ from formation_scenario.shapes import SHAPE
 from formation_scenario.station import StationId
 from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
+from formation_scenario.traces.keys import Trace
+from formation_scenario.traces.reading import read_trace
+from formation_scenario.traces.recorded import RecordedDelays
 from formation_scenario.vehicles import CLOCKS, Vehicle, reads_equivalent_airspeed
 
 Seconds = Annotated[Positive, Field(le=1e6)]
@@ -484,22 +486,42 @@ class Scenario(Keys):
             return self.vehicles
         return tuple(vehicle for vehicle in self.vehicles if any(ref in selection for ref in vehicle.refs))
 
-    def recorded_delays(self, file: str) -> RecordedDelays:
-        """Return the delays in a file of some link's; each file is read once.
+    def channel_members(self) -> list[tuple[int, tuple[Vehicle, ...]]]:
+        """Return the radios that vehicles share: each one's index in `links.channels`, and its vehicles."""
+        found = list[tuple[int, tuple[Vehicle, ...]]]()
+        for index, channel in enumerate(self.links.channels):
+            if channel.vehicles == "each":
+                found += [(index, (vehicle,)) for vehicle in self.vehicles]
+            else:
+                found.append((index, self.selected(channel.vehicles)))
+        return found
+
+    def recorded_delays(self, trace: Trace) -> RecordedDelays:
+        """Return recorded delays of some link's; each record is read once.
 
         Raises:
             FileError: the file can't be read, or holds something else.
         """
-        if file not in self._recorded:
-            self._recorded[file] = read_trace(Path(file))
-        return self._recorded[file]
+        if trace not in self._recorded:
+            self._recorded[trace] = read_trace(trace)
+        return self._recorded[trace]
 
     @cached_property
-    def _recorded(self) -> dict[str, RecordedDelays]:
+    def _recorded(self) -> dict[Trace, RecordedDelays]:
         return {}
 
     def link_steps(self, vehicle: Vehicle) -> tuple[LinkStep, ...]:
-        """Return the states of one vehicle's link in time order, the first at 0 s."""
+        """Return the states of one vehicle's whole link in time order, the first at 0 s, with its channel's air."""
+        channel = self._channel_of.get(vehicle.vehicle_id)
+        steps = self.own_link_steps(vehicle)
+        return steps if channel is None else through_air(steps, self.links.channels[channel])
+
+    @cached_property
+    def _channel_of(self) -> dict[VehicleId, int]:
+        return {each.vehicle_id: index for index, vehicles in self.channel_members() for each in vehicles}
+
+    def own_link_steps(self, vehicle: Vehicle) -> tuple[LinkStep, ...]:
+        """Return the states of one vehicle's own link in time order, the first at 0 s."""
         return self._link_steps[vehicle.vehicle_id]
 
     @cached_property

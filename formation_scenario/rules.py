@@ -12,6 +12,7 @@ from flight_model.earth import SEMI_MAJOR_M
 from flight_model.legs.path import MIN_LEG_M
 from flight_model.path import PathError
 from formation_scenario import vehicle_rules
+from formation_scenario.channel_rules import channels
 from formation_scenario.expectation import (
     FENCE,
     FOLLOWER_METRICS,
@@ -26,7 +27,6 @@ from formation_scenario.expectation import (
 from formation_scenario.extensions import FAULT
 from formation_scenario.fields import MAX_DISTANCE_M, FileError, Timed, VehicleSelection, distinct_texts
 from formation_scenario.links import (
-    ALLOWED,
     DefaultLink,
     Impairment,
     ImpairmentPatch,
@@ -42,6 +42,8 @@ from formation_scenario.source import Finding, KeyPath
 from formation_scenario.start_states_and_end_times import latest_end_s
 from formation_scenario.surroundings import PASSING, TELEMETRY_KEYS, Disturbance, DrydenTurbulence, Fault, Fence
 from formation_scenario.terrain import ALLOWED as ELEVATION_FILES
+from formation_scenario.traces.keys import Trace
+from formation_scenario.traces.reading import ALLOWED
 from formation_scenario.vehicle_rules import one_vehicle
 from formation_scenario.vehicles import Vehicle
 
@@ -165,22 +167,26 @@ def terrain(scenario: Scenario) -> Iterator[Finding]:
 
 
 def traces(scenario: Scenario) -> Iterator[Finding]:
-    """Yield files of recorded delays that can't be read."""
-    found = dict[str, str | None]()
+    """Yield records of delays that can't be read, in both forms, or with two sources of their times."""
+    found = dict[Trace, str | None]()
     for path, patch in _link_groups(scenario):
-        file = patch.trace_file
-        if file is None:
+        trace = patch.trace or (None if patch.trace_file is None else Trace(file=patch.trace_file))
+        if trace is None:
             continue
-        if file not in found:
-            found[file] = _unreadable(scenario, file)
-        if (error := found[file]) is not None:
-            yield (*path, "trace_file"), error, ALLOWED
+        if patch.trace is not None and patch.trace_file is not None:
+            yield (*path, "trace_file"), "found it beside trace", "one of them"
+        if trace.time is not None and trace.period_s is not None:
+            yield (*path, "trace", "period_s"), "found it beside time", "one of them"
+        if trace not in found:
+            found[trace] = _unreadable(scenario, trace)
+        if (error := found[trace]) is not None:
+            yield (*path, *(("trace", "file") if patch.trace is not None else ("trace_file",))), error, ALLOWED
 
 
-def _unreadable(scenario: Scenario, file: str) -> str | None:
-    """Return why a file of recorded delays can't be read; None if it can."""
+def _unreadable(scenario: Scenario, trace: Trace) -> str | None:
+    """Return why a record of delays can't be read; None if it can."""
     try:
-        scenario.recorded_delays(file)
+        scenario.recorded_delays(trace)
     except FileError as error:
         return str(error)
     return None
@@ -200,7 +206,7 @@ def bursts(scenario: Scenario) -> Iterator[Finding]:
     """Yield bursts of losses too short for the share that is lost."""
     refused: set[KeyPath] = set()
     for vehicle in scenario.vehicles:
-        for path, step in zip(_step_places(scenario, vehicle), scenario.link_steps(vehicle), strict=True):
+        for path, step in zip(_step_places(scenario, vehicle), scenario.own_link_steps(vehicle), strict=True):
             for way, link in (("uplink", step.uplink), ("downlink", step.downlink)):
                 least = least_mean_burst(link.loss)
                 if link.mean_burst is not None and link.mean_burst < least and path not in refused:
@@ -426,6 +432,7 @@ RULES = (
     link_changes,
     traces,
     bursts,
+    channels,
     vehicle_rules.slots,
     vehicle_rules.changes,
     vehicle_rules.orders,

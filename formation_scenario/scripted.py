@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, TypeAlias, cast
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from formation_scenario.fields import WHOLE, Allowed, Keys, NonNegative, VehicleSelection, key
-from formation_scenario.links import Impairment, ImpairmentPatch
+from formation_scenario.links import Impairment, ImpairmentPatch, patched
 from formation_scenario.orders import ALLOWED, EXAMPLES, PlannedOrder, known_order
 from formation_scenario.surroundings import Disturbance, Fault
 
@@ -76,14 +76,5 @@ AnyOrder: TypeAlias = Annotated[
 
 def impaired(link: Impairment, change: ScriptedLink, direction: ImpairmentPatch | None) -> Impairment:
     """Return a direction of a link after a change."""
-    update = dict[str, Any]()
-    for patch in (change, direction):
-        update |= dict(_given(patch))
-    return link.model_copy(update=update)
-
-
-def _given(patch: ImpairmentPatch | None) -> Iterator[tuple[str, Any]]:
-    for name in Impairment.model_fields if patch is not None else ():
-        value = getattr(patch, name)
-        if value is not None:
-            yield name, value
+    changed = patched(link, change)
+    return changed if direction is None else patched(changed, direction)

@@ -29,6 +29,7 @@ from gcs_formation.fleet.stream_loss import stream_losses
 from gcs_formation.fleet.telemetry_watch import MessageIntervals, TelemetryWatch
 from gcs_formation.from_scenario import as_known, planned
 from gcs_formation.link.link_health import LinkState
+from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.mission.course import Course, Orders
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.resumption import WAIT_S, Resumption, Takeover
@@ -82,7 +83,8 @@ class Station(Engine):
         self.flight, self._membership, self.margins = self.course.flight, membership, MarginWatch(scenario, *fleet)
         self._senders = Senders(self.vehicles, self.networks, self.flight, note, self.course.fail, scenario.station.ids)
         self._flood, self._telemetry, self.down = FloodWatch(note), TelemetryWatch(*fleet), DownWatch(self.vehicles)
-        self._pilots_and_fence, self._health = (
+        self.radio_reports, self._pilots_and_fence, self._health = (
+            RadioReports(each.connection for each in self.vehicles.values()),
             PilotsAndFence(scenario, *fleet),
             TelemetryHealth(self.vehicles, self.controller.estimator.filters, self.controller.models, note),
         )
@@ -154,7 +156,7 @@ class Station(Engine):
                     raws.append(frame.raw)
                     vehicle = self._senders.sender(frame, datagram, now)
                     if vehicle is None:
-                        self.frames_refused += 1
+                        self._take_other(frame, datagram, now)
                     elif vehicle.history.is_news:
                         self._take(vehicle, frame, now, timed)
                     else:
@@ -424,6 +426,11 @@ class Station(Engine):
             self._note_link(vehicle, now)
         if isinstance(message, ParamValue):
             self.preflight.take(vehicle, message, now)
+
+    def _take_other(self, frame: Frame, datagram: Datagram, now: Instant) -> None:
+        """Take a frame that is no vehicle's."""
+        if not self.radio_reports.take(frame, datagram, now):
+            self.frames_refused += 1
 
     def _take_word(self, vehicle: Vehicle, frame: Frame, now: Instant, timed: bool) -> None:
         """Take a frame that may show another mode, a text or a restart, and record the change."""

@@ -5,16 +5,19 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, Final, NamedTuple
+from typing import IO, Any, Final, NamedTuple
 
 import click
 
-from airlink.cli import SEED, SIGNALS, Command, Status, fail, version_option
+from airlink.cli import SEED, SIGNALS, Command, Status, fail, radio_option, version_option
+from airlink.delay_record import DelayRecord
 from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
 from airlink.impairment import Direction, Impairment
 from airlink.proxy import Proxy, Relay
+from airlink.radio.settings import RadioSettings
 
 LONGEST_LINE: Final = 4096
 EXAMPLES: Final = """\b
@@ -140,8 +143,9 @@ class Console:
 
 
 def settings(relay: Relay) -> str:
-    """Return the settings, one line for each direction."""
-    return "\n".join(f"{way.name.lower()}: {described(relay.impairments[way])}" for way in Direction)
+    """Return the settings, one line for each direction, and one for the radio if there is one."""
+    lines = [f"{way.name.lower()}: {described(relay.impairments[way])}" for way in Direction]
+    return "\n".join(lines if relay.radio is None else [radio_option.described(relay.radio.settings), *lines])
 
 
 def summary(relay: Relay) -> str:
@@ -167,6 +171,20 @@ def _connection(kind: str) -> Callable[[click.Context, click.Parameter, str], En
         return endpoint
 
     return read
+
+
+def _recording(relay: Relay, file: IO[str] | None) -> AbstractContextManager[object]:
+    if file is None:
+        return nullcontext()
+    relay.record = DelayRecord(file)
+    return relay.record
+
+
+def _radio(_context: click.Context, _parameter: click.Parameter, text: str | None) -> RadioSettings | None:
+    try:
+        return None if text is None else radio_option.parse_radio(text)
+    except ImpairmentError as error:
+        raise click.BadParameter(str(error)) from error
 
 
 def _impairment_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -199,16 +217,36 @@ def _set(relay: Relay, options: dict[str, str | None]) -> None:
 @click.option(
     "--to", metavar="UDPOUT", callback=_connection("udpout"), required=True, help="where the ground station listens"
 )
+@click.option(
+    "--radio",
+    metavar="KEYS",
+    callback=_radio,
+    help="one radio that all vehicles share, as links.channels of a scenario: sik_915, or rate_kbps=57.6,duplex=half",
+)
+@click.option(
+    "--record",
+    "recorded",
+    metavar="FILE",
+    type=click.File("w", encoding="utf-8", lazy=False),
+    help="write the delays to a table, which a scenario's `trace` replays",
+)
 @click.option("--seed", type=SEED, default=1, show_default=True, help="of the random numbers")
 @_impairment_options
-def main(listen: Endpoint, to: Endpoint, seed: int, **options: str | None) -> None:
+def main(
+    listen: Endpoint,
+    to: Endpoint,
+    radio: RadioSettings | None,
+    recorded: IO[str] | None,
+    seed: int,
+    **options: str | None,
+) -> None:
     """Put an impaired link between vehicles and a ground station."""
     for number in SIGNALS:
         signal.signal(number, signal.default_int_handler)  # a shell's background jobs ignore SIGINT
-    relay = Relay(seed)
+    relay = Relay(seed, radio)
     _set(relay, options)
     try:
-        with Proxy(listen, to, relay) as proxy:
+        with Proxy(listen, to, relay) as proxy, _recording(relay, recorded):
             click.echo(f"{listen} -> {to}\n{settings(relay)}", err=True)
             if sys.stdin is not None:  # None where it was closed from the start
                 proxy.watch(sys.stdin.fileno(), Console(relay).take)

@@ -251,6 +251,55 @@ NAMED_VALUE_FLOAT: Final = Kind(
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
+class RadioStatus(Message):
+    """RADIO_STATUS (109): a radio's signal and noise, here and at the other end, free buffer (`txbuf`, %), errors."""
+
+    def __init__(
+        self, rssi: int, remrssi: int, txbuf: int, noise: int, remnoise: int, rxerrors: int, fixed: int
+    ) -> None:
+        self.rssi = rssi
+        self.remrssi = remrssi
+        self.txbuf = txbuf
+        self.noise = noise
+        self.remnoise = remnoise
+        self.rxerrors = rxerrors
+        self.fixed = fixed
+
+    def kind(self) -> Kind:
+        return RADIO_STATUS
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u16(payload, self.rxerrors)
+        put_u16(payload, self.fixed)
+        put_u8(payload, self.rssi)
+        put_u8(payload, self.remrssi)
+        put_u8(payload, self.txbuf)
+        put_u8(payload, self.noise)
+        put_u8(payload, self.remnoise)
+
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return RadioStatus(
+            get_u8(frame, begin + 4, end),
+            get_u8(frame, begin + 5, end),
+            get_u8(frame, begin + 6, end),
+            get_u8(frame, begin + 7, end),
+            get_u8(frame, begin + 8, end),
+            get_u16(frame, begin, end),
+            get_u16(frame, begin + 2, end),
+        )
+
+
+RADIO_STATUS: Final = Kind(
+    "RADIO_STATUS",
+    109,
+    185,
+    (9, 9),
+    ("rssi", "remrssi", "txbuf", "noise", "remnoise", "rxerrors", "fixed"),
+    RadioStatus(0, 0, 0, 0, 0, 0, 0),
+)
+
+
+@mypyc_attr(acyclic=True, free_list_len=1)
 class Statustext(Message):
     """STATUSTEXT (253): a text for the operator; the chunks of a longer one share a non-zero id."""
 
@@ -313,6 +362,7 @@ KINDS: Final = (
     PING,
     AUTOPILOT_VERSION,
     NAMED_VALUE_FLOAT,
+    RADIO_STATUS,
     STATUSTEXT,
     CURRENT_MODE,
 )

@@ -19,7 +19,7 @@ from formation_scenario.ground_and_fence import starts_without_room
 from formation_scenario.repair import Repair
 from formation_scenario.slot_assignment import columns
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_times_s
-from gcs_formation.app import check_law, check_links, check_parameters, check_path, check_room
+from gcs_formation.app import check_law, check_links, check_parameters, check_path, check_room, check_traces
 from gcs_formation.app.loop_delays import configured_loop_delay_s, long_silences, longest_hold
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
@@ -169,6 +169,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from check_law.gust_errors(scenario)
     yield from check_links.split_errors(scenario)
     yield from check_links.narrow_links(scenario)
+    yield from check_traces.recorded_delays(scenario)
     yield from check_path.not_flown(scenario)
     yield from check_path.rally_outside(scenario)
     yield from check_path.short_legs(scenario)

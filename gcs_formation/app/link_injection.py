@@ -13,15 +13,19 @@ import numpy as np
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from airlink.impaired_link import ChannelStatistics, ImpairedEngine
-from airlink.impairment import UNIMPAIRED, Direction, Impairment
+from airlink.impaired_link import ImpairedEngine
+from airlink.impairment import UNIMPAIRED, Direction, Impairment, together
+from airlink.one_way_channel import ChannelStatistics
+from airlink.trace import Trace
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.fields import refused
 from formation_scenario.links import Impairment as PlannedImpairment
 from formation_scenario.links import LinkStep, least_mean_burst
 from formation_scenario.scripted import ScriptedLink, impaired
+from formation_scenario.traces.keys import Trace as RecordedTrace
 from gcs_formation.app.link_processes import LinkProcesses
+from gcs_formation.app.shared_radios import radios_of
 from gcs_formation.phases import Flight
 from gcs_formation.recorder import Event, Recorder
 from gcs_formation.station import Station
@@ -77,9 +81,10 @@ class LinkSchedule:
     def __init__(self, scenario: Scenario, flight: Flight) -> None:
         """Links change with the mission time of `flight`; before t = 0 they are as at t = 0."""
         self._scenario, self._flight, self.seed = scenario, flight, scenario.seed
+        self.radios = radios_of(scenario)
         self.processes = LinkProcesses(scenario)
         self._steps: dict[VehicleId, Steps] = {
-            vehicle.vehicle_id: scenario.link_steps(vehicle) for vehicle in scenario.vehicles
+            vehicle.vehicle_id: scenario.own_link_steps(vehicle) for vehicle in scenario.vehicles
         }
         self._known = Translations(scenario, self.processes)
         self._links = dict[VehicleId, Translated]()
@@ -138,7 +143,7 @@ class Translations:
         """Start with none of `scenario`'s; `processes` makes those of extensions."""
         self._scenario, self._processes = scenario, processes
         self._links = dict[tuple[Steps, VehicleId | None], Translated]()
-        self._traces_s = dict[str, tuple[float, ...]]()
+        self._traces = dict[RecordedTrace, Trace]()
 
     def of(self, steps_of: Mapping[VehicleId, Steps]) -> dict[VehicleId, Translated]:
         """Return each vehicle's translated link; vehicles with the same steps share it, others are forgotten."""
@@ -161,12 +166,13 @@ class Translations:
         return Translated([step.at_s for step in steps[1:]], ways)
 
     def _impairment(self, vehicle: VehicleId, way: Direction, planned: PlannedImpairment) -> Impairment:
-        trace_s = self._trace_s(planned.trace_file) if planned.trace_file else ()
+        process, recording = self._processes.of(vehicle, way, planned), planned.recording
+        if recording is not None:
+            process = together(self._trace(recording), process)
         return Impairment(
             delay_s=planned.delay_ms / 1e3,
-            jitter_s=planned.jitter_ms / 1e3,
-            distribution="trace" if trace_s else planned.distribution,
-            trace_s=trace_s,
+            jitter_s=planned.jitter_ms / 1e3 if recording is None else 0.0,
+            distribution=planned.distribution,
             loss=planned.loss,
             mean_burst=planned.mean_burst,
             duplicate=planned.duplicate,
@@ -174,13 +180,15 @@ class Translations:
             queue_s=planned.queue_ms / 1e3,
             reorder=planned.reorder,
             outage=planned.outage,
-            process=self._processes.of(vehicle, way, planned),
+            process=process,
         )
 
-    def _trace_s(self, file: str) -> tuple[float, ...]:
-        if file not in self._traces_s:
-            self._traces_s[file] = tuple(each / 1e3 for each in self._scenario.recorded_delays(file).delays_ms)
-        return self._traces_s[file]
+    def _trace(self, recording: RecordedTrace) -> Trace:
+        if recording not in self._traces:
+            found = self._scenario.recorded_delays(recording)
+            delays_s = [each / 1e3 for each in found.delays_ms]
+            self._traces[recording] = Trace(found.times_s, delays_s, found.period_s, gaps=found.gaps)
+        return self._traces[recording]
 
 
 def _changed(steps: Steps, change: ScriptedLink) -> Steps:
@@ -212,9 +220,9 @@ def impair(scenario: Scenario, station: Station) -> ImpairedEngine | None:
 
 def wrapped(station: Station, schedule: LinkSchedule) -> ImpairedEngine | None:
     """Return the station wrapped in links, which know whom it talks to; None if nothing impairs them."""
-    if schedule.clear:
+    if schedule.clear and not schedule.radios:
         return None
-    links = ImpairedEngine(station, station.networks, schedule.both_ways, schedule.seed)
+    links = ImpairedEngine(station, station.networks, schedule.both_ways, schedule.seed, schedule.radios)
     for identity, vehicle in station.vehicles.items():
         if vehicle.connection.peer is not None:
             links.expect(vehicle.connection.socket, vehicle.connection.peer, identity)

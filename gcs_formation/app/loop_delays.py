@@ -24,7 +24,8 @@ def ways_s(scenario: Scenario, step: LinkStep) -> tuple[float, float]:
     """Return the mean delays up and down, s; recorded delays are added to the constant one."""
 
     def mean_s(way: Impairment) -> float:
-        recorded_ms = scenario.recorded_delays(way.trace_file).mean_ms if way.trace_file else 0.0
+        trace = way.recording
+        recorded_ms = 0.0 if trace is None else scenario.recorded_delays(trace).mean_ms
         return (way.delay_ms + recorded_ms) / 1e3
 
     return mean_s(step.uplink), mean_s(step.downlink)

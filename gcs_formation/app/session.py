@@ -36,6 +36,7 @@ from gcs_formation.app.script import Script
 from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.extend.in_flight import Sinks, sinks
 from gcs_formation.link.link_health import LOST_AFTER_S
+from gcs_formation.link.radio_reports import RadioReport
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import PreFlightOptions
 from gcs_formation.phases import Phase
@@ -44,6 +45,8 @@ from gcs_formation.record.figures_of_merit import if_finite, percentile
 from gcs_formation.record.flight import FlightBuilder, down_at_end, judged, tables
 from gcs_formation.record.limits_by_truth import Truth
 from gcs_formation.record.link_verdicts import LinkFigures
+from gcs_formation.record.radio import figures as radio_figures
+from gcs_formation.record.radio import with_radio
 from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import Spool, spools, write_parquet
@@ -313,7 +316,8 @@ class Session:
         spool, self.scenario = self.recorder.path / SPOOL, self.script.as_planned()
         rows, gathering = Spool(spool), FlightBuilder(self.scenario)
         injected_s = self._injected.series_s(rows.ticks)
-        passing = gathering.passing(tables(rows.blocks(), self.scenario, truth, injected_s))
+        radios = [self._radio_reports(each.vehicle_id) for each in self.scenario.vehicles]
+        passing = gathering.passing(with_radio(tables(rows.blocks(), self.scenario, truth, injected_s), radios))
         if self.options.record in {"full", "series"}:
             write_parquet(self.recorder.path / TIMESERIES, passing)
         else:
@@ -368,6 +372,9 @@ class Session:
         known = seconds_between(heard, self._ended) >= LOST_AFTER_S and self.station.flight.path_began is not None
         return self.station.flight.mission_time_s(heard) if known else math.inf
 
+    def _radio_reports(self, identity: VehicleId) -> list[RadioReport]:
+        return self.station.radio_reports.all_of(self.station.vehicles[identity].connection)
+
     def _link(self, identity: VehicleId) -> LinkFigures:
         vehicle = self.station.vehicles[identity]
         due_to_s, began = self._due_to_s(identity), self.station.flight.path_began
@@ -390,6 +397,7 @@ class Session:
             injected=injected(self._links.statistics(identity)) if self._links else uninjected,
             due_to_s=due_to_s,
             heard_to_s=self._heard_to_s(identity),
+            radio=radio_figures(self._radio_reports(identity)),
         )
 
     def _worst_loop_delay_s(self) -> float | None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +42,8 @@ class LinkFigures:
     """Mission time at which a planned fault silenced the vehicle for the rest of the flight; infinite if none did."""
     heard_to_s: float = math.inf
     """Mission time of its last frame if it was silent at the flight's end; infinite if it wasn't."""
+    radio: Mapping[str, Any] | None = None
+    """What the radio by which it is reached reported (`record.radio`); None without reports."""
 
     def answered_to_s(self, end_s: float) -> float:
         """Return the mission time of the last answered request before `end_s`; infinite if that isn't long before."""

@@ -179,6 +179,7 @@ def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
         "frames_duplicate": link.frames_duplicate,
         "frames_late": link.frames_late,
         "heard_to_s": figures.if_finite(min(link.due_to_s, link.heard_to_s)),
+        **({} if link.radio is None else {"radio": dict(link.radio)}),
     }
 
 

@@ -295,7 +295,7 @@ class Plan:
             vehicle: an id, "network:id", a list of them, or "all".
             from_s: mission time in s; 0: from the very beginning.
             **impairment: the keys of the scenario's `links.changes`: delay_ms, jitter_ms, distribution, loss,
-                mean_burst, duplicate, rate_kbps, queue_ms, reorder, outage, trace_file; both ways, or in mappings
+                mean_burst, duplicate, rate_kbps, queue_ms, reorder, outage, trace; both ways, or in mappings
                 `uplink` (to the vehicle) and `downlink` for one.
         """
         several = vehicle == "all" or not isinstance(vehicle, int | str)

@@ -67,6 +67,10 @@ MODULES = {
             ),
             Declared("NAMED_VALUE_FLOAT", "a named value, which autopilots write to their logs."),
             Declared(
+                "RADIO_STATUS",
+                "a radio's signal and noise, here and at the other end, free buffer (`txbuf`, %), errors.",
+            ),
+            Declared(
                 "STATUSTEXT", "a text for the operator; the chunks of a longer one share a non-zero id.", optional="id"
             ),
             Declared(

@@ -13,6 +13,7 @@ from airlink.clock import Instant, after
 from airlink.endpoint import Address, Endpoint, ImpairmentError, PortError
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from airlink.proxy import Proxy, Relay
+from airlink.radio.settings import RadioSettings
 from airlink.transports.udp import MAX_DATAGRAM, open_socket
 
 UP, DOWN = Direction.UPLINK, Direction.DOWNLINK
@@ -68,6 +69,20 @@ def test_every_remote_has_its_own_way_there_and_back(listen):
         summary(relay)
         == "uplink: 1 datagrams, 0 lost, mean delay 0.0 ms; downlink: 3 datagrams, 0 lost, mean delay 10.0 ms"
     )
+
+
+def test_behind_one_radio_datagrams_of_all_remotes_arrive_in_each_ones_order_after_their_air_time(listen):
+    relay = Relay(1, RadioSettings(8e4, 8e4))
+    with udp_socket() as ground, udp_socket() as first, udp_socket() as second:
+        with Proxy(listen, Endpoint("udpout", Address(*ground.getsockname())), relay) as proxy:
+            for word in (b"1", b"2"):
+                first.sendto(100 * word, listen.address.pair)
+                second.sendto(300 * word, listen.address.pair)
+            proxy.run(lambda: relay.statistics(DOWN).delivered == 4 and relay.under_way.next() is None)
+        found = [ground.recv(400) for _ in range(4)]
+    for size in (100, 300):
+        assert [each[:1] for each in found if len(each) == size] == [b"1", b"2"]
+    assert relay.statistics(DOWN).mean_delay_s >= (0.01 + 0.01 + 0.03 + 0.03) / 4
 
 
 def test_of_too_many_remotes_the_one_silent_longest_is_forgotten(listen, monkeypatch):
@@ -204,7 +219,7 @@ def test_every_line_is_answered_with_what_is_set(capsys):
 
 
 def test_what_is_shown_can_be_set_again():
-    wanted = Impairment(0.25, 0.05, "pareto", (), 0.1, 3.0, 0.2, 57600.0, 0.5, False, True)
+    wanted = Impairment(0.25, 0.05, "pareto", 0.1, 3.0, 0.2, 57600.0, 0.5, False, True)
     impairment = UNIMPAIRED
     for setting in described(wanted).split(", "):
         impairment = changed(impairment, *setting.split())

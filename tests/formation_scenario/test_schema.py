@@ -81,7 +81,9 @@ def test_examples_of_keys_and_defaults_are_allowed_values(name, group):
             assert found == [], f"{name}.{key}: {each}"
 
 
-def test_every_yaml_block_of_the_reference_flies():
+def test_every_yaml_block_of_the_reference_flies(tmp_path, monkeypatch):
+    (tmp_path / "ping.csv").write_text("t_s,rtt_ms\n0,100\n")
+    monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"```yaml\n(.*?)```", scenario_reference(), re.DOTALL)
     assert len(blocks) > 10
     for block in blocks:

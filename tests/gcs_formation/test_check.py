@@ -106,6 +106,35 @@ def test_recorded_delays_count_with_their_mean(check, tmp_path: Path) -> None:
     assert json.loads(check("--json", *links)[1])["loop_delay_s"] == pytest.approx(0.7)
 
 
+def test_a_channels_delay_and_loss_count(check) -> None:
+    def loop_s(channel: str) -> float:
+        found: float = json.loads(check("--json", "--set", f"links.channels=[{channel}]")[1])["loop_delay_s"]
+        return found
+
+    clean_s = loop_s("{rate_kbps: 500}")
+    assert loop_s("{rate_kbps: 500, delay_ms: 100}") == pytest.approx(clean_s + 0.2)
+    assert loop_s("{profile: satellite_geo}") == pytest.approx(clean_s + 0.56, abs=0.01)
+    assert loop_s("{profile: satellite_geo, delay_ms: 100}") == pytest.approx(clean_s + 0.2, abs=0.01)
+
+
+def test_recorded_delays_that_are_too_long_or_without_times_are_named(check, tmp_path: Path) -> None:
+    file = tmp_path / "ping.csv"
+    file.write_text("t_s,rtt_ms\n0,100\n1,3000\n2,100\n3,100\n")
+    trace = ("--set", f"links.uplink={{trace: {{file: {file}, time: t_s}}}}")
+
+    def named(*links: str) -> list[str]:
+        return [text for text in json.loads(check("--json", *links)[1])["warnings"] if text.startswith(str(file))]
+
+    (text,) = named(*trace, "--set", "law.max_age_s=1")
+    assert text.startswith(f"{file}: 25.0% of its delays are longer than law.max_age_s, 1 s, up to 1.5 s")
+    (text,) = named(*trace, "--set", "links.default.delay_ms=600", "--set", "law.max_age_s=2")
+    assert "25.0% of its delays are longer than law.max_age_s, 2 s, up to 2.1 s" in text
+    assert named(*trace, "--set", "law.max_age_s=2") == []
+    file.write_text("100\n")
+    (text,) = named("--set", f"links.default.trace_file={file}")
+    assert "doesn't say when each delay was measured; 1 s from one to the next is assumed" in text
+
+
 @pytest.mark.parametrize(("rate_hz", "warned"), [(0.5, True), (2.0, False)])
 def test_loops_that_lags_a_little_off_make_unstable_are_warned_of(check, rate_hz, warned) -> None:
     slow = ("--set", "law.type=fuzzy_pid", "--set", f"telemetry.rate_hz={rate_hz}", "--set", f"law.rate_hz={rate_hz}")

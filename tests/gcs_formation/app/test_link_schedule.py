@@ -10,8 +10,10 @@ import pytest
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
 from formation_scenario import ScenarioError, load_scenario, model
-from formation_scenario.links import RecordedDelays, read_trace
 from formation_scenario.scripted import ScriptedLink
+from formation_scenario.traces.keys import Trace
+from formation_scenario.traces.reading import read_trace
+from formation_scenario.traces.recorded import RecordedDelays
 from gcs_formation.app.check import check_report
 from gcs_formation.app.link_injection import LinkSchedule
 from gcs_formation.phases import Flight
@@ -29,9 +31,9 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """Return the files of recorded delays that were read."""
     found = list[Path]()
 
-    def counted(path: Path) -> RecordedDelays:
-        found.append(path)
-        return read_trace(path)
+    def counted(trace: Trace) -> RecordedDelays:
+        found.append(Path(trace.file))
+        return read_trace(trace)
 
     monkeypatch.setattr(model, "read_trace", counted)
     return found
@@ -60,8 +62,10 @@ def test_recorded_delays_are_read_once_however_many_changes_of_how_many_vehicles
     schedule = LinkSchedule(scenario, begun())
     assert sorted(reads) == [one, other]
     vehicle = scenario.vehicles[2].vehicle_id
-    assert [way.trace_s for way in schedule.both_ways(vehicle, at_s(1.5))] == [(0.04, 0.06)] * 2
-    assert [way.trace_s for way in schedule.both_ways(vehicle, at_s(CHANGES + 1.0))] == [(0.1,)] * 2
+    for mission_s, delay_s in ((1.5, 0.05), (CHANGES + 1.0, 0.1)):
+        for way in schedule.both_ways(vehicle, at_s(mission_s)):
+            assert way.process is not None
+            assert way.process(100, at_s(mission_s)) == pytest.approx(delay_s)
 
 
 def test_a_file_that_is_no_record_of_delays_is_read_once_and_refused_at_every_place(

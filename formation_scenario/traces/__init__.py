@@ -1,0 +1,1 @@
+"""Records of delays that people have: numbers, the output of `ping`, tables with named columns."""
