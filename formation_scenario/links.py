@@ -29,6 +29,7 @@ from formation_scenario.fields import (
     Word,
     key,
 )
+from formation_scenario.signing import Signing
 
 MOST_CHANGES: Final = 5000
 """Of links in a flight."""
@@ -157,6 +158,7 @@ class DefaultLink(Impairment):
 
     uplink: ImpairmentPatch | None = key(None, "differences of the way from the ground station to the vehicle")
     downlink: ImpairmentPatch | None = key(None, "differences of the way from the vehicle to the ground station")
+    signing: Signing | None = key(None, "signed frames, at both ends; without it nothing proves who sent a frame")
 
 
 class LinkChange(ImpairmentPatch, Timed):

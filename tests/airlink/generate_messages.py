@@ -66,6 +66,7 @@ MODULES = {
                 optional="middleware_sw_version",
             ),
             Declared("NAMED_VALUE_FLOAT", "a named value, which autopilots write to their logs."),
+            Declared("SETUP_SIGNING", "a key for signed frames; all zeros: nothing is signed any more."),
             Declared(
                 "STATUSTEXT", "a text for the operator; the chunks of a longer one share a non-zero id.", optional="id"
             ),
