@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from enum import Enum
 from typing import Final
 
-from airlink.clock import MICROSECONDS, Instant
+from airlink.clock import MICROSECONDS, NANOSECONDS, Instant
 from airlink.signing.key import SigningKey
 from airlink.signing.signature import MOST_TIMESTAMP, is_authentic, is_signed, link_id_of, signed, timestamp_of
 
@@ -22,8 +22,8 @@ EPOCH_US: Final = 1_420_070_400 * MICROSECONDS
 TICK_US: Final = 10
 A_MINUTE: Final = 60 * MICROSECONDS // TICK_US
 """By how much a stream that is heard for the first time may be behind, in the unit of timestamps."""
-
-
+SILENT_NS: Final = 2 * NANOSECONDS
+"""After so long without a new frame of a stream its sender may be behind, rather than copied."""
 Stream = tuple[int, int, int]
 """System, component, and the id of the sender's link: one sequence of growing timestamps."""
 
@@ -62,6 +62,8 @@ class Authentication:
         """The newest that was sent or received."""
         self.streams: dict[Stream, int] = dict(streams or {})
         """The newest that was received of each stream."""
+        self._heard = dict[Stream, Instant]()
+        """When that was."""
 
     def sign(self, raw: bytes, link_id: int, now: Instant) -> bytes:
         """Return a frame of MAVLink 2 without signature with ours."""
@@ -81,21 +83,31 @@ class Authentication:
         stream, timestamp = (raw[5], raw[6], link_id_of(raw)), timestamp_of(raw)
         last = self.streams.get(stream)
         if last is None or timestamp <= last:
-            if timestamp + A_MINUTE < max(self.timestamp, self._clock(now)):
+            if timestamp + A_MINUTE < self.at(now):
                 return Verdict.STALE
             if last is not None:
                 return Verdict.REPLAYED
-        self.streams[stream] = timestamp
+        self.streams[stream], self._heard[stream] = timestamp, now
         self.timestamp = max(self.timestamp, timestamp)
         return Verdict.AUTHENTIC
+
+    def at(self, now: Instant) -> int:
+        """Return the newest timestamp: by the clock, or what was sent or received, if that is ahead."""
+        return max(self.timestamp, self._clock(now))
 
     def copied(self) -> Authentication:
         """Return the same state for a second reader of the same frames."""
         return Authentication(SigningKey(self._key), self._at_0_us + EPOCH_US, self.timestamp, self.streams)
 
+    def is_silent(self, raw: bytes, now: Instant) -> bool:
+        """Return whether no new frame of a frame's stream has come for a while, or ever since we began."""
+        heard = self._heard.get((raw[5], raw[6], link_id_of(raw)))
+        return heard is None or now - heard > SILENT_NS
+
     def restart(self, timestamp: int) -> None:
         """Forget the streams, and go on from a timestamp, as after a restart."""
         self.streams.clear()
+        self._heard.clear()
         self.timestamp = timestamp
 
     def _clock(self, now: Instant) -> int:

@@ -68,7 +68,10 @@ class SignedLink:
         self.judged = dict[int, Judged]()
         """By the system id that the frames had."""
         self.behind = dict[Address, None]()
-        """Who is to be sent something: its frames are authentic and stale, so it has yet to hear how late it is."""
+        """Who is to be sent something: all its frames are authentic and old, so it has yet to hear how late it is.
+
+        It may have no clock, or have lost its timestamps. Somebody who plays a recording is sent no more than that.
+        """
 
     def seal(self, raw: bytes, now: Instant) -> bytes:
         """Return a frame with a signature."""
@@ -91,7 +94,8 @@ class SignedLink:
             judged.unsigned += 1
             return True
         judged.refuse(verdict)
-        if verdict is Verdict.STALE and len(self.behind) < MOST_BEHIND:
+        old = verdict is Verdict.STALE or verdict is Verdict.REPLAYED
+        if old and len(self.behind) < MOST_BEHIND and self.authentication.is_silent(frame.raw, now):
             self.behind[peer] = None
         return False
 

@@ -29,7 +29,8 @@ class FlightSigning:
             ScenarioError: a key file, or the file beside it that keeps its timestamps, can't be used.
         """
         self._kept = list[tuple[KeptTimestamps, Authentication]]()
-        self._states = dict[SigningKey, Authentication]()
+        self.states = dict[SigningKey, Authentication]()
+        """What each key has signed and seen."""
         self.failure: str | None = None
         """Why timestamps can't be kept any more."""
         each = list(sockets(scenario).values())
@@ -51,13 +52,13 @@ class FlightSigning:
 
     def _state(self, file: Path, utc_at_0_us: int, *, keeps: bool) -> Authentication:
         key = read_key(file)
-        if key not in self._states:
+        if key not in self.states:
             kept = KeptTimestamps(file)
-            self._states[key] = kept.restored(key, utc_at_0_us) if keeps else Authentication(key, utc_at_0_us)
+            self.states[key] = kept.restored(key, utc_at_0_us) if keeps else Authentication(key, utc_at_0_us)
             if keeps:
-                kept.keep(self._states[key])
-                self._kept.append((kept, self._states[key]))
-        return self._states[key]
+                kept.keep(self.states[key])
+                self._kept.append((kept, self.states[key]))
+        return self.states[key]
 
     def keep(self, now: Instant | None = None) -> None:
         """Keep the timestamps if that is due, without `now` in any case."""

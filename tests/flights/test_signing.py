@@ -9,18 +9,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, Endpoint, VehicleId
 from airlink.engine import Datagram, DelayQueue, Engine
-from airlink.signing.authentication import Verdict
+from airlink.signing.authentication import A_MINUTE, Verdict
 from airlink.signing.key import key_of_passphrase
 from airlink.signing.signature import signed, timestamp_of, unsigned
+from formation_scenario import ScenarioError, load_scenario
+from gcs_formation.app.signing import open_links
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.station import Station
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
-from tests.flights.conftest import Fly
+from tests.flights.conftest import Fly, scenario
 from tests.flights.in_memory import Between, World
 
 OTHER = key_of_passphrase("another")
@@ -192,8 +195,8 @@ def test_a_vehicle_whose_own_link_has_no_key_flies_beside_signed_ones(fly: Fly, 
 
 
 def test_signed_frames_without_a_key_are_unverified(fly: Fly, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def keyed(scenario: Any) -> Any:
-        config = fleet_config(scenario)
+    def keyed(planned: Any) -> Any:
+        config = fleet_config(planned)
         vehicles = tuple(
             replace(each, signing_key=OTHER if each.identity.system == 2 else None) for each in config.vehicles
         )
@@ -216,3 +219,83 @@ def test_a_vehicle_that_restarts_is_heard_again(links: dict[str, Any]) -> None:
     world.run(8.0)
     assert world.times_s("restarted", 3)
     assert world.station.vehicles[VehicleId(1, 3)].connection.talks
+
+
+def test_vehicles_whose_timestamps_are_behind_hear_how_late_they_are_and_fly(links: dict[str, Any]) -> None:
+    """Nobody's clock has to be right: a station that is ten minutes ahead is heard, and then followed."""
+    world = World(duration_s=3, links=links)
+    signing = world.station.signatures.signing
+    assert signing is not None
+    for link in signing.links:
+        assert link is not None
+        link.authentication.timestamp += 10 * A_MINUTE + link.authentication.at(Instant(0))
+    world.run()
+    assert world.worst_m(0.5) < 0.05
+    assert all(each.frames_in > 100 for each in world.station.vehicles.values())
+    assert all("hears us" in each for each in world.words("signing"))
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "policy", "said"),
+    [
+        ("udpin:127.0.0.1:14550", None, ""),
+        ("tcp:[::1]:5760", None, ""),
+        ("tcp:localhost:5760", None, ""),
+        ("udpin:0.0.0.0:14550", None, "isn't signed: whoever can send there can fly vehicles 1, 2, 3"),
+        ("tcpin:192.168.1.2:5760", None, "isn't signed"),
+        ("serial:/dev/ttyUSB0:57600", None, "isn't signed"),
+        ("mcast:", None, "isn't signed"),
+        ("udpin:0.0.0.0:14550", "refuse", ""),
+        ("udpin:0.0.0.0:14550", "accept", "takes unsigned frames: whoever can send there can speak for vehicles"),
+    ],
+)
+def test_links_that_others_reach_are_named_at_the_start(
+    endpoint: str, policy: str | None, said: str, links: dict[str, Any]
+) -> None:
+    if policy is not None:
+        links["default"]["signing"]["unsigned"] = policy
+    vehicles = {"count": 3, "endpoint": endpoint}
+    found = list(open_links(load_scenario(scenario(vehicles=vehicles, links={} if policy is None else links))))
+    assert len(found) == bool(said)
+    assert all(said in each for each in found)
+
+
+@pytest.mark.parametrize(
+    ("keys", "place", "found"),
+    [
+        ({"key_file": "gone.key"}, "links.default.signing.key_file", "No such file"),
+        (
+            {"key_file": "open.key"},
+            "links.default.signing.key_file",
+            "mode 0644, which others may use; allowed: a file",
+        ),
+        ({"key_file": "link.key", "unsigned": "ignore"}, "links.default.signing.unsigned", "allowed: refuse, accept"),
+        ({}, "links.default.signing.key_file", "not found; allowed: text"),
+    ],
+)
+def test_what_a_scenario_may_say_of_signing(tmp_path: Path, keys: dict[str, Any], place: str, found: str) -> None:
+    for name, mode in (("open.key", 0o644), ("link.key", 0o600)):
+        (tmp_path / name).write_text("Schwanensee")
+        (tmp_path / name).chmod(mode)
+    file = tmp_path / "scenario.yaml"
+    file.write_text(yaml.safe_dump(scenario(links={"default": {"signing": keys}})))
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario(file)
+    assert f"{file}:" in str(refused.value)
+    assert place in str(refused.value)
+    assert found in str(refused.value)
+    assert "Schwanensee" not in str(refused.value)
+
+
+def test_vehicles_on_one_link_are_signed_alike(links: dict[str, Any]) -> None:
+    first, second = {"id": 1, "role": "leader"}, {"id": 2, "signing": {"key_file": "none"}}
+    with pytest.raises(ScenarioError, match=r"vehicles.1.signing: found another signing at udpin.* one link"):
+        load_scenario(scenario(vehicles=[first, second], links=links))
+
+
+def test_a_flown_scenario_is_read_without_its_key(links: dict[str, Any], fly: Fly, tmp_path: Path) -> None:
+    fly(duration_s=1, links=links)
+    (tmp_path / "link.key").unlink()
+    with pytest.raises(ScenarioError, match="No such file"):
+        load_scenario(tmp_path / "run" / "run.yaml")
+    load_scenario(tmp_path / "run" / "run.yaml", flown=True)
