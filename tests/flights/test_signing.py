@@ -299,3 +299,26 @@ def test_a_flown_scenario_is_read_without_its_key(links: dict[str, Any], fly: Fl
     with pytest.raises(ScenarioError, match="No such file"):
         load_scenario(tmp_path / "run" / "run.yaml")
     load_scenario(tmp_path / "run" / "run.yaml", flown=True)
+
+
+@pytest.mark.parametrize("keyed", [True, False])
+def test_a_forger_takes_a_silent_vehicles_place_only_where_nothing_is_signed(
+    links: dict[str, Any], *, keyed: bool
+) -> None:
+    world = World(duration_s=20, links=links if keyed else {})
+    world.fly_to(1.0)
+    world.inject(3, "freeze")
+    world.attach(world.another(3, signing_key=None))
+    world.run(6.0)
+    assert bool(world.words("address")) is not keyed
+    assert bool(world.times_s("signing", 3, "not signed")) is keyed
+
+
+@pytest.mark.parametrize("keyed", [True, False])
+def test_a_forger_ends_a_flight_that_begins_only_where_nothing_is_signed(links: dict[str, Any], *, keyed: bool) -> None:
+    """Two vehicles of one id are a reason not to arm anybody: so may be a forger."""
+    world = World(duration_s=3, start={"in_air": False}, links=links if keyed else {})
+    world.attach(world.another(3, signing_key=None))
+    world.run(4.0)
+    assert (world.station.course.failure is None) is keyed
+    assert bool(world.words("duplicate")) is not keyed
