@@ -81,7 +81,8 @@ def test_what_a_recording_proxy_plays_again_changes_nothing_and_is_counted(
     files = tmp_path / "vehicles.yaml", tmp_path / "station.yaml"
     for column, file in enumerate(files):
         first, *others = vehicles(column)
-        keys = scenario(duration_s=8, links=links, vehicles=[{**first, "role": "leader"}, *others])
+        begins = {"in_air": True, "run_in_s": 16}
+        keys = scenario(duration_s=8, start=begins, links=links, vehicles=[{**first, "role": "leader"}, *others])
         file.write_text(yaml.safe_dump(keys))
     out = tmp_path / "run"
     with started([*VEHICLES, files[0], "--quiet"]):
