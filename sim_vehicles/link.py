@@ -111,7 +111,10 @@ class Link:
             self._inbox.append(datagram)
 
     def time_asked(self, datagram: Datagram, now: Instant) -> Timesync | None:
-        """Return the TIMESYNC request if a datagram from a known peer holds only that, else None."""
+        """Return the TIMESYNC request if a datagram from a known peer holds only that, else None.
+
+        Its target is whom to answer: the component that asked.
+        """
         data, peer = datagram.data, self._peers.get(datagram.peer)
         if len(data) < 10 or data[0] != MARKER_V2 or data[7:10] != _TIMESYNC or peer is None or peer.heard == UNHEARD:
             return None
@@ -125,7 +128,7 @@ class Link:
             return None  # read, and counted, in the next cycle
         self._now = now
         peer.heard = now
-        return asked
+        return Timesync(0, asked.ts1_ns, frame.system, frame.component)
 
     @property
     def next_arrival(self) -> Instant:

@@ -117,9 +117,11 @@ SYSTEM_TIME: Final = Kind("SYSTEM_TIME", 2, 137, (12, 12), ("time_unix_usec", "t
 class Timesync(Message):
     """TIMESYNC (111): a request has tc1 = 0; the answer echoes ts1 and has the answering system's time in tc1."""
 
-    def __init__(self, tc1_ns: int, ts1_ns: int) -> None:
+    def __init__(self, tc1_ns: int, ts1_ns: int, target_system: int = 0, target_component: int = 0) -> None:
         self.tc1_ns = tc1_ns
         self.ts1_ns = ts1_ns
+        self.target_system = target_system
+        self.target_component = target_component
 
     def kind(self) -> Kind:
         return TIMESYNC
@@ -127,12 +129,24 @@ class Timesync(Message):
     def write(self, payload: BytesWriter) -> None:
         put_i64(payload, self.tc1_ns)
         put_i64(payload, self.ts1_ns)
+        put_u8(payload, self.target_system)
+        put_u8(payload, self.target_component)
+
+    def addressee(self) -> int:
+        return self.target_system
 
     def read(self, frame: bytes, begin: i64, end: i64) -> Message:
-        return Timesync(get_i64(frame, begin, end), get_i64(frame, begin + 8, end))
+        return Timesync(
+            get_i64(frame, begin, end),
+            get_i64(frame, begin + 8, end),
+            get_u8(frame, begin + 16, end),
+            get_u8(frame, begin + 17, end),
+        )
 
 
-TIMESYNC: Final = Kind("TIMESYNC", 111, 34, (16, 16), ("tc1_ns", "ts1_ns"), Timesync(0, 0))
+TIMESYNC: Final = Kind(
+    "TIMESYNC", 111, 34, (16, 18), ("tc1_ns", "ts1_ns", "target_system", "target_component"), Timesync(0, 0)
+)
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)

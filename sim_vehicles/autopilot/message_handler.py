@@ -48,7 +48,7 @@ class MessageHandler:
             if not vehicle.ignores:
                 vehicle.take_setpoint(message)
         elif isinstance(message, Timesync) and message.tc1_ns == 0:
-            vehicle.answer(Timesync(vehicle.time_ns, message.ts1_ns))
+            vehicle.answer(Timesync(vehicle.time_ns, message.ts1_ns, frame.system, frame.component))
         elif isinstance(message, Heartbeat):
             vehicle.take_heartbeat(frame.system, message.type)
         else:

@@ -57,6 +57,7 @@ MODULES = {
             Declared(
                 "TIMESYNC",
                 "a request has tc1 = 0; the answer echoes ts1 and has the answering system's time in tc1.",
+                optional="target_system",
             ),
             Declared("PING", "a request has target 0; the answer echoes it to its sender."),
             Declared(

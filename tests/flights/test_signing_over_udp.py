@@ -86,7 +86,7 @@ def test_what_a_recording_proxy_plays_again_changes_nothing_and_is_counted(
         file.write_text(yaml.safe_dump(keys))
     out = tmp_path / "run"
     with started([*VEHICLES, files[0], "--quiet"]):
-        command = [*STATION, "fly", files[1], "--out", out, "--quiet"]
+        command: list[str | Path] = [*STATION, "fly", files[1], "--out", out, "--quiet"]
         subprocess.run(command, check=True, timeout=LIMIT_S)
     summary = json.loads((out / "summary.json").read_text())
     for number, (_, _, relay) in enumerate(proxies, 1):
