@@ -183,9 +183,9 @@ class Session:
         self._heard(Event(self._began_at, "phase", f"{Phase.CONNECTING.value} to {whom}"))
 
     def _keep_timestamps(self) -> None:
-        """Keep the timestamps of signatures in time, and at the end; say so once if that fails."""
+        """Keep the timestamps of signatures in time; say so once if that fails."""
         known = self.signing.failure
-        self.signing.keep(None if self.station.flight.ended else self.clock.now())
+        self.signing.keep(self.clock.now())
         if self.signing.failure is not None and known is None:
             self.recorder.event(Event(self.clock.now(), "signing", self.signing.failure))
 
@@ -282,6 +282,7 @@ class Session:
         """
         wall_s, course = self._spent.wall_s, self.station.course
         self._close_sinks()
+        self.signing.keep()
         if self.script.has_new:
             self.recorder.record_scenario(self.script.recorded())
         self.recorder.close()

@@ -122,6 +122,15 @@ def test_they_are_kept_every_ten_seconds(key_file):
     assert json.loads(kept.path.read_text())["timestamp"] == 77
 
 
+def test_a_place_where_nothing_can_be_kept_is_named(key_file):
+    kept = KeptTimestamps(file := key_file("secret"))
+    kept.path.mkdir()
+    with pytest.raises(
+        KeyFileError, match=r"cannot read .*link.key.timestamps, .* Is a directory"
+    ):
+        kept.restored(read_key(file), NOW_US)
+
+
 @pytest.mark.parametrize(
     "text", ["", "{}", "[]", '{"timestamp": -1, "streams": {}}', '{"timestamp": 1, "streams": {"1": 2}}']
 )
