@@ -8,12 +8,9 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from airlink.frame import CHECKSUM, HEADER_V2, frame_length
+from airlink.frame import frame_length
 
 _find_marker: Final = re.compile(rb"[\xfd\xfe]").search
-LENGTH_KNOWN: Final = 3
-"""After so many bytes of a frame its length is known."""
-LONGEST: Final = HEADER_V2 + CHECKSUM + 255 + 13
 
 
 class Pieces:
@@ -42,4 +39,4 @@ class Pieces:
         if length == 0:
             marker = _find_marker(data, at)
             return len(data) if marker is None else marker.start()
-        return at + length if at + LENGTH_KNOWN <= len(data) else at + LONGEST
+        return at + length  # of a signed frame too: it has its flags before it has its shortest length

@@ -8,12 +8,13 @@ from airlink.engine import MemoryNetwork
 from airlink.signing.authentication import A_MINUTE, EPOCH_US, Authentication, Verdict
 from airlink.signing.key import key_of_passphrase
 from airlink.signing.setup import Asked, KeySetup
-from airlink.signing.signature import is_authentic, is_signed, timestamp_of
+from airlink.signing.signature import is_authentic, is_signed, timestamp_of, unsigned
 from formation_scenario.model import Origin
 from formation_scenario.start_states_and_end_times import StartState
 from sim_vehicles.config import FleetConfig, VehicleConfig
 from sim_vehicles.fleet import Fleet
 from tests.sim_vehicles.conftest import Air
+from tests.sim_vehicles.test_px4 import COPTER
 
 KEY = key_of_passphrase("swarm")
 NOW = (VIRTUAL_EPOCH_US - EPOCH_US) // 10
@@ -112,6 +113,28 @@ def test_its_key_is_kept_over_a_restart_and_older_frames_stay_old(air):
     air.run(2.0)
     assert is_authentic(newest(air), KEY.octets)
     assert timestamp_of(newest(air)) >= before + A_MINUTE
+
+
+def test_time_that_is_told_at_once_is_told_to_holders_of_the_key_alone():
+    """A PX4 answers TIMESYNC as it comes, before its loop reads anything."""
+    end = parse_endpoint("udpout:127.0.0.1:14550")
+    config = VehicleConfig(VehicleId(1, 1), end, StartState(0.0, 0.0), COPTER, "px4_copter", signing_key=KEY)
+    air = Air(FleetConfig(Origin().geodetic, (config,), ready_s=0.0))
+    signs(air.ground, NOW)
+    air.ground.send(air.ground.dialect.heartbeat_encode(6, 8, 0, 0, 4))
+    air.run(2.0)
+    signed_request = bytes(air.ground.dialect.timesync_encode(0, 7).pack(air.ground.dialect))
+
+    def told(raw):
+        air.fleet.datagrams_to_send()
+        air.ground.send_bytes(raw)
+        return len(air.fleet.datagrams_to_send())
+
+    assert [told(unsigned(signed_request)), told(signed_request), told(signed_request)] == [0, 1, 0]
+    air.run(0.1)
+    link = air.fleet.vehicles[0].link.signed
+    assert link is not None
+    assert link.judged[255].refused == {Verdict.UNSIGNED: 1, Verdict.REPLAYED: 1}
 
 
 # Our own command, `gcs-formation signing setup` and `remove`, in memory.

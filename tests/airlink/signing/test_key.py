@@ -125,9 +125,7 @@ def test_they_are_kept_every_ten_seconds(key_file):
 def test_a_place_where_nothing_can_be_kept_is_named(key_file):
     kept = KeptTimestamps(file := key_file("secret"))
     kept.path.mkdir()
-    with pytest.raises(
-        KeyFileError, match=r"cannot read .*link.key.timestamps, .* Is a directory"
-    ):
+    with pytest.raises(KeyFileError, match=r"cannot read .*link.key.timestamps, .* Is a directory"):
         kept.restored(read_key(file), NOW_US)
 
 
