@@ -81,16 +81,16 @@ class Checksums:
             self._go_over_all()
         before: i64 = self._up_to[place + 1]
         crc: i64 = self._up_to[place + end]
-        return _with_byte(crc ^ _product(before ^ CRC_START, _SHIFTS[end - 1]), extra)
+        return with_byte(crc ^ _product(before ^ CRC_START, _SHIFTS[end - 1]), extra)
 
     def _go_over_all(self) -> None:
         crc: i64 = 0
         for byte in self._data:
-            crc = _with_byte(crc, byte)
+            crc = with_byte(crc, byte)
             self._up_to.append(crc)
 
 
-def _with_byte(crc: i64, byte: i64) -> i64:
+def with_byte(crc: i64, byte: i64) -> i64:
     """Return the remainder after one more byte. Source: MAVLink's `crc_accumulate`."""
     low = (crc ^ byte) & 0xFF
     low ^= low << 4 & 0xFF
@@ -112,7 +112,7 @@ def _shifts() -> list[int]:
     """Return the factors of a remainder for n following bytes, by n: x^8n."""
     powers = [ONE]
     for _ in range(MOST_COVERED):
-        powers.append(_with_byte(powers[-1], 0))
+        powers.append(with_byte(powers[-1], 0))
     return powers
 
 

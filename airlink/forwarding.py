@@ -2,8 +2,9 @@
 
 Vehicles' datagrams go to every peer as they are, but for acknowledgements to the first station. What a peer sends goes
 frame by frame to the vehicle that it names, or to all; but not what would disturb the first station: requests for other
-message rates, and heartbeats with its system id, which would hold off the vehicles' failsafe when it is no longer
-there.
+message rates, heartbeats with its system id, which would hold off the vehicles' failsafe when it is no longer there,
+and keys (SETUP_SIGNING), which would shut it out. Nothing is signed here: what a peer sends without a signature, or
+with its own, comes to a vehicle just so, and a vehicle with a key refuses the first.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, ComponentId, Endpoint
 from airlink.engine import Datagram, Engine
-from airlink.frame import HEADER_V2, Frame, StreamParser
+from airlink.frame import HEADER_V2, Frame, StreamParser, frame_length
 from airlink.frame_starts import MARKER_V2
 from airlink.messages.command import CommandLong, RequestDataStream
-from airlink.messages.system import Heartbeat
+from airlink.messages.system import Heartbeat, SetupSigning
 
 FORGOTTEN_S: Final = 30.0
 """A peer that hasn't sent for this long is sent nothing more."""
@@ -28,7 +29,6 @@ ACK_ID: Final = m.MAVLINK_MSG_ID_COMMAND_ACK.to_bytes(3, "little")
 ACK_SYSTEM: Final = HEADER_V2 + 8
 ACK_COMPONENT: Final = HEADER_V2 + 9
 """Where an acknowledgement says whom it answers."""
-CHECKSUM: Final = 2
 RATES: Final = (m.MAV_CMD_SET_MESSAGE_INTERVAL,)
 
 
@@ -68,6 +68,7 @@ class Forwarding(Engine):
         remotes: Callable[[], list[Remote]],
         station: ComponentId,
         joined: Callable[[ComponentId, Address, Instant], None],
+        passed: Callable[[Datagram, Instant], bytes] = lambda datagram, _: datagram.data,
     ) -> None:
         """Put the endpoints of `forwards` beside the engine's.
 
@@ -77,9 +78,10 @@ class Forwarding(Engine):
             remotes: returns where the vehicles are at present.
             station: the first ground station's ids.
             joined: called once for each sender that is heard at a forward.
+            passed: returns what of a vehicle's datagram the second ones see: of a signed link what its key admits.
         """
         self._engine, self._forwards, self._remotes = engine, forwards, remotes
-        self._station, self._joined = station, joined
+        self._station, self._joined, self._passed = station, joined, passed
         self._first = len(engine.endpoints())
         self._peers: list[dict[Address, Peer]] = [{} for _ in forwards]
         self._out = list[Datagram]()
@@ -99,8 +101,10 @@ class Forwarding(Engine):
         if ours:
             known = {(each.socket, each.peer) for each in remotes}
             for each in ours:
-                if each.remote in known and not self._answers_us(each.data):
-                    self._spread(each.data, now)
+                if each.remote in known:
+                    data = self._passed(each, now)
+                    if data and not self._answers_us(data):
+                        self._spread(data, now)
             self._engine.receive(ours, now)
         for each in datagrams:
             if each.socket >= self._first:
@@ -112,7 +116,7 @@ class Forwarding(Engine):
             len(data) > ACK_COMPONENT
             and data[0] == MARKER_V2
             and data[7:10] == ACK_ID
-            and len(data) == data[1] + HEADER_V2 + CHECKSUM
+            and len(data) == frame_length(data, 0)
             and (data[ACK_SYSTEM], data[ACK_COMPONENT]) == self._station
         )
 
@@ -148,7 +152,7 @@ class Forwarding(Engine):
         if isinstance(message, Heartbeat):
             return frame.system != self._station.system
         rates = isinstance(message, CommandLong) and message.command in RATES
-        return not (rates or isinstance(message, RequestDataStream))
+        return not (rates or isinstance(message, (RequestDataStream, SetupSigning)))
 
     @staticmethod
     def _addressed(frame: Frame, remotes: list[Remote]) -> Iterator[Datagram]:

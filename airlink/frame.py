@@ -16,6 +16,7 @@ from librt.strings import BytesWriter, read_i32_le
 from mypy_extensions import i64, mypyc_attr, u8
 
 from airlink.checksum import BYTE, Checksums, checksum
+from airlink.clock import Instant
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame_starts import EXTENDED, frame_starts
@@ -112,6 +113,8 @@ class ParserCounts:
     bad_checksums: int = 0
     unknown_messages: int = 0
     incompatible: int = 0
+    signed: int = 0
+    """Of the valid frames, those with a signature."""
     unread_bytes: int = 0
     """Bytes of strangers that were dropped before they were parsed."""
 
@@ -128,6 +131,7 @@ class ParserCounts:
             self.bad_checksums + other.bad_checksums,
             self.unknown_messages + other.unknown_messages,
             self.incompatible + other.incompatible,
+            self.signed + other.signed,
             self.unread_bytes + other.unread_bytes,
         )
 
@@ -255,6 +259,7 @@ class StreamParser:
         elif flags & ~SIGNED_FLAG:
             self.counts.incompatible += counted
         else:
+            self.counts.signed += flags
             message = None if kind is None else kind.example.read(raw, begin, end)
             return Frame(raw[at + 1], raw[at + 2], raw[at], message_id, version, message, raw)
         return None
@@ -347,7 +352,7 @@ class Receiver:
         self._last = StreamParser()
         """Parser of the remote heard last: several datagrams in a row come from it."""
 
-    def first(self, datagram: Datagram) -> Frame | None:
+    def first(self, datagram: Datagram, now: Instant) -> Frame | None:  # noqa: ARG002 - links with a key go by it
         """Return the first of the frames that a datagram completes, linked to the others; None if there is none."""
         if datagram.peer is not self._last_peer or datagram.socket != self._last_socket:
             self._last = self._parser(datagram.socket, datagram.peer)

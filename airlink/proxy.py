@@ -5,27 +5,35 @@ from __future__ import annotations
 import os
 import selectors
 import socket
-from collections.abc import Callable
-from contextlib import suppress
-from functools import partial
+import time
+from collections.abc import Callable, Iterator
 from itertools import count
 from typing import Final, Self
 
 from airlink.clock import Instant, RealClock, after, seconds_between
 from airlink.delay_record import DelayRecord
 from airlink.driver import IDLE_WAIT_S, select_for
-from airlink.endpoint import ANY_HOST, LOOPBACK, Address, Endpoint, EndpointError, PortError
-from airlink.engine import DelayQueue
+from airlink.endpoint import ANY_HOST, LOOPBACK, Address, AirlinkError, Endpoint, EndpointError, PortError
+from airlink.engine import Datagram, DelayQueue
+from airlink.frame_pieces import Pieces
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from airlink.one_way_channel import Channel, ChannelStatistics
 from airlink.radio.settings import RadioSettings
 from airlink.radio.shared_radio import SharedRadio
 from airlink.random_streams import random_stream
-from airlink.transports.udp import Inbox, open_socket, resolved
+from airlink.transports.opening import open_transport
+from airlink.transports.transport import Transport
+from airlink.transports.udp import DRAIN_LIMIT, Inbox, family_of, resolved
 
 MAX_REMOTES: Final = 256
 """Most sockets towards the target. The longest silent remote is dropped first, so strangers can't use up sockets."""
 READ_SIZE: Final = 4096
+LISTENING: Final = -1
+SHARED: Final = -2
+"""Numbers of the transports that aren't a remote's own."""
+OWN: Final = frozenset({"udpout", "tcp"})
+"""Kinds of targets towards which each remote has an end of its own, as behind a NAT."""
+STREAMS: Final = frozenset({"tcp", "tcpin", "serial"})
 NETWORK: Final = 1
 """Remotes use the random numbers of this network's vehicles."""
 
@@ -138,41 +146,52 @@ def _vehicle(remote: int) -> tuple[int, int]:
 
 
 class Proxy:
-    """Moves datagrams between the remotes of one listening socket and a target.
+    """Moves datagrams between the remotes at one end and a target at the other; both may be of any kind.
 
-    Each remote has a socket of its own towards the target, as behind a NAT.
+    Towards a target that has an address each remote has an end of its own, as behind a NAT. A serial line, a multicast
+    group or a listening end is shared: what comes from there goes to every remote, each over its own impaired link. Of
+    a stream whole frames pass, or are lost.
     """
 
     def __init__(self, listen: Endpoint, target: Endpoint, relay: Relay) -> None:
-        """Open the listening socket.
+        """Open both ends.
 
         Raises:
-            PortError: it can't be opened, or the target's host isn't known.
-            EndpointError: the target is that socket itself, so that every datagram would circulate for ever.
+            PortError: one can't be opened, or its host isn't known.
+            EndpointError: the target is the other end itself, so that every datagram would circulate for ever.
         """
-        self._target = target
-        self._target_address = resolved(target).address
+        self._listen, self._target = resolved(listen), _reached(resolved(target))
+        if _arrives_at(self._listen, self._target):
+            raise EndpointError(f"found {target}, where we listen ourselves; allowed: where a ground station listens")
         self._relay = relay
         self._clock = RealClock()
         self._remotes: dict[Address, int] = {}
         """Ordered by when they last sent."""
         self._peers: dict[int, Address] = {}
-        self._sockets: dict[int, socket.socket] = {}
         """By remote; a new one gets a new number."""
         self._numbers = count()
+        self._transports: dict[int, Transport] = {}
+        """By remote, and those that all share."""
+        self._targets: dict[Address, None] = {}
+        """Who has been heard at a shared target that listens."""
+        self._pieces: dict[tuple[int, Address], Pieces] = {}
         self._inbox = Inbox()
         self._selector = selectors.PollSelector()  # unlike epoll, it accepts any standard input
-        self._listening = open_socket(listen)
-        if _arrives_at(self._listening, self._target_address):
-            self._listening.close()
-            raise EndpointError(f"found {target}, where we listen ourselves; allowed: where a ground station listens")
-        self._selector.register(self._listening, selectors.EVENT_READ, self._from_remotes)
+        try:
+            self._open(LISTENING, self._listen)
+            if self._target.kind not in OWN:
+                self._open(SHARED, self._target)
+            if self._listen.peer is not None:  # it may wait for the target's first word
+                self._add(self._listen.peer)
+        except AirlinkError:
+            self.__exit__()
+            raise
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for opened in (self._listening, *self._sockets.values()):
+        for opened in self._transports.values():
             opened.close()
         self._selector.close()
 
@@ -195,72 +214,129 @@ class Proxy:
         while not until():
             timer = self._relay.next_timer()
             wait_s = IDLE_WAIT_S if timer is None else min(self._clock.wall_seconds_until(timer), IDLE_WAIT_S)
+            for each in self._transports.values():
+                if each.maintained:
+                    each.maintain(time.monotonic_ns())
             for key, _ in select_for(self._selector, wait_s):
-                key.data()
+                if callable(key.data):
+                    key.data()
+                else:
+                    self._take(key.data)
             for passage in self._relay.pop_due(self._clock.now()):
                 self._send(*passage)
 
-    def _from_remotes(self) -> None:
-        for datagram in self._inbox.take(self._listening):
-            peer = datagram.peer
-            remote = self._remotes.pop(peer, None)
-            if remote is None:
-                try:
-                    remote = self._open_towards_target(peer)
-                except (OSError, PortError):  # no route to the target: lost, as in any network
-                    continue
-            self._remotes[peer] = remote
-            self._relay.accept((remote, Direction.DOWNLINK, datagram.data), self._clock.now())
+    def _open(self, number: int, endpoint: Endpoint) -> None:
+        opened = self._transports[number] = open_transport(endpoint, self._inbox)
+        opened.register(self._selector, number)
 
-    def _open_towards_target(self, peer: Address) -> int:
-        opened = open_socket(self._target)
+    def _take(self, number: int) -> None:
+        """Pass on what has arrived at one end."""
+        opened = self._transports.get(number)
+        if opened is None:  # removed after the selector reported its datagrams
+            return
+        endpoint = self._listen if number == LISTENING else self._target
+        for datagram in opened.take(0, DRAIN_LIMIT):
+            if endpoint.kind == "udpout" and datagram.peer != endpoint.address:
+                continue  # a stranger's
+            for data in self._cut(number, endpoint, datagram):
+                for remote, way in self._ways(number, datagram.peer):
+                    self._relay.accept((remote, way, data), self._clock.now())
+
+    def _cut(self, number: int, endpoint: Endpoint, datagram: Datagram) -> list[bytes]:
+        if endpoint.kind not in STREAMS:
+            return [datagram.data]
+        return self._pieces.setdefault((number, datagram.peer), Pieces()).cut(datagram.data)
+
+    def _ways(self, number: int, peer: Address) -> list[tuple[int, Direction]]:
+        """Return over which links something goes that a peer has sent to one end."""
+        if number == SHARED:
+            self._hear_at_target(peer)
+            return [(remote, Direction.UPLINK) for remote in self._remotes.values()]
+        if number != LISTENING:
+            return [(number, Direction.UPLINK)]
+        remote = self._remotes.pop(peer, None)
+        if remote is not None:
+            self._remotes[peer] = remote
+            return [(remote, Direction.DOWNLINK)]
         try:
-            opened.connect(self._target_address.pair)
-        except OSError:
-            opened.close()
-            raise
+            return [(self._add(peer), Direction.DOWNLINK)]
+        except PortError:  # no socket is left: lost, as in any network
+            return []
+
+    def _hear_at_target(self, peer: Address) -> None:
+        self._targets.pop(peer, None)
+        self._targets[peer] = None
+        if len(self._targets) > MAX_REMOTES:
+            del self._targets[next(iter(self._targets))]
+
+    def _add(self, peer: Address) -> int:
+        """Return the number of a new remote."""
         if len(self._remotes) == MAX_REMOTES:
             self._forget(next(iter(self._remotes)))
         remote = next(self._numbers)
-        self._peers[remote], self._sockets[remote] = peer, opened
-        self._selector.register(opened, selectors.EVENT_READ, partial(self._from_target, remote))
+        if self._target.kind in OWN:
+            self._open(remote, self._target)
+        self._remotes[peer], self._peers[remote] = remote, peer
         return remote
 
     def _forget(self, peer: Address) -> None:
         """Remove a remote; its datagrams in flight are lost."""
         remote = self._remotes.pop(peer)
-        opened = self._sockets.pop(remote)
-        self._selector.unregister(opened)
-        opened.close()
         del self._peers[remote]
+        self._pieces = {each: pieces for each, pieces in self._pieces.items() if each[0] != remote and each[1] != peer}
+        opened = self._transports.pop(remote, None)
+        if opened is not None:
+            for key in [each for each in self._selector.get_map().values() if each.data == remote]:
+                self._selector.unregister(key.fileobj)
+            opened.close()
         self._relay.forget(remote)
 
-    def _from_target(self, remote: int) -> None:
-        if remote not in self._sockets:  # removed after the selector reported its datagrams
-            return
-        for datagram in self._inbox.take(self._sockets[remote]):
-            self._relay.accept((remote, Direction.UPLINK, datagram.data), self._clock.now())
-
     def _send(self, remote: int, direction: Direction, data: bytes) -> None:
-        if remote not in self._sockets:
+        if remote not in self._peers:
             return
-        with suppress(OSError):  # unreachable, or a full buffer: lost, as in any network
-            if direction is Direction.DOWNLINK:
-                self._sockets[remote].send(data)
-            else:
-                self._listening.sendto(data, self._peers[remote].pair)
+        if direction is Direction.UPLINK:
+            self._transports[LISTENING].send(data, self._peers[remote])
+            return
+        opened = self._transports.get(remote) or self._transports[SHARED]
+        for peer in self._at_target():
+            opened.send(data, peer)
+
+    def _at_target(self) -> Iterator[Address]:
+        """Yield whom something goes to at the target: its address, or who has been heard there."""
+        if self._target.peer is not None:
+            yield self._target.peer
+        else:
+            yield from self._targets
 
 
-def _arrives_at(listening: socket.socket, target: Address) -> bool:
-    """Return whether datagrams sent to a target arrive at our listening socket."""
-    host, port = listening.getsockname()
-    to_host = LOOPBACK if target.host == ANY_HOST else target.host
-    return target.port == port and (to_host == host or (host == ANY_HOST and _is_ours(to_host)))
+def _reached(target: Endpoint) -> Endpoint:
+    """Return a target with an address that answers come from: everywhere is here."""
+    if target.kind in OWN and target.address.host == ANY_HOST:
+        return Endpoint(target.kind, Address(LOOPBACK, target.address.port))
+    return target
+
+
+def _arrives_at(listen: Endpoint, target: Endpoint) -> bool:
+    """Return whether what is sent to a target arrives at our own end."""
+    pair = {listen.kind, target.kind}
+    if pair not in ({"udpin", "udpout"}, {"tcpin", "tcp"}):
+        return listen == target
+    here, there = (each.address for each in ((listen, target) if listen.peer is None else (target, listen)))
+    host, to_host = _number(here.host), _number(there.host)
+    return there.port == here.port and (to_host == host or (host == ANY_HOST and _is_ours(to_host)))
+
+
+def _number(host: str) -> str:
+    """Return a host's address; the host itself, if that isn't known."""
+    try:
+        return host if ":" in host else socket.gethostbyname(host)
+    except OSError:
+        return host
 
 
 def _is_ours(host: str) -> bool:
     """Return whether an address is one of this machine's: only those can be bound."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+    with socket.socket(family_of(host), socket.SOCK_DGRAM) as probe:
         try:
             probe.bind((host, 0))
         except OSError:

@@ -34,6 +34,7 @@ from formation_scenario.navigation import GRADES, InertialNavigation, InertialSe
 from formation_scenario.own_aircraft import with_own_aircraft
 from formation_scenario.parameter_files import ParameterFileError, of_file
 from formation_scenario.shipped_aircraft import SHIPPED, SHIPPED_FILES, SUFFIXES, shipped_names
+from formation_scenario.signing import NOT_SIGNED
 from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
 from formation_scenario.vehicles import BASE_PORT, VehicleModel
 
@@ -58,12 +59,12 @@ MAY_BE_EMPTY = (
 )
 """Keys that may be left empty: `expect:` with all of its items commented out counts as absent."""
 MODELS = ("model", "true_model")
-PARAMETERS = "parameters"
+PARAMETERS, KEY_FILE = "parameters", "key_file"
 """Key of a model that names a parameter file; beside an extension's aircraft, a group of its keys."""
 FILES = {
-    "links": ("trace_file", "trace.file"),
+    "links": ("trace_file", "trace.file", KEY_FILE),
     "terrain": ("file",),
-    "vehicles": (*MODELS, PARAMETERS),
+    "vehicles": (*MODELS, PARAMETERS, KEY_FILE),
     "path": ("file",),
 }
 """Groups of keys that name files, and the keys that do, or `group.key`; models are names of shipped files too."""
@@ -139,7 +140,8 @@ def _with_absolute(value: Plain, names: tuple[str, ...], directory: Path) -> Pla
         outer, _, inner = name.partition(".")
         inside = group.get(outer)
         file = inside.get(inner) if inner and isinstance(inside, dict) else inside
-        if isinstance(file, str) and (name not in MODELS or file.endswith(SUFFIXES)):
+        named = name in MODELS and isinstance(file, str) and not file.endswith(SUFFIXES)
+        if isinstance(file, str) and not named and (name, file) != (KEY_FILE, NOT_SIGNED):
             absolute = str((directory / file).absolute())
             group[outer] = {**inside, inner: absolute} if isinstance(inside, dict) else absolute
     return group

@@ -27,6 +27,7 @@ from formation_scenario.fields import (
     key,
 )
 from formation_scenario.impairment_types import MIN_KBPS, Burst, Distribution, Milliseconds
+from formation_scenario.signing import Signing
 from formation_scenario.traces.keys import Trace
 
 MOST_CHANGES: Final = 5000
@@ -123,6 +124,7 @@ class DefaultLink(Impairment):
 
     uplink: ImpairmentPatch | None = key(None, "differences of the way from the ground station to the vehicle")
     downlink: ImpairmentPatch | None = key(None, "differences of the way from the vehicle to the ground station")
+    signing: Signing | None = key(None, "signed frames, at both ends; without it nothing proves who sent a frame")
 
 
 class LinkChange(ImpairmentPatch, Timed):

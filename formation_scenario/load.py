@@ -36,6 +36,7 @@ from formation_scenario.source import (
     read_file,
 )
 from formation_scenario.start_states_and_end_times import path_end_s
+from formation_scenario.vehicle_rules import key_files
 from formation_scenario.vehicles import VehicleGroup
 from formation_scenario.violations import Violation, reported
 
@@ -83,7 +84,7 @@ def load_scenario(
     if scenario.law.gains == AUTO and not found:
         scenario = designed(scenario, read.data.get("law"))
     violations = [] if found or flown else check(scenario)
-    found += [] if flown else expectations(scenario)
+    found += [] if flown else [*expectations(scenario), *key_files(scenario)]
     problems = [resolved.problem(*each) for each in (*reported(violations), *((*one, "") for one in found))]
     if violations:
         raise UnflyableError(problems, read, scenario, violations)

@@ -65,6 +65,7 @@ from formation_scenario.path_plan import PathPlan
 from formation_scenario.repair_plan import RepairPlan
 from formation_scenario.scripted import AnyOrder, ScriptedOrder
 from formation_scenario.shapes import SHAPE
+from formation_scenario.signing import Signing
 from formation_scenario.station import StationId
 from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
@@ -495,6 +496,11 @@ class Scenario(Keys):
             else:
                 found.append((index, self.selected(channel.vehicles)))
         return found
+
+    def signing_of(self, vehicle: Vehicle) -> Signing | None:
+        """Return how a vehicle's link is signed, None if it isn't."""
+        signing = vehicle.signing or self.links.default.signing
+        return None if signing is None or signing.file is None else signing
 
     def recorded_delays(self, trace: Trace) -> RecordedDelays:
         """Return recorded delays of some link's; each record is read once.

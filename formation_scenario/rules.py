@@ -421,6 +421,7 @@ RULES = (
     vehicle_rules.identities,
     vehicle_rules.roles,
     vehicle_rules.endpoints,
+    vehicle_rules.signing,
     vehicle_rules.speeds,
     vehicle_rules.climbing,
     vehicle_rules.hovering,

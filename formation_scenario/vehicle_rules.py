@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from formation_scenario.formation import CUSTOM, LAW_TYPES, SHAPE_NAMES, Formati
 from formation_scenario.model import Scenario
 from formation_scenario.orders import ALLOWED, read_order
 from formation_scenario.shapes import SHAPE
+from formation_scenario.signing import unreadable
 from formation_scenario.slot_assignment import arrangements, shape_slots
 from formation_scenario.source import Finding, KeyPath, show
 from formation_scenario.vehicles import Vehicle, VehicleModel, family_of, reads_equivalent_airspeed
@@ -68,6 +70,24 @@ def endpoints(scenario: Scenario) -> Iterator[Finding]:
             if other != vehicle.vehicle_id:
                 found = f"found {endpoint} for vehicles {other} and {vehicle.vehicle_id}: both emulators listen there"
                 yield path, found, "udpout:HOST:PORT of its own for each of them, or udpin:HOST:PORT"
+
+
+def signing(scenario: Scenario) -> Iterator[Finding]:
+    """Yield vehicles that share an endpoint, which is one link, and are signed differently there."""
+    first = dict[str, int]()
+    for index, vehicle in enumerate(scenario.vehicles):
+        other = first.setdefault(vehicle.endpoint, index)
+        if scenario.signing_of(vehicle) != scenario.signing_of(scenario.vehicles[other]):
+            found = f"found another signing at {vehicle.endpoint} than vehicles.{other} has there"
+            yield ("vehicles", index, "signing"), found, "the same for all at one endpoint, which is one link"
+
+
+def key_files(scenario: Scenario) -> Iterator[Finding]:
+    """Yield key files that can't be used; not asked of a scenario that has been flown, whose key may have gone."""
+    known = dict[Path, str | None]()
+    yield from unreadable(scenario.links.default.signing, ("links", "default"), known)
+    for index, vehicle in enumerate(scenario.vehicles):
+        yield from unreadable(vehicle.signing, ("vehicles", index), known)
 
 
 def speeds(scenario: Scenario) -> Iterator[Finding]:

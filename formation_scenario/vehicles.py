@@ -33,6 +33,7 @@ from formation_scenario.fields import (
     key,
 )
 from formation_scenario.navigation import Navigation, TrueNavigation
+from formation_scenario.signing import Signing
 
 Lag = Annotated[Positive, Field(ge=0.04, le=100.0)]
 Angle = Annotated[Number, Field(ge=-85.0, le=85.0)]
@@ -218,9 +219,13 @@ class VehicleCommon(Keys):
     network: NetworkId = key(1, "MAVLink network; each has system ids 1 to 254 of its own", 2)
     endpoint: Text = key(
         f"udpin:127.0.0.1:{BASE_PORT}",
-        "where the ground station listens, udpin:HOST:PORT, or whom it sends to, udpout:HOST:PORT; IPv4 alone",
+        "where the ground station listens, udpin:HOST:PORT, or whom it sends to, udpout:HOST:PORT; or another kind of "
+        "[link](links.md)",
         "udpin:0.0.0.0:14552",
         derived="udpin:127.0.0.1, one port a network: 14549 + network",
+    )
+    signing: Signing | None = key(
+        None, "signed frames on its own link, which has a key of its own, or none", derived="links.default.signing"
     )
     autopilot: Annotated[str, Open(", ".join(AUTOPILOTS), AUTOPILOTS)] = key(
         "emulator",

@@ -248,14 +248,22 @@ def planned(scenario: Scenario) -> tuple[tuple[Endpoint, ...], tuple[int, ...], 
     There is a socket for each different endpoint; no vehicle has been heard yet.
     """
     order = {column: vehicle for column, vehicle in enumerate(columns(scenario)) if vehicle is not None}
-    texts = list(dict.fromkeys(vehicle.endpoint for vehicle in order.values()))
+    texts = list(sockets(scenario))
     endpoints = tuple(parse_endpoint(text) for text in texts)
-    networks = {vehicle.endpoint: vehicle.network for vehicle in order.values()}
     vehicles = {
         each.vehicle_id: _vehicle(each, column, texts.index(each.endpoint), endpoints, scenario)
         for column, each in order.items()
     }
-    return endpoints, tuple(networks[text] for text in texts), vehicles
+    return endpoints, tuple(each[0].network for each in sockets(scenario).values()), vehicles
+
+
+def sockets(scenario: Scenario) -> dict[str, list[PlannedVehicle]]:
+    """Return the endpoint of each socket, in the sockets' order, with its vehicles."""
+    found = dict[str, list[PlannedVehicle]]()
+    for vehicle in columns(scenario):
+        if vehicle is not None:
+            found.setdefault(vehicle.endpoint, []).append(vehicle)
+    return found
 
 
 def _vehicle(

@@ -9,10 +9,11 @@ from typing import Final
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import Address, Endpoint, VehicleId
 from airlink.engine import Datagram, Engine
-from airlink.frame import Frame, FrameWriter, ParserCounts, Receiver
+from airlink.frame import Frame, FrameWriter, ParserCounts
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat, Statustext, Timesync
+from airlink.signing.signed_links import SignedLinks, receiver_of
 from flight_model.autopilot_model import FlightState
 from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
@@ -24,7 +25,8 @@ from gcs_formation.fleet.down_watch import DownWatch
 from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.pilots_and_fence import PilotsAndFence
-from gcs_formation.fleet.routing_and_dispatch import Dispatch, FloodWatch, HeartbeatScheduler, Senders
+from gcs_formation.fleet.routing_and_dispatch import HEARTBEAT, Dispatch, FloodWatch, HeartbeatScheduler, Senders
+from gcs_formation.fleet.signature_watch import SignatureWatch
 from gcs_formation.fleet.stream_loss import stream_losses
 from gcs_formation.fleet.telemetry_watch import MessageIntervals, TelemetryWatch
 from gcs_formation.from_scenario import as_known, planned
@@ -59,11 +61,12 @@ class Station(Engine):
         utc_at_0_s: float | None = None,
         caution: PreFlightOptions = UNCHECKED,
         resumed: Resumption | None = None,
+        signing: SignedLinks | None = None,
     ) -> None:
         """Prepare a flight; nothing happens before the first timer. `until_s`: mission time at which to end early.
 
         `utc_at_0_s` is UTC at instant 0, s since 1970, if the machine's clock is set to it; `caution`: checks before
-        the first command; `resumed`: the flight to resume.
+        the first command; `resumed`: the flight to resume; `signing`: the links' keys, if any has one.
         """
         scenario = as_known(scenario)
         self.scenario, self.controller = scenario, FormationController(scenario)
@@ -72,7 +75,11 @@ class Station(Engine):
         self.frames_refused = 0
         """Valid frames that weren't accepted as any vehicle's."""
         self.last_tick: Tick | None = None
-        self._recorder, self._receiver, self._until_s = recorder, Receiver(), math.inf if until_s is None else until_s
+        self._recorder, self._receiver, self._until_s = (
+            recorder,
+            receiver_of(signing),
+            math.inf if until_s is None else until_s,
+        )
         self._endpoints, self.networks, self.vehicles = planned(scenario)
         # A socket is one of MAVLink's channels, and frames are numbered by channel (guide, "Packet Serialization").
         self._channels = [FrameWriter(*scenario.station.ids) for _ in self._endpoints]
@@ -82,7 +89,12 @@ class Station(Engine):
         self.course = Course(scenario, self.controller, membership, self._dispatch, *fleet, self.preflight)
         self.flight, self._membership, self.margins = self.course.flight, membership, MarginWatch(scenario, *fleet)
         self._senders = Senders(self.vehicles, self.networks, self.flight, note, self.course.fail, scenario.station.ids)
-        self._flood, self._telemetry, self.down = FloodWatch(note), TelemetryWatch(*fleet), DownWatch(self.vehicles)
+        self._flood, self._telemetry, self.down, self.signatures = (
+            FloodWatch(note),
+            TelemetryWatch(*fleet),
+            DownWatch(self.vehicles),
+            SignatureWatch(signing, self._receiver, self.networks, *fleet),
+        )
         self.radio_reports, self._pilots_and_fence, self._health = (
             RadioReports(each.connection for each in self.vehicles.values()),
             PilotsAndFence(scenario, *fleet),
@@ -151,7 +163,7 @@ class Station(Engine):
         timed, raws = not self._was_away(now), list[bytes]()
         try:
             for datagram in datagrams:
-                frame = self._receiver.first(datagram)
+                frame = self._receiver.first(datagram, now)
                 while frame is not None:
                     raws.append(frame.raw)
                     vehicle = self._senders.sender(frame, datagram, now)
@@ -221,7 +233,9 @@ class Station(Engine):
             all_down = self.down.watch(now)
             if all_down is not None:
                 self.course.fail(all_down, now)
-        self._flood.watch(now, self.received(), self.frames_refused)
+        self.signatures.watch(now)
+        self._out += self._greetings(now)
+        self._flood.watch(now, self.received(), self.refused())
         self._pilots_and_fence.watch(now)
 
     def _watch_parts(self, now: Instant) -> None:
@@ -271,6 +285,10 @@ class Station(Engine):
     def received(self) -> ParserCounts:
         """Return the counts of everything received, also from other senders."""
         return self._receiver.total() + ParserCounts(unread_bytes=self._flood.unread_bytes)
+
+    def refused(self) -> int:
+        """Return the number of valid frames that weren't accepted as any vehicle's, also for their signatures."""
+        return self.frames_refused + self.signatures.frames_refused
 
     def _schedule_tick(self, now: Instant) -> None:
         """Schedule the next tick on the grid of ticks; missed ticks are skipped."""
@@ -418,6 +436,15 @@ class Station(Engine):
         link = vehicle.connection
         self._note(now, "link", link.state.value, vehicle, {"peer": str(link.peer)})
 
+    def _greetings(self, now: Instant) -> list[Datagram]:
+        """Return a heartbeat for everybody whose timestamps are behind: it tells how late it is."""
+        signing, found = self.signatures.signing, list[Datagram]()
+        if signing is not None:
+            for socket, peer in signing.take_behind():
+                raw = self._channels[socket].encode(HEARTBEAT)
+                found.append(Datagram(socket, peer, signing.seal(socket, raw, now)))
+        return found
+
     def _take(self, vehicle: Vehicle, frame: Frame, now: Instant, timed: bool) -> None:
         message = frame.message
         if isinstance(message, (Heartbeat, Statustext, Timesync)):
@@ -445,7 +472,7 @@ class Station(Engine):
             self._membership.hear(vehicle, seen.texts[-1], now)
 
     def _send_all(self, messages: list[tuple[Vehicle, Message]], now: Instant) -> None:
-        raws, datagrams = list[bytes](), list[Datagram]()
+        raws, datagrams, signing = list[bytes](), list[Datagram](), self.signatures.signing
         for vehicle, message in messages:
             peer = vehicle.connection.peer
             if peer is not None:
@@ -453,6 +480,8 @@ class Station(Engine):
                 raw = self._channels[socket].encode(message)
                 vehicle.frames_out += 1
                 raws.append(raw)
+                if signing is not None:
+                    raw = signing.seal(socket, raw, now)
                 datagrams.append(Datagram(socket, peer, raw))
         if raws:
             self._recorder.frames(now, raws)

@@ -10,10 +10,11 @@ from typing import Any, Final
 
 from airlink.clock import VIRTUAL_EPOCH_US
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
+from airlink.signing.key import ALLOWED, KeyFileError, SigningKey, read_key
 from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.extensions import EMULATED_FAMILY, Registered, Registry
-from formation_scenario.fields import VehicleSelection
+from formation_scenario.fields import VehicleSelection, refused
 from formation_scenario.navigation import Navigation, TrueNavigation
 from formation_scenario.parameter_files import Parameter, read_parameters
 from formation_scenario.start_states_and_end_times import StartState, start_states
@@ -65,6 +66,8 @@ class VehicleConfig:
     """Its keys, typed by its own model."""
     parameters: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
     """Its own parameters, by name, where they differ from its firmware's defaults."""
+    signing_key: SigningKey | None = None
+    """The key that it has been set up with; None: it signs nothing, and refuses nothing."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
 
     Raises:
         ParameterFileError: a model's parameter file has gone since the scenario was read.
+        ScenarioError: so has a key file.
     """
     vehicles = tuple(
         VehicleConfig(
@@ -117,6 +121,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             navigation=vehicle.true_navigation or vehicle.navigation,
             **_own_family(vehicle, scenario),
             parameters=_parameters(vehicle.true_model or vehicle.model),
+            signing_key=_signing_key(vehicle, scenario),
         )
         for vehicle, start in zip(scenario.vehicles, start_states(scenario), strict=True)
     )
@@ -143,6 +148,16 @@ def _own_family(vehicle: Vehicle, scenario: Scenario) -> dict[str, Any]:
 
 def _parameters(model: VehicleModel) -> Mapping[str, Parameter]:
     return {} if not isinstance(model.parameters, str) else read_parameters(Path(model.parameters)).parameters
+
+
+def _signing_key(vehicle: Vehicle, scenario: Scenario) -> SigningKey | None:
+    signing = scenario.signing_of(vehicle)
+    if signing is None or signing.file is None:
+        return None
+    try:
+        return read_key(signing.file)
+    except KeyFileError as error:
+        raise refused("links.default.signing.key_file", str(error), ALLOWED) from error
 
 
 def _pitot(vehicle: Vehicle, scenario: Scenario) -> Pitot | None:

@@ -14,6 +14,9 @@ from airlink.frame import Frame, FrameWriter, StreamParser
 from airlink.messages import Message
 from airlink.messages.payload import MARKER_V2
 from airlink.messages.system import Timesync
+from airlink.signing.authentication import A_MINUTE, Authentication, Verdict
+from airlink.signing.key import SigningKey
+from airlink.signing.signed_links import OF_RADIOS, SignedLink
 from sim_vehicles.config import VehicleConfig
 
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
@@ -47,11 +50,17 @@ class Link:
     separately for each peer, so that a gap in the numbers is a loss on that peer's link.
     """
 
-    def __init__(self, socket: int, config: VehicleConfig, *, locks: bool) -> None:
+    def __init__(self, socket: int, config: VehicleConfig, utc_at_0_us: int, *, locks: bool) -> None:
         """Send on socket number `socket` of the engine, which takes the datagrams from the `outbox`.
 
-        `locks`: only the first sender is heard until the vehicle restarts.
+        `utc_at_0_us`: UTC at instant 0, microseconds since 1970, by its GNSS receiver, for signatures; `locks`: only
+        the first sender is heard until the vehicle restarts.
         """
+        self.signed: SignedLink | None = None
+        """What signs and judges frames; None without a key."""
+        self._utc_at_0_us, self._now = utc_at_0_us, Instant(0)
+        if config.signing_key is not None:
+            self.signed = SignedLink(Authentication(config.signing_key, utc_at_0_us))
         self._locks = locks
         self._socket = socket
         self.outbox: list[Datagram] = []
@@ -68,8 +77,24 @@ class Link:
         """What alters the telemetry that is sent, one after the other."""
         self.restart()
 
+    def set_key(self, key: SigningKey | None, timestamp: int) -> None:
+        """Sign with a key from now on, and refuse what isn't signed with it; with None sign and refuse nothing.
+
+        As ArduPilot's does, it begins a minute after the timestamp (10 µs since 2015) that comes with the key.
+        """
+        if key is None:
+            self.signed = None
+        else:
+            self.signed = SignedLink(Authentication(key, self._utc_at_0_us, timestamp + A_MINUTE))
+
     def restart(self) -> None:
-        """Start afresh, as after power-up: an empty inbox, no peers, frames numbered from 0."""
+        """Start afresh, as after power-up: an empty inbox, no peers, frames numbered from 0; the key is stored.
+
+        It was stored with a timestamp that may be half a minute old, and so begins a minute after that.
+        """
+        if self.signed is not None:
+            authentication = self.signed.authentication
+            authentication.restart(authentication.timestamp + A_MINUTE)
         self._dropped = self.frames_bad
         self._inbox.clear()
         self._late: list[tuple[Instant, int, Message]] = []
@@ -98,7 +123,10 @@ class Link:
             self._inbox.append(datagram)
 
     def time_asked(self, datagram: Datagram, now: Instant) -> Timesync | None:
-        """Return the TIMESYNC request if a datagram from a known peer holds only that, else None."""
+        """Return the TIMESYNC request if a datagram from a known peer holds only that, else None.
+
+        Its target is whom to answer: the component that asked.
+        """
         data, peer = datagram.data, self._peers.get(datagram.peer)
         if len(data) < 10 or data[0] != MARKER_V2 or data[7:10] != _TIMESYNC or peer is None or peer.heard == UNHEARD:
             return None
@@ -108,8 +136,11 @@ class Link:
         asked = frame.message
         if not isinstance(asked, Timesync) or asked.tc1_ns:
             return None
+        if self.signed is not None and self.signed.authentication.judge(frame.raw, now) is not Verdict.AUTHENTIC:
+            return None  # read, and counted, in the next cycle
+        self._now = now
         peer.heard = now
-        return asked
+        return Timesync(0, asked.ts1_ns, frame.system, frame.component)
 
     @property
     def next_arrival(self) -> Instant:
@@ -136,7 +167,7 @@ class Link:
             peer = self._peer(datagram.peer)
             if peer is None:
                 continue
-            frame = peer.parser.first(datagram.data)
+            frame = self._admitted(peer.parser.first(datagram.data), peer, now)
             if frame is not None and peer.heard == UNHEARD:
                 self._heard.append(peer)
             while frame is not None:
@@ -145,6 +176,15 @@ class Link:
                     found.append((datagram.peer, frame))
                 frame = frame.following
         return found
+
+    def _admitted(self, frame: Frame | None, peer: Peer, now: Instant) -> Frame | None:
+        """Return the first of the frames that the key admits, of some that are linked; a radio itself is no peer."""
+        self._now = now
+        if self.signed is not None:
+            frame = self.signed.admitted(frame, peer.address, now)
+            while frame is not None and frame.message_id in OF_RADIOS:
+                frame = frame.following
+        return frame
 
     def _is_for_us(self, frame: Frame) -> bool:
         """Return whether a frame is for everyone or for us; a frame with our own ids has come back from a loop.
@@ -187,6 +227,7 @@ class Link:
             self.next_late = self._late[0][0]
 
     def _send_to_all(self, message: Message, now: Instant) -> None:
+        self._now = now
         if self._fixed is not None:
             self._send(self._fixed, message)
             return
@@ -195,7 +236,10 @@ class Link:
                 self._send(peer, message)
 
     def _send(self, peer: Peer, message: Message) -> None:
-        self.outbox.append(Datagram(self._socket, peer.address, peer.writer.encode(message)))
+        raw = peer.writer.encode(message)
+        if self.signed is not None:
+            raw = self.signed.seal(raw, self._now)
+        self.outbox.append(Datagram(self._socket, peer.address, raw))
 
     def _peer(self, address: Address) -> Peer | None:
         """Return the sender of a datagram; None if it isn't heard."""

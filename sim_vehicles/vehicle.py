@@ -58,7 +58,8 @@ class Vehicle(Autopilot):
             asked = self.link.time_asked(datagram, now)
             if asked is not None:
                 told_ns = self.clock.nanoseconds(now) // 1000 * 1000
-                self.link.answer(datagram.peer, Timesync(told_ns, asked.ts1_ns))
+                answer = Timesync(told_ns, asked.ts1_ns, asked.target_system, asked.target_component)
+                self.link.answer(datagram.peer, answer)
                 return
         self.link.receive(datagram, now)
         self.wake = min(self.wake, now)

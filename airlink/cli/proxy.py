@@ -27,9 +27,15 @@ While it runs, lines on standard input change what is set: delay-ms 300,
 downlink loss 0.1, outage on.
 
 \b
-Example:
+An ENDPOINT is udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT,
+serial:DEVICE:BAUD or mcast:GROUP:PORT.
+
+\b
+Examples:
   airlink-proxy --listen udpin:127.0.0.1:14650 --to udpout:127.0.0.1:14550 \\
       --delay-ms 200 --jitter-ms 20 --downlink-loss 0.02
+  airlink-proxy --listen tcp:127.0.0.1:5760 --to tcpin:127.0.0.1:5790 --delay-ms 100
+  airlink-proxy --listen serial:/dev/ttyUSB0:57600 --to udpout:127.0.0.1:14550
 """
 
 
@@ -158,19 +164,12 @@ def summary(relay: Relay) -> str:
     return "; ".join(parts)
 
 
-def _connection(kind: str) -> Callable[[click.Context, click.Parameter, str], Endpoint]:
-    """Return a callback that parses a connection string of one kind, `udpin` or `udpout`."""
-
-    def read(_context: click.Context, _parameter: click.Parameter, text: str) -> Endpoint:
-        try:
-            endpoint = parse_endpoint(text)
-        except EndpointError as error:
-            raise click.BadParameter(str(error)) from error
-        if endpoint.kind != kind:
-            raise click.BadParameter(f"found '{text}'; allowed: {kind}:HOST:PORT")
-        return endpoint
-
-    return read
+def _endpoint(_context: click.Context, _parameter: click.Parameter, text: str) -> Endpoint:
+    """Parse a connection string."""
+    try:
+        return parse_endpoint(text)
+    except EndpointError as error:
+        raise click.BadParameter(str(error)) from error
 
 
 def _recording(relay: Relay, file: IO[str] | None) -> AbstractContextManager[object]:
@@ -212,10 +211,10 @@ def _set(relay: Relay, options: dict[str, str | None]) -> None:
 @click.command(cls=Command, epilog=EXAMPLES, context_settings={"help_option_names": ["-h", "--help"]})
 @version_option()
 @click.option(
-    "--listen", metavar="UDPIN", callback=_connection("udpin"), required=True, help="where the vehicles send to"
+    "--listen", metavar="ENDPOINT", callback=_endpoint, required=True, help="where the vehicles are: udpin:HOST:PORT"
 )
 @click.option(
-    "--to", metavar="UDPOUT", callback=_connection("udpout"), required=True, help="where the ground station listens"
+    "--to", metavar="ENDPOINT", callback=_endpoint, required=True, help="where the ground station is: udpout:HOST:PORT"
 )
 @click.option(
     "--radio",

@@ -17,6 +17,7 @@ from airlink.messages.payload import (
     Message,
     get_f32,
     get_i64,
+    get_octets,
     get_text,
     get_u8,
     get_u16,
@@ -25,6 +26,7 @@ from airlink.messages.payload import (
     put_f32,
     put_i64,
     put_near_u32,
+    put_octets,
     put_text,
     put_u8,
     put_u16,
@@ -115,9 +117,11 @@ SYSTEM_TIME: Final = Kind("SYSTEM_TIME", 2, 137, (12, 12), ("time_unix_usec", "t
 class Timesync(Message):
     """TIMESYNC (111): a request has tc1 = 0; the answer echoes ts1 and has the answering system's time in tc1."""
 
-    def __init__(self, tc1_ns: int, ts1_ns: int) -> None:
+    def __init__(self, tc1_ns: int, ts1_ns: int, target_system: int = 0, target_component: int = 0) -> None:
         self.tc1_ns = tc1_ns
         self.ts1_ns = ts1_ns
+        self.target_system = target_system
+        self.target_component = target_component
 
     def kind(self) -> Kind:
         return TIMESYNC
@@ -125,12 +129,24 @@ class Timesync(Message):
     def write(self, payload: BytesWriter) -> None:
         put_i64(payload, self.tc1_ns)
         put_i64(payload, self.ts1_ns)
+        put_u8(payload, self.target_system)
+        put_u8(payload, self.target_component)
+
+    def addressee(self) -> int:
+        return self.target_system
 
     def read(self, frame: bytes, begin: i64, end: i64) -> Message:
-        return Timesync(get_i64(frame, begin, end), get_i64(frame, begin + 8, end))
+        return Timesync(
+            get_i64(frame, begin, end),
+            get_i64(frame, begin + 8, end),
+            get_u8(frame, begin + 16, end),
+            get_u8(frame, begin + 17, end),
+        )
 
 
-TIMESYNC: Final = Kind("TIMESYNC", 111, 34, (16, 16), ("tc1_ns", "ts1_ns"), Timesync(0, 0))
+TIMESYNC: Final = Kind(
+    "TIMESYNC", 111, 34, (16, 18), ("tc1_ns", "ts1_ns", "target_system", "target_component"), Timesync(0, 0)
+)
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -251,6 +267,49 @@ NAMED_VALUE_FLOAT: Final = Kind(
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
+class SetupSigning(Message):
+    """SETUP_SIGNING (256): a key for signed frames; all zeros: nothing is signed any more."""
+
+    def __init__(
+        self, target_system: int, target_component: int, secret_key: tuple[int, ...], initial_timestamp: int
+    ) -> None:
+        self.target_system = target_system
+        self.target_component = target_component
+        self.secret_key = secret_key
+        self.initial_timestamp = initial_timestamp
+
+    def kind(self) -> Kind:
+        return SETUP_SIGNING
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u64(payload, self.initial_timestamp)
+        put_u8(payload, self.target_system)
+        put_u8(payload, self.target_component)
+        put_octets(payload, self.secret_key, 32)
+
+    def addressee(self) -> int:
+        return self.target_system
+
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return SetupSigning(
+            get_u8(frame, begin + 8, end),
+            get_u8(frame, begin + 9, end),
+            get_octets(frame, begin + 10, end, 32),
+            get_u64(frame, begin, end),
+        )
+
+
+SETUP_SIGNING: Final = Kind(
+    "SETUP_SIGNING",
+    256,
+    71,
+    (42, 42),
+    ("target_system", "target_component", "secret_key", "initial_timestamp"),
+    SetupSigning(0, 0, (), 0),
+)
+
+
+@mypyc_attr(acyclic=True, free_list_len=1)
 class RadioStatus(Message):
     """RADIO_STATUS (109): a radio's signal and noise, here and at the other end, free buffer (`txbuf`, %), errors."""
 
@@ -362,6 +421,7 @@ KINDS: Final = (
     PING,
     AUTOPILOT_VERSION,
     NAMED_VALUE_FLOAT,
+    SETUP_SIGNING,
     RADIO_STATUS,
     STATUSTEXT,
     CURRENT_MODE,

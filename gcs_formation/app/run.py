@@ -27,6 +27,7 @@ from airlink.engine import Engine, MemoryNetwork
 from airlink.forwarding import Forward, Forwarding, Remote
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
+from airlink.signing.signed_links import VerifyingReceiver
 from airlink.transports.udp import resolved
 from flight_model.arrays import beside
 from flight_model.autopilot_model import FlightState, Setpoint
@@ -192,7 +193,11 @@ def forwarded(session: Session) -> tuple[Engine, Callable[[Engine], None] | None
         links = [(each.identity.system, each.connection) for each in station.vehicles.values()]
         return [Remote(system, link.socket, link.peer) for system, link in links if link.peer is not None]
 
-    engine = Forwarding(session.engine, ends, remotes, station.scenario.station.ids, joined)
+    ids, signing = station.scenario.station.ids, session.signing.links
+    if signing is None:
+        engine = Forwarding(session.engine, ends, remotes, ids, joined)
+    else:
+        engine = Forwarding(session.engine, ends, remotes, ids, joined, VerifyingReceiver(signing.copied()).passed)
     return engine, engine.replace
 
 

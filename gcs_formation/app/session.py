@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Collection
+from typing import Any
 
 import numpy as np
 from librt.strings import BytesWriter, write_f64_le
@@ -13,6 +14,7 @@ from airlink.cli import counted
 from airlink.clock import MICROSECONDS, NANOSECONDS, Clock, Instant, Stopwatch, after, seconds_between
 from airlink.endpoint import PortError, VehicleId
 from airlink.engine import Engine
+from airlink.signing.signed_links import SignedLinks
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.extensions import ExtensionError
@@ -33,6 +35,7 @@ from gcs_formation.app.order_socket import STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page
 from gcs_formation.app.script import Script
+from gcs_formation.app.signing import flight_signing, open_links
 from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.extend.in_flight import Sinks, sinks
 from gcs_formation.link.link_health import LOST_AFTER_S
@@ -75,8 +78,9 @@ class TimedStation(Station):
         utc_at_0_s: float | None,
         caution: PreFlightOptions,
         resumed: Resumption | None,
+        signing: SignedLinks | None,
     ) -> None:
-        super().__init__(scenario, recorder, until_s, utc_at_0_s, caution, resumed)
+        super().__init__(scenario, recorder, until_s, utc_at_0_s, caution, resumed, signing)
         self._watch = Stopwatch()
         self._times = BytesWriter()
         """Three 64-bit floats for each tick: when it was due and when it began, ns, and how long it took, s."""
@@ -134,9 +138,15 @@ class Session:
 
         Raises:
             RecordError: the run directory can't be written, or holds other files.
+            ScenarioError: a link's key file can't be used.
         """
         self.scenario, self.options, self.clock = scenario, options, clock
-        self.progress, self.interrupts, self.emulated = progress, interrupts, emulated
+        self.signing, self.progress, self.interrupts, self.emulated = (
+            flight_signing(scenario, clock),
+            progress,
+            interrupts,
+            emulated,
+        )
         began_us, resumed = begun or (clock.utc_at_0_us, None)
         self.recorder = RunDirectory(
             options.out,
@@ -151,7 +161,9 @@ class Session:
         caution = PreFlightOptions(parameters=read, confirm=options.confirm, rehearse=options.dry_run)
         self._keeps_utc = emulated if (given := scenario.telemetry.station_utc) is None else given
         utc_s = began_us / MICROSECONDS if self._keeps_utc else None
-        self.station = TimedStation(scenario, self.recorder, options.until_s, utc_s, caution, resumed)
+        self.station = TimedStation(
+            scenario, self.recorder, options.until_s, utc_s, caution, resumed, self.signing.links
+        )
         if resumed is None and options.speedup != 1.0:
             details = {"speedup": options.speedup}
             self.recorder.event(Event(Instant(0), RECORDING, f"with --speedup {options.speedup:g}", None, details))
@@ -173,8 +185,17 @@ class Session:
         whom = counted(len(self.station.vehicles), "vehicle")
         self._heard(Event(self._began_at, "phase", f"{Phase.CONNECTING.value} to {whom}"))
 
+    def _keep_timestamps(self) -> None:
+        """Keep the timestamps of signatures in time; say so once if that fails."""
+        known = self.signing.failure
+        self.signing.keep(self.clock.now())
+        if self.signing.failure is not None and known is None:
+            self.recorder.event(Event(self.clock.now(), "signing", self.signing.failure))
+
     def listening(self) -> OrderSocket:
-        """Return the socket that takes orders for this flight, as a context manager."""
+        """Return the socket that takes orders for this flight, as a context manager; say which links are open."""
+        for text in open_links(self.scenario):
+            self.recorder.event(Event(self.station.flight.since, "signing", text))
         self._orders = OrderSocket(self.options.out, self._answer)
         return self._orders
 
@@ -205,6 +226,7 @@ class Session:
             self._faults.note(self.station.flight, self.clock.now())
         if self.script.pending:
             self.script.attend(self.clock.now())
+        self._keep_timestamps()
         if self._orders is not None:
             self._orders.poll()
         if self._confirmation is not None:
@@ -263,6 +285,7 @@ class Session:
         """
         wall_s, course = self._spent.wall_s, self.station.course
         self._close_sinks()
+        self.signing.keep()
         if self.script.has_new:
             self.recorder.record_scenario(self.script.recorded())
         self.recorder.close()
@@ -338,7 +361,7 @@ class Session:
                 worst_loop_delay_s=self._worst_loop_delay_s(),
                 margin_used=self.station.margins.most_used,
                 received=self.station.received(),
-                frames_refused=self.station.frames_refused,
+                frames_refused=self.station.refused(),
                 simulated_s=seconds_between(self._began_at, self.clock.now()),
                 wall_s=wall_s,
                 cut_short=self.station.course.cut_short,
@@ -394,11 +417,24 @@ class Session:
             frames_implausible=vehicle.telemetry.implausible,
             frames_duplicate=vehicle.history.copies,
             frames_late=vehicle.history.late,
+            **self._authentication(identity),
             injected=injected(self._links.statistics(identity)) if self._links else uninjected,
             due_to_s=due_to_s,
             heard_to_s=self._heard_to_s(identity),
             radio=radio_figures(self._radio_reports(identity)),
         )
+
+    def _authentication(self, identity: VehicleId) -> dict[str, Any]:
+        """Return whether all frames taken as a vehicle's were signed with its link's key, and how many weren't."""
+        signatures = self.station.signatures
+        if not signatures.is_signed(identity):
+            return {"authenticated": False, "frames_unverified": signatures.unverified(identity)}
+        judged = signatures.judged(identity)
+        return {
+            "authenticated": judged.unsigned == 0,
+            "frames_unverified": judged.unsigned,
+            "refused": {verdict.name.lower(): count for verdict, count in judged.refused.items()},
+        }
 
     def _worst_loop_delay_s(self) -> float | None:
         """Return the longest measured loop delay, sampling and hold included; in real time with computing time."""

@@ -1,4 +1,4 @@
-"""The command `gcs-formation`: init, check, run, fly, tell, report, diff, study, compare, stress, identify, schema."""
+"""The command `gcs-formation` and its subcommands, each imported when it is used."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ COMMANDS = {
     "report": ("gcs_formation.cli.no_flight", "Draw the figures and the page of a finished run."),
     "run": ("gcs_formation.cli.run_and_fly", "Fly a scenario with emulated vehicles."),
     "schema": ("gcs_formation.cli.no_flight", "Print the JSON schema of scenarios, or the reference of their keys."),
+    "signing": ("gcs_formation.cli.signing", "Keys of signed links: write one, give it to vehicles."),
     "stress": ("gcs_formation.cli.study", "Fly random scenarios and check invariants."),
     "study": ("gcs_formation.cli.study", "Fly one scenario many times, over parameters and seeds."),
     "tell": ("gcs_formation.cli.no_flight", "Give a flight under way an order."),

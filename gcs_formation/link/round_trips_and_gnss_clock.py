@@ -20,6 +20,7 @@ from typing import Final
 
 from librt.strings import BytesWriter, write_f64_le
 
+from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, NEVER, Instant, after, nanoseconds, seconds_between
 from airlink.messages import Message
 from airlink.messages.system import Timesync
@@ -56,6 +57,7 @@ IN_USE = 2.0
 """UTC that is already in use is kept up to this multiple of `UNKNOWN_DRIFT_S`."""
 UNKNOWN_WAYS_S = math.nan, math.nan
 EPOCH = Instant(0)
+AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 MAX_PENDING: Final = 256
 """Number of unanswered requests kept: one minute of them."""
 
@@ -308,12 +310,15 @@ class RoundTrips:
         self._pending = list[Instant]()
         """Send times of the unanswered requests, oldest first."""
 
-    def request(self, now: Instant) -> Timesync:
-        """Return a TIMESYNC request; its stamp identifies the answer."""
+    def request(self, now: Instant, system: int = 0) -> Timesync:
+        """Return a TIMESYNC request to the autopilot of a system; its stamp identifies the answer.
+
+        Routers pass on what names its target, and on a shared line nobody else answers.
+        """
         self._pending.append(now)
         if len(self._pending) > MAX_PENDING:
             self._pending.pop(0)
-        return Timesync(0, now)
+        return Timesync(0, now, system, AUTOPILOT if system else 0)
 
     def forget_requests(self, now: Instant) -> None:
         """Drop pending requests: answers that waited in our own queue would not measure the link. None is overdue."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,12 @@ class LinkFigures:
     frames_implausible: int = 0
     frames_duplicate: int = 0
     frames_late: int = 0
+    authenticated: bool = False
+    """Whether every frame that was taken as the vehicle's was signed with its link's key."""
+    frames_unverified: int = 0
+    """Frames that were signed where there is no key, or taken unsigned where there is one."""
+    refused: Mapping[str, int] = field(default_factory=dict[str, int])
+    """Frames that were refused by their signature, by cause."""
     injected: tuple[float, float, float, float] | None = None
     """Realised mean delays up and down, s, and shares of the datagrams lost up and down.
 

@@ -178,6 +178,10 @@ def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
         "frames_implausible": link.frames_implausible,
         "frames_duplicate": link.frames_duplicate,
         "frames_late": link.frames_late,
+        "authenticated": link.authenticated,
+        "frames_refused": sum(link.refused.values()),
+        "frames_unverified": link.frames_unverified,
+        "refused": dict(link.refused),
         "heard_to_s": figures.if_finite(min(link.due_to_s, link.heard_to_s)),
         **({} if link.radio is None else {"radio": dict(link.radio)}),
     }

@@ -9,11 +9,15 @@ from typing import BinaryIO, Final
 from librt.strings import BytesWriter, read_i64_be, write_i64_be
 
 from airlink.clock import Instant
-from airlink.frame import frame_length
+from airlink.frame import HEADER_V2, frame_length
+from airlink.signing.signature import SETUP_SIGNING, without_key
 from formation_scenario.bounded_read import require_file
 
 _STAMP_BYTES: Final = 8
 """Length of the stamp before each frame: microseconds since 1970, 64 bits, big-endian."""
+SETS_KEY_AT: Final = 8
+SETS_KEY: Final = SETUP_SIGNING >> 8
+"""Where the second byte of a frame's message id is, and what it is in SETUP_SIGNING and few others."""
 
 
 class TlogWriter:
@@ -31,7 +35,7 @@ class TlogWriter:
         waiting, stamp_us = self._waiting, self._epoch_us + now // 1000
         for raw in raws:
             write_i64_be(waiting, stamp_us)
-            waiting.write(raw)
+            waiting.write(raw if len(raw) < HEADER_V2 or raw[SETS_KEY_AT] != SETS_KEY else without_key(raw))
 
     def flush(self) -> None:
         """Pass the buffer to the operating system, so that a crash of this process doesn't lose it."""

@@ -304,7 +304,7 @@ class Vehicle:
     def probe(self, now: Instant) -> Message:
         """Return a TIMESYNC request, and count it."""
         self.sequence.asked += 1
-        return self.round_trips.request(now)
+        return self.round_trips.request(now, self.identity.system)
 
     def _take_position(self, message: GlobalPositionInt, now: Instant, timed: bool) -> None:
         motion, sequence = self.telemetry.motion, self.sequence

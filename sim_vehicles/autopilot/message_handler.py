@@ -23,10 +23,11 @@ from airlink.messages.command import (
     SetPositionTargetLocalNed,
 )
 from airlink.messages.mission import MissionAck, MissionItem, MissionItemInt
-from airlink.messages.system import Heartbeat, NamedValueFloat, Ping, Timesync
+from airlink.messages.system import Heartbeat, NamedValueFloat, Ping, SetupSigning, Timesync
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.autopilot import Autopilot
 from sim_vehicles.autopilot.missions import Sender
+from sim_vehicles.autopilot.signing import set_up_signing
 
 
 class MessageHandler:
@@ -47,7 +48,7 @@ class MessageHandler:
             if not vehicle.ignores:
                 vehicle.take_setpoint(message)
         elif isinstance(message, Timesync) and message.tc1_ns == 0:
-            vehicle.answer(Timesync(vehicle.time_ns, message.ts1_ns))
+            vehicle.answer(Timesync(vehicle.time_ns, message.ts1_ns, frame.system, frame.component))
         elif isinstance(message, Heartbeat):
             vehicle.take_heartbeat(frame.system, message.type)
         else:
@@ -63,6 +64,8 @@ class MessageHandler:
                 self._take_mode(message, frame)
             case Ping():
                 self._take_ping(message, frame)
+            case SetupSigning():
+                set_up_signing(vehicle, message)
             case LogRequestList():
                 vehicle.answer(LogEntry(0, 0, 0, 0, 0))
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):

@@ -57,6 +57,7 @@ MODULES = {
             Declared(
                 "TIMESYNC",
                 "a request has tc1 = 0; the answer echoes ts1 and has the answering system's time in tc1.",
+                optional="target_system",
             ),
             Declared("PING", "a request has target 0; the answer echoes it to its sender."),
             Declared(
@@ -66,6 +67,7 @@ MODULES = {
                 optional="middleware_sw_version",
             ),
             Declared("NAMED_VALUE_FLOAT", "a named value, which autopilots write to their logs."),
+            Declared("SETUP_SIGNING", "a key for signed frames; all zeros: nothing is signed any more."),
             Declared(
                 "RADIO_STATUS",
                 "a radio's signal and noise, here and at the other end, free buffer (`txbuf`, %), errors.",

@@ -51,9 +51,21 @@ LATER = {
         units=("", "", ""),
         array_lengths=(0, 0, 0),
         wire_order=(2, 0, 1),
-    )
+    ),
+    "TIMESYNC": Layout(
+        "TIMESYNC",
+        message_id=111,
+        crc_extra=34,
+        packer=struct.Struct("<qqBB"),
+        base_length=16,
+        fields=("tc1", "ts1", "target_system", "target_component"),
+        types=("int64_t", "int64_t", "uint8_t", "uint8_t"),
+        units=("ns", "ns", "", ""),
+        array_lengths=(0, 0, 0, 0),
+        wire_order=(0, 1, 2, 3),
+    ),
 }
-"""Messages of MAVLink's common set that the dialect doesn't have yet."""
+"""Messages, or extension fields, of MAVLink's common set that the dialect doesn't have yet."""
 
 
 def layout(name: str) -> Layout:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from airlink import checksum as checksum_module
 from airlink import frame as frame_module
 from airlink.checksum import Checksums, checksum
+from airlink.clock import Instant
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import HEADER_V1, HEADER_V2, MOST_REFUSED, FrameWriter, Receiver, StreamParser, frame_length
@@ -281,9 +282,9 @@ def test_a_datagram_of_beginnings_costs_a_few_checksums_and_the_next_frame_is_fo
     monkeypatch.setattr(StreamParser, "_accept", counting)
     receiver, peer = Receiver(), Address("127.0.0.1", 14550)
     data = (beginning * 1400)[:1400]
-    assert receiver.first(Datagram(0, peer, data)) is None
+    assert receiver.first(Datagram(0, peer, data), Instant(0)) is None
     assert len(tried) <= MOST_REFUSED
-    found = receiver.first(Datagram(0, peer, SOUND))
+    found = receiver.first(Datagram(0, peer, SOUND), Instant(0))
     assert found is not None
     assert found.raw == SOUND
     assert receiver.total().garbage_bytes == len(data)
@@ -292,7 +293,7 @@ def test_a_datagram_of_beginnings_costs_a_few_checksums_and_the_next_frame_is_fo
 def test_a_frame_split_over_datagrams_is_found_after_garbage():
     receiver, peer = Receiver(), Address("127.0.0.1", 14550)
     parts = BEGINNINGS[1] * 4 + SOUND[:9], SOUND[9:] + SOUND
-    assert receiver.first(Datagram(0, peer, parts[0])) is None
-    found = receiver.first(Datagram(0, peer, parts[1]))
+    assert receiver.first(Datagram(0, peer, parts[0]), Instant(0)) is None
+    found = receiver.first(Datagram(0, peer, parts[1]), Instant(0))
     assert found is not None
     assert [found.raw, found.following and found.following.raw] == [SOUND, SOUND]

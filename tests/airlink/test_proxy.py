@@ -238,8 +238,8 @@ def proxy_command(listen, *options):
         (["--loss", "2"], "--loss: found '2'; allowed: 0 to 1"),
         (["--rate-kbps", "1e-300"], "--rate-kbps: found '1e-300'; allowed: 0, or 0.001 to 1000000"),
         (["--uplink-delay-ms", "x"], "--uplink-delay-ms: found 'x'; allowed: 0 to 600000"),
-        (["--to", "udpin:127.0.0.1:9"], "allowed: udpout:HOST:PORT"),
-        (["--to", "tcp:127.0.0.1:9"], "found 'tcp:127.0.0.1:9'; allowed: udpout:HOST:PORT"),
+        (["--to", "http:127.0.0.1:9"], "found 'http'; allowed: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT"),
+        (["--to", "udpout:127.0.0.1"], "host and port not found"),
         (["--seed", "-1"], "--seed"),
     ],
 )

@@ -14,6 +14,7 @@ from airlink.engine import Datagram, Engine, MemoryNetwork
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.surroundings import Fault, FaultKind
 from gcs_formation.app.link_injection import impair
+from gcs_formation.app.signing import flight_signing
 from gcs_formation.mission.starting import UNCHECKED, PreFlightOptions
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
@@ -149,7 +150,8 @@ class World:
     ) -> None:
         planned = load_scenario(scenario(**keys))
         self.notes, self.clock = notes(planned), VirtualClock()
-        self.network, self.station = MemoryNetwork(self.clock), Station(planned, self.notes, caution=caution)
+        self.network, signing = MemoryNetwork(self.clock), flight_signing(planned, self.clock).links
+        self.station = Station(planned, self.notes, caution=caution, signing=signing)
         self.config = fleet_config(planned)
         self.fleet = Fleet(self.config)
         self.between = between(self.fleet)

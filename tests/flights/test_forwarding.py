@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from airlink import mavlink as m
-from airlink.clock import Instant, after
-from airlink.endpoint import Address, ComponentId, Endpoint, parse_endpoint
+from airlink.clock import VIRTUAL_EPOCH_US, Instant, after
+from airlink.endpoint import Address, ComponentId, Endpoint, VehicleId, parse_endpoint
 from airlink.engine import Datagram, Engine
 from airlink.forwarding import FORGOTTEN_S, Forward, Forwarding, Remote
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages import Message
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, RequestDataStream
-from airlink.messages.system import Heartbeat
+from airlink.messages.system import Heartbeat, SetupSigning
+from airlink.signing.authentication import Authentication
+from airlink.signing.key import SigningKey, read_key, write_new_key
+from airlink.signing.signed_links import SignedLink, VerifyingReceiver
 from gcs_formation.station import Station
 from gcs_formation.vehicle.autopilot_family import STATION
 from sim_vehicles.autopilot.modes_and_failsafe import Mode
@@ -28,13 +32,15 @@ HEARTBEAT = Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID)
 class Second(Engine):
     """A ground station at a forward: it keeps what it hears, and sends its heartbeat and what it is told to."""
 
-    def __init__(self, ids: ComponentId = MAVPROXY) -> None:
+    def __init__(self, ids: ComponentId = MAVPROXY, key: SigningKey | None = None) -> None:
+        self.signed = None if key is None else SignedLink(Authentication(key, VIRTUAL_EPOCH_US))
         self.heard, self.acknowledged = dict[int, int](), list[CommandAck]()
         self._writer, self._parser, self._out = FrameWriter(*ids), StreamParser(), list[Datagram]()
         self._next = Instant(0)
 
     def say(self, message: Message) -> None:
-        self._out.append(Datagram(0, HERE.address, self._writer.encode(message)))
+        raw = self._writer.encode(message)
+        self._out.append(Datagram(0, HERE.address, raw if self.signed is None else self.signed.seal(raw, self._next)))
 
     def endpoints(self) -> tuple[Endpoint, ...]:
         return (HERE.opposite(),)
@@ -61,7 +67,9 @@ class Second(Engine):
 class Beside:
     """A flight with a second ground station."""
 
-    def __init__(self, *, takes: bool = True, ids: ComponentId = MAVPROXY, **keys: Any) -> None:
+    def __init__(
+        self, *, takes: bool = True, ids: ComponentId = MAVPROXY, key: SigningKey | None = None, **keys: Any
+    ) -> None:
         self.joined = list[ComponentId]()
 
         def around(engine: Engine, station: Station) -> Engine:
@@ -72,9 +80,14 @@ class Beside:
             def join(sender: ComponentId, _peer: Address, _now: Instant) -> None:
                 self.joined.append(sender)
 
-            return Forwarding(engine, (Forward(HERE, takes),), remotes, station.scenario.station.ids, join)
+            ids, forwards = station.scenario.station.ids, (Forward(HERE, takes),)
+            signing = station.signatures.signing
+            if signing is None:
+                return Forwarding(engine, forwards, remotes, ids, join)
+            passed = VerifyingReceiver(signing.copied()).passed
+            return Forwarding(engine, forwards, remotes, ids, join, passed)
 
-        self.world, self.second = World(around=around, **keys), Second(ids)
+        self.world, self.second = World(around=around, **keys), Second(ids, key)
         self.world.attach(self.second)
 
 
@@ -119,6 +132,39 @@ def test_it_cannot_change_rates_hold_off_the_failsafe_or_command_where_it_only_s
     asked = [each for each in beside.second.acknowledged if each.command == m.MAV_CMD_SET_MESSAGE_INTERVAL]
     assert asked == []
     assert world.worst_m(0.5) < 0.05
+
+
+@pytest.mark.parametrize("keyed", [True, False])
+def test_on_signed_links_it_commands_with_the_key_alone_and_sees_nothing_forged(*, keyed: bool, tmp_path: Path) -> None:
+    """What it sends without a signature isn't given one: vehicles refuse it."""
+    write_new_key(tmp_path / "link.key")
+    key, links = read_key(tmp_path / "link.key"), {"default": {"signing": {"key_file": str(tmp_path / "link.key")}}}
+    beside = Beside(duration_s=6, key=key if keyed else None, links=links)
+    world = beside.world
+    world.fly_to(1.0)
+    beside.second.say(CommandLong(3, 1, m.MAV_CMD_DO_SET_MODE, 0, 1.0, float(Mode.LOITER)))
+    beside.second.say(SetupSigning(3, 1, (7,) * 32, 1))
+    world.run(1.5)
+    refused = world.vehicle(3).link.signed.judged.get(MAVPROXY.system)
+    assert (world.vehicle(3).pilot.mode is Mode.LOITER) is keyed
+    assert bool(refused and refused.refused) is not keyed
+    assert sorted(beside.second.heard) == [1, 2, 3]
+    heard = dict(beside.second.heard)
+    vehicle = world.station.vehicles[VehicleId(1, 2)].connection
+    assert vehicle.peer is not None
+    forged = Datagram(vehicle.socket, vehicle.peer, FrameWriter(2, 1).encode(HEARTBEAT))
+    world.process.receive([forged] * 1000, world.clock.now())
+    world.run(0.2)
+    assert beside.second.heard[2] - heard[2] < 200
+
+
+def test_a_key_isnt_passed_on() -> None:
+    beside = Beside(duration_s=2)
+    beside.world.fly_to(0.5)
+    beside.second.say(SetupSigning(3, 1, (7,) * 32, 1))
+    beside.world.run(0.5)
+    assert beside.world.words("statustext") == []
+    assert beside.world.vehicle(3).link.signed is None
 
 
 def test_one_that_has_gone_is_sent_nothing_more() -> None:

@@ -37,13 +37,13 @@ class Hostile:
     """A source of datagrams.
 
     They don't concern the formation: a frame with a valid checksum is from a system outside it, to one outside it. With
-    `forged`, half of them are valid frames in others' names, of every message, with any values.
+    `forged`, a share of them are valid frames in others' names, of every message, with any values.
     """
 
-    def __init__(self, seed: int, forged: Names | None = None) -> None:
+    def __init__(self, seed: int, forged: Names | None = None, share: float = 0.5) -> None:
         """Draw from a random stream of its own."""
         self._random = random.Random(seed)
-        self._forged = forged
+        self._forged, self._share = forged, share
         self._pool = [self._sound(FOREIGN) for _ in range(POOL)]
         self._damages: tuple[Callable[[bytes], bytes], ...] = (
             self._flipped,
@@ -59,7 +59,7 @@ class Hostile:
     def datagram(self) -> bytes:
         """Return the next one."""
         draw = self._random.random()
-        if self._forged is not None and draw < 0.5:
+        if self._forged is not None and draw < self._share:
             return self._sound(self._forged)
         kind = self._random.randrange(10)
         if kind == 0:

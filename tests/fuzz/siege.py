@@ -24,6 +24,7 @@ from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.app.link_injection import impair
+from gcs_formation.app.signing import flight_signing
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 from gcs_formation.vehicle.autopilot_family import STATION
@@ -129,6 +130,8 @@ class Siege:
     each_turn: int = 0
     end: End | None = None
     forged: bool = False
+    forged_share: float = 0.5
+    """Of forged frames among the datagrams, if there are any."""
     own_share: float = 0.0
     """Share of the datagrams that seem to come from a real peer's address."""
     links: dict[str, Any] = field(default_factory=dict[str, Any])
@@ -136,7 +139,7 @@ class Siege:
     def source(self) -> Hostile:
         """Return the source of datagrams; forged frames are in the names of the end's peers."""
         forged = Names(SYSTEMS, STATION.system) if self.end == "station" else Names((STATION.system,), SYSTEMS[0])
-        return Hostile(self.seed, forged if self.forged else None)
+        return Hostile(self.seed, forged if self.forged else None, self.forged_share)
 
 
 @dataclass
@@ -166,7 +169,8 @@ def planned(duration_s: float, links: dict[str, Any] | None = None) -> Scenario:
 def fly(duration_s: float, siege: Siege) -> Flown:
     """Fly while one end is attacked; without an attack, the same flight undisturbed."""
     plan, clock, notes = planned(duration_s, siege.links), VirtualClock(), Notes()
-    station, fleet = Station(plan, notes), Fleet(fleet_config(plan))
+    station = Station(plan, notes, signing=flight_signing(plan, clock).links)
+    fleet = Fleet(fleet_config(plan))
     vehicles = [Address(LOOPBACK, FIRST_EPHEMERAL_PORT + i) for i in range(len(plan.vehicles))]
     ground = station.endpoints()[0].address
     ends: dict[End, Engine] = {"vehicles": fleet, "station": impair(plan, station) or station}

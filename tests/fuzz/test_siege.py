@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,9 +13,10 @@ from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.system import Heartbeat
+from airlink.signing.key import write_new_key
 from gcs_formation.station import Station
 from tests.fuzz.datagrams import FOREIGN, FOREIGN_TARGET, Hostile
-from tests.fuzz.siege import End, Notes, Siege, check, fly, planned, worst_error_m
+from tests.fuzz.siege import End, Flown, Notes, Siege, check, fly, planned, worst_error_m
 
 DURATION_S = 5
 THRONG, BAND, CROWD = 5, 10, 40
@@ -63,6 +65,37 @@ def test_noise_from_a_peers_own_address_is_no_more_than_a_bad_link(end: End, eac
 def test_forged_frames_break_nothing(end: End) -> None:
     """A forger may fly the aircraft; but nothing raises, and all that is sent stays inside the envelope."""
     check(fly(DURATION_S, Siege(1, CROWD if end == "station" else THRONG, end, forged=True, own_share=0.5)))
+
+
+@pytest.mark.parametrize(
+    ("end", "each_turn"),
+    [
+        ("station", THRONG),
+        pytest.param("vehicles", THRONG, marks=pytest.mark.slow),
+        pytest.param("station", CROWD, marks=pytest.mark.slow),
+        pytest.param("vehicles", CROWD, marks=pytest.mark.slow),
+    ],
+)
+def test_forged_frames_change_nothing_on_signed_links(end: End, each_turn: int, tmp_path: Path) -> None:
+    """Frames in the peers' names, half of them from their own addresses: to the bit the flight in peace."""
+    write_new_key(tmp_path / "link.key")
+    links = {"default": {"signing": {"key_file": str(tmp_path / "link.key")}}}
+    siege = Siege(1, each_turn, end, forged=True, forged_share=1.0, own_share=0.5, links=links)
+    flown, peace = fly(DURATION_S, siege), in_peace(False)
+    check(flown)
+    assert np.array_equal(np.array(flown.notes.setpoints), np.array(peace.notes.setpoints), equal_nan=True)
+    refused = flown.station.refused() if end == "station" else refused_by_vehicles(flown)
+    assert refused > 0.9 * flown.thrown
+    assert {each.kind for each in flown.notes.events} <= {each.kind for each in peace.notes.events} | {
+        "signing",
+        "flood",
+    }
+
+
+def refused_by_vehicles(flown: Flown) -> int:
+    """Return the number of frames that vehicles refused by their signatures."""
+    links = [vehicle.link.signed for vehicle in flown.fleet.vehicles]
+    return sum(judged.frames_refused for link in links if link for judged in link.judged.values())
 
 
 @pytest.mark.slow

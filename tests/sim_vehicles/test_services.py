@@ -91,3 +91,16 @@ def test_time_is_told_as_it_is_asked_for_but_by_a_plane_of_ardupilots(make_air, 
     fleet.receive([Datagram(0, GROUND, FrameWriter(255, 190).encode(Timesync(0, 7)))], between)
     told = [StreamParser().feed(datagram.data)[0].message for datagram in fleet.datagrams_to_send()]
     assert [each.tc1_ns for each in told if isinstance(each, Timesync)] == ([] if waits else [between // 1000 * 1000])
+
+
+@pytest.mark.parametrize(("target", "answers"), [(0, 1), (1, 1), (2, 0)])
+def test_time_is_told_to_whom_asked_by_whom_was_asked(make_air, target, answers):
+    """So that on a shared line the others keep still, and routers know where the answer goes."""
+    air = make_air()
+    air.run(1.0)
+    air.sent.clear()
+    air.ground.send_bytes(FrameWriter(255, 190).encode(Timesync(0, 7, target, target)))
+    air.run(0.1)
+    told = [frame.message for _, sent in air.sent for frame in StreamParser().feed(sent.data)]
+    found = [each for each in told if isinstance(each, Timesync) and each.ts1_ns == 7]
+    assert [(each.target_system, each.target_component) for each in found] == [(255, 190)] * answers

@@ -15,7 +15,7 @@ FULL = RadioStatus(rssi=130, remrssi=120, txbuf=7, noise=40, remnoise=41, rxerro
 
 def taken(reports: RadioReports, message: Message, peer: Address = LINE, socket: int = 0, component: int = 68) -> bool:
     datagram = Datagram(socket, peer, FrameWriter(51, component).encode(message))
-    frame = Receiver().first(datagram)
+    frame = Receiver().first(datagram, Instant(0))
     assert frame is not None
     return reports.take(frame, datagram, Instant(0))
 
