@@ -137,7 +137,7 @@ def mix(mixer: Mixer, target: Target, follower: FlightState, error_m: Triple) ->
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class LeaderMotion:
-    """The leader's state and how it changes."""
+    """The leader's state at the beginning of a tick, and how it changes during the tick."""
 
     def __init__(
         self,
@@ -146,11 +146,19 @@ class LeaderMotion:
         bend_rps2: float,
         acceleration_mps2: float,
         climb_change_mps2: float,
+        dt_s: float = 0.0,
     ) -> None:
-        """Take its state, its heading's first two derivatives, and the rates of its airspeed and climb."""
+        """Take its state, its heading's first two derivatives, and the rates of its airspeed and climb.
+
+        All but the state are means over the tick, which takes `dt_s`; 0 where they are those of its beginning.
+        """
         self.state = state
         self.turn_rps = turn_rps
         self.bend_rps2 = bend_rps2
+        self.half_s = dt_s / 2.0
+        """Half of the tick."""
+        self.begun_rps = turn_rps - self.half_s * bend_rps2
+        """Turn rate at the tick's beginning: it is the one that moves a slot beside or behind."""
         self.acceleration_mps2 = acceleration_mps2
         self.climb_change_mps2 = climb_change_mps2
 
@@ -174,7 +182,7 @@ def feed_forward(
         target: how the slot moves through the air.
         leader: how the leader flies.
         axis_rad: heading of the axes along which the slot lies.
-        turn_rps: rate of that heading.
+        turn_rps: rate of that heading, its mean over the tick.
         bend_rps2: rate of that rate.
         slot: offset from the leader along the axes.
         model: of the vehicle that is to hold it.
@@ -184,9 +192,10 @@ def feed_forward(
     cos, sin = math.cos(off_rad), math.sin(off_rad)
     swing_mps2 = leader.state.airspeed_mps * (leader.turn_rps - turn_rps)
     along_mps2 = leader.acceleration_mps2 * cos - swing_mps2 * sin
-    along_mps2 += slot.forward_mps2 - bend_rps2 * slot.right_m - turn_rps * slot.right_mps
+    begun_rps = turn_rps - leader.half_s * bend_rps2
+    along_mps2 += slot.forward_mps2 - bend_rps2 * slot.right_m - begun_rps * slot.right_mps
     across_mps2 = leader.acceleration_mps2 * sin + swing_mps2 * cos
-    across_mps2 += slot.right_mps2 + bend_rps2 * slot.forward_m + turn_rps * slot.forward_mps
+    across_mps2 += slot.right_mps2 + bend_rps2 * slot.forward_m + begun_rps * slot.forward_mps
     speed_mps, heading_rad = lead_velocity(target, axis_rad, along_mps2, across_mps2, model)
     height_m = lead_height(leader, slot, model, updraught_mps)
     return target.speed_mps + speed_mps, target.heading_rad + model.tau_psi_s * turn_rps + heading_rad, height_m
