@@ -206,8 +206,8 @@ def leader_motion(commanded: LeaderCommand, state: FlightState, model: Autopilot
     """Return the motion of a leader in `state` over the tick of `dt_s` in which it follows `commanded` by (7).
 
     `model` is `held` for a tick. Turn rates are limited to the leader's: its heading setpoint jumps where its route
-    changes. By (7) the setpoint's rate is r + tau r' at the tick's beginning, where the turn rate r is its mean less half
-    a tick of r'.
+    changes. By (7) the setpoint's rate is r + tau r' at the tick's beginning, where the turn rate r is its mean less
+    half a tick of r'.
     """
     most_rps = model.turn_rate_max_rps
     turn_rps = rate(wrap(commanded.heading_rad - state.heading_rad), model.tau_psi_s, most_rps)
