@@ -220,6 +220,11 @@ def lead_velocity(
     )
 
 
+TINY_RAD: Final = 1e-6
+LEAST_SLOPE: Final = 0.05
+"""Lower bound of a sine's mean slope, at angles near a right one."""
+
+
 class TrailingSlot:
     """The turning of a slot's axes in the follower's own frame, with its state between ticks.
 
@@ -236,15 +241,20 @@ class TrailingSlot:
     def turning(self, leader: LeaderMotion, slot: Slot, dt_s: float) -> tuple[float, float]:
         """Return the axes' turn rate until the next tick, `dt_s` later, and its rate of change."""
         speed, turn, x_rc = leader.state.airspeed_mps, leader.turn_rps, -slot.forward_m
-        # Steady-state angle, and its rate.
-        due_rad = math.asin(within((slot.right_mps - x_rc * turn) / speed, -1.0, 1.0))
-        due_rps = (slot.right_mps2 - x_rc * leader.bend_rps2 + slot.forward_mps * turn) / speed
+        # Sine of the steady-state angle, and its rate.
+        due = within((slot.right_mps - x_rc * turn) / speed, -1.0, 1.0)
+        due_ps = (slot.right_mps2 - x_rc * leader.bend_rps2 + slot.forward_mps * turn) / speed
+        due_rad = math.asin(due)
         off_rad = due_rad if math.isnan(self._off_rad) else self._off_rad
-        # Effective lag: at the rate it gives, a tick covers what an exact lag of x_rc / v, a tick at least, would.
-        lag_s = -dt_s / math.expm1(-dt_s * speed / max(x_rc, speed * dt_s))
-        rate_rps = (due_rad - off_rad) / lag_s
+        # Effective lag: at the rate it gives, a tick covers what an exact lag of x_rc / v, a tick at least, would. The
+        # sine's mean slope between both angles counts: for slots far to the side 0.01 rad is metres.
+        lag_s, to_go_rad = max(x_rc / speed, dt_s), due_rad - off_rad
+        slope = (due - math.sin(off_rad)) / to_go_rad if abs(to_go_rad) > TINY_RAD else math.cos(off_rad)
+        rate_rps = -to_go_rad * math.expm1(-dt_s * max(slope, LEAST_SLOPE) / lag_s) / dt_s
         self._off_rad = off_rad + dt_s * rate_rps
-        return turn + rate_rps, leader.bend_rps2 + (due_rps - rate_rps * (1.0 - slot.forward_mps / speed)) / lag_s
+        held_s = -dt_s / math.expm1(-dt_s / lag_s)
+        change_ps = due_ps - rate_rps * (math.cos(off_rad) - slot.forward_mps / speed)
+        return turn + rate_rps, leader.bend_rps2 + change_ps / held_s
 
     def crab(self, drift_mps: float, gust_mps2: float, speed_mps: float, dt_s: float) -> Triple:
         """Return the angle by which a follower crabs to the right, and its first two derivatives.
