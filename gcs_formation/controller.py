@@ -372,7 +372,10 @@ class FormationController:
         tick.state[tick.leader] = state
         sigma_rad = self.estimator.filters[tick.leader].course_sigma_rad
         self._go_on_from_replaced(tick.leader, state)
-        turns = TurnBounds(bend_max_rps2(self._slots_m, self.models), sigma_rad)
+        delay_s = tick.links[tick.leader].delay_s
+        round_trip_s = 2.0 * delay_s if self._compensates and finite(delay_s) else 0.0
+        loss = tick.links[tick.leader].loss
+        turns = TurnBounds(bend_max_rps2(self._slots_m, self.models), sigma_rad, round_trip_s, loss)
         wanted = self.guidance.steer(state, model, assembled=assembled, bounds=turns)
         path, turn_rps = self.guidance.heading(state), self.guidance.turn_rps
         if self._own_guidance is not None:

@@ -371,6 +371,9 @@ class Station(Engine):
         if opening is None:
             self._reconfiguration.advance(now, mission_s)
         links, hold_s = self._dispatch.links(controller.plan.leader, self._conformance.doubted, now)
+        for number, each in self.losses.items():
+            if self.vehicles[number].column == controller.plan.leader:
+                links[controller.plan.leader].loss = each.loss
         heights_m = None if opening is None else opening.steer(links, now)
         phase, used, shares = self.flight.phase, self.margins.used, self.margins.bandwidth
         tick = controller.step(

@@ -183,6 +183,8 @@ class FollowerController(Controller):
         self._share, self._share_for = 0.0, (0.0, 0.0)
         """Gain of the drift's filter for one tick, and the bandwidth and tick length it was computed for."""
         self._correction: tuple[float, float] = (math.nan, math.nan)
+        self._wanted: tuple[float, float] = (math.nan, math.nan)
+        """Rates of the target's speed and heading, m/s² and rad/s, over the tick that ends; NaN at first."""
         self._arriving, self._slow_s = False, 0.0
 
     def forget(self) -> None:
@@ -191,7 +193,7 @@ class FollowerController(Controller):
         if self._trailing is not None:
             self._trailing.forget()
         self._drift_north_mps = self._drift_east_mps = math.nan
-        self._correction = (math.nan, math.nan)
+        self._correction = self._wanted = (math.nan, math.nan)
         self._arriving = False
 
     def decide(self, pair: Pair, dt_s: float) -> None:
@@ -203,7 +205,8 @@ class FollowerController(Controller):
             turn_rps, bend_rps2 = self._trailing.turning(leader, slot, dt_s)
         self.error_m = formation_error(leader.state, state, slot, axis_rad)
         along_mps2, across_mps2 = self._gust(pair, axis_rad, dt_s)
-        target, led_mps, led_rad = self._target(pair, axis_rad, turn_rps, across_mps2, dt_s)
+        begun_rps = turn_rps - leader.half_s * bend_rps2
+        target, led_mps, led_rad = self._target(pair, axis_rad, begun_rps, across_mps2, dt_s)
         self.mixed = mix(self._parameters.mixer, target, state, self._errors_to_mix(pair, target))
         slot_axis_rad = leader.state.heading_rad if self._trailing is None else target.heading_rad
         speed_mps, heading_rad, height_m = feed_forward(
@@ -252,18 +255,19 @@ class FollowerController(Controller):
     def _slopes(self, pair: Pair, axis_rad: float, target: Target, forward: Triple, dt_s: float) -> Triple:
         """Return the rates of change of the mixed errors, from the states and not from earlier errors.
 
-        The target's rates are the ones that the feed-forward leads it by. The follower's own rates are means over the
-        tick that ends: from the errors left at its end, (7) gives them with `held` lags shortened by a tick. The others
-        are means over the tick that begins: setpoints are held during a tick, so rates fall, and the initial ones
-        would be too large whenever the leader turns.
+        The rates of the follower and of its target are means over the tick that ends: a leader whose turn rate begins
+        to change in this tick is followed by the feed-forward, and shows no error yet. The target's are those that the
+        feed-forward led it by. The follower's own follow from the errors left at the tick's end: (7) gives them with
+        `held` lags shortened by a tick. Positions change by the velocities at the tick's end.
         """
         model, state, slot = pair.model, pair.state, pair.slot
         speed_mps, heading_rad = pair.commanded[0], pair.commanded[1]
         own_mps2 = rate(speed_mps - state.airspeed_mps, model.tau_v_s - dt_s, model.accel_max_mps2)
         own_rps = rate(wrap(heading_rad - state.heading_rad), model.tau_psi_s - dt_s, model.turn_rate_max_rps)
-        wanted_mps2 = (forward[0] - target.speed_mps) / model.tau_v_s
-        wanted_rps = (forward[1] - target.heading_rad) / model.tau_psi_s
-        axis_turn_rps = pair.leader.turn_rps if self._trailing is None else own_rps
+        wanted_mps2, wanted_rps = self._wanted_before(
+            (forward[0] - target.speed_mps) / model.tau_v_s, (forward[1] - target.heading_rad) / model.tau_psi_s
+        )
+        axis_turn_rps = pair.leader.begun_rps if self._trailing is None else own_rps
         x_mps, y_mps, z_mps = error_rate(pair.leader.state, state, self.error_m, slot, axis_rad, axis_turn_rps)
         if self._trailing is not None:
             off_rad = wrap(state.heading_rad - target.heading_rad)
@@ -276,6 +280,11 @@ class FollowerController(Controller):
             mixer.k_psi * (wanted_rps - own_rps) + mixer.k_y * y_mps,
             mixer.k_z * z_mps,
         )
+
+    def _wanted_before(self, mps2: float, rps: float) -> tuple[float, float]:
+        """Return the target's rates over the tick that ends, and keep those over the tick that begins."""
+        before, self._wanted = self._wanted, (mps2, rps)
+        return self._wanted if math.isnan(before[0]) else before
 
     def _heading_bandwidth(self, pair: Pair) -> float:
         """Return the heading loop's share of its design bandwidth: less for a slot at the side.

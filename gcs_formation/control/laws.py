@@ -43,7 +43,7 @@ class VelocityController(Controller):
         """Compute the setpoint of this tick, which is `dt_s` after the last one."""
         leader, state, mixer, axis_rad = pair.leader, pair.state, self._parameters.mixer, pair.leader.state.heading_rad
         self.error_m = formation_error(leader.state, state, pair.slot, axis_rad)
-        x_mps, y_mps, z_mps = error_rate(leader.state, state, self.error_m, pair.slot, axis_rad, leader.turn_rps)
+        x_mps, y_mps, z_mps = error_rate(leader.state, state, self.error_m, pair.slot, axis_rad, leader.begun_rps)
         self.mixed = mixer.k_x * self.error_m[0], mixer.k_x * self.error_m[1], mixer.k_z * self.error_m[2]
         slopes = mixer.k_x * x_mps, mixer.k_x * y_mps, mixer.k_z * z_mps
         output = self._output(slopes, 1.0, pair, dt_s)
@@ -100,8 +100,8 @@ def _feed_forward(pair: Pair) -> Triple:
     """
     leader, slot, model = pair.leader, pair.slot, pair.model
     turn_rps, bend_rps2, speed_mps = leader.turn_rps, leader.bend_rps2, leader.state.airspeed_mps
-    along_mps = speed_mps - turn_rps * slot.right_m + slot.forward_mps
-    across_mps = turn_rps * slot.forward_m + slot.right_mps
+    along_mps = speed_mps - leader.begun_rps * slot.right_m + slot.forward_mps
+    across_mps = leader.begun_rps * slot.forward_m + slot.right_mps
     along_mps2 = leader.acceleration_mps2 - bend_rps2 * slot.right_m - turn_rps * turn_rps * slot.forward_m
     along_mps2 += slot.forward_mps2 - 2.0 * turn_rps * slot.right_mps
     across_mps2 = speed_mps * turn_rps + bend_rps2 * slot.forward_m - turn_rps * turn_rps * slot.right_m
@@ -186,9 +186,10 @@ class FormationLaw(Law):
     ) -> Pair:
         """Return a follower and its leader when the follower's setpoint acts; `its_model`: the leader's, `held`."""
         leader = situation.states.of(self._leader, column)
-        motion, slot = leader_motion(situation.lead.commanded[column], leader, its_model), situation.slots[column]
+        motion = leader_motion(situation.lead.commanded[column], leader, its_model, dt_s)
+        slot = situation.slots[column]
         if self._to_north:
-            slot = slot.turned(leader.heading_rad, motion.turn_rps, motion.bend_rps2)
+            slot = slot.turned(leader.heading_rad, motion.begun_rps, motion.bend_rps2)
         return Pair(
             motion,
             state,
@@ -201,18 +202,21 @@ class FormationLaw(Law):
         )
 
 
-def leader_motion(commanded: LeaderCommand, state: FlightState, model: AutopilotModel) -> LeaderMotion:
-    """Return the motion of a leader in `state`, which follows `commanded` by (7), through a `held` model.
+def leader_motion(commanded: LeaderCommand, state: FlightState, model: AutopilotModel, dt_s: float) -> LeaderMotion:
+    """Return the motion of a leader in `state` over the tick of `dt_s` in which it follows `commanded` by (7).
 
-    Turn rates are limited to the leader's: its heading setpoint jumps where its route changes.
+    `model` is `held` for a tick. Turn rates are limited to the leader's: its heading setpoint jumps where its route
+    changes. By (7) the setpoint's rate is r + tau r' at the tick's beginning, where the turn rate r is its mean less
+    half a tick of r'.
     """
     most_rps = model.turn_rate_max_rps
     turn_rps = rate(wrap(commanded.heading_rad - state.heading_rad), model.tau_psi_s, most_rps)
-    bend_rps2 = (within(commanded.turn_rps, -most_rps, most_rps) - turn_rps) / model.tau_psi_s
+    bend_rps2 = (within(commanded.turn_rps, -most_rps, most_rps) - turn_rps) / max(model.tau_psi_s - dt_s, dt_s / 2.0)
     acceleration_mps2 = rate(commanded.speed_mps - state.airspeed_mps, model.tau_v_s, model.accel_max_mps2)
     own_mps = state.climb_mps - state.updraught_mps
     to_climb_m = commanded.height_m - state.height_m - (model.tau_ha_s + model.tau_hb_s) * own_mps
-    return LeaderMotion(state, turn_rps, bend_rps2, acceleration_mps2, to_climb_m / (model.tau_ha_s * model.tau_hb_s))
+    climb_change_mps2 = to_climb_m / (model.tau_ha_s * model.tau_hb_s)
+    return LeaderMotion(state, turn_rps, bend_rps2, acceleration_mps2, climb_change_mps2, dt_s)
 
 
 def nominal_gains(scenario: Scenario) -> Nominal:

@@ -137,7 +137,7 @@ def mix(mixer: Mixer, target: Target, follower: FlightState, error_m: Triple) ->
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class LeaderMotion:
-    """The leader's state and how it changes."""
+    """The leader's state at the beginning of a tick, and how it changes during the tick."""
 
     def __init__(
         self,
@@ -146,11 +146,19 @@ class LeaderMotion:
         bend_rps2: float,
         acceleration_mps2: float,
         climb_change_mps2: float,
+        dt_s: float = 0.0,
     ) -> None:
-        """Take its state, its heading's first two derivatives, and the rates of its airspeed and climb."""
+        """Take its state, its heading's first two derivatives, and the rates of its airspeed and climb.
+
+        All but the state are means over the tick, which takes `dt_s`; 0 where they are those of its beginning.
+        """
         self.state = state
         self.turn_rps = turn_rps
         self.bend_rps2 = bend_rps2
+        self.half_s = dt_s / 2.0
+        """Half of the tick."""
+        self.begun_rps = turn_rps - self.half_s * bend_rps2
+        """Turn rate at the tick's beginning: it is the one that moves a slot beside or behind."""
         self.acceleration_mps2 = acceleration_mps2
         self.climb_change_mps2 = climb_change_mps2
 
@@ -174,7 +182,7 @@ def feed_forward(
         target: how the slot moves through the air.
         leader: how the leader flies.
         axis_rad: heading of the axes along which the slot lies.
-        turn_rps: rate of that heading.
+        turn_rps: rate of that heading, its mean over the tick.
         bend_rps2: rate of that rate.
         slot: offset from the leader along the axes.
         model: of the vehicle that is to hold it.
@@ -184,9 +192,10 @@ def feed_forward(
     cos, sin = math.cos(off_rad), math.sin(off_rad)
     swing_mps2 = leader.state.airspeed_mps * (leader.turn_rps - turn_rps)
     along_mps2 = leader.acceleration_mps2 * cos - swing_mps2 * sin
-    along_mps2 += slot.forward_mps2 - bend_rps2 * slot.right_m - turn_rps * slot.right_mps
+    begun_rps = turn_rps - leader.half_s * bend_rps2
+    along_mps2 += slot.forward_mps2 - bend_rps2 * slot.right_m - begun_rps * slot.right_mps
     across_mps2 = leader.acceleration_mps2 * sin + swing_mps2 * cos
-    across_mps2 += slot.right_mps2 + bend_rps2 * slot.forward_m + turn_rps * slot.forward_mps
+    across_mps2 += slot.right_mps2 + bend_rps2 * slot.forward_m + begun_rps * slot.forward_mps
     speed_mps, heading_rad = lead_velocity(target, axis_rad, along_mps2, across_mps2, model)
     height_m = lead_height(leader, slot, model, updraught_mps)
     return target.speed_mps + speed_mps, target.heading_rad + model.tau_psi_s * turn_rps + heading_rad, height_m
@@ -211,6 +220,11 @@ def lead_velocity(
     )
 
 
+TINY_RAD: Final = 1e-6
+LEAST_SLOPE: Final = 0.05
+"""Lower bound of a sine's mean slope, at angles near a right one."""
+
+
 class TrailingSlot:
     """The turning of a slot's axes in the follower's own frame, with its state between ticks.
 
@@ -227,15 +241,20 @@ class TrailingSlot:
     def turning(self, leader: LeaderMotion, slot: Slot, dt_s: float) -> tuple[float, float]:
         """Return the axes' turn rate until the next tick, `dt_s` later, and its rate of change."""
         speed, turn, x_rc = leader.state.airspeed_mps, leader.turn_rps, -slot.forward_m
-        # Steady-state angle, and its rate.
-        due_rad = math.asin(within((slot.right_mps - x_rc * turn) / speed, -1.0, 1.0))
-        due_rps = (slot.right_mps2 - x_rc * leader.bend_rps2 + slot.forward_mps * turn) / speed
+        # Sine of the steady-state angle, and its rate.
+        due = within((slot.right_mps - x_rc * turn) / speed, -1.0, 1.0)
+        due_ps = (slot.right_mps2 - x_rc * leader.bend_rps2 + slot.forward_mps * turn) / speed
+        due_rad = math.asin(due)
         off_rad = due_rad if math.isnan(self._off_rad) else self._off_rad
-        # Effective lag: at the rate it gives, a tick covers what an exact lag of x_rc / v, a tick at least, would.
-        lag_s = -dt_s / math.expm1(-dt_s * speed / max(x_rc, speed * dt_s))
-        rate_rps = (due_rad - off_rad) / lag_s
+        # Effective lag: at the rate it gives, a tick covers what an exact lag of x_rc / v, a tick at least, would. The
+        # sine's mean slope between both angles counts: for slots far to the side 0.01 rad is metres.
+        lag_s, to_go_rad = max(x_rc / speed, dt_s), due_rad - off_rad
+        slope = (due - math.sin(off_rad)) / to_go_rad if abs(to_go_rad) > TINY_RAD else math.cos(off_rad)
+        rate_rps = -to_go_rad * math.expm1(-dt_s * max(slope, LEAST_SLOPE) / lag_s) / dt_s
         self._off_rad = off_rad + dt_s * rate_rps
-        return turn + rate_rps, leader.bend_rps2 + (due_rps - rate_rps * (1.0 - slot.forward_mps / speed)) / lag_s
+        held_s = -dt_s / math.expm1(-dt_s / lag_s)
+        change_ps = due_ps - rate_rps * (math.cos(off_rad) - slot.forward_mps / speed)
+        return turn + rate_rps, leader.bend_rps2 + change_ps / held_s
 
     def crab(self, drift_mps: float, gust_mps2: float, speed_mps: float, dt_s: float) -> Triple:
         """Return the angle by which a follower crabs to the right, and its first two derivatives.

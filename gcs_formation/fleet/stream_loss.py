@@ -60,14 +60,21 @@ class StreamLoss:
         self._counts = self._counted()
 
     @property
+    def loss(self) -> float:
+        """Share of the vehicle's frames that were lost in normal operation, without silences, 0 to 1."""
+        by_numbers = self._vehicle.sequence.loss
+        if self._due == 0.0:
+            return by_numbers
+        by_streams = max(0.0, 1.0 - self._came / self._due)
+        by_chance = SIGMAS * math.sqrt(by_numbers * (1.0 - by_numbers) / self._due)
+        return by_numbers if by_numbers - by_streams <= FILTERED + by_chance else by_streams
+
+    @property
     def whole_loss(self) -> float:
         """Share of the vehicle's frames that were lost, silences included, 0 to 1."""
-        sequence = self._vehicle.sequence
-        if self._due == 0.0:
-            return sequence.whole_loss
-        by_numbers, by_streams = sequence.loss, max(0.0, 1.0 - self._came / self._due)
-        by_chance = SIGMAS * math.sqrt(by_numbers * (1.0 - by_numbers) / self._due)
-        if by_numbers - by_streams <= FILTERED + by_chance:
+        sequence, by_streams = self._vehicle.sequence, self.loss
+        by_numbers = sequence.loss
+        if by_streams == by_numbers:
             return sequence.whole_loss
         # In silences the same share of what the numbers show never came this far.
         sent = float(sequence.received) / (1.0 - by_streams)

@@ -24,7 +24,11 @@ from flight_model.curve import PathPoint
 from flight_model.slot import Triple
 
 BANDWIDTH_RADPS: Final = 0.65
-"""Highest bandwidth p of the loop."""
+"""Highest bandwidth p of the loop without delay."""
+DELAYED_RADPS: Final = 0.68
+"""Highest bandwidth with delay, which is made up for by a higher one. At 300 ms, 0.72 would leave the leader of four
+turbulent flights 1.27 m off its path (1.38 m at 0.65), 0.82 1.22 m; but then followers are up to 0.019 m off after a
+step of 0.6 m/s at 500 ms, in place of 0.008 m."""
 GUST_MPS: Final = 1.0
 """A gust of this size may use up the change of turn rate that followers can keep up with, and no smaller one."""
 ACCELERATION_SHARE: Final = 0.7
@@ -34,6 +38,10 @@ BEND_MAX_RPS2: Final = 0.15
 NOISE_RPS2: Final = 3e-4
 """Largest standard deviation that noise of the course, times p^2, may have: followers lead their speed by what it does
 to the turn rate's change. `configs/noise.yaml` has setpoints as quiet as with a third of the bandwidth then."""
+LOST_RADPS4: Final = 6.7e-4
+"""Largest share of lost setpoints times p^4: a lost one leaves the leader's heading, with which slots swing, off by
+what it would have changed, in proportion to p^2. With a loss of 5 % p is 0.34, and slots 60 m behind, after a gust of
+0.6 m/s, are 0.011 m off, in place of 0.019 m."""
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
 LEAST_MPS: Final = 1.0
 """Lower bound of a speed that is divided by: a vehicle that can hover may stand."""
@@ -43,7 +51,7 @@ the model doesn't know is forgotten. A vehicle whose lag is wrong keeps a differ
 TURNS_BACK_SHARE: Final = 0.5
 """Share of the angle to the route that could just be turned back before the route is crossed."""
 TWO_THIRDS: Final = 2.0 / 3.0
-TINY_RAD: Final = 1e-9
+TINY: Final = 1e-9
 NEAREST_SHARE: Final = 0.2
 """Lower bound of 1 - curvature × distance: nearer to a bend's centre the route's turn is no longer meaningful."""
 atan: Final = math.atan
@@ -53,16 +61,36 @@ atan: Final = math.atan
 class TurnBounds:
     """What bounds the changes of a leader's turn rate."""
 
-    def __init__(self, bend_max_rps2: float = BEND_MAX_RPS2, course_sigma_rad: float = 0.0) -> None:
-        """Take how fast the turn rate may change besides the route's own bends, and the noise of the course."""
+    def __init__(
+        self,
+        bend_max_rps2: float = BEND_MAX_RPS2,
+        course_sigma_rad: float = 0.0,
+        round_trip_s: float = 0.0,
+        loss: float = 0.0,
+    ) -> None:
+        """Take how fast the turn rate may change besides the route's own bends, the course's noise, delay and loss."""
         self.bend_max_rps2 = bend_max_rps2
         self.course_sigma_rad = course_sigma_rad
+        self.round_trip_s = round_trip_s
+        self.loss = loss
 
     def radps(self, speed_mps: float) -> float:
-        """Return the bandwidth: the highest one, or with which noise and a gust of `GUST_MPS` keep to the bounds."""
+        """Return the bandwidth: the highest one, or with which noise, losses and a gust keep to their bounds."""
         followed = math.sqrt(self.bend_max_rps2 * speed_mps / (2.0 * GUST_MPS))
-        quiet = math.sqrt(NOISE_RPS2 / max(self.course_sigma_rad, TINY_RAD))
-        return min(BANDWIDTH_RADPS, followed, quiet)
+        quiet = math.sqrt(NOISE_RPS2 / max(self.course_sigma_rad, TINY))
+        heard = math.sqrt(math.sqrt(LOST_RADPS4 / max(self.loss, TINY)))
+        return min(self._delayed(min(BANDWIDTH_RADPS, followed)), quiet, heard)
+
+    def _delayed(self, radps: float) -> float:
+        """Return the bandwidth with which a wind that grows steadily leads as far off the route as without delay.
+
+        With a delay T, the wind is known T late. Growing by 1 m/s², it leads 2/p² + 2 T/p + T²/2 off the route.
+        """
+        late_s = self.round_trip_s
+        least = 2.0 / squared(radps) - squared(late_s) / 2.0
+        if least <= 0.0:
+            return DELAYED_RADPS
+        return min((late_s + math.sqrt(squared(late_s) + 2.0 * least)) / least, DELAYED_RADPS)
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.flights.conftest import Fly
@@ -18,6 +19,10 @@ AT_FIRST_PASS = {"in_air": True, "run_in_s": 12}
 """Long enough for the path to begin without another lap, also over links with delay."""
 ROUNDED_M = 0.05
 """Positions are sent in 1e-7 degrees, 11 mm north and 9 mm east, so lags are estimated slightly differently."""
+SEEDS = 12
+"""Flights of an aircraft's own loops in each direction, whose mean is compared. The largest height error depends on
+when the bend begins between two messages: over 20 seeds 0.52 to 0.68 m in every direction, 0.59 to 0.62 m on average.
+"""
 
 
 def turned(by_rad: float) -> list[list[float]]:
@@ -27,29 +32,36 @@ def turned(by_rad: float) -> list[list[float]]:
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "delay_ms", "speed_mps"),
+    ("autopilot", "delay_ms", "speed_mps", "seeds"),
     [
-        ("emulator", 150, 22.0),
-        *(pytest.param(*each, marks=pytest.mark.slow) for each in (("arduplane", 0, 22.0), ("px4", 0, 15.0))),
+        ("emulator", 150, 22.0, 1),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in (("arduplane", 0, 22.0, SEEDS), ("px4", 0, 15.0, SEEDS))
+        ),
     ],
 )
 def test_a_flight_that_turns_through_south_or_north_is_the_one_that_turns_from_north_to_east(
-    fly: Fly, tmp_path: Path, autopilot: str, delay_ms: float, speed_mps: float
+    fly: Fly, tmp_path: Path, autopilot: str, delay_ms: float, speed_mps: float, seeds: int
 ) -> None:
     vehicles = [
         {"id": number, "role": role, "autopilot": autopilot} for number, role in ((1, "leader"), (2, "follower"))
     ]
     keys: dict[str, Any] = {"vehicles": vehicles, "links": {"default": {"delay_ms": delay_ms}}}
-    found = dict[str, tuple[list[str], list[float]]]()
+    path: dict[str, Any] = {"speed_mps": speed_mps}
+    found = dict[str, tuple[set[tuple[str, ...]], list[float]]]()
     for way, by_rad in {"north to east": 0.0, **THROUGH}.items():
-        path = {"speed_mps": speed_mps, "waypoints_m": turned(by_rad)}
-        summary = fly(path=path, duration_s=740.0 / speed_mps, start=AT_FIRST_PASS, **keys)
-        lines = (tmp_path / "run" / "events.jsonl").read_text(encoding="utf-8").splitlines()
-        followers = summary.figures["followers"].values()
-        errors = [follower[axis]["max"] for follower in followers for axis in ("error_x_m", "error_y_m", "error_z_m")]
-        found[way] = [json.loads(line)["kind"] for line in lines], errors
-    kinds, errors = found["north to east"]
-    assert "disobeys" not in kinds
+        kinds, errors = set[tuple[str, ...]](), []
+        for seed in range(1, seeds + 1):
+            path["waypoints_m"] = turned(by_rad)
+            summary = fly(seed=seed, path=path, duration_s=740.0 / speed_mps, start=AT_FIRST_PASS, **keys)
+            lines = (tmp_path / "run" / "events.jsonl").read_text(encoding="utf-8").splitlines()
+            kinds.add(tuple(json.loads(line)["kind"] for line in lines))
+            (follower,) = summary.figures["followers"].values()
+            errors.append([follower[axis]["max"] for axis in ("error_x_m", "error_y_m", "error_z_m")])
+        found[way] = kinds, np.mean(errors, axis=0).tolist()
+    kinds, mean_m = found["north to east"]
+    assert not [each for each in kinds if "disobeys" in each]
     for way in THROUGH:
         assert found[way][0] == kinds
-        assert found[way][1] == pytest.approx(errors, abs=ROUNDED_M)
+        assert found[way][1] == pytest.approx(mean_m, abs=ROUNDED_M)

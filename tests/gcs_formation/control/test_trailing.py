@@ -92,3 +92,20 @@ def test_a_heading_crabs_slowly_against_a_gust_and_its_rates_are_those_of_its_an
     np.testing.assert_allclose(np.diff(rate) / tick_s, acceleration[:-1], atol=1e-4)
     trailing.forget()
     assert trailing.crab(drift[-1], change[-1], SPEED_MPS, tick_s)[0] == pytest.approx(-drift[-1] / SPEED_MPS)
+
+
+def test_a_slot_far_behind_turns_as_its_equation_says_in_a_long_bend() -> None:
+    """It trails by 0.4 rad then. For an angle in place of its sine it was 0.009 rad off, 1.5 m for this slot."""
+    trailing, slot, tick_s, fine = TrailingSlot(), Slot([-288.0, 167.0, 0.0], [0.0] * 3, [0.0] * 3), 0.1, 100
+    leader_rad = exact_rad = axes_rad = worst_rad = trailed_rad = 0.0
+    for tick in range(600):
+        turn_rps, bend_rps2 = 0.036 * math.sin(0.05 * tick * tick_s), 0.0018 * math.cos(0.05 * tick * tick_s)
+        state = FlightState(0.0, 0.0, 0.0, 0.0, SPEED_MPS, leader_rad, 0.0, 0.0)
+        axes_rps, _ = trailing.turning(LeaderMotion(state, turn_rps, bend_rps2, 0.0, 0.0), slot, tick_s)
+        for _ in range(fine):
+            exact_rad += SPEED_MPS * math.sin(leader_rad - exact_rad) / 288.0 * tick_s / fine
+            leader_rad += turn_rps * tick_s / fine
+        axes_rad += axes_rps * tick_s
+        worst_rad, trailed_rad = max(worst_rad, abs(axes_rad - exact_rad)), max(trailed_rad, leader_rad - exact_rad)
+    assert trailed_rad > 0.35
+    assert worst_rad < 0.002

@@ -19,7 +19,14 @@ from flight_model.legs.path import LegPlan, LegsPath
 from flight_model.legs.turn import TurnLimits
 from flight_model.path import Route
 from flight_model.spline import SplinePath
-from gcs_formation.guidance.lateral import BEND_MAX_RPS2, LateralGuidance, TurnBounds, bend_max_rps2, route_turn
+from gcs_formation.guidance.lateral import (
+    BEND_MAX_RPS2,
+    DELAYED_RADPS,
+    LateralGuidance,
+    TurnBounds,
+    bend_max_rps2,
+    route_turn,
+)
 from gcs_formation.guidance.tracking import project
 
 SPEED_MPS, DT_S = 22.0, 0.1
@@ -201,6 +208,23 @@ def test_a_noisy_course_is_followed_slower() -> None:
     assert TurnBounds().radps(SPEED_MPS) == TurnBounds(course_sigma_rad=1e-4).radps(SPEED_MPS) == 0.65
     assert TurnBounds(course_sigma_rad=math.radians(0.5)).radps(SPEED_MPS) == pytest.approx(0.185, abs=0.01)
     assert TurnBounds(0.005).radps(SPEED_MPS) == pytest.approx(0.235, abs=0.01)
+
+
+@pytest.mark.parametrize("round_trip_s", [0.0, 0.1, 0.2])
+def test_a_wind_that_grows_leads_as_far_off_with_delay_as_without(round_trip_s: float) -> None:
+    """Known late, it is answered by a higher bandwidth; one for ever late, by no more than the highest."""
+    radps = TurnBounds(FOLLOWED_RPS2, round_trip_s=round_trip_s).radps(SPEED_MPS)
+    off_s2 = 2.0 / radps**2 + 2.0 * round_trip_s / radps + round_trip_s**2 / 2.0
+    assert off_s2 == pytest.approx(2.0 / TurnBounds(FOLLOWED_RPS2).radps(SPEED_MPS) ** 2)
+    assert 0.62 <= radps <= DELAYED_RADPS == TurnBounds(FOLLOWED_RPS2, round_trip_s=60.0).radps(SPEED_MPS)
+
+
+def test_a_leader_that_hears_less_turns_slower() -> None:
+    """What a lost setpoint leaves undone is no more than that: p^2 falls with the root of the share that is lost."""
+    assert TurnBounds(loss=0.002).radps(SPEED_MPS) == 0.65
+    twentieth, fifth = (TurnBounds(loss=share).radps(SPEED_MPS) for share in (0.05, 0.2))
+    assert twentieth == pytest.approx(0.34, abs=0.005)
+    assert 0.2 * fifth**4 == pytest.approx(0.05 * twentieth**4)
 
 
 def test_a_vehicle_that_turned_meanwhile_is_steered_from_where_it_heads() -> None:
