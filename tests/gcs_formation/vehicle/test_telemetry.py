@@ -34,7 +34,14 @@ def test_whatever_an_attitude_message_holds_only_an_attitude_is_kept(fields):
     assert kept is None or (math.isfinite(kept.time_boot_s) and abs(kept.yaw_rad) <= 2 * math.pi)
 
 
-@pytest.mark.parametrize("airspeed_mps", [math.nan, math.inf, -1.0, 1e30])
+def test_an_airspeed_that_is_no_longer_a_number_is_a_reading_of_0_which_no_flight_explains(telemetry):
+    telemetry.take(VfrHud(22.0, 22.0, 0.0, 50, 100.0, 0.0))
+    telemetry.take(VfrHud(math.nan, 22.0, 0.0, 50, 100.0, 0.0))
+    assert telemetry.airspeed_mps == 0.0
+    assert telemetry.implausible == 1
+
+
+@pytest.mark.parametrize("airspeed_mps", [math.inf, -1.0, 1e30])
 def test_an_impossible_airspeed_leaves_the_last_one(telemetry, airspeed_mps):
     telemetry.take(VfrHud(22.0, 22.0, 0.0, 50, 100.0, 0.0))
     telemetry.take(VfrHud(airspeed_mps, 22.0, 0.0, 50, 100.0, 0.0))
