@@ -70,7 +70,7 @@ class FormationController:
     """What isn't finite of what a part returned; from then on neither guidance nor law is used."""
 
     _leader_m: float = math.nan
-    """The height that the guidance wants of the leader, whatever it says of its own."""
+    """The height setpoint by which the leader would keep to its path in still air, whatever it says of its own."""
 
     _decided_rad: float = math.nan
     """The leader's heading setpoint of the last tick, before a filter, the fence or the separation rule."""
@@ -385,7 +385,7 @@ class FormationController:
         turn = self.guidance.turn
         if turn is not None:
             wanted.heading_rad, turn_rps = turn.setpoint(at, model.tau_psi_s)
-        self._leader_m = wanted.height_m
+        self._leader_m = wanted.height_m + (model.tau_ha_s + model.tau_hb_s) * state.updraught_mps
         require_setpoint(GUIDANCE, tick.leader, (wanted.speed_mps, wanted.heading_rad, wanted.height_m))
         bounds = Envelope(wanted.heading_rad, state, model)
         commanded = bounds.limit(wanted.speed_mps, wanted.heading_rad, wanted.height_m)

@@ -33,7 +33,7 @@ class HeightBound:
 
         Args:
             tick: with the law's setpoints.
-            leader_m: height of the leader's path.
+            leader_m: height of the leader's path, ahead by what a climb's time constants take.
             slots_m: (C,) forward, right and up; empty before there are any, the leader's isn't used.
         """
         for column, setpoint in enumerate(tick.setpoints):

@@ -16,6 +16,7 @@ from gcs_formation import from_scenario
 from gcs_formation.control.setpoint import AS_DECIDED
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.airspace import OVER_S, HeightFloor
+from gcs_formation.separation.height_bound import BOUND_M
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 
@@ -119,15 +120,31 @@ def test_where_the_ground_is_not_known_there_is_no_floor() -> None:
     assert flown(floor_of(over), -10.0, 15.0) == -10.0
 
 
-def test_a_leader_that_sinks_to_the_ground_does_not_take_its_followers_there() -> None:
-    """Air that sinks at twice its rate of climb carries it down; the others fly beside it."""
+def sunk(height_m: float) -> tuple[World, float]:
+    """Return a flight whose leader is carried down by air that sinks at twice its rate of climb, and the others' lowest.
+
+    `height_m`: of the path.
+    """
     sinks = {"at_s": 3, "vehicles": [1], "velocity_mps": [0, 0, 2 * CLIMB_MPS]}
-    formation = {"shape": "arrow", "succession": "none"}
-    world = World(duration_s=60, path=LOW, disturbances=[sinks], formation=formation)
+    path = LOW | {"waypoints_m": [[0, 0, height_m], [4000, 0, height_m]]}
+    world = World(duration_s=60, path=path, disturbances=[sinks], formation={"shape": "arrow", "succession": "none"})
     world.fly_to(2.0)
     least_m, bodies = np.inf, world.fleet.bodies
     for _ in range(34):
         world.run(1.0)
         least_m = min(least_m, *(body.state.height_m for body in bodies[1:]))
     assert bodies[0].state.height_m == 0.0
-    assert least_m > 30.0, "commanded at most 15 m below path and slot"
+    return world, least_m
+
+
+def test_a_leader_that_sinks_to_the_ground_does_not_take_its_followers_there() -> None:
+    """Where their path is low the floor holds them."""
+    world, least_m = sunk(18.0)
+    assert least_m == pytest.approx(5.0, abs=0.05)  # safety.clearance_m
+    for number in (2, 3):
+        assert len(world.times_s("fence", number, "height held at 5 m, 5 m above the ground")) == 1
+
+
+def test_a_leader_that_sinks_takes_its_followers_no_lower_than_the_bound_below_their_path() -> None:
+    _, least_m = sunk(60.0)
+    assert 60.0 - BOUND_M - 0.1 <= least_m < 60.0
