@@ -121,7 +121,7 @@ def test_where_the_ground_is_not_known_there_is_no_floor() -> None:
 
 
 def sunk(height_m: float) -> tuple[World, float]:
-    """Return a flight whose leader is carried down by air that sinks at twice its rate of climb, and the others' lowest.
+    """Return a flight whose leader sinks, in air that sinks at twice its rate of climb, and the others' lowest height.
 
     `height_m`: of the path.
     """
