@@ -15,10 +15,9 @@ from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant, after, nanoseconds
 from flight_model.arrays import Array
-from flight_model.autopilot_model import FlightState, Setpoint, finite, within
+from flight_model.autopilot_model import FlightState, finite, within
 from flight_model.slot import CHANNELS, UNKNOWN, Slot, Triple
 from formation_scenario import Scenario
-from formation_scenario.formation import added
 from formation_scenario.slot_frame import axis_rad
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import from_scenario
@@ -80,7 +79,7 @@ class FormationController:
         self.guidance, self.plan = from_scenario.leader_guidance(scenario), FormationPlan(scenario)
         self._own_guidance = from_scenario.own_guidance(scenario)
         self._virtual, self._frame = scenario.leader is None, scenario.formation.frame
-        self.assembly, self._steps = Assembly(scenario), scenario.path.steps
+        self.assembly, self._steps = Assembly(scenario), from_scenario.added_steps(scenario)
         self._dt_s, self._compensates = 1.0 / scenario.law.rate_hz, scenario.law.delay_compensation
         self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
         self._every_column = list(range(1 + len(scenario.followers)))
@@ -121,6 +120,7 @@ class FormationController:
         self.plan.hand_over(leader, swing_rad)
         if self._outside is not None:
             self._outside.forget()
+        self._forget_steps()
         self._leader_commands.forget()
         if self._own_guidance is not None:
             self.fault = self.fault or self._own_guidance.forget()
@@ -372,19 +372,22 @@ class FormationController:
         tick.state[tick.leader] = state
         sigma_rad = self.estimator.filters[tick.leader].course_sigma_rad
         self._go_on_from_replaced(tick.leader, state)
+        steered = state if self._steps is None else self._steps.without(state)
         delay_s = tick.links[tick.leader].delay_s
         round_trip_s = 2.0 * delay_s if self._compensates and finite(delay_s) else 0.0
         loss = tick.links[tick.leader].loss
         turns = TurnBounds(bend_max_rps2(self._slots_m, self.models), sigma_rad, round_trip_s, loss)
-        wanted = self.guidance.steer(state, model, assembled=assembled, bounds=turns)
+        wanted = self.guidance.steer(steered, model, assembled=assembled, bounds=turns)
         path, turn_rps = self.guidance.heading(state), self.guidance.turn_rps
         if self._own_guidance is not None:
-            wanted = self._own_guidance.steer(self.guidance, wanted, state, model)
+            wanted = self._own_guidance.steer(self.guidance, wanted, steered, model)
             turn_rps = path.turn_rps + model.tau_psi_s * path.bend_rps2
-        self._add_steps(wanted, tick.mission_time_s)
+        if self._steps is not None:
+            self._steps.add(wanted, tick.mission_time_s, state, model)
         turn = self.guidance.turn
         if turn is not None:
             wanted.heading_rad, turn_rps = turn.setpoint(at, model.tau_psi_s)
+            self._forget_steps()
         self._leader_m = wanted.height_m
         require_setpoint(GUIDANCE, tick.leader, (wanted.speed_mps, wanted.heading_rad, wanted.height_m))
         bounds = Envelope(wanted.heading_rad, state, model)
@@ -404,14 +407,11 @@ class FormationController:
             commanded_rad = self.last_tick.setpoints[leader][1]
             if finite(commanded_rad) and commanded_rad != self._decided_rad:
                 self.guidance.go_on_from(commanded_rad, state, self.models[leader])
+                self._forget_steps()
 
-    def _add_steps(self, wanted: Setpoint, mission_time_s: float) -> None:
-        """Add the scenario's steps to the leader's setpoint."""
-        if self._steps:
-            speed_mps, heading_rad, height_m = added(self._steps, mission_time_s)
-            wanted.speed_mps += speed_mps
-            wanted.heading_rad += heading_rad
-            wanted.height_m += height_m
+    def _forget_steps(self) -> None:
+        if self._steps is not None:
+            self._steps.forget()
 
     def _goes_on(self, leader: int, commanded: Triple) -> Triple:
         """Return with which command the law takes the leader to go on: the guidance's, unless filters replace it."""

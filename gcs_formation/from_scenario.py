@@ -31,6 +31,7 @@ from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, UNDECLAR
 from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.extend.autopilots import FAMILIES, own_autopilot
+from gcs_formation.guidance.added_steps import AddedSteps
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
 from gcs_formation.guidance.tracking import LEAST_MPS
@@ -157,6 +158,11 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         fence=_lap_fence(scenario),
         dt_s=1.0 / scenario.law.rate_hz,
     )
+
+
+def added_steps(scenario: Scenario) -> AddedSteps | None:
+    """Return the steps added to the leader's setpoints; None if there are none."""
+    return AddedSteps(scenario.path.steps, 1.0 / scenario.law.rate_hz) if scenario.path.steps else None
 
 
 def own_guidance(scenario: Scenario) -> OwnGuidance | None:
