@@ -23,6 +23,8 @@ from formation_scenario.vehicles import Vehicle, VehicleModel
 from formation_scenario.violations import NOWHERE, Kind, Move, Violation
 
 BETWEEN_SAMPLES_M = 5.0
+TURN_SAMPLES = 19
+"""Samples of a turn in place."""
 TOLERANCE = 1e-6
 EQUAL = 1e-9
 """Relative difference below which two shares count as equal, so that rounding doesn't decide which is named."""
@@ -57,7 +59,16 @@ class SampledPath(NamedTuple):
         uniform = np.linspace(from_m, path.length_m, int((path.length_m - from_m) / BETWEEN_SAMPLES_M) + 2)
         places = np.array(sorted({*uniform.tolist(), *path.nodes_m[path.nodes_m >= from_m].tolist()}))
         middles = (path.waypoints_at_m[1:] + path.waypoints_at_m[:-1]) / 2.0
-        return cls(places, path.at(places), np.searchsorted(middles, places).astype(np.float64))
+        turned = [each for each in path.turns_in_place if each.at_m >= from_m]
+        shares = np.linspace(0.0, 1.0, TURN_SAMPLES)
+        at_m = np.concatenate([places, *(np.full(TURN_SAMPLES, each.at_m) for each in turned)])
+        points = path.at(at_m)
+        if turned:
+            courses = [each.from_rad + shares * each.by_rad for each in turned]
+            points = points._replace(course_rad=np.concatenate([points.course_rad[: places.size], *courses]))
+            order = np.argsort(at_m, kind="stable")
+            at_m, points = at_m[order], PathPoints(*(each[order] for each in points))
+        return cls(at_m, points, np.searchsorted(middles, at_m).astype(np.float64))
 
     def only(self, which: Mask) -> SampledPath:
         """Return the samples in a mask (K,)."""

@@ -132,6 +132,24 @@ def circles(scenario: Scenario) -> Iterator[Finding]:
         seen.add(each.waypoint)
 
 
+def stops(scenario: Scenario) -> Iterator[Finding]:
+    """Yield stops without legs, of vehicles that don't hover, at the path's ends, or twice at a waypoint."""
+    plan, seen, last = scenario.path, set[int](), len(scenario.path.waypoints_m) - 2
+    keys = [("path", "stops")] if plan.stops else []
+    keys += [("path", "turn")] if plan.turn == "stop" else []
+    for key in keys:
+        if plan.kind != "legs":
+            yield key, "found stops", "with path.kind: legs"
+        elif not scenario.hovers:
+            yield key, "found stops of vehicles that can't hover", "circles (path.circles), or vehicles that hover"
+    for index, each in enumerate(plan.stops if plan.kind == "legs" and scenario.hovers else ()):
+        if each.waypoint > last or each.waypoint in seen:
+            again = " again" if each.waypoint in seen else ""
+            allowed = f"1 to {last}, once each: the path is begun and ended in flight" if last else "a waypoint between"
+            yield ("path", "stops", index, "waypoint"), f"found {each.waypoint}{again}", allowed
+        seen.add(each.waypoint)
+
+
 def path(scenario: Scenario) -> Iterator[Finding]:
     """Yield all waypoints through which no path leads, and paths that are too long."""
     allowed = "waypoints 1 m or more apart, without turning straight back"
@@ -441,6 +459,7 @@ RULES = (
     vehicle_rules.consensus,
     leg_speeds,
     circles,
+    stops,
     row,
     path,
     places,

@@ -377,7 +377,7 @@ class FormationController:
         round_trip_s = 2.0 * delay_s if self._compensates and finite(delay_s) else 0.0
         loss = tick.links[tick.leader].loss
         turns = TurnBounds(bend_max_rps2(self._slots_m, self.models), sigma_rad, round_trip_s, loss)
-        wanted = self.guidance.steer(steered, model, assembled=assembled, bounds=turns)
+        wanted = self.guidance.steer(steered, model, assembled=assembled, bounds=turns, at=at)
         path, turn_rps = self.guidance.heading(state), self.guidance.turn_rps
         if self._own_guidance is not None:
             wanted = self._own_guidance.steer(self.guidance, wanted, steered, model)

@@ -151,15 +151,18 @@ def test_a_leg_too_short_for_its_speed_is_said(load):
 
 
 def test_turns_after_short_legs_are_planned_for_the_speed_that_is_reached():
-    waypoints = [[0, 0, 50], [200, 0, 50], [300, 100, 50], [500, 100, 50]]
     scenario = load_scenario(
         {
-            "vehicles": {"count": 4, "model": "arducopter", "autopilot": "arducopter"},
-            "formation": {"shape": "diamond", "spacing_m": 15},
-            "path": {"kind": "legs", "speed_mps": [8, 4, 9], "waypoints_m": waypoints},
+            "vehicles": {"count": 4, "model": "arduplane", "autopilot": "arduplane"},
+            "formation": {"shape": "diamond", "spacing_m": 20},
+            "path": {
+                "kind": "legs",
+                "speed_mps": [24, 17, 20],
+                "waypoints_m": [[0, 0, 50], [1500, 0, 50], [1900, 400, 50], [4000, 400, 50]],
+            },
         }
     )
-    assert 4.0 < scenario.short_legs[1] < 8.0
+    assert 17.0 < scenario.short_legs[1] < 24.0
 
 
 LOITER = "path.waypoints_m=[[0, 0, 100], [2500, 0, 100], [2500, 2500, 100]]"
