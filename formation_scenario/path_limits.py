@@ -46,6 +46,22 @@ _KINDS: Mapping[str, Kind] = {
 WAYPOINTS: KeyPath = ("path", "waypoints_m")
 
 
+def with_turns(path: FlightPath, at_m: Array) -> tuple[Array, PathPoints]:
+    """Return rising distances along a path (K,) with those of its turns in place among them, and its points there.
+
+    In a turn in place the point stays, and its course turns.
+    """
+    turned = [each for each in path.turns_in_place if at_m[0] <= each.at_m <= at_m[-1]]
+    if not turned:
+        return at_m, path.at(at_m)
+    shares, others = np.linspace(0.0, 1.0, TURN_SAMPLES), path.at(at_m).course_rad
+    at_m = np.concatenate([*(np.full(TURN_SAMPLES, each.at_m) for each in turned), at_m])
+    points, order = path.at(at_m), np.argsort(at_m, kind="stable")
+    courses = [*(each.from_rad + shares * each.by_rad for each in turned), others]
+    points = points._replace(course_rad=np.concatenate(courses))
+    return at_m[order], PathPoints(*(each[order] for each in points))
+
+
 class SampledPath(NamedTuple):
     """Samples of a path: arc lengths (K,), points, and the index of the nearest waypoint to each."""
 
@@ -59,15 +75,7 @@ class SampledPath(NamedTuple):
         uniform = np.linspace(from_m, path.length_m, int((path.length_m - from_m) / BETWEEN_SAMPLES_M) + 2)
         places = np.array(sorted({*uniform.tolist(), *path.nodes_m[path.nodes_m >= from_m].tolist()}))
         middles = (path.waypoints_at_m[1:] + path.waypoints_at_m[:-1]) / 2.0
-        turned = [each for each in path.turns_in_place if each.at_m >= from_m]
-        shares = np.linspace(0.0, 1.0, TURN_SAMPLES)
-        at_m = np.concatenate([places, *(np.full(TURN_SAMPLES, each.at_m) for each in turned)])
-        points = path.at(at_m)
-        if turned:
-            courses = [each.from_rad + shares * each.by_rad for each in turned]
-            points = points._replace(course_rad=np.concatenate([points.course_rad[: places.size], *courses]))
-            order = np.argsort(at_m, kind="stable")
-            at_m, points = at_m[order], PathPoints(*(each[order] for each in points))
+        at_m, points = with_turns(path, places)
         return cls(at_m, points, np.searchsorted(middles, at_m).astype(np.float64))
 
     def only(self, which: Mask) -> SampledPath:

@@ -47,6 +47,7 @@ from gcs_formation.guidance.leader_guidance import (
     way_ahead,
 )
 from gcs_formation.guidance.slots import FormationPlan, TrackAhead
+from gcs_formation.guidance.turn_on_spot import NOSE_LAG_S
 from gcs_formation.phases import Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from gcs_formation.separation.airspace import FenceLimits, HeightFloor
@@ -68,6 +69,9 @@ class FormationController:
     fault: NotFiniteError | None = None
     """What isn't finite of what a part returned; from then on neither guidance nor law is used."""
 
+    _turning: int | None = None
+    _course_lag_s: float = math.nan
+    """The column of a leader that turns on the spot, and the time constant of its course."""
     _leader_m: float = math.nan
     """The height that the guidance wants of the leader, whatever it says of its own."""
 
@@ -195,6 +199,7 @@ class FormationController:
         if self._virtual and self.fault is None:
             self._place_virtual_leader(now)
         self._limit_speeds(links)
+        self._lag_of_turn()
         acts = self._acts(now, links)
         tick = self._blank_tick(now, mission_time_s, phase, links, margin_used)
         self.lags.learn([tick.active[column] and not links[column].disobeying for column in self._every_column])
@@ -290,6 +295,16 @@ class FormationController:
             speeds_mps = link.speeds_mps
             if speeds_mps is not None:
                 self.models[column].reach(speeds_mps[0], speeds_mps[1])
+
+    def _lag_of_turn(self) -> None:
+        """Give a leader that turns on the spot the time constant of its yaw, and that of its course back later."""
+        column = self.plan.leader if self.guidance.turn is not None else None
+        if column != self._turning:
+            if self._turning is not None:
+                self.models[self._turning].tau_psi_s = self._course_lag_s
+            if column is not None:
+                self._course_lag_s, self.models[column].tau_psi_s = self.models[column].tau_psi_s, NOSE_LAG_S
+            self._turning = column
 
     def _acts(self, now: Instant, links: list[VehicleLink]) -> vec[i64]:
         """Return when each column's present setpoint acts; for a virtual leader amid the followers, their mean."""

@@ -18,7 +18,7 @@ BEFORE_M: Final = 1e-3
 """Distance before a turn in place at which the course is that of the leg before."""
 ARRIVED_M: Final = 1.0
 """Distance before a turn in place from which on a vehicle may be on the part after it."""
-LEFT_M: Final = 0.5
+LEFT_M: Final = 0.1
 """Distance after it from which on it is, if it is no nearer to the part before."""
 
 

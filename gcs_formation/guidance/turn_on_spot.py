@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 from airlink.clock import Instant, seconds_between
 from flight_model.path_lift_and_displacement import minimum_jerk
 from flight_model.stops.turning import LEAST_S, turn_s
+
+NOSE_LAG_S: Final = 0.44
+"""Time by which a multirotor's yaw is behind its setpoint: as observed in ArduCopter's and PX4's simulators."""
 
 
 @dataclass(frozen=True)

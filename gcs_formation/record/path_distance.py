@@ -19,6 +19,8 @@ from gcs_formation.record.timeseries import AIRBORNE, PLACE, SLOT, TRUTH, VIRTUA
 
 EVERY_S: Final = 1.0
 """Interval at which the leader's way along the path is followed step by step; between them it is interpolated."""
+TURNING_S: Final = 0.2
+"""The same on a path with turns in place, where the nearest point changes from one leg to the other."""
 GAP_S: Final = 3.0
 """After a longer time without a position the nearest point is searched ahead, as far as could have been flown."""
 REACH: Final = 2.0
@@ -82,7 +84,8 @@ def _along_m(path: FlightPath, speed_mps: float, time_s: Array, north_m: Array, 
 
     Followed from its start, for a path may come near itself again.
     """
-    seconds = np.arange(time_s[0], time_s[-1] + EVERY_S, EVERY_S)
+    every_s = TURNING_S if path.turns_in_place else EVERY_S
+    seconds = np.arange(time_s[0], time_s[-1] + every_s, every_s)
     some = np.unique(np.minimum(np.searchsorted(time_s, seconds), time_s.size - 1))
     follower, last_s, found, parts = AlongPath(path), 0.0, list[float](), list[tuple[float, float]]()
     for now_s, north, east in zip(time_s[some].tolist(), north_m[some].tolist(), east_m[some].tolist(), strict=True):
