@@ -216,6 +216,15 @@ class LeaderGuidance:
         """Whether its speed is the planned one, which may change along the path; else the one ordered last."""
         return self.speeds is not None or (self.timed is not None and not self.timed.ordered)
 
+    def abreast(self, north_m: float, east_m: float) -> tuple[float, PathPoint]:
+        """Return the distance and the point of the path abreast of a vehicle that is near the leader.
+
+        At a stop of the path these are of the leg that it flies next.
+        """
+        ahead: Route = self.path if self.timed is None else self.timed.part(self.path, ahead=True)
+        distance_m = project(ahead, north_m, east_m, self.distance_m)
+        return distance_m, ahead.at(distance_m)
+
     @property
     def pauses(self) -> bool:
         """Whether it is at a stop of its path, which it leaves by itself."""
@@ -223,7 +232,7 @@ class LeaderGuidance:
 
     def _progress(self, timed: TimedProgress, at: Instant | None) -> Due | None:
         """Go on along a path with stops; None if the leader was ordered to stand."""
-        due = timed.advance(self.distance_m, at, self.dt_s)
+        due = timed.advance(self.distance_m, at, self.dt_s, self.turn)
         if due is not None:
             self.speed_mps, self.turn = due.speed_mps, due.turn
         return due
@@ -242,7 +251,7 @@ class LeaderGuidance:
         self.route, self.distance_m = route, distance_m
         self._lateral.forget()
         if self.timed is not None:
-            self.timed.forget()
+            self.timed.take_over()
 
     def resume(
         self, speed_mps: float, at: Instant, heading_rad: float | None, amid_m: tuple[float, float] | None

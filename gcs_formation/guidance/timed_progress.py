@@ -27,6 +27,7 @@ of 0.2 s that setpoints are held, leave well damped."""
 OFF_M: Final = 5.0
 """Distance beyond which it is due where it is."""
 MOST_TICK_S: Final = 1.0
+ALMOST_S: Final = 1e-6
 
 
 class Due(NamedTuple):
@@ -62,6 +63,9 @@ class TimedProgress:
     """Number of stops that are behind it."""
     _last: Instant | None = None
 
+    _turn: TurnOnSpot | None = None
+    """The turn in place that it makes at present."""
+
     @property
     def pauses(self) -> bool:
         """Whether it is at a stop, and wasn't ordered to stand."""
@@ -70,50 +74,62 @@ class TimedProgress:
     def _pause(self) -> Pause | None:
         return next((each for each in self.timetable.pauses if each.begin_s <= self._time_s < each.end_s), None)
 
-    def forget(self) -> None:
-        """Another vehicle leads: it is due where it is."""
-        self._time_s = math.nan
+    def take_over(self) -> None:
+        """Another vehicle leads: it is due where it is; at a stop it stays as long, but has turned already."""
+        pause = self._pause()
+        if pause is None:
+            self._time_s = math.nan
+        elif self._turn is not None:
+            self._time_s = pause.end_s - ALMOST_S
+        self._turn = None
 
     def order(self, speed_mps: float) -> None:
         """Fly at another speed from now on, at most; 0: stand."""
         self._standing = speed_mps == 0.0
         if not self._standing:
             self.timetable, self.ordered = self.timetable.at_speed(speed_mps), True
-        self._time_s = math.nan
+        self._time_s, self._turn = math.nan, None
 
-    def part(self, route: Route) -> Route:
-        """Return the part of a route from the last stop to the next one."""
-        stops = self.timetable.stops
-        begin_m = stops[self._passed - 1].begin_m if self._passed else -math.inf
-        end_m = stops[self._passed].begin_m if self._passed < len(stops) else math.inf
+    def part(self, route: Route, *, ahead: bool = False) -> Part:
+        """Return the part of a route from the last stop to the next one; `ahead`: at a stop the part after it."""
+        stops, passed = self.timetable.stops, self._passed + (ahead and self.pauses)
+        begin_m = stops[passed - 1].begin_m if passed else -math.inf
+        end_m = stops[passed].begin_m if passed < len(stops) else math.inf
         return Part(route, begin_m, end_m)
 
-    def advance(self, distance_m: float, at: Instant | None, dt_s: float) -> Due | None:
+    def advance(self, distance_m: float, at: Instant | None, dt_s: float, turn: TurnOnSpot | None) -> Due | None:
         """Return what is due a tick later, for a leader at a distance; None if it was ordered to stand.
 
         Args:
             distance_m: along the path.
             at: when the setpoint acts; None: `dt_s` after the last one.
             dt_s: time between ticks.
+            turn: that the leader makes; one that isn't a stop's, such as a new leader's, is ended first.
         """
         elapsed_s = dt_s if at is None or self._last is None else seconds_between(self._last, at)
         self._last = at
         if self._standing:
             return None
+        if turn is not None and turn is not self._turn and at is not None and not turn.over(at):
+            return Due(0.0, 0.0, 0.0, stands=True, turn=turn)
         table = self.timetable
         self._time_s += min(max(elapsed_s, 0.0), MOST_TICK_S)
+        if not math.isnan(self._time_s):
+            self._passed = sum(each.end_s <= self._time_s for each in table.pauses)
         due_m, speed_mps, _ = table.after(self._time_s)
-        behind, paused = abs(due_m - distance_m) > OFF_M, speed_mps == 0.0 and distance_m > due_m
+        behind, paused = abs(due_m - distance_m) > OFF_M, self._pause() is not None
         if math.isnan(self._time_s) or distance_m < 0.0 or (behind and not paused):
             self._time_s = table.when_s(self._within(distance_m))
+            self._passed = sum(each.end_s <= self._time_s for each in table.pauses)
             due_m, speed_mps, _ = table.after(self._time_s)
-        self._passed = sum(each.end_s <= self._time_s for each in table.pauses)
         pause = self._pause()
         if pause is None:
-            accel_mps2 = (table.after(self._time_s + dt_s)[1] - speed_mps) / dt_s
+            accel_mps2, self._turn = (table.after(self._time_s + dt_s)[1] - speed_mps) / dt_s, None
             return Due(speed_mps, accel_mps2, due_m - distance_m, stands=False, turn=None)
         since_s = self._time_s - pause.begin_s
-        return Due(0.0, 0.0, due_m - distance_m, since_s >= SETTLE_S, self._turn(pause.passage, since_s, at))
+        self._turn = self._turn or self._turn_of(pause.passage, since_s, at)
+        far = abs(due_m - distance_m) > OFF_M  # a new leader stays where it is
+        return Due(0.0, 0.0, due_m - distance_m, stands=since_s >= SETTLE_S or far, turn=self._turn)
 
     def _within(self, distance_m: float) -> float:
         """Return a distance within the part that is flown; a new leader may be anywhere."""
@@ -122,7 +138,7 @@ class TimedProgress:
         return max(distance_m, low_m)
 
     @staticmethod
-    def _turn(stop: Passage, since_s: float, at: Instant | None) -> TurnOnSpot | None:
+    def _turn_of(stop: Passage, since_s: float, at: Instant | None) -> TurnOnSpot | None:
         """Return the turn in place, once the leader has stood for as long as it is to."""
         turning_s = since_s - SETTLE_S - stop.hold_s
         if stop.turn_s == 0.0 or turning_s < 0.0 or at is None:

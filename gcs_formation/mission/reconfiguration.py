@@ -24,7 +24,7 @@ from formation_scenario.slot_motion import SlotMotion, Transition
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.fleet.membership_and_succession import Candidate, best_successor, can_lead
-from gcs_formation.guidance.tracking import Abreast, project
+from gcs_formation.guidance.tracking import Abreast
 from gcs_formation.guidance.turn_on_spot import TurnOnSpot
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.recorder import Note
@@ -357,13 +357,12 @@ class Reconfiguration:
         if not guidance.started:
             return None, 0.0, swing_rad
         slots = controller.plan.seen_from(leader, swing_rad, now / NANOSECONDS)
-        distance_m = project(guidance.path, place.north_m, place.east_m, guidance.distance_m)
-        point = guidance.path.at(distance_m)
+        distance_m, point = guidance.abreast(place.north_m, place.east_m)
         right_m, up_m = point.aside_m(place.north_m, place.east_m, place.height_m)
         abreast, commanded_m = Abreast(point, right_m, up_m), tick.setpoints[leader][2]
         above = abreast.rise(place, commanded_m, controller.models[leader], guidance.speed_mps)
-        aside = abreast.slope_aside(place)
-        scenario, path, reach_m = self._flown, guidance.path, slots.reach_m
+        aside = 0.0 if guidance.pauses else abreast.slope_aside(place)  # at a stop it comes to rest first
+        scenario, path, reach_m = self._scenario if guidance.pauses else self._flown, guidance.path, slots.reach_m
         way = take_over(scenario, path, distance_m, right_m, above, reach_m, self._ground, right_slope=aside)
         return way, distance_m, swing_rad
 
