@@ -188,13 +188,20 @@ def _steep_legs(scenario: Scenario, steep: Mapping[int, Steep]) -> Iterator[Viol
         limits = climb_limits(scenario, speed_mps, math.hypot(*scenario.drift_mps))
         (north_m, east_m, from_m), to = scenario.path.waypoints_m[waypoint - 1 : waypoint + 1]
         rise_m, leg_m = to[2] - from_m, math.hypot(to[0] - north_m, to[1] - east_m)
-        needed_m = abs(rise_m) / limits.slope + limits.shortest_rounding_m
+        straight_m, rounding_m = abs(rise_m) / limits.slope, limits.shortest_rounding_m
         found = f"found a leg of {leg_m:.0f} m that {'climbs' if rise_m > 0 else 'descends'} {abs(rise_m):.1f} m"
-        flown = f"{abs(each.slope) * speed_mps:.3g} m/s of climb with its rounding"
         most = f"{weakest.model.climb_max_mps:g} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
-        allowed = f"up to {most}: {needed_m:.0f} m or more for that height, or path.climb: circle"
-        excess, at_m = abs(each.slope) / limits.slope - 1.0, float(scenario.written_path.waypoints_at_m[waypoint])
-        yield Violation((*WAYPOINTS, waypoint), f"{found}, {flown}", allowed, "climb", excess, at_m, waypoint)
+        needed = f"{straight_m + rounding_m:.0f} m or more for that height"
+        if straight_m > leg_m:
+            found, allowed = f"{found}, {abs(rise_m) / leg_m * speed_mps:.3g} m/s", f"up to {most}: {needed}"
+        else:  # steep enough only for want of room to change the slope
+            allowed = f"{needed}: {straight_m:.0f} m at {most}, and {rounding_m:.0f} m to round its ends"
+        allowed += ", or path.climb: circle"
+        before_m, at_m = scenario.written_path.waypoints_at_m[waypoint - 1 : waypoint + 1].tolist()
+        if leg_m >= straight_m + rounding_m > at_m - before_m:
+            found += f", of which the turns at its ends leave {at_m - before_m:.0f} m"
+        excess = abs(each.slope) / limits.slope - 1.0
+        yield Violation((*WAYPOINTS, waypoint), found, allowed, "climb", excess, at_m, waypoint)
 
 
 def _speed(scenario: Scenario) -> Iterator[Violation]:

@@ -64,6 +64,15 @@ class PathWithStops(LegsPath):
             self.steep |= {first + index: each for index, each in run.steep.items()}
             self.crowded_m |= {first + index: each for index, each in run.crowded_m.items()}
             self.circle_radii_m |= {first + index: each for index, each in run.circle_radii_m.items()}
+        self.nodes = np.concatenate([runs[0].nodes[:1], *(run.nodes[1:] for run in runs)])
+        self.nodes_at_m = np.concatenate(
+            [np.zeros(1), *(at + run.nodes_at_m[1:] for run, at in zip(runs, offsets_m, strict=False))]
+        )
+        self.circling_m = [
+            (at + begin_m, at + end_m)
+            for run, at in zip(runs, offsets_m, strict=False)
+            for begin_m, end_m in run.circling_m
+        ]
         self.tightest_m = min(each.tightest_m for each in runs)
         nodes_m = np.concatenate(
             [np.zeros(1), *(at + run.nodes_m[1:] for run, at in zip(runs, offsets_m, strict=False))]

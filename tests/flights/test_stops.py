@@ -116,7 +116,7 @@ def test_a_successor_goes_on_from_where_the_leader_was_lost(at_s, tmp_path):
     faults = [{"at_s": at_s, "vehicles": [1], "kind": "crash"}]
     scenario = keys([[0, 0, 30], [40, 0, 30], [40, 130, 30]], path={"stops": STOP}, faults=faults, duration_s=90)
     flown = gcs_formation.run(scenario, clock="virtual", out=tmp_path / "run").to_dict()
-    time_s, place_m, _ = leader(tmp_path / "run")
+    _, place_m, _ = leader(tmp_path / "run")
     later = place_m[1] > 80.0
     assert np.abs(place_m[0, later] - 40.0).max() < 1.0
     assert place_m[1].max() > 120.0

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from flight_model.legs.deviation import deviation
 from formation_scenario import load_scenario
 from formation_scenario.ground_and_fence import fence_distances
 from formation_scenario.path_limits import SampledPath
@@ -163,6 +164,33 @@ def test_turns_after_short_legs_are_planned_for_the_speed_that_is_reached():
         }
     )
     assert 17.0 < scenario.short_legs[1] < 24.0
+
+
+def test_what_limits_a_steep_leg_is_said(refusal):
+    (steep,) = refusal("path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [2120, 0, 148], [4000, 0, 148]]", LEGS)
+    assert "found a leg of 120 m that climbs 48.0 m, 8.8 m/s; up to 3 m/s, vehicle 1's climb_max_mps" in steep
+    (short,) = refusal("path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [2120, 0, 108], [4000, 0, 108]]", LEGS)
+    assert "found a leg of 120 m that climbs 8.0 m; 125 m or more for that height: 59 m at 3 m/s" in short
+    assert "and 66 m to round its ends" in short
+
+
+@pytest.mark.parametrize(("gap_m", "height_m"), [(3.0, 100.8), (100.0, 103.0)])
+def test_all_heights_of_waypoints_that_one_turn_passes_are_flown(load, height_m, gap_m):
+    corner = [[0, 0, 100], [2000, 0, 100], [2000 + gap_m, gap_m, height_m], [2000 + gap_m, 3000, height_m]]
+    path = load(f"path.waypoints_m={corner}", LEGS).written_path
+    assert [(each.first, each.last) for each in path.passed] == [(1, 2)]
+    for at_m, (_, _, wanted_m) in zip(path.waypoints_at_m, corner, strict=True):
+        assert path.at(float(at_m)).height_m == pytest.approx(wanted_m, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    "waypoints", ["[[0, 0, 100], [2500, 0, 100], [5000, 0, 100]]", "[[0, 0, 100], [2500, 0, 100], [2900, 0, 100]]"]
+)
+def test_circles_that_are_asked_for_are_not_off_the_legs(load, waypoints):
+    """Those around a waypoint, and those that touch one that is too near to the next."""
+    scenario = load(f"path.waypoints_m={waypoints}", LEGS, "path.circles=[{waypoint: 1, turns: 2, radius_m: 500}]")
+    assert scenario.written_path.circle_radii_m[1] == pytest.approx(500.0)
+    assert deviation(scenario.written_path, scenario.path.waypoints_m).off_legs_m < 1.0
 
 
 LOITER = "path.waypoints_m=[[0, 0, 100], [2500, 0, 100], [2500, 2500, 100]]"
