@@ -62,7 +62,9 @@ def path_of_legs(
         for speed_mps in set().union(*flown_mps) - turns.keys():
             turns[speed_mps] = turn_limits(members, steps, speed_mps, wind_mps)
         limits = [_tightest(turns[speed_mps] for speed_mps in each) for each in flown_mps]
-        rules = TurnRules(limits, path.turn_distance_max_m, path.turn == "fly_over", lack, known)
+        rules = TurnRules(
+            limits, path.turn_distance_max_m, path.turn == "fly_over", lack, known, path.detour == "nearest"
+        )
         plan = LegPlan(rules, [climbs[each] for each in path.legs_mps], path.climb == "circle", circles)
         found = LegsPath(path.waypoints_m, plan)
         # On a leg too short for its speed, another one is flown in the turn at its end.

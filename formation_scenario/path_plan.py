@@ -131,6 +131,12 @@ class PathPlan(Keys):
         "legs: farthest that a turn passes from its waypoint; sharper corners are turned by overshooting a leg, m",
         60,
     )
+    detour: Literal["shortest", "nearest"] = key(
+        "shortest",
+        "legs: which of the detours that have room is flown, as between lanes that are nearer than two radii: the "
+        "shortest, or the one that stays nearest to the legs",
+        "nearest",
+    )
     climb: Literal["refuse", "circle"] = key(
         "refuse",
         "legs: what becomes of a leg that is too steep: it is refused, or ends in circles; vehicles that hover fly it "

@@ -166,6 +166,19 @@ def test_turns_after_short_legs_are_planned_for_the_speed_that_is_reached():
     assert 17.0 < scenario.short_legs[1] < 24.0
 
 
+@pytest.mark.parametrize("apart_m", [40, 100, 300])
+def test_a_detour_between_near_lanes_may_stay_half_as_far_off_them(load, apart_m):
+    lanes = f"path.waypoints_m=[[0, 0, 100], [1500, 0, 100], [1500, {apart_m}, 100], [0, {apart_m}, 100]]"
+    shortest, nearest = (load(lanes, LEGS, f"path.detour={which}") for which in ("shortest", "nearest"))
+    off_m = [deviation(each.written_path, each.path.waypoints_m).off_legs_m for each in (shortest, nearest)]
+    assert off_m[1] < 0.65 * off_m[0]
+    assert nearest.written_path.length_m > shortest.written_path.length_m
+    for scenario in (shortest, nearest):  # both lanes are flown whole
+        (detour,) = scenario.written_path.passed
+        assert detour.begin_m == pytest.approx(1500.0)
+        assert scenario.written_path.length_m - detour.begin_m - detour.length_m == pytest.approx(1500.0)
+
+
 def test_what_limits_a_steep_leg_is_said(refusal):
     (steep,) = refusal("path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [2120, 0, 148], [4000, 0, 148]]", LEGS)
     assert "found a leg of 120 m that climbs 48.0 m, 8.8 m/s; up to 3 m/s, vehicle 1's climb_max_mps" in steep
