@@ -36,7 +36,7 @@ from formation_scenario.links import (
 )
 from formation_scenario.model import Scenario
 from formation_scenario.orders import read_order
-from formation_scenario.path_limits import WAYPOINTS
+from formation_scenario.sampled_path import WAYPOINTS
 from formation_scenario.scripted import ACTS, ScriptedLink, ScriptedOrder
 from formation_scenario.source import Finding, KeyPath
 from formation_scenario.start_states_and_end_times import latest_end_s

@@ -103,6 +103,8 @@ class Timetable(SpeedProfile):
         straights_m = [max(begin - end, 0.0) for end, begin in zip(ends_m, begins_m, strict=True)]
         most_mps = [min(each.most_mps, *legs_mps[index : index + 2]) for index, each in enumerate(passages)]
         speeds = attainable([begin_mps, *most_mps, legs_mps[-1]], straights_m, rates)
+        self.lacks_m = max(rates.length_m(begin_mps, speeds[1]) - straights_m[0], 0.0)
+        """How much longer the first straight would have to be to brake from the speed at which the path is begun."""
         self._rates, self._pieces, self.pauses = rates, list[Piece](), list[Pause]()
         self.cruises_mps = list[float]()
         """What is reached of the wanted speed on each straight."""

@@ -16,8 +16,8 @@ from formation_scenario.feasibility import check
 from formation_scenario.fields import ScenarioError
 from formation_scenario.load import UnflyableError, to_the_paths_end
 from formation_scenario.model import Scenario
-from formation_scenario.path_limits import WAYPOINTS
 from formation_scenario.rules import inconsistencies
+from formation_scenario.sampled_path import WAYPOINTS
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, show
 from formation_scenario.violations import Violation
 

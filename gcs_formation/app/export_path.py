@@ -13,7 +13,7 @@ from formation_scenario.fields import VehicleRef
 from formation_scenario.mission_fence import file_fence
 from formation_scenario.mission_files.export import NamedPath, export
 from formation_scenario.mission_files.mission import MissionFileError
-from formation_scenario.path_limits import with_turns
+from formation_scenario.sampled_path import with_turns
 from formation_scenario.slot_assignment import columns, slot_schedule
 from formation_scenario.slot_frame import axis_rad
 

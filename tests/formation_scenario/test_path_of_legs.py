@@ -8,7 +8,7 @@ import pytest
 from flight_model.legs.deviation import deviation
 from formation_scenario import load_scenario
 from formation_scenario.ground_and_fence import fence_distances
-from formation_scenario.path_limits import SampledPath
+from formation_scenario.sampled_path import SampledPath
 from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.start_states_and_end_times import path_end_s, planned_m

@@ -10,7 +10,7 @@ from flight_model.legs.deviation import deviation
 from flight_model.stops.timetable import Timetable
 from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.ground_and_fence import fence_distances
-from formation_scenario.path_limits import with_turns
+from formation_scenario.sampled_path import with_turns
 from formation_scenario.start_states_and_end_times import path_end_s, planned_m
 from gcs_formation.app.check_path import path_text
 from gcs_formation.app.export_path import export_path
@@ -128,6 +128,12 @@ def test_samples_of_a_turn_in_place_stay_at_its_point_while_the_course_turns():
 def test_stops_that_can_not_be_made_are_refused(keys, said):
     with pytest.raises(ScenarioError, match=said):
         hovering(**keys)
+
+
+def test_a_first_leg_too_short_to_brake_on_is_refused_with_the_length_that_would_do():
+    with pytest.raises(ScenarioError, match="found 5 m to brake on from 5 m/s before a stop; allowed: 15 m or more"):
+        hovering([[0, 0, 30], [5, 0, 30], [5, 100, 30]], turn="stop")
+    hovering([[0, 0, 30], [15.1, 0, 30], [15.1, 100, 30]], turn="stop")
 
 
 @pytest.mark.parametrize("keys", [{"turn": "stop"}, {"stops": [{"waypoint": 1}]}])
