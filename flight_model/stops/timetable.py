@@ -117,15 +117,20 @@ class Timetable(SpeedProfile):
                 self._pass(passages[index], speeds[index + 1])
         self.pieces = tuple(self._pieces)
         self._begins_s, self._starts_m = [each.begin_s for each in self.pieces], [each.begin_m for each in self.pieces]
+        self.stops, self._ends_s = [each.passage for each in self.pauses], [each.end_s for each in self.pauses]
         self.end_s, self.end_mps = self._at_s, speeds[-1]
         flown = [each for each in self.pieces if abs(each.to_mps - each.from_mps) > NO_CHANGE_MPS]
         changes = [Change(each.begin_m, max(each.length_m, LEAST_S), each.from_mps, each.to_mps) for each in flown]
         super().__init__(begin_mps, changes)
 
-    @property
-    def stops(self) -> list[Passage]:
-        """The passages that are stops."""
-        return [each.passage for each in self.pauses]
+    def passed(self, seconds: float) -> int:
+        """Return how many stops are over at a time."""
+        return bisect_right(self._ends_s, seconds)
+
+    def pause_at(self, seconds: float) -> Pause | None:
+        """Return the stop that is made at a time; None if there is none, or the time isn't known."""
+        index = self.passed(seconds)
+        return self.pauses[index] if index < len(self.pauses) and self.pauses[index].begin_s <= seconds else None
 
     def at_speed(self, speed_mps: float) -> Timetable:
         """Return the timetable of the same path at another speed of all legs."""

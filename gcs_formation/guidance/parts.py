@@ -19,7 +19,7 @@ BEFORE_M: Final = 1e-3
 ARRIVED_M: Final = 1.0
 """Distance before a turn in place from which on a vehicle may be on the part after it."""
 LEFT_M: Final = 0.1
-"""Distance after it from which on it is, if it is no nearer to the part before."""
+"""Distance after it from which on it is, if it moves on."""
 
 
 class Part(NamedTuple):
@@ -52,6 +52,8 @@ class AlongPath:
         self._path, self._passed = path, 0
         self._turns_m = [each.at_m for each in path.turns_in_place]
         self.distance_m = 0.0
+        self._arrived, self._after_m = False, math.inf
+        """Whether it has been at the end of its part, and where it was then on the one after it."""
 
     @property
     def part(self) -> Part:
@@ -65,21 +67,23 @@ class AlongPath:
             return self.distance_m
         part = self.part
         self.distance_m = project(part, north_m, east_m, self.distance_m)
-        if self.distance_m > part.end_m - ARRIVED_M:
-            after = self._part(self._passed + 1)
-            along_m = project(after, north_m, east_m, part.end_m)
-            sides = [
-                abs(each.at(at_m).aside_m(north_m, east_m, 0.0)[0])
-                for each, at_m in ((part, self.distance_m), (after, along_m))
-            ]
-            if along_m > part.end_m + LEFT_M and sides[1] <= sides[0] + BEFORE_M:
-                self.distance_m, self._passed = along_m, self._passed + 1
+        self._arrived = self._arrived or self.distance_m > part.end_m - ARRIVED_M
+        if self._arrived and self._passed < len(self._turns_m):
+            self._go_on(part.end_m, north_m, east_m)
         return self.distance_m
+
+    def _go_on(self, turn_m: float, north_m: float, east_m: float) -> None:
+        """Go on to the part after the present one once the vehicle moves away from the turn along it."""
+        before_m = self._after_m
+        self._after_m = project(self._part(self._passed + 1), north_m, east_m, turn_m)
+        if self._after_m > max(turn_m + LEFT_M, before_m):
+            self.distance_m, self._passed = self._after_m, self._passed + 1
+            self._arrived, self._after_m = False, math.inf
 
     def search(self, north_m: float, east_m: float, reach_m: float) -> float:
         """Take a place anywhere up to `reach_m` farther along the path; return the distance."""
         self.distance_m = nearest(self._path, north_m, east_m, self.distance_m, self.distance_m + reach_m)
-        self._passed = bisect_right(self._turns_m, self.distance_m)
+        self._passed, self._arrived = bisect_right(self._turns_m, self.distance_m), False
         return self.distance_m
 
     def _part(self, passed: int) -> Part:

@@ -72,7 +72,7 @@ class TimedProgress:
         return not self._standing and self._pause() is not None
 
     def _pause(self) -> Pause | None:
-        return next((each for each in self.timetable.pauses if each.begin_s <= self._time_s < each.end_s), None)
+        return self.timetable.pause_at(self._time_s)
 
     def take_over(self) -> None:
         """Another vehicle leads: it is due where it is; at a stop it stays as long, but has turned already."""
@@ -115,12 +115,12 @@ class TimedProgress:
         table = self.timetable
         self._time_s += min(max(elapsed_s, 0.0), MOST_TICK_S)
         if not math.isnan(self._time_s):
-            self._passed = sum(each.end_s <= self._time_s for each in table.pauses)
+            self._passed = table.passed(self._time_s)
         due_m, speed_mps, _ = table.after(self._time_s)
         behind, paused = abs(due_m - distance_m) > OFF_M, self._pause() is not None
         if math.isnan(self._time_s) or distance_m < 0.0 or (behind and not paused):
             self._time_s = table.when_s(self._within(distance_m))
-            self._passed = sum(each.end_s <= self._time_s for each in table.pauses)
+            self._passed = table.passed(self._time_s)
             due_m, speed_mps, _ = table.after(self._time_s)
         pause = self._pause()
         if pause is None:
