@@ -385,13 +385,8 @@ class FormationController:
         at = Instant(states.instant(tick.leader))
         state, model = states.of(tick.leader, tick.leader), self.models[tick.leader]
         tick.state[tick.leader] = state
-        sigma_rad = self.estimator.filters[tick.leader].course_sigma_rad
         self._go_on_from_replaced(tick.leader, state)
-        steered = state if self._steps is None else self._steps.without(state)
-        delay_s = tick.links[tick.leader].delay_s
-        round_trip_s = 2.0 * delay_s if self._compensates and finite(delay_s) else 0.0
-        loss = tick.links[tick.leader].loss
-        turns = TurnBounds(bend_max_rps2(self._slots_m, self.models), sigma_rad, round_trip_s, loss)
+        steered, turns = state if self._steps is None else self._steps.without(state), self._turn_bounds(tick)
         wanted = self.guidance.steer(steered, model, assembled=assembled, bounds=turns, at=at)
         path, turn_rps = self.guidance.heading(state), self.guidance.turn_rps
         if self._own_guidance is not None:
@@ -415,6 +410,12 @@ class FormationController:
         compensates, told = self._compensates, self._leader_commands
         commands = [told.at(states.instant(column) if compensates else at) for column in self._every_column]
         return Lead(tick.leader, at, commands, path)
+
+    def _turn_bounds(self, tick: Tick) -> TurnBounds:
+        """Return what bounds changes of the leader's turn rate: its followers, noise, and the delay of its link."""
+        sigma_rad, link = self.estimator.filters[tick.leader].course_sigma_rad, tick.links[tick.leader]
+        round_trip_s = 2.0 * link.delay_s if self._compensates and finite(link.delay_s) else 0.0
+        return TurnBounds(bend_max_rps2(self._slots_m, self.models), sigma_rad, round_trip_s, link.loss)
 
     def _go_on_from_replaced(self, leader: int, state: FlightState) -> None:
         """Have the guidance go on from the last tick's heading setpoint where something replaced it."""
