@@ -51,6 +51,14 @@ class PathPoints(NamedTuple):
         return PathPoints(*(each[which] for each in self))
 
 
+class TurnInPlace(NamedTuple):
+    """A turn on the spot at a distance along a path: from a course by an angle, clockwise positive."""
+
+    at_m: float
+    from_rad: float
+    by_rad: float
+
+
 class Route(Protocol):
     """A curve to fly along, parametrised by horizontal arc length."""
 
@@ -67,14 +75,16 @@ class Route(Protocol):
 class FlightPath:
     """A curve over the ground of quintic pieces, by horizontal arc length in m.
 
-    It is as continuous as what its nodes are given: position, course, curvature and slope don't jump. Before 0 and
-    beyond `length_m` the path is straight and level.
+    It is as continuous as what its nodes are given: position, course, curvature and slope don't jump, but the course
+    does at `turns_in_place`, where it is the later one. Before 0 and beyond `length_m` the path is straight and level.
 
     Attributes:
         length_m: horizontal length.
         nodes_m: (m + 1,) arc lengths of the pieces' ends.
         waypoints_at_m: (n,) arc lengths of the waypoints, or of the points nearest to them.
     """
+
+    turns_in_place: tuple[TurnInPlace, ...] = ()
 
     def __init__(self, nodes_m: Array, waypoints_at_m: Array, coefficients: Array) -> None:
         """Take the pieces' ends, the waypoints' arc lengths, and (m, 3, 6) coefficients as of `hermite_pieces`."""
@@ -85,6 +95,11 @@ class FlightPath:
         # For scalars, plain floats are faster than numpy, and the guidance asks for scalars.
         self._curve = Curve(self.nodes_m[:-1].tolist(), cast("list[list[list[float]]]", self._coefficients.tolist()))
         self._ends = self._curve.at(0.0), self._curve.at(self.length_m)
+
+    @property
+    def coefficients(self) -> Array:
+        """(m, 3, 6) coefficients of the pieces, as of `hermite_pieces`."""
+        return self._coefficients
 
     @overload
     def at(self, s: float) -> PathPoint: ...

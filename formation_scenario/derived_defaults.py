@@ -237,7 +237,14 @@ def with_files(source: Source, registry: Registry | None = None) -> Source:
     Raises:
         ScenarioError: no such file, or one that can't be used.
     """
-    return with_models(with_mission(source, _directory(source)), registry)
+    whole = with_models(source, registry)
+    return with_mission(whole, _directory(source), hovering=_hover(whole))
+
+
+def _hover(whole: Source) -> bool:
+    """Return whether all vehicles hover by their models."""
+    models = _models(whole.data.get("vehicles"))
+    return bool(models) and all(isinstance(each, dict) and each.get("hovers") is True for each in models)
 
 
 def with_models(source: Source, registry: Registry | None = None) -> Source:

@@ -14,7 +14,8 @@ from formation_scenario.formation_changes import ahead, plan_change, take_over
 from formation_scenario.ground_and_fence import check_fence, check_start, check_steps, check_terrain
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, not_standing, read_order, why_not_set_out
-from formation_scenario.path_limits import SAME_PLACE_M, TOLERANCE, SampledPath, excesses
+from formation_scenario.path_limits import TOLERANCE, excesses
+from formation_scenario.sampled_path import SAME_PLACE_M, SampledPath
 from formation_scenario.slot_assignment import (
     Arrangement,
     SlotStep,

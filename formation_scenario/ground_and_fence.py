@@ -15,7 +15,8 @@ from flight_model.path import FlightPath, PathPoints
 from flight_model.path_lift_and_displacement import SAMPLE_M, sample_places
 from formation_scenario.formation import added
 from formation_scenario.model import Scenario
-from formation_scenario.path_limits import TOLERANCE, WAYPOINTS, SampledPath, place_of
+from formation_scenario.path_limits import TOLERANCE
+from formation_scenario.sampled_path import WAYPOINTS, SampledPath, place_of
 from formation_scenario.slot_assignment import SlotStep, column_names, columns, slot_schedule
 from formation_scenario.slot_frame import axis_rad
 from formation_scenario.source import KeyPath, dotted

@@ -22,7 +22,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario.fields import MAX_DISTANCE_M, FileError, ScenarioError
 from formation_scenario.mission_fence import fence_keys
 from formation_scenario.mission_files import MissionFileError, RoutePoint, read_mission, route_of
-from formation_scenario.mission_legs import DEFAULT_MPS, circles_of, thinned_with_keys
+from formation_scenario.mission_legs import DEFAULT_MPS, circles_of, named, stops_of, thinned_with_keys
 from formation_scenario.path_plan import TOLERANCE_M
 from formation_scenario.source import Key, Plain, Source, kind, plain_mapping
 from formation_scenario.surroundings import Terrain
@@ -33,12 +33,13 @@ FORMS: Final = ("waypoints_m", "waypoints_deg", "file")
 _Points = list[tuple[float, float, float]]
 
 
-def with_mission(source: Source, directory: Path) -> Source:
+def with_mission(source: Source, directory: Path, *, hovering: bool = False) -> Source:
     """Return the scenario with its waypoints in metres, whatever they were given as; others unchanged.
 
     Args:
         source: the scenario in plain values.
         directory: to which `path.file` is relative.
+        hovering: whether its vehicles hover where a file says that they stay.
 
     Raises:
         ScenarioError: two forms of waypoints, a file that can't be read, or heights that can't be known.
@@ -52,7 +53,7 @@ def with_mission(source: Source, directory: Path) -> Source:
         raise ScenarioError([source.problem(("path", given[-1]), f"found {' and '.join(given)}", allowed)])
     if given == ["waypoints_deg"]:
         return _from_degrees(source, path)
-    return _FromFile(source, path, directory).scenario()
+    return _FromFile(source, path, directory, hovering=hovering).scenario()
 
 
 def _from_degrees(source: Source, path: dict[Key, Plain]) -> Source:
@@ -77,8 +78,8 @@ def _from_degrees(source: Source, path: dict[Key, Plain]) -> Source:
 class _FromFile:
     """A scenario whose waypoints are a mission file's."""
 
-    def __init__(self, source: Source, path: dict[Key, Plain], directory: Path) -> None:
-        self._source = source
+    def __init__(self, source: Source, path: dict[Key, Plain], directory: Path, *, hovering: bool) -> None:
+        self._source, self._hovering = source, hovering
         self._path = path
         file = path["file"]
         if not isinstance(file, str):
@@ -100,9 +101,9 @@ class _FromFile:
         waypoints = np.column_stack((places, heights))
         path = self._speed()
         if self._path.get("kind", "legs") == "legs":
-            path |= self._circles(path)
+            path |= self._circles(path) | self._stops()
         elif circling := [each.where for each in points if each.circles is not None]:
-            self._not_flown.append(f"{_listed(circling)}: circles aren't flown along a spline")
+            self._not_flown.append(f"{named(circling)}: circles aren't flown along a spline")
         if tolerance_m := self._tolerance_m():
             waypoints, path = thinned_with_keys(waypoints, path, tolerance_m)
         more: dict[Key, Plain] = {"origin": origin}
@@ -202,9 +203,18 @@ class _FromFile:
         """Return the keys of the file's circles, at a path's speed, unless the scenario has some."""
         if self._path.get("circles") is not None:
             return {}
-        found, remarks = circles_of(self._route.points, self._path.get("speed_mps", path.get("speed_mps")))
+        speed, points = self._path.get("speed_mps", path.get("speed_mps")), self._route.points
+        found, remarks = circles_of(points, speed, hovering=self._hovering)
         self._not_flown += remarks
         return {"circles": found} if found else {}
+
+    def _stops(self) -> dict[Key, Plain]:
+        """Return the keys of the file's stops, of vehicles that hover, unless the scenario has some."""
+        if self._path.get("stops") is not None:
+            return {}
+        found, remarks = stops_of(self._route.points, hovering=self._hovering)
+        self._not_flown += remarks
+        return {"stops": found} if found else {}
 
     def _tolerance_m(self) -> float:
         tolerance = self._path.get("tolerance_m")
@@ -256,7 +266,3 @@ def _group(source: Source, name: str) -> dict[Key, Plain]:
 
 def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")

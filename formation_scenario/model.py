@@ -379,7 +379,9 @@ class Scenario(Keys):
 
     @cached_property
     def _planned_speeds(self) -> tuple[SpeedProfile, dict[int, float]]:
-        if not isinstance(self.path.speed_mps, tuple):
+        if not isinstance(self.path.speed_mps, tuple) and not (
+            self.hovers and self.path.kind == "legs" and self.path.speed_mps > 0.0
+        ):
             return SpeedProfile(self.path.speed_mps), {}
         return planned_speeds(self, self.path, self.written_path, float(np.hypot(*self.drift_mps)))
 

@@ -11,23 +11,21 @@ import numpy as np
 from flight_model.arrays import Array, Mask
 from flight_model.legs.heights import Steep
 from flight_model.legs.path import LegsPath
-from flight_model.path import FlightPath, PathPoints
+from flight_model.stops.timetable import Timetable
 from formation_scenario.fields import distinct_texts
 from formation_scenario.model import Scenario
+from formation_scenario.sampled_path import SAME_PLACE_M, WAYPOINTS, SampledPath
 from formation_scenario.slot_assignment import SlotStep, columns
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
-from formation_scenario.source import KeyPath
 from formation_scenario.start_states_and_end_times import over_ground_mps, wind_mps
 from formation_scenario.turn_limits import climb_limits
 from formation_scenario.vehicles import Vehicle, VehicleModel
-from formation_scenario.violations import NOWHERE, Kind, Move, Violation
+from formation_scenario.violations import Kind, Violation
 
-BETWEEN_SAMPLES_M = 5.0
 TOLERANCE = 1e-6
+SAME_M = 0.1
 EQUAL = 1e-9
 """Relative difference below which two shares count as equal, so that rounding doesn't decide which is named."""
-SAME_PLACE_M = 250.0
-"""Longest gap between two violations that count as one place, such as the two ends of a bend."""
 BACK = 4.0
 """Multiple of the turn rate from which on a bend counts as a reversal."""
 ROUND_M = 100.0
@@ -41,57 +39,6 @@ _KINDS: Mapping[str, Kind] = {
     "accel": "slot acceleration",
     SETPOINT: "slot setpoint",
 }
-WAYPOINTS: KeyPath = ("path", "waypoints_m")
-
-
-class SampledPath(NamedTuple):
-    """Samples of a path: arc lengths (K,), points, and the index of the nearest waypoint to each."""
-
-    places_m: Array
-    points: PathPoints
-    waypoints: Array
-
-    @classmethod
-    def along(cls, path: FlightPath, from_m: float = 0.0) -> SampledPath:
-        """Sample a path from `from_m` to its end."""
-        uniform = np.linspace(from_m, path.length_m, int((path.length_m - from_m) / BETWEEN_SAMPLES_M) + 2)
-        places = np.array(sorted({*uniform.tolist(), *path.nodes_m[path.nodes_m >= from_m].tolist()}))
-        middles = (path.waypoints_at_m[1:] + path.waypoints_at_m[:-1]) / 2.0
-        return cls(places, path.at(places), np.searchsorted(middles, places).astype(np.float64))
-
-    def only(self, which: Mask) -> SampledPath:
-        """Return the samples in a mask (K,)."""
-        return SampledPath(self.places_m[which], self.points.only(which), self.waypoints[which])
-
-    def stretches(self, over: Mask) -> Iterator[slice]:
-        """Yield the stretches of the path where `over` (K,) holds, with gaps of up to `SAME_PLACE_M`."""
-        indices = np.flatnonzero(over)
-        breaks = np.flatnonzero(np.diff(self.places_m[indices]) > SAME_PLACE_M) + 1
-        for run in np.split(indices, breaks) if indices.size else []:
-            yield slice(int(run[0]), int(run[-1]) + 1)
-
-    def violation(
-        self,
-        index: int,
-        found: str,
-        allowed: str,
-        kind: Kind,
-        excess: float = 1.0,
-        moves: Mapping[int, Move] = NOWHERE,
-    ) -> Violation:
-        """Return what was found at a sample, with the nearest waypoint as its key."""
-        at_m, waypoint = float(self.places_m[index]), int(self.waypoints[index])
-        where = f"path at {at_m:.0f} m ({place_of(self.points, index)})"
-        return Violation((*WAYPOINTS, waypoint), f"{where}: {found}", allowed, kind, excess, at_m, waypoint, moves)
-
-    def raised(self, stretch: slice, lack_m: Array) -> dict[int, Move]:
-        """Return by how much the nearest waypoints to a stretch lack height, by the lacks (K,) of all samples."""
-        moves = dict[int, Move]()
-        for waypoint, each_m in zip(self.waypoints[stretch].tolist(), lack_m[stretch].tolist(), strict=True):
-            known = moves.get(int(waypoint), (0.0, 0.0, 0.0))
-            if abs(each_m) > abs(known[2]):
-                moves[int(waypoint)] = (0.0, 0.0, each_m)
-        return moves
 
 
 class _Demand(NamedTuple):
@@ -113,7 +60,7 @@ class _Demand(NamedTuple):
 
 def excesses(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> list[Violation]:
     """Return violations of vehicles' limits: the path's speed, also in the wind, and each place's worst."""
-    found = [*_crowded(scenario), *climbs(scenario, sampled)]
+    found = [*_crowded(scenario), *_sudden(scenario), *climbs(scenario, sampled)]
     for flown, part in _by_speed(scenario, sampled):
         speed = list(_speed(flown))
         found += [*speed, *_into_wind(flown, part), *_bends(flown, part, steps, too_fast=bool(speed))]
@@ -161,6 +108,17 @@ def _crowded(scenario: Scenario) -> Iterator[Violation]:
         yield Violation((*WAYPOINTS, waypoint), found, allowed, "circles", short_m / 10.0, at_m, waypoint)
 
 
+def _sudden(scenario: Scenario) -> Iterator[Violation]:
+    """Yield a first leg too short to brake on from the speed at which the path is begun, of vehicles that hover."""
+    planned = scenario.speeds
+    if isinstance(planned, Timetable) and planned.lacks_m > SAME_M:
+        begin_mps, (passage, flown_mps) = planned.begin_mps, next(iter(planned.flown))
+        what = "a stop" if passage.stops else f"a corner at {flown_mps:.3g} m/s"
+        found = f"found {passage.begin_m:.0f} m to brake on from {begin_mps:g} m/s before {what}"
+        allowed = f"{passage.begin_m + planned.lacks_m:.0f} m or more, or a slower path.speed_mps"
+        yield Violation((*WAYPOINTS, passage.waypoint), found, allowed, "path speed", 0.1, passage.begin_m)
+
+
 def _steep_legs(scenario: Scenario, steep: Mapping[int, Steep]) -> Iterator[Violation]:
     """Yield the legs that are too steep for some vehicle, and the length that each would need."""
     weakest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.climb_max_mps)
@@ -169,13 +127,20 @@ def _steep_legs(scenario: Scenario, steep: Mapping[int, Steep]) -> Iterator[Viol
         limits = climb_limits(scenario, speed_mps, math.hypot(*scenario.drift_mps))
         (north_m, east_m, from_m), to = scenario.path.waypoints_m[waypoint - 1 : waypoint + 1]
         rise_m, leg_m = to[2] - from_m, math.hypot(to[0] - north_m, to[1] - east_m)
-        needed_m = abs(rise_m) / limits.slope + limits.shortest_rounding_m
+        straight_m, rounding_m = abs(rise_m) / limits.slope, limits.shortest_rounding_m
         found = f"found a leg of {leg_m:.0f} m that {'climbs' if rise_m > 0 else 'descends'} {abs(rise_m):.1f} m"
-        flown = f"{abs(each.slope) * speed_mps:.3g} m/s of climb with its rounding"
         most = f"{weakest.model.climb_max_mps:g} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
-        allowed = f"up to {most}: {needed_m:.0f} m or more for that height, or path.climb: circle"
-        excess, at_m = abs(each.slope) / limits.slope - 1.0, float(scenario.written_path.waypoints_at_m[waypoint])
-        yield Violation((*WAYPOINTS, waypoint), f"{found}, {flown}", allowed, "climb", excess, at_m, waypoint)
+        needed = f"{straight_m + rounding_m:.0f} m or more for that height"
+        if straight_m > leg_m:
+            found, allowed = f"{found}, {abs(rise_m) / leg_m * speed_mps:.3g} m/s", f"up to {most}: {needed}"
+        else:  # steep enough only for want of room to change the slope
+            allowed = f"{needed}: {straight_m:.0f} m at {most}, and {rounding_m:.0f} m to round its ends"
+        allowed += ", or path.climb: circle"
+        before_m, at_m = scenario.written_path.waypoints_at_m[waypoint - 1 : waypoint + 1].tolist()
+        if leg_m >= straight_m + rounding_m > at_m - before_m:
+            found += f", of which the turns at its ends leave {at_m - before_m:.0f} m"
+        excess = abs(each.slope) / limits.slope - 1.0
+        yield Violation((*WAYPOINTS, waypoint), found, allowed, "climb", excess, at_m, waypoint)
 
 
 def _speed(scenario: Scenario) -> Iterator[Violation]:
@@ -338,9 +303,3 @@ def _allowed(limit: str, model: VehicleModel, speed_mps: float) -> str:
 
 def _speeds(model: VehicleModel) -> str:
     return f"{model.speed_min_mps:g} to {model.speed_max_mps:g} m/s"
-
-
-def place_of(points: PathPoints, index: int) -> str:
-    """Return a point of the path in words, its height to a decimetre."""
-    north_m, east_m, height_m = points.north_m[index], points.east_m[index], round(points.height_m[index], 1)
-    return f"north {north_m:.0f}, east {east_m:.0f}, height {height_m:g}"

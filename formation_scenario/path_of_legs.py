@@ -16,7 +16,9 @@ from flight_model.legs.path import LegPlan, LegsPath
 from flight_model.legs.speeds import SpeedChanges, SpeedProfile, speed_profile
 from flight_model.legs.turn import TurnLimits
 from flight_model.path import FlightPath
+from flight_model.stops.path import PathWithStops
 from formation_scenario.path_plan import PathPlan
+from formation_scenario.path_with_stops import path_with_stops, short_legs, timetable
 from formation_scenario.slot_assignment import Members, SlotStep, column_models, slot_schedule
 from formation_scenario.surroundings import Fence
 from formation_scenario.turn_limits import climb_limits, turn_limits
@@ -48,6 +50,8 @@ def path_of_legs(
     Raises:
         PathError: two successive waypoints less than 1 m apart horizontally.
     """
+    if all(each.model.hovers for each in members.vehicles):
+        return path_with_stops(members, path)
     steps, wind_mps = slot_schedule(members), math.hypot(*drift_mps)
     climbs = {each: climb_limits(members, each, wind_mps) for each in set(path.legs_mps)}
     lack = _lack(members, steps, path.fastest_mps, drift_mps, fence)
@@ -58,7 +62,9 @@ def path_of_legs(
         for speed_mps in set().union(*flown_mps) - turns.keys():
             turns[speed_mps] = turn_limits(members, steps, speed_mps, wind_mps)
         limits = [_tightest(turns[speed_mps] for speed_mps in each) for each in flown_mps]
-        rules = TurnRules(limits, path.turn_distance_max_m, path.turn == "fly_over", lack, known)
+        rules = TurnRules(
+            limits, path.turn_distance_max_m, path.turn == "fly_over", lack, known, path.detour == "nearest"
+        )
         plan = LegPlan(rules, [climbs[each] for each in path.legs_mps], path.climb == "circle", circles)
         found = LegsPath(path.waypoints_m, plan)
         # On a leg too short for its speed, another one is flown in the turn at its end.
@@ -82,6 +88,9 @@ def planned_speeds(
         written: the path through the waypoints.
         wind_mps: of the wind that drifts the vehicles.
     """
+    if isinstance(written, PathWithStops):
+        found = timetable(members, path, written)
+        return found, short_legs(path, found) if isinstance(path.speed_mps, tuple) else {}
     if not isinstance(written, LegsPath):
         return SpeedProfile(path.begin_mps), {}
     return speed_profile(written.straights_m, path.legs_mps, _changes(members, wind_mps))

@@ -54,6 +54,13 @@ class CirclesPlan(Keys):
     )
 
 
+class PlannedStop(Keys):
+    """A stop of vehicles that hover at a waypoint."""
+
+    waypoint: Annotated[int, Field(strict=True, ge=1), WHOLE] = key(..., "index of the waypoint, the first one is 0", 3)
+    hold_s: NonNegative = key(0.0, "how long the formation hovers there before it turns to the next leg, s", 10)
+
+
 GUIDANCES: Final = ("track",)
 """Our own guidance of the leader along its path."""
 
@@ -112,10 +119,11 @@ class PathPlan(Keys):
         "slot can fly",
         "legs",
     )
-    turn: Literal["fly_by", "fly_over"] = key(
+    turn: Literal["fly_by", "fly_over", "stop"] = key(
         "fly_by",
         "legs: fly_by turns inside a waypoint, fly_over passes it and then turns; where a turn doesn't fit, one that "
-        "overshoots a leg and comes back, or a detour from the end of one leg to the begin of the next",
+        "overshoots a leg and comes back, or a detour from the end of one leg to the begin of the next; of vehicles "
+        "that hover fly_by slows down for corners and stops where they are too sharp, stop does so at every waypoint",
         "fly_over",
     )
     turn_distance_max_m: Positive = key(
@@ -123,11 +131,23 @@ class PathPlan(Keys):
         "legs: farthest that a turn passes from its waypoint; sharper corners are turned by overshooting a leg, m",
         60,
     )
+    detour: Literal["shortest", "nearest"] = key(
+        "shortest",
+        "legs: which of the detours that have room is flown, as between lanes that are nearer than two radii: the "
+        "shortest, or the one that stays nearest to the legs",
+        "nearest",
+    )
     climb: Literal["refuse", "circle"] = key(
-        "refuse", "legs: what becomes of a leg that is too steep: it is refused, or ends in circles", "circle"
+        "refuse",
+        "legs: what becomes of a leg that is too steep: it is refused, or ends in circles; vehicles that hover fly it "
+        "more slowly instead",
+        "circle",
     )
     circles: AtMost[CirclesPlan] = key(
         (), "legs: circles around waypoints; they touch one that is nearer to another than to them"
+    )
+    stops: AtMost[PlannedStop] = key(
+        (), "legs: waypoints at which vehicles that hover stop, hover for a time and turn to the next leg"
     )
     guidance: OwnGuidance | None = key(None, "by what the leader is guided along its route")
     steps: AtMost[Step] = key(

@@ -36,7 +36,7 @@ from formation_scenario.links import (
 )
 from formation_scenario.model import Scenario
 from formation_scenario.orders import read_order
-from formation_scenario.path_limits import WAYPOINTS
+from formation_scenario.sampled_path import WAYPOINTS
 from formation_scenario.scripted import ACTS, ScriptedLink, ScriptedOrder
 from formation_scenario.source import Finding, KeyPath
 from formation_scenario.start_states_and_end_times import latest_end_s
@@ -129,6 +129,24 @@ def circles(scenario: Scenario) -> Iterator[Finding]:
         elif each.waypoint >= len(plan.waypoints_m) or each.waypoint in seen:
             again = " again" if each.waypoint in seen else ""
             yield (*key, "waypoint"), f"found {each.waypoint}{again}", f"1 to {len(plan.waypoints_m) - 1}, once each"
+        seen.add(each.waypoint)
+
+
+def stops(scenario: Scenario) -> Iterator[Finding]:
+    """Yield stops without legs, of vehicles that don't hover, at the path's ends, or twice at a waypoint."""
+    plan, seen, last = scenario.path, set[int](), len(scenario.path.waypoints_m) - 2
+    keys = [("path", "stops")] if plan.stops else []
+    keys += [("path", "turn")] if plan.turn == "stop" else []
+    for key in keys:
+        if plan.kind != "legs":
+            yield key, "found stops", "with path.kind: legs"
+        elif not scenario.hovers:
+            yield key, "found stops of vehicles that can't hover", "circles (path.circles), or vehicles that hover"
+    for index, each in enumerate(plan.stops if plan.kind == "legs" and scenario.hovers else ()):
+        if each.waypoint > last or each.waypoint in seen:
+            again = " again" if each.waypoint in seen else ""
+            allowed = f"1 to {last}, once each: the path is begun and ended in flight" if last else "a waypoint between"
+            yield ("path", "stops", index, "waypoint"), f"found {each.waypoint}{again}", allowed
         seen.add(each.waypoint)
 
 
@@ -441,6 +459,7 @@ RULES = (
     vehicle_rules.consensus,
     leg_speeds,
     circles,
+    stops,
     row,
     path,
     places,

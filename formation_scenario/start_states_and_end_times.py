@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from flight_model.arrays import Array, beside
+from flight_model.stops.timetable import Timetable
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, read_order
 from formation_scenario.slot_assignment import slot_table
@@ -121,9 +122,11 @@ def planned_m(scenario: Scenario, mission_s: Array, speeds_mps: Sequence[tuple[f
 
 def _progress(scenario: Scenario) -> tuple[Array, Array]:
     """Return distances along the path, m, and when the leader is there, s; infinite if the wind blows it back."""
-    path = scenario.written_path
+    speeds, path = scenario.speeds, scenario.written_path
+    if isinstance(speeds, Timetable):
+        return speeds.progress()
     at_m = np.linspace(0.0, path.length_m, POINTS)
-    speed_mps = over_ground_mps(scenario, path.at(at_m).course_rad, scenario.speeds.at_each(at_m))
+    speed_mps = over_ground_mps(scenario, path.at(at_m).course_rad, speeds.at_each(at_m))
     if speed_mps.min() <= 0.0:
         return at_m, np.where(at_m > 0.0, math.inf, 0.0)
     took_s = np.diff(at_m) * (1.0 / speed_mps[1:] + 1.0 / speed_mps[:-1]) / 2.0

@@ -106,6 +106,10 @@ def _kept(models: tuple[VehicleModel, ...], step: SlotStep, frame: Frame, flight
     setpoint = over + np.array([model.tau_v_s for model in each]) * needs.accel_mps2
     kept &= (setpoint <= SETPOINT_SHARE * room_up) & (-setpoint <= SETPOINT_SHARE * room_down)
     kept &= (np.abs(needs.turn_rate_rps) <= (1.0 + TURN_SHARE) / 2.0 * turn) & (np.abs(needs.accel_mps2) <= accel)
+    hovers = np.array([model.hovers for model in each])
+    if hovers.any():  # their acceleration is one vector, also across the slots' way
+        total_mps2 = np.hypot(needs.accel_mps2, needs.speed_mps * needs.turn_rate_rps)
+        kept &= (total_mps2 <= accel) | ~hovers
     return np.asarray(kept.all(axis=1))
 
 

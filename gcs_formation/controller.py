@@ -15,10 +15,9 @@ from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant, after, nanoseconds
 from flight_model.arrays import Array
-from flight_model.autopilot_model import FlightState, Setpoint, finite, within
+from flight_model.autopilot_model import FlightState, finite, within
 from flight_model.slot import CHANNELS, UNKNOWN, Slot, Triple
 from formation_scenario import Scenario
-from formation_scenario.formation import added
 from formation_scenario.slot_frame import axis_rad
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import from_scenario
@@ -48,6 +47,7 @@ from gcs_formation.guidance.leader_guidance import (
     way_ahead,
 )
 from gcs_formation.guidance.slots import FormationPlan, TrackAhead
+from gcs_formation.guidance.turn_on_spot import NOSE_LAG_S
 from gcs_formation.phases import Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from gcs_formation.separation.airspace import FenceLimits, HeightFloor
@@ -69,6 +69,9 @@ class FormationController:
     fault: NotFiniteError | None = None
     """What isn't finite of what a part returned; from then on neither guidance nor law is used."""
 
+    _turning: int | None = None
+    _course_lag_s: float = math.nan
+    """The column of a leader that turns on the spot, and the time constant of its course."""
     _leader_m: float = math.nan
     """The height setpoint by which the leader would keep to its path in still air, whatever it says of its own."""
 
@@ -80,7 +83,7 @@ class FormationController:
         self.guidance, self.plan = from_scenario.leader_guidance(scenario), FormationPlan(scenario)
         self._own_guidance = from_scenario.own_guidance(scenario)
         self._virtual, self._frame = scenario.leader is None, scenario.formation.frame
-        self.assembly, self._steps = Assembly(scenario), scenario.path.steps
+        self.assembly, self._steps = Assembly(scenario), from_scenario.added_steps(scenario)
         self._dt_s, self._compensates = 1.0 / scenario.law.rate_hz, scenario.law.delay_compensation
         self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
         self._every_column = list(range(1 + len(scenario.followers)))
@@ -121,6 +124,7 @@ class FormationController:
         self.plan.hand_over(leader, swing_rad)
         if self._outside is not None:
             self._outside.forget()
+        self._forget_steps()
         self._leader_commands.forget()
         if self._own_guidance is not None:
             self.fault = self.fault or self._own_guidance.forget()
@@ -195,6 +199,7 @@ class FormationController:
         if self._virtual and self.fault is None:
             self._place_virtual_leader(now)
         self._limit_speeds(links)
+        self._lag_of_turn()
         acts = self._acts(now, links)
         tick = self._blank_tick(now, mission_time_s, phase, links, margin_used)
         self.lags.learn([tick.active[column] and not links[column].disobeying for column in self._every_column])
@@ -291,6 +296,16 @@ class FormationController:
             if speeds_mps is not None:
                 self.models[column].reach(speeds_mps[0], speeds_mps[1])
 
+    def _lag_of_turn(self) -> None:
+        """Give a leader that turns on the spot the time constant of its yaw, and that of its course back later."""
+        column = self.plan.leader if self.guidance.turn is not None else None
+        if column != self._turning:
+            if self._turning is not None:
+                self.models[self._turning].tau_psi_s = self._course_lag_s
+            if column is not None:
+                self._course_lag_s, self.models[column].tau_psi_s = self.models[column].tau_psi_s, NOSE_LAG_S
+            self._turning = column
+
     def _acts(self, now: Instant, links: list[VehicleLink]) -> vec[i64]:
         """Return when each column's present setpoint acts; for a virtual leader amid the followers, their mean."""
         acts = vec[i64]([_acts(now, link) for link in links])
@@ -370,21 +385,19 @@ class FormationController:
         at = Instant(states.instant(tick.leader))
         state, model = states.of(tick.leader, tick.leader), self.models[tick.leader]
         tick.state[tick.leader] = state
-        sigma_rad = self.estimator.filters[tick.leader].course_sigma_rad
         self._go_on_from_replaced(tick.leader, state)
-        delay_s = tick.links[tick.leader].delay_s
-        round_trip_s = 2.0 * delay_s if self._compensates and finite(delay_s) else 0.0
-        loss = tick.links[tick.leader].loss
-        turns = TurnBounds(bend_max_rps2(self._slots_m, self.models), sigma_rad, round_trip_s, loss)
-        wanted = self.guidance.steer(state, model, assembled=assembled, bounds=turns)
+        steered, turns = state if self._steps is None else self._steps.without(state), self._turn_bounds(tick)
+        wanted = self.guidance.steer(steered, model, assembled=assembled, bounds=turns, at=at)
         path, turn_rps = self.guidance.heading(state), self.guidance.turn_rps
         if self._own_guidance is not None:
-            wanted = self._own_guidance.steer(self.guidance, wanted, state, model)
+            wanted = self._own_guidance.steer(self.guidance, wanted, steered, model)
             turn_rps = path.turn_rps + model.tau_psi_s * path.bend_rps2
-        self._add_steps(wanted, tick.mission_time_s)
+        if self._steps is not None:
+            self._steps.add(wanted, tick.mission_time_s, state, model)
         turn = self.guidance.turn
         if turn is not None:
             wanted.heading_rad, turn_rps = turn.setpoint(at, model.tau_psi_s)
+            self._forget_steps()
         self._leader_m = wanted.height_m + (model.tau_ha_s + model.tau_hb_s) * state.updraught_mps
         require_setpoint(GUIDANCE, tick.leader, (wanted.speed_mps, wanted.heading_rad, wanted.height_m))
         bounds = Envelope(wanted.heading_rad, state, model)
@@ -398,20 +411,23 @@ class FormationController:
         commands = [told.at(states.instant(column) if compensates else at) for column in self._every_column]
         return Lead(tick.leader, at, commands, path)
 
+    def _turn_bounds(self, tick: Tick) -> TurnBounds:
+        """Return what bounds changes of the leader's turn rate: its followers, noise, and the delay of its link."""
+        sigma_rad, link = self.estimator.filters[tick.leader].course_sigma_rad, tick.links[tick.leader]
+        round_trip_s = 2.0 * link.delay_s if self._compensates and finite(link.delay_s) else 0.0
+        return TurnBounds(bend_max_rps2(self._slots_m, self.models), sigma_rad, round_trip_s, link.loss)
+
     def _go_on_from_replaced(self, leader: int, state: FlightState) -> None:
         """Have the guidance go on from the last tick's heading setpoint where something replaced it."""
         if self.last_tick is not None and self.last_tick.leader == leader:
             commanded_rad = self.last_tick.setpoints[leader][1]
             if finite(commanded_rad) and commanded_rad != self._decided_rad:
                 self.guidance.go_on_from(commanded_rad, state, self.models[leader])
+                self._forget_steps()
 
-    def _add_steps(self, wanted: Setpoint, mission_time_s: float) -> None:
-        """Add the scenario's steps to the leader's setpoint."""
-        if self._steps:
-            speed_mps, heading_rad, height_m = added(self._steps, mission_time_s)
-            wanted.speed_mps += speed_mps
-            wanted.heading_rad += heading_rad
-            wanted.height_m += height_m
+    def _forget_steps(self) -> None:
+        if self._steps is not None:
+            self._steps.forget()
 
     def _goes_on(self, leader: int, commanded: Triple) -> Triple:
         """Return with which command the law takes the leader to go on: the guidance's, unless filters replace it."""

@@ -11,6 +11,7 @@ from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.fence_geometry import Flyers, LapFence
 from flight_model.path_lift_and_displacement import Bounds
+from flight_model.stops.timetable import Timetable
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.extensions import AUTOPILOT, DELAY_ESTIMATOR, GUIDANCE, PREDICTOR
@@ -31,8 +32,10 @@ from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, UNDECLAR
 from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.extend.autopilots import FAMILIES, own_autopilot
+from gcs_formation.guidance.added_steps import AddedSteps
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from gcs_formation.guidance.slots import SlotClearance
+from gcs_formation.guidance.timed_progress import TimedProgress
 from gcs_formation.guidance.tracking import LEAST_MPS
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.own_delays import OwnDelays
@@ -145,10 +148,13 @@ def autopilot_models(scenario: Scenario) -> list[AutopilotModel]:
 
 def leader_guidance(scenario: Scenario) -> LeaderGuidance:
     """Return the leader's guidance along the scenario's path."""
+    speeds = scenario.speeds
+    timed = TimedProgress(speeds) if isinstance(speeds, Timetable) else None
     return LeaderGuidance(
         path=scenario.leader_path,
         speed_mps=scenario.path.begin_mps,
-        speeds=scenario.speeds if scenario.speeds.changes else None,
+        speeds=speeds if speeds.changes and timed is None else None,
+        timed=timed,
         run_in_m=scenario.run_in_m,
         hold_speed_mps=scenario.path.begin_mps,
         hold_turn_rps=hold_turn_rps(scenario),
@@ -157,6 +163,11 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         fence=_lap_fence(scenario),
         dt_s=1.0 / scenario.law.rate_hz,
     )
+
+
+def added_steps(scenario: Scenario) -> AddedSteps | None:
+    """Return the steps added to the leader's setpoints; None if there are none."""
+    return AddedSteps(scenario.path.steps, 1.0 / scenario.law.rate_hz) if scenario.path.steps else None
 
 
 def own_guidance(scenario: Scenario) -> OwnGuidance | None:

@@ -20,7 +20,7 @@ import numpy as np
 
 from flight_model.arrays import TURN, Array, Complex
 from flight_model.legs.detour import Detours
-from flight_model.legs.joint import Corner, Joint, courses_rad, distances_m, fly_by, fly_over, places
+from flight_model.legs.joint import Corner, Joint, courses_rad, distances_m, fly_by, fly_over, off_legs_m, places
 from flight_model.legs.overshoot import Overshoots
 from flight_model.legs.turn import Stretch, TurnLimits, turned_m
 
@@ -28,6 +28,8 @@ Lack = Callable[[Complex, Array], float]
 """How much room a way lacks: places (K,), north + i east, and courses (K,), rad -> m, 0 if it has enough."""
 ROOM_STEP_M = 20.0
 ENOUGH_M = 1e-6
+NEARER_M = 1.0
+"""A detour that is nearer to the legs by less isn't preferred to a shorter one."""
 LONGER_CIRCLES = 3.0
 """How much longer than the shortest detour one may be that has more room, in circles of the tightest radius."""
 REVERSAL_RAD = math.radians(150.0)
@@ -39,6 +41,7 @@ class TurnRules:
     """How waypoints are passed: within `most_m` of the turn (fly-by), or over them, in turns within the limits.
 
     `limits` are those of each leg (n - 1,), which differ with its speed; a joint is flown at that of the leg before.
+    Of detours that have room the shortest is flown, or with `near` the one that stays nearest to the legs.
     `known` keeps detours by their limits: paths that differ in some waypoints share the others' detours.
     """
 
@@ -47,12 +50,14 @@ class TurnRules:
     over: bool = False
     lack: Lack | None = None
     known: dict[TurnLimits, Detours] = field(default_factory=dict[TurnLimits, Detours])
+    near: bool = False
 
 
 class Placed(NamedTuple):
     """A joint in place of the turns at waypoints `first` to `last`.
 
-    It lacks so much room, and passes so much farther than allowed from waypoints between them.
+    It lacks so much room, and passes so much farther than allowed from waypoints between them. `off_m`: how far it goes
+    from the legs, of a detour where nearness counts.
     """
 
     first: int
@@ -60,6 +65,7 @@ class Placed(NamedTuple):
     joint: Joint
     lack_m: float = 0.0
     missed_m: float = 0.0
+    off_m: float = 0.0
 
 
 class Joiner:
@@ -136,7 +142,12 @@ class Joiner:
             candidates: Iterable[list[Placed]] = self._candidates(found, begin)
         else:
             candidates = ([each] for each in self._others(found, begin))
-        return min(candidates, key=lambda each: (sum(p.lack_m + p.missed_m for p in each), self._longer_m(each)))
+
+        def worse(joints: list[Placed]) -> tuple[float, float, float]:
+            lack_m = sum(each.lack_m + each.missed_m for each in joints)
+            return lack_m, max(each.off_m for each in joints), self._longer_m(joints)
+
+        return min(candidates, key=worse)
 
     def _others(self, found: list[Placed], at: int, partner: int | None = None) -> list[Placed]:
         """Return what may replace a joint: a detour, or what takes no more of its legs than there is, or than it did.
@@ -182,7 +193,7 @@ class Joiner:
             yield [merged]
             # A detour over one waypoint turns by half a circle or more.
             least_m = leg_m + math.pi / limits.curvature_1pm + min(one.joint.longer_m, other.joint.longer_m, 0.0)
-            if merged.lack_m == merged.missed_m == 0.0 and merged.joint.longer_m < least_m:
+            if merged.lack_m == merged.missed_m == 0.0 and (self._rules.near or merged.joint.longer_m < least_m):
                 return
             yield from self._pairs(found, at, overshooting=merged.lack_m > 0.0)
         else:
@@ -211,16 +222,18 @@ class Joiner:
             self._rules.known[limits] = Detours(limits)
         detours = self._rules.known[limits]
         ways = detours.between(corner.end.real, corner.end.imag, corner.angle_rad)
-        best, least_m = None, math.inf
+        best, least = None, (math.inf, math.inf)
         longest_m = ways[0].length_m + LONGER_CIRCLES * TURN / limits.curvature_1pm
         for way in ways:
             if way.length_m > longest_m:  # to where lines meet that are almost parallel, anywhere
                 break
             joint = Joint(0.0, 0.0, way.stretches(limits), "detour")
             lack_m, missed_m = self._lack_m(corner, joint.stretches), self._missed_m(corner, joint)
-            if lack_m + missed_m < least_m - ENOUGH_M:
-                best, least_m = Placed(first, last, joint, lack_m, missed_m), lack_m + missed_m
-            if least_m == 0.0:
+            off_m, lack_m = off_legs_m(corner, joint) if self._rules.near else 0.0, lack_m + missed_m
+            nearer = lack_m <= least[0] and off_m < least[1] - NEARER_M
+            if lack_m < least[0] - ENOUGH_M or nearer:
+                best, least = Placed(first, last, joint, lack_m - missed_m, missed_m, off_m), (lack_m, off_m)
+            if least[0] == 0.0 and not self._rules.near:
                 break
         assert best is not None, "there is always a way with three turns, or turns with a straight between"
         return best

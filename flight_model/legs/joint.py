@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,10 @@ STRAIGHT_RAD = 1e-9
 MOST_FLY_BY_RAD = math.radians(175.0)
 SAMPLES = 48
 """Number of points of a turn at which its distance from waypoints is measured."""
+OFF_SAMPLES = 150
+"""Number of points of a way at which its distance from the legs is measured."""
+FAR_M = 1e5
+"""Length of the legs before and after a corner, from which that distance is measured."""
 INTERCEPTS = 180
 MOST_INTERCEPT_RAD = math.radians(90.0)
 
@@ -83,6 +88,21 @@ def distances_m(corner: Corner, joint: Joint) -> Array:
     begin = corner.waypoints[0] - joint.before_m * cmath.exp(1j * corner.course_rad)
     off = np.array(corner.waypoints)[:, None] - begin - way
     return np.asarray(np.abs(off).min(axis=1))
+
+
+def off_legs_m(corner: Corner, joint: Joint) -> float:
+    """Return the greatest distance of a joint's way from a corner's legs, those between its waypoints among them, m."""
+    if not joint.stretches:
+        return 0.0
+    axis, following = cmath.exp(1j * corner.course_rad), cmath.exp(1j * corner.next_course_rad)
+    way = corner.waypoints[0] - joint.before_m * axis + axis * places(joint.stretches, OFF_SAMPLES)
+    ends = [corner.waypoints[0] - FAR_M * axis, *corner.waypoints, corner.waypoints[-1] + FAR_M * following]
+    off_m = np.full(way.size, np.inf)
+    for begin, end in pairwise(ends):
+        along = end - begin
+        share = np.clip(((way - begin) * np.conj(along)).real / abs(along) ** 2, 0.0, 1.0)
+        off_m = np.minimum(off_m, np.abs(way - begin - share * along))
+    return float(off_m.max())
 
 
 def places(stretches: tuple[Stretch, ...], count: int) -> Complex:

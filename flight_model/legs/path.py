@@ -28,6 +28,8 @@ APART_M = 0.5
 TINY_M = 1.0
 """Length of pieces below which they are cubics."""
 MOST_CIRCLES = 200
+BETWEEN_SHARE = 0.5
+"""Share of the leg between two waypoints by which the places are apart at least where one turn passes both."""
 _ABSCISSAE, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
@@ -61,6 +63,9 @@ class LegsPath(FlightPath):
         steep: what is too steep, by the index of the waypoint at which that ends.
         circle_radii_m: of the circles that are asked for, by their waypoint.
         crowded_m: waypoints whose leg has no room for their circles, and the straight that they need there.
+        nodes: of the legs that are asked for, (k,) north + i east; circles have two, where their tangents touch them.
+        nodes_at_m: (k,) where these are passed.
+        circling_m: where circles that are asked for begin and end.
     """
 
     def __init__(self, waypoints_m: Sequence[Sequence[float]] | Array, plan: LegPlan) -> None:
@@ -80,6 +85,7 @@ class LegsPath(FlightPath):
         limits = [plan.turns.limits[waypoint - 1] for waypoint in nodes_.waypoints[1:]]
         line.lay(Joiner(nodes_.flat, replace(plan.turns, limits=limits), line.given).joints())
         self.crowded_m, self.circle_radii_m = line.crowded_m, line.circle_radii_m
+        self.nodes, self.nodes_at_m, self.circling_m = nodes_.flat, np.array(line.nodes_at_m), line.circling_m
         self._circled_m = line.circled_m
         self.passed, at_m = line.passed, np.array(line.knots_m)
         heights, steep = profile(at_m, np.array(line.heights_m), line.climbs)
@@ -118,6 +124,7 @@ class _Line:
         self.climbs, self.ends_at = list[Climbs](), list[int]()
         self.circled_m, self.crowded_m = dict[int, float](), dict[int, float]()
         self.circle_radii_m = dict[int, float]()
+        self.nodes_at_m, self.circling_m = [0.0], list[tuple[float, float]]()
 
     @property
     def given(self) -> dict[int, Joint]:
@@ -135,6 +142,7 @@ class _Line:
                 self._joint(names[first], names[last], joint, self._passing(first, last, joint), straight_m)
             leg, taken_m = last, joint.after_m
         self._straight(names[-1], self._legs_m[leg] - taken_m, 0.0)
+        self.nodes_at_m.append(self.length_m)
         if len(self.waypoints_at_m) < len(self._wanted_m):
             self.waypoints_at_m.append(self.length_m)
         self._due(names[-1], self.length_m)
@@ -150,6 +158,7 @@ class _Line:
         self.passed.append(Passed(first, last, joint.kind, begin_m, joint.length_m))
         for waypoint, after_m in zip(range(first, last + 1), passing_m, strict=True):
             self.waypoints_at_m.append(begin_m + after_m)
+            self.nodes_at_m.append(begin_m + after_m)
             self._due(waypoint, begin_m + after_m)
         if joint.kind == "detour" and first == last:
             self._due(last, self.length_m)
@@ -172,6 +181,8 @@ class _Line:
         self.passed.append(Passed(waypoint, waypoint, joint.kind, begin_m, joint.length_m))
         self.circle_radii_m[waypoint] = 1.0 / around.limits.curvature_1pm
         self.waypoints_at_m.append(self.length_m)
+        self.nodes_at_m += [begin_m, self.length_m]
+        self.circling_m.append((begin_m, self.length_m))
         self._due(waypoint, self.length_m)
 
     def _passing(self, first: int, last: int, joint: Joint) -> list[float]:
@@ -185,7 +196,8 @@ class _Line:
         axis = axis / abs(axis)
         way = self._flat[first] - joint.before_m * axis + axis * places(joint.stretches, SAMPLES)
         nearest = np.abs(self._flat[first : last + 1, None] - way).argmin(axis=1)
-        return (joint.length_m * np.maximum.accumulate(nearest) / SAMPLES).tolist()
+        gaps_m = BETWEEN_SHARE * np.array(self._legs_m[first:last])
+        return _apart(joint.length_m * nearest / SAMPLES, gaps_m, joint.length_m)
 
     def _due(self, waypoint: int, at_m: float) -> None:
         """Note a waypoint's height at a distance; the higher limit of slopes is that of the leg before it."""
@@ -210,8 +222,9 @@ class _Line:
             self.circle_radii_m[waypoint] = 1.0 / limits.curvature_1pm
             if asked is not None and asked.turns:  # asked for at the waypoint's height
                 self._due(waypoint, self.length_m)
+            begin_m, self.length_m = self.length_m, self.length_m + sum(each.length_m for each in circles)
+            self.circling_m.append((begin_m, self.length_m))
         self.stretches += circles
-        self.length_m += sum(each.length_m for each in circles)
 
     def _limits(self, waypoint: int, asked: Circles | None) -> TurnLimits:
         """Return the limits of circles before a waypoint, widened to the radius that is asked for."""
@@ -259,6 +272,17 @@ class _Line:
         return min(
             both, key=lambda way: lack(begin + np.exp(1j * course) * places(way, 100), course + courses_rad(way, 100))
         )
+
+
+def _apart(at_m: Array, gaps_m: Array, length_m: float) -> list[float]:
+    """Return rising distances (n,) near to others along a way, with gaps (n - 1,) between them as far as it has room.
+
+    Each waypoint that one turn passes so has a place of its own, and so a height.
+    """
+    gaps_m = gaps_m * min(1.0, length_m / max(float(gaps_m.sum()), NEGLIGIBLE_M))
+    before_m = np.concatenate((np.zeros(1), np.cumsum(gaps_m)))
+    latest_m = length_m - (before_m[-1] - before_m)
+    return np.minimum(np.maximum.accumulate(at_m - before_m) + before_m, latest_m).tolist()
 
 
 def _around(angle_rad: float, circling: Circling) -> Joint:

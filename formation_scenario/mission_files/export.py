@@ -11,7 +11,8 @@ import io
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -35,6 +36,8 @@ class NamedPath:
 
     name: str
     points_m: Array
+    holds_s: Mapping[int, float] = field(default_factory=dict[int, float])
+    """Times for which a vehicle hovers at points, by their index; missions alone have them."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,7 @@ class _Place:
     lon_deg: float
     above_sea_m: float
     above_origin_m: float
+    hold_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -52,9 +56,17 @@ class _Content:
     lines: Mapping[str, Sequence[_Place]]
     origin: GeodeticOrigin
     fence: FileFence
+    hovering: bool = False
 
 
-def export(path: Path, paths: Sequence[NamedPath], origin: GeodeticOrigin, fence: FileFence | None = None) -> None:
+def export(
+    path: Path,
+    paths: Sequence[NamedPath],
+    origin: GeodeticOrigin,
+    fence: FileFence | None = None,
+    *,
+    hovering: bool = False,
+) -> None:
     """Write paths to a file in the format of its suffix.
 
     Args:
@@ -62,6 +74,7 @@ def export(path: Path, paths: Sequence[NamedPath], origin: GeodeticOrigin, fence
         paths: one for missions, one or more for other formats.
         origin: of the paths.
         fence: geofence and rally points; of these formats `.plan` alone has them.
+        hovering: whether they are multirotors' paths, which `.plan` says.
 
     Raises:
         MissionFileError: another suffix, several paths for a format that holds one, or a file that can't be written.
@@ -71,8 +84,7 @@ def export(path: Path, paths: Sequence[NamedPath], origin: GeodeticOrigin, fence
         raise MissionFileError(f"{path}: found a file '{path.suffix}'; allowed: {', '.join(WRITERS)}")
     if writer in (_plan, _waypoints) and len(paths) != 1:
         raise MissionFileError(f"{path}: found {len(paths)} paths; allowed: one in a mission ({path.suffix})")
-    lines = {each.name: [_place(point, origin) for point in thinned(each.points_m, TOLERANCE_M)] for each in paths}
-    content = _Content(lines, origin, fence or FileFence())
+    content = _Content({each.name: _line(each, origin) for each in paths}, origin, fence or FileFence(), hovering)
     try:
         path.write_text(writer(content), encoding="utf-8")
     except OSError as error:
@@ -129,10 +141,21 @@ def _distances_m(points_m: Array, begin_m: Array, end_m: Array) -> Array:
     return distances
 
 
-def _place(point: Array, origin: GeodeticOrigin) -> _Place:
+def _line(path: NamedPath, origin: GeodeticOrigin) -> list[_Place]:
+    """Return the points of a path that a line needs, and those at which a vehicle hovers."""
+    ends = sorted({0, *path.holds_s, len(path.points_m) - 1})
+    needed = np.zeros(len(path.points_m), dtype=np.bool_)
+    for begin, end in pairwise(ends):
+        needed[begin : end + 1] |= kept(path.points_m[begin : end + 1], TOLERANCE_M)
+    return [
+        _place(path.points_m[each], origin, path.holds_s.get(each, 0.0)) for each in np.flatnonzero(needed).tolist()
+    ]
+
+
+def _place(point: Array, origin: GeodeticOrigin, hold_s: float = 0.0) -> _Place:
     north_m, east_m, height_m = point.tolist()
     lat_rad, lon_rad, above_sea_m = origin.from_ned(north_m, east_m, -height_m)
-    return _Place(math.degrees(lat_rad), math.degrees(lon_rad), above_sea_m, height_m)
+    return _Place(math.degrees(lat_rad), math.degrees(lon_rad), above_sea_m, height_m, hold_s)
 
 
 def _home(origin: GeodeticOrigin) -> _Place:
@@ -150,7 +173,7 @@ def _plan(content: _Content) -> str:
             "command": 16,
             "doJumpId": number,
             "frame": 3,
-            "params": [0, 0, 0, None, *_degrees(point), round(point.above_origin_m, 3)],
+            "params": [round(point.hold_s, 1), 0, 0, None, *_degrees(point), round(point.above_origin_m, 3)],
             "type": "SimpleItem",
         }
         for number, point in enumerate(points, 1)
@@ -162,7 +185,7 @@ def _plan(content: _Content) -> str:
         "hoverSpeed": 5,
         "items": items,
         "plannedHomePosition": [*_degrees(home), round(home.above_sea_m, 3)],
-        "vehicleType": 1,
+        "vehicleType": 2 if content.hovering else 1,
         "version": 2,
     }
     plan = {"fileType": "Plan", "groundStation": "gcs-formation", "mission": mission, "version": 1}
@@ -192,7 +215,9 @@ def _waypoints(content: _Content) -> str:
     ]
     for number, point in enumerate(points, 1):
         lat, lon = _degrees(point)
-        rows.append(f"{number}\t0\t3\t16\t0\t0\t0\t0\t{lat:.8f}\t{lon:.8f}\t{point.above_origin_m:.3f}\t1")
+        rows.append(
+            f"{number}\t0\t3\t16\t{point.hold_s:.4g}\t0\t0\t0\t{lat:.8f}\t{lon:.8f}\t{point.above_origin_m:.3f}\t1"
+        )
     return "\n".join(rows) + "\n"
 
 

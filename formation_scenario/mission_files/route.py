@@ -50,6 +50,15 @@ class RoutePoint:
     datum: Datum
     speed_mps: float | None = None
     circles: Circles | None = None
+    hold_s: float = 0.0
+    """How long multirotors stay at it, beside a time of `circles`."""
+
+    @property
+    def hover_s(self) -> float | None:
+        """How long a multirotor hovers here; None if it flies on."""
+        if self.circles is not None and math.isfinite(self.circles.seconds):
+            return self.hold_s + self.circles.seconds
+        return self.hold_s or None
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +114,8 @@ class _Executor:
             self._append(item)
         elif command == commands.CHANGE_SPEED:
             self._change_speed(item)
+        elif command == commands.DELAY and self._points:
+            self._delay(item)
         elif command in (commands.JUMP, commands.JUMP_TO_TAG):
             return self._jump(index, item)
         elif command not in commands.ENDS and command != commands.JUMP_TAG:
@@ -129,23 +140,32 @@ class _Executor:
         if item.placed:
             point = RoutePoint(item.where, item.lat_deg, item.lon_deg, item.height_m, datum)
         elif before is not None:  # "where the vehicle is"
-            point = replace(before, where=item.where, circles=None)
+            point = replace(before, where=item.where, circles=None, hold_s=0.0)
         else:
             raise MissionFileError(f"{item.where}: found no position in the first waypoint")
-        point = replace(point, speed_mps=self._speed_mps, circles=_circles(item))
+        point = replace(point, speed_mps=self._speed_mps, circles=_circles(item), hold_s=_hold_s(item))
         if before is not None and _same_place(before, point):
             self._again(before, point)
         else:
             self._points.append(point)
 
     def _again(self, before: RoutePoint, point: RoutePoint) -> None:
-        """Take a point at the position of the one before: its circles and its height are flown there."""
+        """Take a point at the position of the one before: its circles, its height and both times are flown there."""
         if before.circles is not None and point.circles is not None:
             self._remarks.append(f"{before.where}: circles at the position of {point.where} aren't flown")
         circles = point.circles or before.circles
         if not _same_height(before, point):
             self._remarks.append(f"{before.where}: at the position of {point.where}, whose height is flown there")
-        self._points[-1] = replace(point, lat_deg=before.lat_deg, lon_deg=before.lon_deg, circles=circles)
+        point = replace(point, lat_deg=before.lat_deg, lon_deg=before.lon_deg)
+        self._points[-1] = replace(point, circles=circles, hold_s=before.hold_s + point.hold_s)
+
+    def _delay(self, item: MissionItem) -> None:
+        """Take a time to stay at the last point; one until a time of day isn't known before the flight."""
+        seconds = item.params[0]
+        if math.isnan(seconds) or seconds < 0.0:
+            self._remarks.append(f"{item.where}: {name_of(item.command)} until a time of day isn't carried out")
+        else:
+            self._points[-1] = replace(self._points[-1], hold_s=self._points[-1].hold_s + seconds)
 
     def _change_speed(self, item: MissionItem) -> None:
         """Take an airspeed or ground speed, which are the same in still air; the speed of legs from here on."""
@@ -178,6 +198,12 @@ class _Executor:
             what = "tag" if item.command == commands.JUMP_TO_TAG else "item"
             raise MissionFileError(f"{item.where}: found a jump to {what} {target:g}, which isn't in the mission")
         return found
+
+
+def _hold_s(item: MissionItem) -> float:
+    """Return how long a multirotor stays at a waypoint."""
+    waypoint = item.command in (commands.WAYPOINT, commands.SPLINE_WAYPOINT)
+    return max(item.params[0], 0.0) if waypoint and math.isfinite(item.params[0]) else 0.0
 
 
 def _circles(item: MissionItem) -> Circles | None:

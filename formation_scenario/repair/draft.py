@@ -16,8 +16,8 @@ from formation_scenario.feasibility import check
 from formation_scenario.fields import ScenarioError
 from formation_scenario.load import UnflyableError, to_the_paths_end
 from formation_scenario.model import Scenario
-from formation_scenario.path_limits import WAYPOINTS
 from formation_scenario.rules import inconsistencies
+from formation_scenario.sampled_path import WAYPOINTS
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, show
 from formation_scenario.violations import Violation
 
@@ -128,7 +128,7 @@ class Draft:
         return self.changed(path[:-1], {name: value for name, value in group.items() if name != path[-1]})
 
     def with_waypoints(self, waypoints: Sequence[Waypoint], origins: Sequence[int | None]) -> Draft:
-        """Return the draft with other waypoints; speeds and circles stay at the legs and waypoints that they are of."""
+        """Return the draft with other waypoints; speeds, circles and stops stay at their legs and waypoints."""
         path, plan, legs = ("path",), self.scenario.path, list[Plain]()
         own = dict(zip(self.origins, plan.waypoints_m, strict=True))
         named = zip(origins, waypoints, strict=True)
@@ -149,6 +149,14 @@ class Draft:
                 if origin is not None and origin in at
             ]
             found = found.changed((*path, "circles"), kept)
+        if plan.stops:
+            stopped = [(each, self.origins[each.waypoint]) for each in plan.stops]
+            held: list[Plain] = [
+                {"waypoint": at[origin], "hold_s": each.hold_s}
+                for each, origin in stopped
+                if origin is not None and 0 < at.get(origin, 0) < len(origins) - 1
+            ]
+            found = found.changed((*path, "stops"), held)
         return replace(found, origins=tuple(origins))
 
     def changes_from(self, given: Draft) -> list[Change]:

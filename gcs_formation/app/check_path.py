@@ -8,6 +8,7 @@ from typing import Any
 
 from flight_model.legs.deviation import deviation
 from flight_model.legs.path import LegsPath
+from flight_model.stops.timetable import Timetable
 from formation_scenario import Scenario
 from formation_scenario.ground_and_fence import FenceDistance, fence_distances
 
@@ -38,7 +39,24 @@ def path_text(scenario: Scenario) -> Iterator[str]:
         f"at most {off.off_legs_m:.1f} m from its legs (at {off.off_legs_at_m:.0f} m), "
         f"{off.outside_heights_m:.1f} m outside its waypoints' heights"
     )
+    yield from _timetable_text(scenario)
     yield from _fence_text(fence_distances(scenario))
+
+
+def _timetable_text(scenario: Scenario) -> Iterator[str]:
+    """Yield how slowly vehicles that hover pass corners, and for how long they stop."""
+    planned = scenario.speeds
+    if isinstance(planned, Timetable) and planned.passages:
+        found = list[str]()
+        corners_mps = [speed_mps for each, speed_mps in planned.flown if not each.stops]
+        if corners_mps:
+            found.append(f"its slowest corner is flown at {min(corners_mps):.3g} m/s")
+        if planned.stops:
+            held_s = sum(each.hold_s for each in planned.stops)
+            turning_s = sum(each.turn_s for each in planned.stops)
+            found.append(f"its stops last {sum(each.pause_s for each in planned.stops):.0f} s in all")
+            found.append(f"of which it hovers for {held_s:.0f} s and turns for {turning_s:.0f} s")
+        yield f"{', '.join(found)}; it ends after {planned.end_s:.0f} s"
 
 
 def _fence_text(slots: list[FenceDistance]) -> Iterator[str]:
@@ -87,7 +105,8 @@ def short_legs(scenario: Scenario) -> Iterator[str]:
     """Yield a warning of each leg that is too short for its planned speed."""
     for leg, reached_mps in scenario.short_legs.items():
         planned = f"path.speed_mps.{leg}: {scenario.path.legs_mps[leg]:g} m/s"
-        yield f"{planned} isn't reached on so short a leg; at its end {reached_mps:.3g} m/s is flown"
+        where = "at most" if scenario.hovers else "at its end"
+        yield f"{planned} isn't reached on so short a leg; {where} {reached_mps:.3g} m/s is flown"
 
 
 def far_from_legs(scenario: Scenario) -> Iterator[str]:
@@ -110,8 +129,9 @@ def _joints(path: LegsPath) -> str:
         "overshoot": "turns that overshoot a leg",
         "detour": "detours outside",
         "circle": "circled around",
+        "stop": "stops",
     }
     counts = {kind: sum(each.kind == kind for each in path.passed) for kind in words}
     said = ", ".join(f"{count} {words[kind]}" for kind, count in counts.items() if count)
-    radius = f", of {path.tightest_m:.0f} m radius or more" if said else ""
+    radius = f", of {path.tightest_m:.0f} m radius or more" if said and math.isfinite(path.tightest_m) else ""
     return f"straight legs, {said or 'no turns'}{radius}"

@@ -25,7 +25,7 @@ from flight_model.path import PathPoints
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.navigation import InertialNavigation, Navigation
 from formation_scenario.orders import read_order
-from formation_scenario.path_limits import SampledPath
+from formation_scenario.sampled_path import SampledPath
 from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
 from formation_scenario.slot_frame import axis_rad
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs

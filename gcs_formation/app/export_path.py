@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from flight_model.arrays import Array, beside
+from flight_model.stops.timetable import Timetable
 from formation_scenario import Scenario
 from formation_scenario.fields import VehicleRef
 from formation_scenario.mission_fence import file_fence
 from formation_scenario.mission_files.export import NamedPath, export
 from formation_scenario.mission_files.mission import MissionFileError
+from formation_scenario.sampled_path import with_turns
 from formation_scenario.slot_assignment import columns, slot_schedule
 from formation_scenario.slot_frame import axis_rad
 
@@ -41,14 +43,29 @@ def export_path(scenario: Scenario, file: Path, vehicle: VehicleRef | None = Non
         paths = {str(vehicle): paths[str(vehicle)]}
     elif file.suffix.lower() in MISSIONS:
         paths = dict([next(iter(paths.items()))])
-    named, origin = [NamedPath(f"vehicle {name}", points) for name, points in paths.items()], scenario.origin.geodetic
-    export(file, named, origin, file_fence(scenario.safety.fence, origin))
+    holds_s, origin = _holds_s(scenario), scenario.origin.geodetic
+    named = [NamedPath(f"vehicle {name}", points, holds_s) for name, points in paths.items()]
+    export(file, named, origin, file_fence(scenario.safety.fence, origin), hovering=scenario.hovers)
+
+
+def _holds_s(scenario: Scenario) -> dict[int, float]:
+    """Return how long the leader hovers at points of its sampled path, by their index: the first ones of its stops."""
+    planned = scenario.speeds
+    if not isinstance(planned, Timetable):
+        return {}
+    at_m, _ = with_turns(scenario.leader_path, _sampled_m(scenario))
+    first = np.searchsorted(at_m, [each.begin_m for each in planned.stops], side="left").tolist()
+    return {index: each.hold_s for index, each in zip(first, planned.stops, strict=True) if each.hold_s}
+
+
+def _sampled_m(scenario: Scenario) -> Array:
+    length_m = scenario.leader_path.length_m
+    return np.linspace(0.0, length_m, 2 + int(length_m / SAMPLE_M))
 
 
 def _paths(scenario: Scenario) -> dict[str, Array]:
     """Return the paths (N, 3), north, east and height, m, of the leader, real or virtual, and of the followers."""
-    length_m = scenario.leader_path.length_m
-    points = scenario.leader_path.at(np.linspace(0.0, length_m, 2 + int(length_m / SAMPLE_M)))
+    _, points = with_turns(scenario.leader_path, _sampled_m(scenario))
     axis = axis_rad(scenario.formation.frame, points.course_rad, points.course_rad)
     paths = dict[str, Array]()
     for vehicle, place in zip(columns(scenario), slot_schedule(scenario)[0].places_m, strict=True):

@@ -1,4 +1,4 @@
-"""The leader's guidance: its route to the path and along it, its turns on the spot, its commands."""
+"""The leader's guidance: its route to the path and along it, its commands."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ from typing import Final
 
 from mypy_extensions import mypyc_attr
 
-from airlink.clock import Instant, seconds_between
+from airlink.clock import Instant
 from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, rotated, signed
 from flight_model.curve import PathPoint
 from flight_model.fence_geometry import LapFence
 from flight_model.legs.speeds import SpeedProfile
 from flight_model.path import FlightPath, Route
-from flight_model.path_lift_and_displacement import PEAK_CHANGE, PEAK_RATE, DisplacedPath, minimum_jerk
+from flight_model.path_lift_and_displacement import DisplacedPath
 from flight_model.slot import LEADS_FROM_MPS
+from flight_model.stops.turning import LEAST_S
 from gcs_formation.estimation.setpoint_history import HISTORY_S
 from gcs_formation.guidance.lateral import LateralGuidance, TurnBounds
+from gcs_formation.guidance.timed_progress import Due, TimedProgress
 from gcs_formation.guidance.tracking import (
     LEAST_MPS,
     RouteHeading,
@@ -26,6 +28,7 @@ from gcs_formation.guidance.tracking import (
     project,
     route_heading,
 )
+from gcs_formation.guidance.turn_on_spot import TurnOnSpot
 from gcs_formation.guidance.way_to_run_in import JoinRoute, join, joins
 
 DECISION_S: Final = 2.0
@@ -44,11 +47,6 @@ RETURNS: Final = 8
 """Number of points of the path that are tried for a return, each a turn's radius farther than the one before."""
 CLIMB_SHARE: Final = 0.7
 """Share of the climb limit that the route to the start uses; followers need the rest."""
-SHARE: Final = 0.5
-"""Share of the speed and acceleration limits that slots use in a turn on the spot; the rest is left to the law."""
-NOSE_RADPS: Final = 0.5
-"""Fastest turn on the spot: vehicles yaw at 1 rad/s."""
-LEAST_S: Final = 2.0
 AHEAD_M: Final = 165.0
 """Interval of the points along the leader's way around which the ground is checked."""
 
@@ -61,46 +59,6 @@ def way_ahead(route: Route, begin_m: float, way_m: float) -> list[tuple[float, f
     here = route.at(begin_m)
     points = [route.at(begin_m + AHEAD_M * each) for each in range(1 + math.ceil(way_m / AHEAD_M))]
     return [(point.north_m - here.north_m, point.east_m - here.east_m) for point in points]
-
-
-@dataclass(frozen=True)
-class TurnOnSpot:
-    """A turn of the heading on the spot, minimum-jerk and at rest at both ends."""
-
-    begin_rad: float
-    by_rad: float
-    """Clockwise positive."""
-    begun: Instant
-    duration_s: float
-
-    @classmethod
-    def to(
-        cls, heading_rad: float, from_rad: float, now: Instant, reach_m: float, speed_mps: float, accel_mps2: float
-    ) -> TurnOnSpot:
-        """Return the shorter turn, slow enough for slots up to `reach_m` away to follow within these limits."""
-        by_rad = math.remainder(heading_rad - from_rad, math.tau)
-        size_rad, reach_m = abs(by_rad), max(reach_m, 1.0)
-        most_radps = min(NOSE_RADPS, SHARE * speed_mps / reach_m, math.sqrt(SHARE * accel_mps2 / reach_m))
-        duration_s = max(
-            LEAST_S, PEAK_RATE * size_rad / most_radps, math.sqrt(PEAK_CHANGE * size_rad * reach_m / SHARE / accel_mps2)
-        )
-        return cls(from_rad, by_rad, now, duration_s)
-
-    @property
-    def goal_rad(self) -> float:
-        """The final heading."""
-        return self.begin_rad + self.by_rad
-
-    def over(self, at: Instant) -> bool:
-        """Whether the turn is complete, also for followers, which face the way their slots swing until then."""
-        return seconds_between(self.begun, at) >= self.duration_s + LEAST_S
-
-    def setpoint(self, at: int, lag_s: float) -> tuple[float, float]:
-        """Return the heading setpoint at an instant (ns) for a vehicle with a heading lag, and its rate, rad/s."""
-        elapsed_s = seconds_between(self.begun, Instant(at))
-        share, rate, change = minimum_jerk(min(max(elapsed_s / self.duration_s, 0.0), 1.0))
-        rate, change = rate * self.by_rad / self.duration_s, change * self.by_rad / self.duration_s**2
-        return self.begin_rad + share * self.by_rad + lag_s * rate, rate + lag_s * change
 
 
 @mypyc_attr(acyclic=True)
@@ -177,6 +135,8 @@ class LeaderGuidance:
     """Fence that laps are to fit into."""
     speeds: SpeedProfile | None = None
     """Planned airspeed along the path, until another speed is ordered; None: `speed_mps` all the way."""
+    timed: TimedProgress | None = None
+    """Progress by a timetable along a path with stops, in place of `speeds`."""
     route: Route | None = None
     distance_m: float = 0.0
     rounds: int = 0
@@ -212,22 +172,34 @@ class LeaderGuidance:
         return self.on_path and self.distance_m >= self.path.length_m
 
     def steer(
-        self, state: FlightState, model: AutopilotModel, *, assembled: bool, bounds: TurnBounds | None = None
+        self,
+        state: FlightState,
+        model: AutopilotModel,
+        *,
+        assembled: bool,
+        bounds: TurnBounds | None = None,
+        at: Instant | None = None,
     ) -> Setpoint:
         """Return the setpoint for the leader in `state`.
 
-        `assembled`: the path may be begun; `bounds`: of the changes of its turn rate.
+        Args:
+            state: the leader's.
+            model: of its autopilot.
+            assembled: the path may be begun.
+            bounds: of the changes of its turn rate.
+            at: when the setpoint acts; None: a tick after the last one.
         """
         if self.route is None:
             self._set_out(state)
         assert self.route is not None
-        self.distance_m = project(self.route, state.north_m, state.east_m, self.distance_m)
+        self.distance_m = project(self._flown_route(), state.north_m, state.east_m, self.distance_m)
         if not self.on_path and self.distance_m >= self.route.length_m:
             self._follow_path(state)
         elif self.on_path and not assembled and -DECISION_S * self.speed_mps < self.distance_m < 0.0:
             self.rounds += 1
             self._join(state)
-        self._point = self.route.at(self.distance_m)
+        due = None if self.timed is None or not self.on_path else self._progress(self.timed, at)
+        self._point = self._flown_route().at(self.distance_m)
         height_m = height_setpoint_m(self._point, state, model)
         heading_rad = self._lateral.setpoint_rad(self._point, state, model, self.speed_mps, bounds or TurnBounds())
         setpoint = Setpoint(self.speed_mps, heading_rad, height_m)
@@ -235,7 +207,40 @@ class LeaderGuidance:
             self.speed_mps, by_way = self.speeds.at(self.distance_m)
             # By (7) a speed that changes takes a setpoint that leads it by the time constant.
             setpoint.speed_mps = self.speed_mps + model.tau_v_s * by_way * self.heading(state).along_mps
+        elif due is not None:
+            setpoint.speed_mps = due.setpoint_mps(model.held(self.dt_s).tau_v_s)
         return setpoint
+
+    @property
+    def follows_plan(self) -> bool:
+        """Whether its speed is the planned one, which may change along the path; else the one ordered last."""
+        return self.speeds is not None or (self.timed is not None and not self.timed.ordered)
+
+    def abreast(self, north_m: float, east_m: float) -> tuple[float, PathPoint]:
+        """Return the distance and the point of the path abreast of a vehicle that is near the leader.
+
+        At a stop of the path these are of the leg that it flies next.
+        """
+        ahead: Route = self.path if self.timed is None else self.timed.part(self.path, ahead=True)
+        distance_m = project(ahead, north_m, east_m, self.distance_m)
+        return distance_m, ahead.at(distance_m)
+
+    @property
+    def pauses(self) -> bool:
+        """Whether it is at a stop of its path, which it leaves by itself."""
+        return self.on_path and self.timed is not None and self.timed.pauses
+
+    def _progress(self, timed: TimedProgress, at: Instant | None) -> Due | None:
+        """Go on along a path with stops; None if the leader was ordered to stand."""
+        due = timed.advance(self.distance_m, at, self.dt_s, self.turn)
+        if due is not None:
+            self.speed_mps, self.turn = due.speed_mps, due.turn
+        return due
+
+    def _flown_route(self) -> Route:
+        """Return the route; of a path with stops the part up to the next one, and straight on."""
+        assert self.route is not None
+        return self.timed.part(self.route) if self.timed is not None and self.on_path else self.route
 
     def go_on_from(self, commanded_rad: float, state: FlightState, model: AutopilotModel) -> None:
         """Go on from a heading setpoint that replaced the last one of `steer`."""
@@ -245,6 +250,8 @@ class LeaderGuidance:
         """Guide another vehicle from now on, along `route` from `distance_m`; without one, to the path's start."""
         self.route, self.distance_m = route, distance_m
         self._lateral.forget()
+        if self.timed is not None:
+            self.timed.take_over()
 
     def resume(
         self, speed_mps: float, at: Instant, heading_rad: float | None, amid_m: tuple[float, float] | None
@@ -258,6 +265,8 @@ class LeaderGuidance:
     def fly_at(self, speed_mps: float) -> None:
         """Fly at another speed from now on; a leader that keeps standing holds its heading."""
         self.speeds = None
+        if self.timed is not None:
+            self.timed.order(speed_mps)
         self.speed_mps, self.turn = speed_mps, self.turn if speed_mps == 0.0 else None
 
     def heading(self, state: FlightState) -> RouteHeading:

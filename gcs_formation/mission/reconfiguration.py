@@ -24,8 +24,8 @@ from formation_scenario.slot_motion import SlotMotion, Transition
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.fleet.membership_and_succession import Candidate, best_successor, can_lead
-from gcs_formation.guidance.leader_guidance import TurnOnSpot
-from gcs_formation.guidance.tracking import Abreast, project
+from gcs_formation.guidance.tracking import Abreast
+from gcs_formation.guidance.turn_on_spot import TurnOnSpot
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Member, Vehicle
@@ -78,7 +78,7 @@ class Reconfiguration:
     def _flown(self) -> Scenario:
         """The scenario at the speed that is planned where the leader is."""
         guidance = self._controller.guidance
-        return self._scenario if guidance.speeds is None else self._scenario.at_speed(guidance.speed_mps)
+        return self._scenario.at_speed(guidance.speed_mps) if guidance.follows_plan else self._scenario
 
     @property
     def unflown(self) -> list[str]:
@@ -259,6 +259,8 @@ class Reconfiguration:
             return "found vehicles that can't stand; allowed: of vehicles that hover"
         if guidance.speed_mps > 0.0 or tick is None or guidance.route is None:
             return not_standing(guidance.speed_mps)
+        if guidance.pauses:
+            return "found a stop of its path, which it leaves by itself; allowed: after the order speed 0"
         self._turn_on_spot(heading_rad, guidance.facing_rad(tick.state[controller.plan.leader]), now)
         return None
 
@@ -355,13 +357,12 @@ class Reconfiguration:
         if not guidance.started:
             return None, 0.0, swing_rad
         slots = controller.plan.seen_from(leader, swing_rad, now / NANOSECONDS)
-        distance_m = project(guidance.path, place.north_m, place.east_m, guidance.distance_m)
-        point = guidance.path.at(distance_m)
+        distance_m, point = guidance.abreast(place.north_m, place.east_m)
         right_m, up_m = point.aside_m(place.north_m, place.east_m, place.height_m)
         abreast, commanded_m = Abreast(point, right_m, up_m), tick.setpoints[leader][2]
         above = abreast.rise(place, commanded_m, controller.models[leader], guidance.speed_mps)
-        aside = abreast.slope_aside(place)
-        scenario, path, reach_m = self._flown, guidance.path, slots.reach_m
+        aside = 0.0 if guidance.pauses else abreast.slope_aside(place)  # at a stop it comes to rest first
+        scenario, path, reach_m = self._scenario if guidance.pauses else self._flown, guidance.path, slots.reach_m
         way = take_over(scenario, path, distance_m, right_m, above, reach_m, self._ground, right_slope=aside)
         return way, distance_m, swing_rad
 

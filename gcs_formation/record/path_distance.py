@@ -13,12 +13,14 @@ from flight_model.path import FlightPath
 from formation_scenario import Scenario
 from formation_scenario.slot_frame import axis_rad
 from formation_scenario.start_states_and_end_times import planned_m
-from gcs_formation.guidance.tracking import nearest, project
+from gcs_formation.guidance.parts import BEFORE_M, AlongPath
 from gcs_formation.record.limits_by_truth import Track, began_s
 from gcs_formation.record.timeseries import AIRBORNE, PLACE, SLOT, TRUTH, VIRTUAL_LEADER, flying
 
 EVERY_S: Final = 1.0
 """Interval at which the leader's way along the path is followed step by step; between them it is interpolated."""
+TURNING_S: Final = 0.2
+"""The same on a path with turns in place, where the nearest point changes from one leg to the other."""
 GAP_S: Final = 3.0
 """After a longer time without a position the nearest point is searched ahead, as far as could have been flown."""
 REACH: Final = 2.0
@@ -82,24 +84,27 @@ def _along_m(path: FlightPath, speed_mps: float, time_s: Array, north_m: Array, 
 
     Followed from its start, for a path may come near itself again.
     """
-    seconds = np.arange(time_s[0], time_s[-1] + EVERY_S, EVERY_S)
+    every_s = TURNING_S if path.turns_in_place else EVERY_S
+    seconds = np.arange(time_s[0], time_s[-1] + every_s, every_s)
     some = np.unique(np.minimum(np.searchsorted(time_s, seconds), time_s.size - 1))
-    at_m, last_s, found = 0.0, 0.0, list[float]()
+    follower, last_s, found, parts = AlongPath(path), 0.0, list[float](), list[tuple[float, float]]()
     for now_s, north, east in zip(time_s[some].tolist(), north_m[some].tolist(), east_m[some].tolist(), strict=True):
         if now_s - last_s > GAP_S:
-            at_m = nearest(path, north, east, at_m, at_m + REACH * speed_mps * (now_s - last_s))
+            found.append(follower.search(north, east, REACH * speed_mps * (now_s - last_s)))
         else:
-            at_m = project(path, north, east, at_m)
+            found.append(follower.project(north, east))
         last_s = now_s
-        found.append(at_m)
+        parts.append((follower.part.begin_m, follower.part.end_m - BEFORE_M))
     along_m = np.interp(time_s, time_s[some], np.array(found))
+    begin_m, end_m = np.array(parts)[np.minimum(np.searchsorted(time_s[some], time_s), len(parts) - 1)].T
     for _ in range(NEWTON_STEPS):
+        along_m = np.clip(along_m, begin_m, end_m)
         point = path.at(along_m)
         cos, sin = np.cos(point.course_rad), np.sin(point.course_rad)
         north, east = north_m - point.north_m, east_m - point.east_m
         bend = 1.0 - point.curvature_1pm * (east * cos - north * sin)
         along_m = along_m + (north * cos + east * sin) / np.maximum(bend, LEAST_SHARE)
-    return along_m
+    return np.clip(along_m, begin_m, end_m)
 
 
 def figures(found: Distances, window: Mask) -> dict[str, dict[str, float | None]]:

@@ -18,7 +18,7 @@ from formation_scenario.orders import Order, read_order
 from formation_scenario.slot_assignment import Arrangement, column_ids, first_arrangement
 from gcs_formation.errors import RecordError
 from gcs_formation.fleet.membership_and_succession import PARTED
-from gcs_formation.guidance.tracking import nearest, project
+from gcs_formation.guidance.parts import AlongPath
 from gcs_formation.mission.resumption import RecordedVehicle, Resumption
 from gcs_formation.phases import Phase
 from gcs_formation.record.json_shape import misfit
@@ -194,20 +194,19 @@ def formation_of(scenario: Scenario, events: Events, mission_s: float) -> tuple[
 
 def _distance_m(scenario: Scenario, rows: Mapping[str, Any]) -> float:
     """Return the leader's distance along the path, by following its way from the path's start."""
-    path, distance_m, last_s = scenario.leader_path, 0.0, math.inf
+    follower, last_s = AlongPath(scenario.leader_path), math.inf
     leads = (rows["leads"] > 0) & (rows["phase"] == PHASES.index("flying")) & np.isfinite(rows["north_m"])
     places = zip(*(rows[name][leads].tolist() for name in ("t_s", "north_m", "east_m")), strict=True)
     for t_s, north_m, east_m in places:
         unseen_s = t_s - last_s
         if unseen_s > GAP_S:  # an earlier interruption
-            reach_m = REACH * scenario.path.begin_mps * unseen_s
-            distance_m = nearest(path, north_m, east_m, distance_m, distance_m + reach_m)
+            follower.search(north_m, east_m, REACH * scenario.path.begin_mps * unseen_s)
         elif not 0.0 <= unseen_s < EVERY_S:
-            distance_m = project(path, north_m, east_m, distance_m)
+            follower.project(north_m, east_m)
         else:
             continue
         last_s = t_s
-    return distance_m
+    return follower.distance_m
 
 
 def _slots_m(last: Mapping[str, Any], order: Sequence[VehicleId | None]) -> Array:

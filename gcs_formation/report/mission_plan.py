@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from flight_model.arrays import Array
 from flight_model.fence_geometry import FenceAreas
 from flight_model.path import FlightPath, PathError
+from flight_model.stops.timetable import Timetable
 from formation_scenario import Scenario
 from formation_scenario.repair import Repair
 from formation_scenario.violations import Violation
@@ -85,10 +86,23 @@ def _from_above(axes: Axes, scenario: Scenario, marked: Sequence[Violation], rep
     for index in _numbered(waypoints[:, :2]) if len(waypoints) <= NUMBERED else ():
         north_m, east_m, _ = waypoints[index]
         axes.annotate(str(index), (east_m, north_m), (3, 3), textcoords="offset points", fontsize=style.FONT_PT - 2.0)
+    _stops(axes, scenario)
     _marks(axes, [(east_m, north_m) for north_m, east_m in _places(scenario, marked)])
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="east, m", ylabel="north, m")
     axes.legend(loc="best", fontsize=style.FONT_PT - 1.5)
+
+
+def _stops(axes: Axes, scenario: Scenario) -> None:
+    """Draw where vehicles that hover stop, and for how long they do so beside turning."""
+    planned = None if _path(scenario) is None else scenario.speeds
+    for index, stop in enumerate(planned.stops if isinstance(planned, Timetable) else ()):
+        north_m, east_m, _ = scenario.path.waypoints_m[stop.waypoint]
+        label = None if index else "stops"
+        axes.plot([east_m], [north_m], "s", ms=5.0, mfc="none", mec=style.INK, mew=0.8, ls="", label=label)
+        if stop.hold_s:
+            held = f"{stop.hold_s:g} s"
+            axes.annotate(held, (east_m, north_m), (3, -9), textcoords="offset points", fontsize=style.FONT_PT - 2.0)
 
 
 def _numbered(places: Array) -> list[int]:

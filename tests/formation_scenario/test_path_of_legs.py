@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from flight_model.legs.deviation import deviation
 from formation_scenario import load_scenario
 from formation_scenario.ground_and_fence import fence_distances
-from formation_scenario.path_limits import SampledPath
+from formation_scenario.sampled_path import SampledPath
 from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.start_states_and_end_times import path_end_s, planned_m
@@ -151,15 +152,58 @@ def test_a_leg_too_short_for_its_speed_is_said(load):
 
 
 def test_turns_after_short_legs_are_planned_for_the_speed_that_is_reached():
-    waypoints = [[0, 0, 50], [200, 0, 50], [300, 100, 50], [500, 100, 50]]
     scenario = load_scenario(
         {
-            "vehicles": {"count": 4, "model": "arducopter", "autopilot": "arducopter"},
-            "formation": {"shape": "diamond", "spacing_m": 15},
-            "path": {"kind": "legs", "speed_mps": [8, 4, 9], "waypoints_m": waypoints},
+            "vehicles": {"count": 4, "model": "arduplane", "autopilot": "arduplane"},
+            "formation": {"shape": "diamond", "spacing_m": 20},
+            "path": {
+                "kind": "legs",
+                "speed_mps": [24, 17, 20],
+                "waypoints_m": [[0, 0, 50], [1500, 0, 50], [1900, 400, 50], [4000, 400, 50]],
+            },
         }
     )
-    assert 4.0 < scenario.short_legs[1] < 8.0
+    assert 17.0 < scenario.short_legs[1] < 24.0
+
+
+@pytest.mark.parametrize("apart_m", [40, 100, 300])
+def test_a_detour_between_near_lanes_may_stay_half_as_far_off_them(load, apart_m):
+    lanes = f"path.waypoints_m=[[0, 0, 100], [1500, 0, 100], [1500, {apart_m}, 100], [0, {apart_m}, 100]]"
+    shortest, nearest = (load(lanes, LEGS, f"path.detour={which}") for which in ("shortest", "nearest"))
+    off_m = [deviation(each.written_path, each.path.waypoints_m).off_legs_m for each in (shortest, nearest)]
+    assert off_m[1] < 0.65 * off_m[0]
+    assert nearest.written_path.length_m > shortest.written_path.length_m
+    for scenario in (shortest, nearest):  # both lanes are flown whole
+        (detour,) = scenario.written_path.passed
+        assert detour.begin_m == pytest.approx(1500.0)
+        assert scenario.written_path.length_m - detour.begin_m - detour.length_m == pytest.approx(1500.0)
+
+
+def test_what_limits_a_steep_leg_is_said(refusal):
+    (steep,) = refusal("path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [2120, 0, 148], [4000, 0, 148]]", LEGS)
+    assert "found a leg of 120 m that climbs 48.0 m, 8.8 m/s; up to 3 m/s, vehicle 1's climb_max_mps" in steep
+    (short,) = refusal("path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [2120, 0, 108], [4000, 0, 108]]", LEGS)
+    assert "found a leg of 120 m that climbs 8.0 m; 125 m or more for that height: 59 m at 3 m/s" in short
+    assert "and 66 m to round its ends" in short
+
+
+@pytest.mark.parametrize(("gap_m", "height_m"), [(3.0, 100.8), (100.0, 103.0)])
+def test_all_heights_of_waypoints_that_one_turn_passes_are_flown(load, height_m, gap_m):
+    corner = [[0, 0, 100], [2000, 0, 100], [2000 + gap_m, gap_m, height_m], [2000 + gap_m, 3000, height_m]]
+    path = load(f"path.waypoints_m={corner}", LEGS).written_path
+    assert [(each.first, each.last) for each in path.passed] == [(1, 2)]
+    for at_m, (_, _, wanted_m) in zip(path.waypoints_at_m, corner, strict=True):
+        assert path.at(float(at_m)).height_m == pytest.approx(wanted_m, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    "waypoints", ["[[0, 0, 100], [2500, 0, 100], [5000, 0, 100]]", "[[0, 0, 100], [2500, 0, 100], [2900, 0, 100]]"]
+)
+def test_circles_that_are_asked_for_are_not_off_the_legs(load, waypoints):
+    """Those around a waypoint, and those that touch one that is too near to the next."""
+    scenario = load(f"path.waypoints_m={waypoints}", LEGS, "path.circles=[{waypoint: 1, turns: 2, radius_m: 500}]")
+    assert scenario.written_path.circle_radii_m[1] == pytest.approx(500.0)
+    assert deviation(scenario.written_path, scenario.path.waypoints_m).off_legs_m < 1.0
 
 
 LOITER = "path.waypoints_m=[[0, 0, 100], [2500, 0, 100], [2500, 2500, 100]]"

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airlink.clock import NANOSECONDS, Instant
-from gcs_formation.guidance.leader_guidance import SHARE, TurnOnSpot
+from flight_model.stops.turning import SHARE
+from gcs_formation.guidance.turn_on_spot import TurnOnSpot
 
 BEGUN = Instant(7 * NANOSECONDS)
 SPEED_MPS, ACCEL_MPS2 = 9.0, 2.5

@@ -1,0 +1,50 @@
+"""Following a vehicle along a path with turns in place: on which leg it is, also of one that turns straight back."""
+
+import math
+
+import pytest
+
+from flight_model.legs.heights import Climbs
+from flight_model.legs.turn import TurnLimits
+from flight_model.stops.corners import Pass
+from flight_model.stops.path import PathWithStops, StopPlan
+from gcs_formation.guidance.parts import AlongPath, Part
+
+
+def there_and(angle_deg: float) -> PathWithStops:
+    """Return 100 m to the north, and 80 m on a course of the given angle, with a stop between."""
+    course = math.radians(angle_deg)
+    end = [100.0 + 80.0 * math.cos(course), 80.0 * math.sin(course), 30.0]
+    limits = [TurnLimits(0.05, 0.01)] * 2
+    return PathWithStops([[0, 0, 30], [100, 0, 30], end], StopPlan([Pass(0.0)], [Climbs(0.3, 0.02)] * 2, limits, 100.0))
+
+
+@pytest.mark.parametrize("angle_deg", [45, 90, 135, 179, 180])
+@pytest.mark.parametrize("aside_m", [-0.3, 0.0, 0.3])
+def test_a_vehicle_is_followed_there_and_on(angle_deg, aside_m):
+    path = there_and(angle_deg)
+    follower, course = AlongPath(path), math.radians(angle_deg)
+    for along in range(101):
+        assert follower.project(float(along), aside_m) == pytest.approx(along, abs=1.1)
+    for _ in range(20):  # it hovers, a little beyond the point
+        assert follower.project(100.2, aside_m) == pytest.approx(100.0, abs=0.5)
+    for along in range(1, 80):
+        north_m = 100.0 + along * math.cos(course) - aside_m * math.sin(course)
+        east_m = along * math.sin(course) + aside_m * math.cos(course)
+        assert follower.project(north_m, east_m) == pytest.approx(100.0 + along, abs=1.1)
+    assert follower.part.begin_m == 100.0
+
+
+def test_a_part_goes_on_straight_from_both_of_its_ends():
+    path = there_and(90.0)
+    first, second = Part(path, -math.inf, 100.0), Part(path, 100.0, math.inf)
+    beyond, before = first.at(105.0), second.at(95.0)
+    assert (beyond.north_m, beyond.east_m, beyond.course_rad) == pytest.approx((105.0, 0.0, 0.0), abs=1e-6)
+    assert (before.north_m, before.east_m, before.course_rad) == pytest.approx((100.0, -5.0, math.pi / 2), abs=1e-6)
+
+
+def test_a_search_finds_the_part_again_after_a_gap():
+    follower = AlongPath(there_and(90.0))
+    follower.project(50.0, 0.0)
+    assert follower.search(100.0, 40.0, 200.0) == pytest.approx(140.0, abs=0.1)
+    assert follower.part.begin_m == 100.0
