@@ -47,7 +47,8 @@ from gcs_formation.guidance.leader_guidance import (
     LeaderCommands,
     way_ahead,
 )
-from gcs_formation.guidance.slots import FormationPlan, TrackAhead
+from gcs_formation.guidance.slot_clearance import TrackAhead
+from gcs_formation.guidance.slots import FormationPlan
 from gcs_formation.phases import Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from gcs_formation.separation.airspace import FenceLimits, HeightFloor
