@@ -13,6 +13,7 @@ from formation_scenario.fields import (
     Allowed,
     AtMost,
     Keys,
+    Later,
     NonNegative,
     Number,
     Open,
@@ -126,10 +127,10 @@ class PathPlan(Keys):
     climb: Literal["refuse", "circle"] = key(
         "refuse", "legs: what becomes of a leg that is too steep: it is refused, or ends in circles", "circle"
     )
-    circles: AtMost[CirclesPlan] = key(
+    circles: AtMost[Later[CirclesPlan]] = key(
         (), "legs: circles around waypoints; they touch one that is nearer to another than to them"
     )
-    guidance: OwnGuidance | None = key(None, "by what the leader is guided along its route")
+    guidance: Later[OwnGuidance] | None = key(None, "by what the leader is guided along its route")
     steps: AtMost[Step] = key(
         (), "what is added to the leader's setpoints for a while; `gcs-formation identify` flies them"
     )

@@ -83,7 +83,7 @@ def _along_m(path: FlightPath, speed_mps: float, time_s: Array, north_m: Array, 
     Followed from its start, for a path may come near itself again.
     """
     seconds = np.arange(time_s[0], time_s[-1] + EVERY_S, EVERY_S)
-    some = np.unique(np.minimum(np.searchsorted(time_s, seconds), time_s.size - 1))
+    some = np.flatnonzero(np.bincount(np.minimum(np.searchsorted(time_s, seconds), time_s.size - 1)))
     at_m, last_s, found = 0.0, 0.0, list[float]()
     for now_s, north, east in zip(time_s[some].tolist(), north_m[some].tolist(), east_m[some].tolist(), strict=True):
         if now_s - last_s > GAP_S:
