@@ -28,11 +28,9 @@ from formation_scenario.fields import (
 )
 from formation_scenario.formation import Formation
 from formation_scenario.gains import AUTO, CLEAN, NOISE, gain_set
-from formation_scenario.mission_path import with_mission
 from formation_scenario.model import Safety, Scenario
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
 from formation_scenario.own_aircraft import with_own_aircraft
-from formation_scenario.parameter_files import ParameterFileError, of_file
 from formation_scenario.shipped_aircraft import SHIPPED, SHIPPED_FILES, SUFFIXES, shipped_names
 from formation_scenario.signing import NOT_SIGNED
 from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
@@ -68,6 +66,8 @@ FILES = {
     "path": ("file",),
 }
 """Groups of keys that name files, and the keys that do, or `group.key`; models are names of shipped files too."""
+OTHER_WAYPOINTS = ("waypoints_deg", "file")
+"""Keys of a path that take the place of `waypoints_m`."""
 FAMILIES = ("arduplane", "arducopter", "px4")
 """Autopilot families with a shipped vehicle file of the same name, for vehicles without `model`."""
 _FIRMWARE_OF = {"arduplane": "ardupilot", "px4": "px4"}
@@ -237,14 +237,23 @@ def with_files(source: Source, registry: Registry | None = None) -> Source:
     Raises:
         ScenarioError: no such file, or one that can't be used.
     """
-    whole = with_models(source, registry)
-    return with_mission(whole, _directory(source), hovering=_hover(whole))
+    return _with_mission(with_models(source, registry))
 
 
 def _hover(whole: Source) -> bool:
     """Return whether all vehicles hover by their models."""
     models = _models(whole.data.get("vehicles"))
     return bool(models) and all(isinstance(each, dict) and each.get("hovers") is True for each in models)
+
+
+def _with_mission(whole: Source) -> Source:
+    """Return the scenario with waypoints in metres; readers of missions are imported for those that have one."""
+    path = whole.data.get("path")
+    if not isinstance(path, dict) or all(path.get(form) is None for form in OTHER_WAYPOINTS):
+        return whole
+    from formation_scenario.mission_path import with_mission  # noqa: PLC0415 - see above
+
+    return with_mission(whole, _directory(whole), hovering=_hover(whole))
 
 
 def with_models(source: Source, registry: Registry | None = None) -> Source:
@@ -369,6 +378,8 @@ def read_parameter_model(file: str, directory: Path, at: Source, path: KeyPath) 
     Raises:
         ScenarioError: no such file, or one that isn't a fixed wing's, or has a line or a value that isn't allowed.
     """
+    from formation_scenario.parameter_files import ParameterFileError, of_file  # noqa: PLC0415 - few scenarios name one
+
     try:
         return dict(of_file(directory / file, shipped_models()).model)
     except ParameterFileError as error:

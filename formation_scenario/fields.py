@@ -6,7 +6,8 @@ import difflib
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Final, Literal, Self, TypeAlias, TypeVar, cast
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self, TypeAlias, TypeVar, cast
 
 from pydantic import (
     BaseModel,
@@ -14,16 +15,20 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    GetJsonSchemaHandler,
     StrictBool,
     StrictStr,
+    TypeAdapter,
     WithJsonSchema,
 )
 from pydantic.config import JsonDict
 from pydantic_core import CoreSchema, PydanticCustomError
 from pydantic_core.core_schema import (
+    definitions_schema,
     dict_schema,
     literal_schema,
     no_info_after_validator_function,
+    no_info_plain_validator_function,
     nullable_schema,
     str_schema,
 )
@@ -106,6 +111,36 @@ class _Written(Allowed):
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: object) -> dict[str, Any]:
         return self.both[1]
+
+
+if TYPE_CHECKING:
+    Later = Annotated[Entry, "as it is"]
+else:
+
+    class Later:
+        """`Later[T]` is T, checked by a schema that is built when there first is a value: most groups are left out."""
+
+        def __class_getitem__(cls, of: object) -> object:
+            """Return the type."""
+            return Annotated[of, cls(of)]
+
+        def __init__(self, of: object) -> None:
+            """Take the type of values."""
+            self._of = of
+
+        @cached_property
+        def _adapter(self) -> TypeAdapter[Any]:
+            return TypeAdapter(self._of)
+
+        def _checked(self, value: object) -> object:
+            one = isinstance(self._of, type) and issubclass(self._of, BaseModel)
+            return self._of.model_validate(value) if one else self._adapter.validate_python(value)
+
+        def __get_pydantic_core_schema__(self, source: object, handler: object) -> CoreSchema:
+            return no_info_plain_validator_function(self._checked)
+
+        def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+            return handler(definitions_schema(self._adapter.core_schema, []))  # so that groups of keys stay named
 
 
 OwnKeys: TypeAlias = Annotated[

@@ -18,6 +18,7 @@ from formation_scenario.fields import (
     Fraction,
     Frame,
     Keys,
+    Later,
     NonNegative,
     Number,
     Offset,
@@ -98,7 +99,7 @@ class Formation(Keys):
     succession: Literal["nearest", "none"] = key(
         "nearest", "who leads when the leader is lost: of the followers near it the one with the best link, or nobody"
     )
-    changes: AtMost[FormationChange] = key(
+    changes: AtMost[Later[FormationChange]] = key(
         (),
         "later shapes, spacings and leaders",
         [{"at_s": 60, "shape": "square", "spacing_m": 50}, {"at_s": 100, "leader": 3}],
@@ -222,7 +223,7 @@ class Law(Keys):
     type: LawType = key("fuzzy_pid", "the law: one of these, or one that an extension registers", "consensus")
     rate_hz: Rate = key(10.0, "control ticks a second, Hz", 20)
     delay_compensation: Flag = key(True, "predict the states over the links' delays")
-    predictor: OwnPredictor | None = key(None, "with delay_compensation: by what they are predicted")
+    predictor: Later[OwnPredictor] | None = key(None, "with delay_compensation: by what they are predicted")
     lag_estimation: Flag = key(True, "learn each vehicle's lags in flight, from half to twice those of its model")
     on_delay: Literal["degrade", "hold", "warn"] = key(
         "warn",

@@ -18,6 +18,7 @@ from formation_scenario.fields import (
     Flag,
     Fraction,
     Keys,
+    Later,
     NonNegative,
     OwnKeys,
     Text,
@@ -122,16 +123,18 @@ class ImpairmentPatch(Keys):
 class DefaultLink(Impairment):
     """Both directions of every link, and the differences of each direction."""
 
-    uplink: ImpairmentPatch | None = key(None, "differences of the way from the ground station to the vehicle")
-    downlink: ImpairmentPatch | None = key(None, "differences of the way from the vehicle to the ground station")
-    signing: Signing | None = key(None, "signed frames, at both ends; without it nothing proves who sent a frame")
+    uplink: Later[ImpairmentPatch] | None = key(None, "differences of the way from the ground station to the vehicle")
+    downlink: Later[ImpairmentPatch] | None = key(None, "differences of the way from the vehicle to the ground station")
+    signing: Later[Signing] | None = key(
+        None, "signed frames, at both ends; without it nothing proves who sent a frame"
+    )
 
 
 class LinkChange(ImpairmentPatch, Timed):
     """A change of some vehicles' links: keys for both directions, then those for each direction."""
 
-    uplink: ImpairmentPatch | None = key(None, "differences of the way from the ground station to the vehicle")
-    downlink: ImpairmentPatch | None = key(None, "differences of the way from the vehicle to the ground station")
+    uplink: Later[ImpairmentPatch] | None = key(None, "differences of the way from the ground station to the vehicle")
+    downlink: Later[ImpairmentPatch] | None = key(None, "differences of the way from the vehicle to the ground station")
 
 
 NO_PROCESS = "none"
@@ -142,8 +145,8 @@ class Links(Keys):
     """The links between the ground station and every vehicle."""
 
     default: DefaultLink = DefaultLink()
-    uplink: ImpairmentPatch | None = key(None, "the same as default.uplink, over which it takes precedence")
-    downlink: ImpairmentPatch | None = key(None, "the same as default.downlink, over which it takes precedence")
+    uplink: Later[ImpairmentPatch] | None = key(None, "the same as default.uplink, over which it takes precedence")
+    downlink: Later[ImpairmentPatch] | None = key(None, "the same as default.downlink, over which it takes precedence")
     station_m: Vector | None = key(
         None,
         "where the ground station's antenna is, for processes of extensions: north and east of the origin, and height "
@@ -151,12 +154,12 @@ class Links(Keys):
         [-200, 0, 3],
         derived="the origin",
     )
-    channels: AtMost[Channel] = key(
+    channels: AtMost[Later[Channel]] = key(
         (),
         "radios that several vehicles share, whose datagrams pass them before their own links",
         [{"vehicles": "all", "rate_kbps": 57.6, "duplex": "half", "turnaround_ms": 5}],
     )
-    changes: Annotated[tuple[LinkChange, ...], Field(max_length=MOST_CHANGES)] = key(
+    changes: Annotated[tuple[Later[LinkChange], ...], Field(max_length=MOST_CHANGES)] = key(
         (),
         "changes in flight",
         [
@@ -186,7 +189,7 @@ def link_steps(links: Links, changes: Iterable[LinkChange]) -> tuple[LinkStep, .
     Changes at the same time make one step; those at 0 s are part of the first.
     """
     default = links.default
-    base = Impairment(**{key: getattr(default, key) for key in Impairment.model_fields})
+    base = Impairment.model_construct(**{key: getattr(default, key) for key in Impairment.model_fields})
     uplink = _patched(base, default.uplink, links.uplink)
     downlink = _patched(base, default.downlink, links.downlink)
     steps = [LinkStep(0.0, uplink, downlink)]

@@ -46,6 +46,7 @@ from formation_scenario.fields import (
     Distance,
     Flag,
     Keys,
+    Later,
     Name,
     NonNegative,
     Number,
@@ -151,7 +152,9 @@ class Safety(Keys):
     separation_m: Distance = key(5.0, "least distance of two vehicles, m", 20)
     avoidance: Avoidance = key(..., "", derived="its keys'")
     clearance_m: NonNegative = key(5.0, "least height above ground, m", 50)
-    fence: Fence | None = key(None, "where vehicles must stay, and so paths, slots and setpoints; without it, anywhere")
+    fence: Later[Fence] | None = key(
+        None, "where vehicles must stay, and so paths, slots and setpoints; without it, anywhere"
+    )
     path_distance_m: Positive = key(
         50.0, "largest distance of the leader from its path, across and in height, for longer than 10 s, m", 30
     )
@@ -220,11 +223,11 @@ class Scenario(Keys):
     formation: Formation = key(Formation(), "", derived="its keys'")
     law: Law = key(..., "", derived="its keys'")
     path: PathPlan
-    repair: RepairPlan | None = key(None, "what `check --repair` may change, and in which order")
-    terrain: Terrain | None = key(None, "the ground; without it, a plain at the origin's height")
+    repair: Later[RepairPlan] | None = key(None, "what `check --repair` may change, and in which order")
+    terrain: Later[Terrain] | None = key(None, "the ground; without it, a plain at the origin's height")
     links: Links = Links()
     wind: Wind = Wind()
-    disturbances: AtMost[Disturbance] = key(
+    disturbances: AtMost[Later[Disturbance]] = key(
         (),
         "velocities that the air adds to vehicles besides the wind; they add up",
         [
@@ -234,12 +237,12 @@ class Scenario(Keys):
             {"at_s": 90, "kind": "dryden", "wind_6m_mps": 7},
         ],
     )
-    orders: AtMost[AnyOrder] = key(
+    orders: AtMost[Later[AnyOrder]] = key(
         (),
         "orders that are given at a mission time, as by `gcs-formation tell`; and what a program did at a control tick",
         [{"at_s": 40, "order": "shape line 40"}, {"at_s": 80, "order": "speed 20"}],
     )
-    faults: AtMost[Fault] = key(
+    faults: AtMost[Later[Fault]] = key(
         (),
         "faults of vehicles; emulators only",
         [
@@ -256,7 +259,7 @@ class Scenario(Keys):
         "filters, monitors and recorders that are on, in this order, each with its own keys; metrics' keys",
         {"ceiling": {"top_m": 140}},
     )
-    expect: AtMost[Expectation] = key(
+    expect: AtMost[Later[Expectation]] = key(
         (),
         "bounds that the run must have kept; exit status 1 if one is broken",
         [

@@ -12,6 +12,7 @@ from formation_scenario.fields import (
     WHOLE,
     Allowed,
     Keys,
+    Later,
     NonNegative,
     Number,
     Open,
@@ -117,7 +118,7 @@ class InertialNavigation(Keys):
 
     source: Literal["ins"] = key(..., SOURCES)
     grade: Grade = key("aviation", "grade that fills what isn't given of sensors", "tactical")
-    sensors: InertialSensorKeys = InertialSensorKeys()
+    sensors: InertialSensorKeys = InertialSensorKeys.model_construct()
     biases: Literal["keys", "random"] = key(
         "keys",
         "keys | random: biases as the keys have them, or drawn by the seed for each vehicle, "
@@ -131,8 +132,8 @@ class InertialNavigation(Keys):
         "exact", "the flight starts from the true state, or from the alignment's attitude"
     )
     aiding: Literal["none", "baro", "gnss"] = key("none", "what aids it", "gnss")
-    gnss: GnssKeys = GnssKeys()
-    barometer: BarometerKeys = BarometerKeys()
+    gnss: GnssKeys = GnssKeys.model_construct()
+    barometer: BarometerKeys = BarometerKeys.model_construct()
 
 
 class OwnNavigation(Keys):
@@ -144,8 +145,8 @@ class OwnNavigation(Keys):
 
 Navigation = Annotated[
     Annotated[TrueNavigation, Tag("truth")]
-    | Annotated[NoisyNavigation, Tag("noisy")]
-    | Annotated[InertialNavigation, Tag("ins")]
-    | Annotated[OwnNavigation, Tag(EXTENSION)],
+    | Annotated[Later[NoisyNavigation], Tag("noisy")]
+    | Annotated[Later[InertialNavigation], Tag("ins")]
+    | Annotated[Later[OwnNavigation], Tag(EXTENSION)],
     one_of("source", "truth", NAVIGATIONS),
 ]

@@ -13,6 +13,7 @@ from formation_scenario.fields import (
     Allowed,
     AtMost,
     Keys,
+    Later,
     NonNegative,
     Number,
     Open,
@@ -143,13 +144,13 @@ class PathPlan(Keys):
         "more slowly instead",
         "circle",
     )
-    circles: AtMost[CirclesPlan] = key(
+    circles: AtMost[Later[CirclesPlan]] = key(
         (), "legs: circles around waypoints; they touch one that is nearer to another than to them"
     )
-    stops: AtMost[PlannedStop] = key(
+    stops: AtMost[Later[PlannedStop]] = key(
         (), "legs: waypoints at which vehicles that hover stop, hover for a time and turn to the next leg"
     )
-    guidance: OwnGuidance | None = key(None, "by what the leader is guided along its route")
+    guidance: Later[OwnGuidance] | None = key(None, "by what the leader is guided along its route")
     steps: AtMost[Step] = key(
         (), "what is added to the leader's setpoints for a while; `gcs-formation identify` flies them"
     )

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ConfigDict
 
 MARKS = "__gcs_formation_registered__"
 """The name in a module's namespace under which the register functions list what it brings."""
@@ -36,6 +36,8 @@ class Extension:
 
     class Keys(BaseModel):
         """The extension's own keys; without any here."""
+
+        model_config = ConfigDict(defer_build=True)
 
     keys: Any
     """The keys of this instance, a `Keys`, with defaults filled in."""

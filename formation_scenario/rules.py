@@ -40,7 +40,7 @@ from formation_scenario.sampled_path import WAYPOINTS
 from formation_scenario.scripted import ACTS, ScriptedLink, ScriptedOrder
 from formation_scenario.source import Finding, KeyPath
 from formation_scenario.start_states_and_end_times import latest_end_s
-from formation_scenario.surroundings import PASSING, TELEMETRY_KEYS, Disturbance, DrydenTurbulence, Fault, Fence
+from formation_scenario.surroundings import PASSING, TELEMETRY_KEYS, Disturbance, DrydenTurbulence, Fault
 from formation_scenario.terrain import ALLOWED as ELEVATION_FILES
 from formation_scenario.traces.keys import Trace
 from formation_scenario.traces.reading import ALLOWED
@@ -90,7 +90,9 @@ def row(scenario: Scenario) -> Iterator[Finding]:
 
 def fence(scenario: Scenario) -> Iterator[Finding]:
     """Yield a fence whose lowest height is above its highest, and areas that are no polygon or circle, or both."""
-    limits, key = scenario.safety.fence or Fence(), ("safety", "fence")
+    limits, key = scenario.safety.fence, ("safety", "fence")
+    if limits is None:
+        return
     lowest_m, highest_m = limits.heights_m
     if lowest_m > highest_m:
         yield (*key, "height_min_m"), f"found {lowest_m:g} m", f"up to height_max_m, {highest_m:g} m"

@@ -91,14 +91,14 @@ class Loader(yaml.SafeLoader):
     yaml_implicit_resolvers = _numbers_of_yaml_1_2(yaml.SafeLoader.yaml_implicit_resolvers)
 
 
-class LongTextLoader(FastLoader):
-    """The same by libyaml, four times as fast; its messages of broken YAML say less."""
+class LibyamlLoader(FastLoader):
+    """The same by libyaml, several times as fast; its messages of broken YAML say less."""
 
     yaml_implicit_resolvers = Loader.yaml_implicit_resolvers
 
 
 LONG_TEXT = 100_000
-"""From this length on, characters, YAML is read by libyaml."""
+"""From this length on, characters, what is wrong is said in libyaml's words: PyYAML would take too long."""
 
 
 class Dumper(yaml.SafeDumper):
@@ -111,7 +111,7 @@ class Dumper(yaml.SafeDumper):
         return True
 
 
-AnyLoader: TypeAlias = Loader | LongTextLoader
+AnyLoader: TypeAlias = Loader | LibyamlLoader
 
 
 def dotted(path: KeyPath) -> str:
@@ -147,7 +147,7 @@ def read_text(text: str, file: str | None = None, of: str = "scenario") -> Sourc
     Raises:
         ScenarioError: broken YAML, a key given twice, or no mapping at the top.
     """
-    data, places = _Reader(text, file).read()
+    data, places = _read(text, file)
     if not isinstance(data, dict):
         raise ScenarioError([Problem(file, 1, 1, "", f"found {kind(data)}", f"a mapping of {of} keys")])
     return Source(file, data, places)
@@ -170,7 +170,7 @@ def read_value(text: str, path: KeyPath) -> Plain:
         ScenarioError: broken YAML, or a key given twice; problems have no lines.
     """
     try:
-        return _Reader(text, None).read(path)[0]
+        return _read(text, None, path)[0]
     except ScenarioError as error:
         keyed = [replace(each, line=None, column=None, key=each.key or dotted(path)) for each in error.problems]
         raise ScenarioError(keyed) from error
@@ -209,6 +209,21 @@ def _plain(value: object, path: KeyPath) -> Plain:
     raise refused(dotted(path), f"found a {type(value).__name__}", "number, text, list, mapping")
 
 
+def _read(text: str, file: str | None, path: KeyPath = ()) -> tuple[Plain, dict[KeyPath, Place]]:
+    """Return YAML's values and their places, by libyaml where it reads the text as PyYAML does.
+
+    PyYAML reads again what libyaml refuses, because it says more; and tabs, about which the two differ.
+    """
+    long = len(text) > LONG_TEXT
+    if long or "\t" not in text:
+        try:
+            return _Reader(text, file).read(LibyamlLoader, path)
+        except ScenarioError:
+            if long:
+                raise
+    return _Reader(text, file).read(Loader, path)
+
+
 class _Reader:
     """Reads one YAML document."""
 
@@ -221,9 +236,9 @@ class _Reader:
         self._within = list[yaml.Node]()
         """The lists and mappings around the present value."""
 
-    def read(self, path: KeyPath = ()) -> tuple[Plain, dict[KeyPath, Place]]:
+    def read(self, by: type[AnyLoader], path: KeyPath) -> tuple[Plain, dict[KeyPath, Place]]:
         try:
-            loader: AnyLoader = (LongTextLoader if len(self._text) > LONG_TEXT else Loader)(self._text)
+            loader = by(self._text)
             node: yaml.Node | None = loader.get_single_node()
             data = None if node is None else self._value(loader, node, path)
         except yaml.YAMLError as error:

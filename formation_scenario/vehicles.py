@@ -19,6 +19,7 @@ from formation_scenario.fields import (
     Flag,
     Fraction,
     Keys,
+    Later,
     NetworkId,
     NonNegative,
     Number,
@@ -157,7 +158,7 @@ class VehicleModel(Keys):
     )
     rest_s: Lag = key(5.0, "time constant of that rest, s", 9)
     firmware: Literal["ardupilot", "px4"] = key("ardupilot", "emulators: the autopilot that is emulated", "px4")
-    airframe: EnergyAirframe | None = key(
+    airframe: Later[EnergyAirframe] | None = key(
         None,
         "emulators: the aircraft to simulate in place of equation (7), which the keys above then only approximate",
     )

@@ -46,7 +46,8 @@ from gcs_formation.guidance.leader_guidance import (
     LeaderCommands,
     way_ahead,
 )
-from gcs_formation.guidance.slots import FormationPlan, TrackAhead
+from gcs_formation.guidance.slot_clearance import TrackAhead
+from gcs_formation.guidance.slots import FormationPlan
 from gcs_formation.guidance.turn_on_spot import NOSE_LAG_S
 from gcs_formation.phases import Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state

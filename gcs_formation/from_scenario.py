@@ -34,7 +34,7 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.extend.autopilots import FAMILIES, own_autopilot
 from gcs_formation.guidance.added_steps import AddedSteps
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
-from gcs_formation.guidance.slots import SlotClearance
+from gcs_formation.guidance.slot_clearance import SlotClearance
 from gcs_formation.guidance.timed_progress import TimedProgress
 from gcs_formation.guidance.tracking import LEAST_MPS
 from gcs_formation.link.link_health import Connection

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from airlink.clock import VIRTUAL_EPOCH_US
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
@@ -16,11 +16,13 @@ from formation_scenario import Scenario, Vehicle
 from formation_scenario.extensions import EMULATED_FAMILY, Registered, Registry
 from formation_scenario.fields import VehicleSelection, refused
 from formation_scenario.navigation import Navigation, TrueNavigation
-from formation_scenario.parameter_files import Parameter, read_parameters
 from formation_scenario.start_states_and_end_times import StartState, start_states
 from formation_scenario.station import StationId
 from formation_scenario.surroundings import Disturbance, Fault
 from formation_scenario.vehicles import Family, VehicleClock, VehicleModel, family_of, reads_equivalent_airspeed
+
+if TYPE_CHECKING:
+    from formation_scenario.parameter_files import Parameter
 
 STATION_SYSTEM: Final = StationId().system
 """The ground station's system id by default."""
@@ -64,7 +66,7 @@ class VehicleConfig:
     """The family of an extension in place of `family`."""
     own_keys: Any = None
     """Its keys, typed by its own model."""
-    parameters: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
     """Its own parameters, by name, where they differ from its firmware's defaults."""
     signing_key: SigningKey | None = None
     """The key that it has been set up with; None: it signs nothing, and refuses nothing."""
@@ -147,7 +149,11 @@ def _own_family(vehicle: Vehicle, scenario: Scenario) -> dict[str, Any]:
 
 
 def _parameters(model: VehicleModel) -> Mapping[str, Parameter]:
-    return {} if not isinstance(model.parameters, str) else read_parameters(Path(model.parameters)).parameters
+    if not isinstance(model.parameters, str):
+        return {}
+    from formation_scenario.parameter_files import read_parameters  # noqa: PLC0415 - few models name one
+
+    return read_parameters(Path(model.parameters)).parameters
 
 
 def _signing_key(vehicle: Vehicle, scenario: Scenario) -> SigningKey | None:

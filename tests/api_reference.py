@@ -6,6 +6,7 @@ python -m tests.api_reference > docs/api.md
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from collections.abc import Iterator
 from importlib import import_module
@@ -31,6 +32,8 @@ public: it is changed with a line in the changelog. Everything else may change a
 """
 KEYS_ELSEWHERE = ("Scenario", "Vehicle")
 """Classes whose members are a scenario's keys, which docs/scenario.md lists."""
+LATER = re.compile(r"Later\[([^\]]*)\]")
+"""A type whose schema is built late, which is the type itself to readers."""
 SECTIONS = ("Args:", "Returns:", "Raises:", "Yields:")
 
 
@@ -139,7 +142,8 @@ def _members(node: ast.ClassDef, home: str) -> Iterator[str]:
     for each, following in zip(node.body, [*node.body[1:], None], strict=True):
         if isinstance(each, ast.AnnAssign) and not ast.unparse(each.target).startswith("_"):
             said = _text(following) or _described(each.value, home, node.name, ast.unparse(each.target))
-            yield _row(f"{ast.unparse(each.target)}: {ast.unparse(each.annotation)}", said)
+            kind = LATER.sub(r"\1", ast.unparse(each.annotation))
+            yield _row(f"{ast.unparse(each.target)}: {kind}", said)
         elif isinstance(each, ast.FunctionDef) and not each.name.startswith("_"):
             attribute = any("property" in ast.unparse(decorator) for decorator in each.decorator_list)
             returned = f": {ast.unparse(each.returns)}" if each.returns is not None else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from formation_scenario.expectation import CHANNEL_UNITS, GAP_S, SETTLED_M
 from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.ground_and_fence import starts_without_room
-from formation_scenario.repair import Repair
 from formation_scenario.slot_assignment import columns
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_times_s
 from gcs_formation.app import check_law, check_links, check_parameters, check_path, check_room, check_traces
@@ -34,6 +33,9 @@ from gcs_formation.stability import (
 )
 from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
 from gcs_formation.stability.stated import stated_margins
+
+if TYPE_CHECKING:
+    from formation_scenario.repair import Repair
 
 MOST_HZ = 1000.0
 """Largest allowed law.rate_hz."""

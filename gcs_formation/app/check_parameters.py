@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from formation_scenario import Scenario
 from formation_scenario.derived_defaults import shipped_models
-from formation_scenario.parameter_files import ParameterFileError, ParameterModel, of_file
+
+if TYPE_CHECKING:
+    from formation_scenario.parameter_files import ParameterModel
 
 FIRMWARE = {"ardupilot": "ArduPlane", "px4": "PX4"}
 
@@ -21,7 +23,11 @@ def parameter_models(scenario: Scenario) -> Iterator[tuple[list[str], ParameterM
         for model in {vehicle.model, vehicle.true_model} - {None}:
             if model is not None and isinstance(model.parameters, str):
                 whose[model.parameters].append(str(vehicle.vehicle_id))
-    shipped = shipped_models() if whose else {}
+    if not whose:
+        return
+    from formation_scenario.parameter_files import ParameterFileError, of_file  # noqa: PLC0415 - few scenarios name one
+
+    shipped = shipped_models()
     for file, vehicles in whose.items():
         try:
             found = of_file(Path(file), shipped)

@@ -86,7 +86,7 @@ def _along_m(path: FlightPath, speed_mps: float, time_s: Array, north_m: Array, 
     """
     every_s = TURNING_S if path.turns_in_place else EVERY_S
     seconds = np.arange(time_s[0], time_s[-1] + every_s, every_s)
-    some = np.unique(np.minimum(np.searchsorted(time_s, seconds), time_s.size - 1))
+    some = np.flatnonzero(np.bincount(np.minimum(np.searchsorted(time_s, seconds), time_s.size - 1)))
     follower, last_s, found, parts = AlongPath(path), 0.0, list[float](), list[tuple[float, float]]()
     for now_s, north, east in zip(time_s[some].tolist(), north_m[some].tolist(), east_m[some].tolist(), strict=True):
         if now_s - last_s > GAP_S:

@@ -11,14 +11,16 @@ import struct
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import IntEnum
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from airlink import mavlink as m
 from airlink.endpoint import Address
 from airlink.messages import Message
 from airlink.messages.command import FileTransferProtocol, ParamRequestList, ParamRequestRead, ParamSet, ParamValue
-from formation_scenario.parameter_files import Parameter
 from sim_vehicles.autopilot.missions import Sender
+
+if TYPE_CHECKING:
+    from formation_scenario.parameter_files import Parameter
 
 UNINDEXED = 65535
 """Index in the answer to a request by name."""

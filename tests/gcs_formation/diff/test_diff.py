@@ -151,6 +151,7 @@ def test_what_is_no_record_is_bad_usage(broken: Change, words: str, tmp_path: Pa
     assert words in answer.output
 
 
+@pytest.mark.slow
 def test_one_key_is_followed_to_its_first_frame_in_a_real_pair_of_runs(tmp_path: Path) -> None:
     keys = {"name": "pair", "vehicles": {"count": 2}, "start": {"in_air": True, "run_in_s": 2.0},
             "path": {"waypoints_m": [[0, 0, 100], [2000, 0, 100]]}}  # fmt: skip

@@ -119,6 +119,7 @@ def unpacked(task: Task, place: Path) -> Path:
     return place / shipment.digest
 
 
+@pytest.mark.slow
 def test_what_keys_name_goes_along_and_rows_and_records_are_the_same(named, tmp_path, monkeypatch):
     tasks = tasks_of(named)
     names = {"ground.tif", "late.txt", "later.txt", "mine.yaml"}

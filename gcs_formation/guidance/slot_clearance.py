@@ -1,0 +1,192 @@
+"""Slots over terrain: the lift of each slot that keeps its clearance.
+
+The leader's height along its route is known in advance, and with it the track of every slot. For the next two
+kilometres every slot gets the least lift that keeps its clearance, within the climb that the leader's own climb leaves.
+The lift continues the previous one. It is computed again where it no longer serves, and whenever the route or the plan
+changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from flight_model.arrays import Array, beside
+from flight_model.autopilot_model import FlightState
+from flight_model.lift_curve import STEP_M, LiftCurve
+from flight_model.path import Route
+from flight_model.path_lift_and_displacement import SAMPLES, TRIFLE_M, Bounds, Lift, least_lift, sample_places
+from flight_model.slot import Slot, Triple
+from formation_scenario.fields import Frame
+from formation_scenario.slot_assignment import Arrangement
+from formation_scenario.slot_frame import axis_rad
+from formation_scenario.terrain import Ground
+
+AHEAD_STEPS: Final = 140
+"""Steps of the lifts' splines."""
+MIN_AHEAD_STEPS: Final = 100
+"""Of these, how many must be left: 2 km, on which a climb at the formation's limit gains 190 m."""
+ADVANCE_M: Final = 100.0
+"""Distance that the leader flies before lifts are checked again, and computed again unless they still serve."""
+SAME_BOUNDS: Final = 0.01
+"""Share by which the bound of slope may differ from that for which lifts were computed."""
+PATH_VALUES: Final = 8
+SLOPE: Final = 6
+"""How many values a path's point has, and which of them is its slope (`PathPoint.values`)."""
+KEPT_M: Final = 40.0
+"""Distance around the present position within which a lift isn't changed, since setpoints act at different times."""
+
+
+@dataclass(frozen=True)
+class TrackAhead:
+    """The future track of the leader and of the slots."""
+
+    route: Route
+    leader: FlightState
+    leading: int
+    """Index of the leader's own slot among the N; it is never lifted."""
+    distance_m: float
+    along_mps: float
+    slots: Callable[[float], Array]
+    """Seconds from now -> slots (N, 3)."""
+    plan: Arrangement
+    """Identifies the plan of the slots: a different object if the plan has changed."""
+
+
+class SlotClearance:
+    """The lifts of N slots, and the route and plan for which they were computed."""
+
+    def __init__(self, ground: Ground, clearance_m: float, bounds: Callable[[float], Bounds], frame: Frame) -> None:
+        """Keep `clearance_m` above the ground.
+
+        `bounds`: of the leader's route and the lift together, at the leader's speed over ground, m/s.
+        """
+        self._ground, self._clearance_m = ground, clearance_m
+        self._bounds, self._frame = bounds, frame
+        self._route: Route | None = None
+        self._plan: Arrangement | None = None
+        self._slope = 0.0
+        """The bound of slope for which the lifts were computed."""
+        self._first, self._made_at_m = 0, 0.0
+        self._control_m = np.zeros((0, 4))
+        self._curves = list[LiftCurve]()
+        self._held = list[Triple]()
+        """Each lift of the last tick, its slope and its curvature."""
+        self._sampled, self._sampled_first = np.zeros((0, PATH_VALUES)), 0
+        """The route's points (K, 8) at the samples, and the step at which they begin."""
+
+    def look_ahead(self, outlook: TrackAhead, at_m: list[float]) -> None:
+        """Compute the lifts again if they are due; `at_m` (N,) is the leader's distance at each follower's instant.
+
+        On the same route they continue the present splines. On another route, possibly with another leader, they
+        continue the last tick's values.
+        """
+        going_on = outlook.route is self._route
+        changed = not going_on or outlook.plan is not self._plan
+        if changed or outlook.distance_m >= self._made_at_m + ADVANCE_M:
+            if changed or not self._serve(outlook, at_m):
+                self._compute(outlook, at_m, going_on=going_on)
+            self._made_at_m = outlook.distance_m
+        self._held = self.lift(at_m)
+
+    def _serve(self, outlook: TrackAhead, at_m: list[float]) -> bool:
+        """Return whether the present lifts reach far enough ahead, within bounds as now, and clear the ground.
+
+        The ground is the same as ever; where the slots will be above it varies with the wind, by millimetres in calm.
+        """
+        first = max(int((min(at_m) - KEPT_M) // STEP_M), self._first)
+        steps = self._control_m.shape[1] - 3 - (first - self._first)
+        slope = self._bounds(outlook.along_mps).slope
+        if steps < MIN_AHEAD_STEPS or abs(slope - self._slope) > SAME_BOUNDS * self._slope:
+            return False
+        places = sample_places(first * STEP_M, steps)
+        needed = self._needed(outlook, places, self._points(outlook.route, first, places))
+        lifts = [Lift(self._first * STEP_M, row).at(places)[0] for row in self._control_m]
+        short = needed > np.stack(lifts) + TRIFLE_M
+        short[outlook.leading] = False
+        return not short.any()
+
+    def _compute(self, outlook: TrackAhead, at_m: list[float], *, going_on: bool) -> None:
+        first = int((min(at_m) - KEPT_M) // STEP_M)
+        if going_on:
+            first = max(first, self._first)
+            kept = int(np.ceil((max(at_m) + KEPT_M) / STEP_M)) - first + 3
+            begun = list(self._control_m[:, first - self._first :][:, :kept])
+        else:
+            begun = self._as_they_were(outlook.leading, first, at_m)
+        places = sample_places(first * STEP_M, AHEAD_STEPS)
+        points = self._points(outlook.route, first, places)
+        needed = self._needed(outlook, places, points)
+        needed[outlook.leading] = 0.0
+        bounds, slope = self._bounds(outlook.along_mps), points[:, SLOPE].copy()
+        made = (least_lift(first * STEP_M, row, slope, bounds, own) for row, own in zip(needed, begun, strict=True))
+        self._control_m = np.stack([lift.control_m for lift in made])
+        self._curves = [LiftCurve(row) for row in self._control_m.tolist()]
+        self._route, self._plan = outlook.route, outlook.plan
+        self._first, self._slope = first, bounds.slope
+
+    def _points(self, route: Route, first: int, places: Array) -> Array:
+        """Return the route's points (K, 8) at `places` (K,), which begin at the step `first`.
+
+        Samples lie at multiples of their distance, so most of them are those of the last time.
+        """
+        passed = SAMPLES * (first - self._sampled_first)
+        known = self._sampled[passed:] if route is self._route and passed >= 0 else self._sampled[:0]
+        added = [route.at(distance).values() for distance in places[len(known) :].tolist()]
+        self._sampled = np.concatenate((known, np.array(added).reshape(-1, PATH_VALUES)))
+        self._sampled_first = first
+        return self._sampled[: len(places)]
+
+    def lifted(self, slots: list[Slot], at_m: list[float], along_mps: float) -> list[Slot]:
+        """Return N slots lifted clear of the ground; `at_m`: the leader's distance for each, `along_mps`: its speed."""
+        each = zip(slots, self.lift(at_m), strict=True)
+        return [
+            slot.raised(lift_m, along_mps * slope, along_mps**2 * curvature)
+            for slot, (lift_m, slope, curvature) in each
+        ]
+
+    def _as_they_were(self, leading: int, first: int, at_m: list[float]) -> list[Array]:
+        """Return the first control points of lifts that continue those of the last tick, relative to the leader's own.
+
+        Height, slope and curvature are continuous. A new leader continues from its own lifted height, so followers that
+        were lifted less are below their slots at first.
+        """
+        if self._route is None:
+            return [np.zeros(0)] * len(at_m)
+        own, begun = self._held[leading], list[Array]()
+        for held, distance_m in zip(self._held, at_m, strict=True):
+            lift_m, slope, curvature = held[0] - own[0], held[1] - own[1], held[2] - own[2]
+            ahead = distance_m / STEP_M - first
+            x_m = (np.arange(int(ahead) + 4) - 1.0 - ahead) * STEP_M
+            # Control points of a quadratic, which a cubic B-spline represents exactly.
+            begun.append(lift_m + slope * x_m + curvature * (x_m**2 / 2.0 - STEP_M**2 / 6.0))
+        return begun
+
+    def lift(self, at_m: list[float]) -> list[Triple]:
+        """Return N lifts, their slopes and their curvatures by the leader's distance, at N distances."""
+        first = self._first
+        return [curve.at(each / STEP_M - first) for curve, each in zip(self._curves, at_m, strict=True)]
+
+    def _needed(self, outlook: TrackAhead, places: Array, points: Array) -> Array:
+        """Return the required lifts (N, K) for the leader at distances `places` (K,), the route's `points` (K, 8)."""
+        north, east, height, course, curvature = points.T[:5]
+        leader = outlook.leader
+        aside_mps = leader.wind_east_mps * np.cos(course) - leader.wind_north_mps * np.sin(course)
+        heading = course - np.arcsin(np.clip(aside_mps / max(leader.airspeed_mps, 1.0), -1.0, 1.0))
+        later_s = (places - outlook.distance_m) / max(outlook.along_mps, 1.0)
+        knots = np.stack([outlook.slots(seconds) for seconds in later_s[::SAMPLES].tolist()], axis=1)
+        forward, right, up = np.moveaxis(_between(knots), -1, 0)
+        own = heading + np.arcsin(np.clip(curvature * forward, -0.99, 0.99))
+        axis = axis_rad(self._frame, np.broadcast_to(heading, forward.shape), own)
+        ground_m = self._ground.height(*beside(north, east, axis, forward, right))
+        return ground_m + self._clearance_m - (height + up)
+
+
+def _between(knots: Array) -> Array:
+    """Return positions (N, K, 3) at every sample, linearly interpolated from those at every knot (N, S, 3)."""
+    share = (np.arange(SAMPLES) / SAMPLES)[:, None]
+    steps = knots[:, :-1, None] + share * np.diff(knots, axis=1)[:, :, None]
+    return np.concatenate((steps.reshape(knots.shape[0], -1, 3), knots[:, -1:]), axis=1)

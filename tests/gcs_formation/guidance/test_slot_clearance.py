@@ -1,0 +1,85 @@
+"""Lifts of slots over hills: they are computed again only where those there are no longer serve."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import scipy.optimize
+
+from flight_model.autopilot_model import FlightState
+from flight_model.path_lift_and_displacement import TRIFLE_M, Bounds
+from flight_model.spline import SplinePath
+from formation_scenario import load_scenario
+from formation_scenario.surroundings import Hill
+from formation_scenario.terrain import Hills
+from gcs_formation.guidance.slot_clearance import ADVANCE_M, SlotClearance, TrackAhead
+from gcs_formation.guidance.slots import FormationPlan
+from tests.flights.conftest import scenario
+
+SPEED_MPS, CLEARANCE_M, HEIGHT_M = 22.0, 60.0, 70.0
+BEHIND_M, RIGHT_M = 60.0, 100.0
+TICK_M = 10.0
+SEEN_M = 1800.0
+BOUNDS = Bounds(0.11, 1e-3)
+TOPS_M = (1500.0, 3200.0, 4900.0)
+"""North of the origin, beneath the follower's track in calm."""
+SLOTS = np.array([[0.0, 0.0, 0.0], [-BEHIND_M, RIGHT_M, 0.0]])
+
+
+class Flight:
+    """A leader that flies north at one height, with a follower behind to its right."""
+
+    def __init__(self) -> None:
+        hills = [Hill(north_m=each, east_m=RIGHT_M, height_m=40.0, radius_m=250.0) for each in TOPS_M]
+        self.ground = Hills(0.0, hills)
+        self.lifts = SlotClearance(self.ground, CLEARANCE_M, lambda _: BOUNDS, "leader_heading")
+        self._route = SplinePath([[0.0, 0.0, HEIGHT_M], [9000.0, 0.0, HEIGHT_M]])
+        self._plan = FormationPlan(load_scenario(scenario())).arrangement
+        self.at_m = 0.0
+
+    def on(self, by_m: float, wind_east_mps: float = 0.0) -> None:
+        """Fly on."""
+        until_m = self.at_m + by_m
+        while self.at_m < until_m:
+            self.at_m += TICK_M
+            leader = FlightState(self.at_m, 0.0, HEIGHT_M, 0.0, SPEED_MPS, 0.0, 0.0, wind_east_mps)
+            ahead = TrackAhead(self._route, leader, 0, self.at_m, SPEED_MPS, lambda _: SLOTS, self._plan)
+            self.lifts.look_ahead(ahead, [self.at_m, self.at_m])
+
+    def missing_m(self, wind_east_mps: float = 0.0) -> float:
+        """Return by how much the follower would fly below its clearance at the worst place that is seen."""
+        crab = math.asin(wind_east_mps / SPEED_MPS)
+        sees = np.arange(self.at_m, self.at_m + SEEN_M, TICK_M / 2)
+        north = sees - BEHIND_M * math.cos(crab) + RIGHT_M * math.sin(crab)
+        east = np.full_like(sees, BEHIND_M * math.sin(crab) + RIGHT_M * math.cos(crab))
+        lifts = [self.lifts.lift([each, each])[1][0] for each in sees.tolist()]
+        return float((self.ground.height(north, east) + CLEARANCE_M - HEIGHT_M - np.array(lifts)).max())
+
+
+@pytest.fixture
+def programmes(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """Return a list that grows by one with each linear programme."""
+    solved, solve = list[object](), scipy.optimize.milp
+    monkeypatch.setattr(scipy.optimize, "milp", lambda *args, **more: (solved.append(args), solve(*args, **more))[1])
+    return solved
+
+
+def test_a_lift_in_steady_air_is_computed_for_kilometres_and_covers_what_is_ahead(programmes: list[object]) -> None:
+    flight = Flight()
+    for _ in range(40):
+        flight.on(ADVANCE_M)
+        assert flight.missing_m() <= TRIFLE_M
+    assert 4 <= len(programmes) <= 6
+
+
+def test_a_wind_that_puts_the_slot_above_other_ground_lifts_it_anew(programmes: list[object]) -> None:
+    flight, wind_mps = Flight(), -8.0
+    flight.on(200.0)
+    assert flight.missing_m() <= TRIFLE_M
+    assert flight.missing_m(wind_mps) > 1.0
+    before = len(programmes)
+    flight.on(ADVANCE_M, wind_mps)
+    assert flight.missing_m(wind_mps) <= TRIFLE_M
+    assert len(programmes) == before + 1
