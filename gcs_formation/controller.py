@@ -248,7 +248,7 @@ class FormationController:
         self._decided_rad = tick.setpoints[tick.leader][1]
         if self._outside is not None and self.fault is None:
             self.fault = self._outside.filter(tick)
-        if self.fault is None:
+        if self.fault is None and tick.mission_time_s >= 0.0:  # before, vehicles gather at heights of their own
             self._heights.keep(tick, self._leader_m, self._slots_m)
         self.fence.keep(tick)
         if self.columns > 1:

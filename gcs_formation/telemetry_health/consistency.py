@@ -27,8 +27,12 @@ SHORT_M: Final = 2.0
 LONG_M: Final = 4.0
 """Bounds of the sums in exact telemetry, m. A position rounded to a control loop's cycle is off by 0.5 m at 25 m/s."""
 SIGMAS: Final = 5.0
-GAP_S: Final = 3.0
-"""After a longer interval between samples there is nothing to compare, s."""
+GAP_S: Final = 0.5
+GAPS: Final = 3.0
+"""After an interval longer than this, and than so many usual ones, there is nothing to compare: a simulator that was
+held up has stood still meanwhile, by its clock too or not."""
+MEMORY: Final = 0.05
+"""Weight of the newest interval in the usual one."""
 UNCHANGED: Final = 2
 """A position that is the same to the bit so many times in a row is frozen, and a velocity that is 0 isn't filled. One
 that isn't 0 may well be the same: that is straight flight."""
@@ -124,7 +128,7 @@ class Consistency:
         """What the position had gained on the velocity when this was found, m."""
         self._doubtful = False
         """Whether which of the two is wrong was decided by the first samples alone, and is decided once more."""
-        self._stamp_ns = 0
+        self._stamp_ns, self._usual_s = 0, GAP_S
         self._unchanged = [0, 0]
         """How many samples in a row had the same position, and the same velocity."""
         self._agrees_s = 0.0
@@ -160,7 +164,9 @@ class Consistency:
         elapsed_s = (stamp_ns - self._stamp_ns) * 1e-9
         if elapsed_s <= 0.0:
             return self._flies_otherwise()
-        if self._stamp_ns and elapsed_s <= GAP_S:
+        begun, usual_s = self._stamp_ns > 0, self._usual_s
+        self._usual_s += MEMORY * (min(elapsed_s, GAPS * usual_s) - usual_s) if begun else 0.0
+        if begun and elapsed_s <= max(GAP_S, GAPS * usual_s):
             self._compare(elapsed_s, position_m, rate_mps, witness_mps, variances)
         else:
             for axis in self.axes:

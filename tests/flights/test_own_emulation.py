@@ -304,7 +304,7 @@ def test_a_family_is_a_subclass_of_ours_and_names_of_ours_are_taken(tmp_path):
 
 
 def test_ours_are_registered_by_the_same_functions():
-    assert tuple(OURS) == ("crash", "freeze", "ignore", "restart", "pilot")
+    assert tuple(OURS) == ("crash", "freeze", "ignore", "restart", "pilot", "telemetry")
     assert set(OURS) == set(get_args(FaultKind))
     assert set(FAMILIES) == set(get_args(Family))
     assert all(entry.made.emulates == name for name, entry in FAMILIES.items())

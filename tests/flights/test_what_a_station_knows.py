@@ -55,8 +55,8 @@ def flown(station_keys: dict[str, Any], seconds: float, **keys: Any) -> tuple[St
 
 
 def test_it_flies_the_same_bytes_without_what_it_cant_know() -> None:
-    """Followers begin too far off for the run-in, so that a lap is flown, whose turns the wind widens."""
-    start = {"in_air": True, "run_in_s": 6, "offset_m": [0, 150, 4]}
+    """Followers need longer than the run-in, so that a lap is flown, whose turns the wind widens."""
+    start = {"in_air": True, "run_in_s": 5, "offset_m": [0, 150, 4]}
     (station, sent), (_, same) = (flown(keys, 25.0, start=start) for keys in (UNKNOWN, {"vehicles": KNOWN}))
     assert station.controller.guidance.rounds == 1
     assert sent.raws == same.raws
