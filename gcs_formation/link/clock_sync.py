@@ -46,8 +46,8 @@ LEAST_VARIANCE: Final = 1e-12
 """Lower bound of round trips' variance, s², that is divided by."""
 JITTERY_S: Final = 5e-3
 """Standard deviation of round trips, beyond that of the wait, from which on jitter keeps the clock from being known."""
-UNCERTAIN_S: Final = 0.4e-3
-"""Deviation of the clock's offset that is good enough: 1.2 cm at 22 m/s between two vehicles."""
+UNCERTAIN_S: Final = 0.25e-3
+"""Deviation of the clock's offset that is good enough: 0.8 cm at 22 m/s between two vehicles."""
 STEP_S: Final = 1.0
 """A sample that is off by more than its uncertainty plus this shows that the clock has stepped or restarted."""
 
@@ -105,6 +105,16 @@ class ClockSync:
     def drift(self) -> float:
         """Rate of change of the offset."""
         return self._used.drift
+
+    @property
+    def offset_deviation_s(self) -> float:
+        """Standard deviation of the offset, for jitter that is alike both ways; NaN before the first sample."""
+        return math.sqrt(self._used.offset_variance) if self.samples else math.nan
+
+    @property
+    def drift_deviation(self) -> float:
+        """Standard deviation of the drift."""
+        return self._used.drift_deviation
 
     @property
     def wants_more(self) -> bool:
@@ -259,6 +269,10 @@ class ClockSync:
     def to_instant(self, vehicle_time_s: float) -> Instant:
         """Return our instant for a vehicle's time since boot, s."""
         return self._used.to_instant(vehicle_time_s + self.split_s)
+
+    def offset_at_s(self, at_s: float) -> float:
+        """Return the vehicle's clock minus ours, s, at a time on our clock, s."""
+        return self._used.predict(Instant(nanoseconds(at_s)))
 
     def age_s(self, vehicle_time_s: float, now: Instant) -> float:
         """Return the age at `now` of a vehicle's time since boot, s."""

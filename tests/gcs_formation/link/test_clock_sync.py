@@ -175,9 +175,9 @@ def test_offset_and_drift_are_those_of_the_two_state_kalman_filter(
         known = min(max(number - 6, 0), 64)  # of eight on
         bound = 0.1**2
         if known:
-            varies = np.var(trips, ddof=1) if known == 1 else varies
-            varies += ((trip_s - np.median(trips)) ** 2 - varies) / (known + 7)
-            bound = varies * (1 + 2 / np.sqrt(known + 8))
+            varies = float(np.var(trips, ddof=1)) if known == 1 else varies
+            varies += float((trip_s - np.median(trips)) ** 2 - varies) / (known + 7)
+            bound = varies * (1 + 2 / math.sqrt(known + 8))
         noise = 0.5e-3**2 + bound / 4
         middle_s = begin_s + trip_s / 2
         sample_s = answered / NANOSECONDS - middle_s
