@@ -37,7 +37,7 @@ MAX_LOG_RATIO: Final = math.log(100.0)
 REMEMBERED_LOG_RATIO: Final = 2.0 * MAX_LOG_RATIO
 """Bound of the ratio, both ways: hours of a steady clock don't outweigh a minute in which it no longer is."""
 WIDE_S: Final = 2e-3
-"""Standard deviation of round trips from which on the edges of the delays count."""
+"""Standard deviation of both delays from which on their edges count."""
 BETTER: Final = 0.7
 """They count where their deviation is below this multiple of the mean's."""
 GATE: Final = 5.0
@@ -284,7 +284,8 @@ class ClockSync:
         up_s = (vehicle_time_ns - sent - base_ns) / NANOSECONDS
         down_s = (received + base_ns - vehicle_time_ns) / NANOSECONDS
         edges, crystal = self._edges, self._crystal
-        due = edges.take(sent / NANOSECONDS, up_s, down_s) and self._variance.trips_s2 > squared(WIDE_S)
+        wide_s2 = max(squared(WIDE_S), self._variance.wait_s2)  # a wait of as much blurs the edges
+        due = edges.take(sent / NANOSECONDS, up_s, down_s) and self._variance.jitter_s2 > wide_s2
         if not due or not edges.find(crystal.drift):
             return
         offset_s = self._base_s + edges.offset_s + edges.drift * (crystal.reference - sent) / NANOSECONDS

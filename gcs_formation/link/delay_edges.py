@@ -19,7 +19,7 @@ from mypy_extensions import i64
 
 CAPACITY: Final = 2048
 """Round trips kept; when they are full the older half goes."""
-FEWEST: Final = 128
+FEWEST: Final = 64
 NEW: Final = 32
 """The edges are found again after so small a share more of round trips."""
 BLOCK: Final = 16
