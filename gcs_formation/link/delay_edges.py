@@ -185,10 +185,12 @@ class DelayEdges:
 
         `sign`: 1 for the shortest delays, -1 for the longest.
         """
-        few, near_s, far_s = self._count // 16, 0.0, 0.0
-        for delays_s, slope in ((self._up, drift), (self._down, -drift)):
-            each = [sign * (delays_s[place] - slope * self._at[place]) for place in range(self._count)]
-            each.sort()
-            near_s += each[few] - each[0]
-            far_s += each[4 * few] - each[0]
+        up, down, few = self._sorted(self._up, drift, sign), self._sorted(self._down, -drift, sign), self._count // 16
+        near_s, far_s = up[few] - up[0] + down[few] - down[0], up[4 * few] - up[0] + down[4 * few] - down[0]
         return near_s, far_s
+
+    def _sorted(self, delays_s: vec[float], slope: float, sign: float) -> list[float]:
+        """Return `sign` times the delays without a slope, in order."""
+        each = [sign * (delays_s[place] - slope * self._at[place]) for place in range(self._count)]
+        each.sort()
+        return each
