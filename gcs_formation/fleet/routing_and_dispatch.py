@@ -339,17 +339,18 @@ class HeartbeatScheduler:
         """Start with both due at once; `narrow`: vehicles behind a radio, to which nothing more is sent than needed."""
         self.next_probe = Instant(0)
         self._vehicles, self._narrow = vehicles, frozenset(narrow)
-        self._probed = dict[VehicleId, Instant]()
-        """When each vehicle is due for its next request, while others are asked more often."""
+        self._due = dict[VehicleId, Instant]()
+        """When each vehicle is due for its next request."""
+        self._next_common = Instant(0)
+        """When those that haven't been asked yet are."""
         self._next_heartbeat = Instant(0)
-        self._probes = 0
         self._note, self._withheld = note, frozenset[VehicleId]()
         self._missed = list[Vehicle]()
         """Vehicles of a resumed flight that haven't been heard yet: their failsafe may be about to act."""
 
     def resume(self, at: Instant) -> None:
         """Send no TIMESYNC request before a flight is resumed, then heartbeats whenever another vehicle is heard."""
-        self.next_probe = at
+        self.next_probe = self._next_common = at
         self._missed = list(self._vehicles.values())
 
     def hasten(self, now: Instant) -> None:
@@ -391,19 +392,26 @@ class HeartbeatScheduler:
         return found
 
     def probes(self, now: Instant) -> list[tuple[Vehicle, Message]]:
-        """Return a TIMESYNC request for every vehicle that was ever heard, and schedule the next ones."""
-        self._probes += 1
+        """Return a TIMESYNC request for each vehicle that was ever heard and is due, and schedule the next ones.
+
+        When a vehicle is due depends on its own link alone, so that a change of one link leaves the others as they are.
+        """
         heard = [each for each in self._vehicles.values() if each.connection.state is not LinkState.SEARCHING]
-        often = {each.identity for each in heard if self._pays(each)}
-        period_s = OFTEN_PROBE_S if often else PROBE_S
-        dither_s = PROBE_DITHER_S * ((self._probes * GOLDEN) % 1.0)
-        grid_s = (math.floor(seconds_between(Instant(0), now) / period_s) + 1) * period_s
-        self.next_probe = after(Instant(0), grid_s + dither_s)
-        asked = [each for each in heard if each.identity in often or now >= self._probed.get(each.identity, now)]
+        asked = [each for each in heard if now >= self._due.get(each.identity, self._next_common)]
+        if now >= self._next_common:
+            self._next_common = _next_probe(now, PROBE_S)
         for each in asked:
-            self._probed[each.identity] = after(now, PROBE_S - PROBE_DITHER_S)
+            self._due[each.identity] = _next_probe(now, OFTEN_PROBE_S if self._pays(each) else PROBE_S)
+        self.next_probe = min((self._due[each.identity] for each in heard), default=self._next_common)
+        self.next_probe = min(self.next_probe, self._next_common)
         return [(vehicle, vehicle.probe(now)) for vehicle in asked]
 
     def _pays(self, vehicle: Vehicle) -> bool:
         """Return whether more requests would tell its clock better, and its link has room for them."""
         return vehicle.clock.wants_more and vehicle.identity not in self._narrow and vehicle.sequence.loss < MAX_LOSS
+
+
+def _next_probe(now: Instant, period_s: float) -> Instant:
+    """Return the next time on the grid of a period, each spread by its number in golden-section steps."""
+    number = math.floor(seconds_between(Instant(0), now) / period_s) + 1
+    return after(Instant(0), number * period_s + PROBE_DITHER_S * ((number * GOLDEN) % 1.0))
