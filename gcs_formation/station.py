@@ -114,7 +114,10 @@ class Station(Engine):
         )
         self._reconfiguration = Reconfiguration(scenario, self.controller, *fleet)
         self.orders = Orders(scenario, self.course, self._reconfiguration, note)
-        self._heartbeats, self._message_intervals = HeartbeatScheduler(*fleet, narrow), MessageIntervals(*fleet)
+        self._heartbeats, self._message_intervals = (
+            HeartbeatScheduler(*fleet, narrow, self.radio_reports),
+            MessageIntervals(*fleet),
+        )
         self._conformance, self.losses = (
             ConformanceMonitor(scenario, self.controller, *fleet),
             stream_losses(self.vehicles),

@@ -23,6 +23,7 @@ from airlink.messages.system import Heartbeat, NamedValueFloat
 from flight_model.autopilot_model import Setpoint, finite
 from formation_scenario import Scenario
 from gcs_formation.link.link_health import STALE_AFTER_NS, LinkState
+from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.recorder import GiveUp, Note, Tick, VehicleLink
 from gcs_formation.vehicle.autopilot_family import STATION
@@ -335,10 +336,19 @@ class HeartbeatScheduler:
     gets no heartbeats either, and its own failsafe acts.
     """
 
-    def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note, narrow: Collection[VehicleId] = ()) -> None:
-        """Start with both due at once; `narrow`: vehicles behind a radio, to which nothing more is sent than needed."""
+    def __init__(
+        self,
+        vehicles: dict[VehicleId, Vehicle],
+        note: Note,
+        narrow: Collection[VehicleId] = (),
+        radios: RadioReports | None = None,
+    ) -> None:
+        """Start with both due at once; `narrow`: vehicles to which nothing more is sent than needed.
+
+        Nor is it to those behind a radio, as far as `radios` have reported.
+        """
         self.next_probe = Instant(0)
-        self._vehicles, self._narrow = vehicles, frozenset(narrow)
+        self._vehicles, self._narrow, self._radios = vehicles, set(narrow), radios
         self._due = dict[VehicleId, Instant]()
         """When each vehicle is due for its next request."""
         self._next_common = Instant(0)
@@ -401,14 +411,16 @@ class HeartbeatScheduler:
         if now >= self._next_common:
             self._next_common = _next_probe(now, PROBE_S)
         for each in asked:
-            self._due[each.identity] = _next_probe(now, OFTEN_PROBE_S if self._pays(each) else PROBE_S)
+            self._due[each.identity] = _next_probe(now, OFTEN_PROBE_S if self._pays(each, now) else PROBE_S)
         self.next_probe = min((self._due[each.identity] for each in heard), default=self._next_common)
         self.next_probe = min(self.next_probe, self._next_common)
         return [(vehicle, vehicle.probe(now)) for vehicle in asked]
 
-    def _pays(self, vehicle: Vehicle) -> bool:
+    def _pays(self, vehicle: Vehicle, now: Instant) -> bool:
         """Return whether more requests would tell its clock better, and its link has room for them."""
-        return vehicle.clock.wants_more and vehicle.identity not in self._narrow and vehicle.sequence.loss < MAX_LOSS
+        if not vehicle.clock.wants_more or vehicle.identity in self._narrow or vehicle.sequence.loss >= MAX_LOSS:
+            return False
+        return self._radios is None or self._radios.of(vehicle.connection, now) is None
 
 
 def _next_probe(now: Instant, period_s: float) -> Instant:

@@ -16,7 +16,6 @@ from typing import Any, Final
 import yaml
 
 from formation_scenario import Scenario, load_scenario
-from formation_scenario.links import Impairment
 from gcs_formation.app.check_links import traffic_kbps
 from gcs_formation.errors import StationError
 from gcs_formation.link_survey.report import write
@@ -59,24 +58,12 @@ def rehearsal(vehicles: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:
 
 
 def _impaired(link: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the keys of a link as it was measured: by its trace, where scenarios play these."""
-    if "trace" in Impairment.model_fields:
-        return {f"{way}link": {"trace": _trace(link["trace"], way)} for way in ("up", "down")}
-    return {f"{way}link": _way(link, way) for way in ("up", "down")}
+    """Return the keys of a link as it was measured."""
+    return {f"{way}link": {"trace": _trace(link["trace"], way)} for way in ("up", "down")}
 
 
 def _trace(file: str, way: str) -> dict[str, str]:
     return {"file": file, "column": f"{way}_ms", "kind": "one_way", "time": "t_s"}
-
-
-def _way(link: Mapping[str, Any], way: str) -> dict[str, Any]:
-    delay, loss = link["delay_ms"][way], link["loss"][way] or 0.0
-    mean_ms = max(0.0, link["delay_ms"]["round_trip"]["mean"] / 2.0)
-    keys = {"delay_ms": mean_ms, "jitter_ms": delay["jitter"], "distribution": delay["like"], "loss": loss}
-    burst = link["bursts"]["down" if way == "down" else "round_trip"]["mean"]
-    if 0.0 < loss < 1.0 and burst > 1.0:
-        keys["mean_burst"] = max(burst, 1.0, loss / (1.0 - loss))
-    return keys
 
 
 def meaning(found: Mapping[str, Any], directory: Path) -> dict[str, Any] | None:

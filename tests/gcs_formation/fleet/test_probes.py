@@ -72,9 +72,11 @@ def test_a_link_that_may_be_full_is_not_loaded_with_more(kept: dict[str, Any]) -
     assert rate_hz(asked_s((0.02, 0.02), 30.0, **kept)[FIRST], 0.0) == pytest.approx(4.0, rel=0.02)
 
 
-def test_links_of_limited_rate_and_serial_lines_are_narrow() -> None:
+def test_radios_links_of_limited_rate_and_serial_lines_are_narrow() -> None:
     limited = [{"at_s": 10, "vehicles": [3], "uplink": {"rate_kbps": 57.6}}]
     assert narrow_links(load_scenario(scenario(links={"changes": limited}))) == {VehicleId(1, 3)}
     assert not narrow_links(load_scenario(scenario()))
+    radio = [{"vehicles": [1, 2], "rate_kbps": 57.6}]
+    assert narrow_links(load_scenario(scenario(links={"channels": radio}))) == {VehicleId(1, 1), VehicleId(1, 2)}
     lines = [{"id": 1, "role": "leader"}, {"id": 2, "role": "follower", "endpoint": "serial:/dev/ttyUSB0:57600"}]
     assert narrow_links(load_scenario(scenario(vehicles=lines))) == {VehicleId(1, 2)}
