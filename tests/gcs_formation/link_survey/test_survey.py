@@ -145,9 +145,9 @@ def test_what_a_link_carries_is_found_by_filling_it(monkeypatch: pytest.MonkeyPa
     assert (rate_kbps - 6.0) / 1.4 < capacity["each_way"] < rate_kbps
 
 
-def test_nothing_is_commanded_and_no_failsafe_waits_for_its_heartbeats(surveyed: Surveyed) -> None:
+def test_nothing_is_commanded_and_no_failsafe_waits_for_its_heartbeats() -> None:
     sent = Counter[int]()
-    survey = surveyed.survey
+    survey = Surveyed(3.0).survey
     again = LinkSurvey(survey.endpoints(), after(Instant(0), 5.0), 10.0)
     for socket, system in survey.links:
         again.links[socket, system] = survey.links[socket, system]
