@@ -74,7 +74,7 @@ class LinkSurvey(Engine):
     def receive(self, datagrams: list[Datagram], now: Instant) -> None:
         """Take what autopilots and radios send."""
         for datagram in datagrams:
-            frame = self._receiver.first(datagram)
+            frame = self._receiver.first(datagram, now)
             while frame is not None:
                 self._take(frame, datagram, now)
                 frame = frame.following
