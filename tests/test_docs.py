@@ -28,8 +28,8 @@ PACKAGES = (
 FOLDER = rf"`((?:{'|'.join(PACKAGES)})/[\w/]*)`"
 FILES = {path.name for package in PACKAGES for path in (ROOT / package).rglob("*.*")}
 """Names that may stand alone, after a document has said which folder is meant."""
-OUTPUTS = {"run.yaml", "table.md"}
-"""Files of a run or a study, not of the source tree."""
+OUTPUTS = {"run.yaml", "table.md", "rehearsal.yaml"}
+"""Files of a run, a study or a survey, not of the source tree."""
 TO_COME = "## Where to add things"
 
 

@@ -88,7 +88,7 @@ def narrow_links(scenario: Scenario) -> Iterator[str]:
         each = scenario.link_steps(vehicle)
         if not any(step.uplink.rate_kbps or step.downlink.rate_kbps for step in each):
             continue
-        for way, needed_kbps in zip(("uplink", "downlink"), _traffic_kbps(scenario, vehicle), strict=True):
+        for way, needed_kbps in zip(("uplink", "downlink"), traffic_kbps(scenario, vehicle), strict=True):
             rates = [(rate, step.at_s) for step in each if (rate := getattr(step, way).rate_kbps)]
             rate_kbps, at_s = min(rates, default=(math.inf, 0.0))
             if rate_kbps < needed_kbps:
@@ -98,7 +98,7 @@ def narrow_links(scenario: Scenario) -> Iterator[str]:
                 )
 
 
-def _traffic_kbps(scenario: Scenario, vehicle: Vehicle) -> tuple[float, float]:
+def traffic_kbps(scenario: Scenario, vehicle: Vehicle) -> tuple[float, float]:
     """Return the largest traffic up and down, kbit/s: setpoints, telemetry, and the answers to requests.
 
     At most a setpoint is sent and acknowledged at every tick.

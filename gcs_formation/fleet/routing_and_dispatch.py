@@ -7,7 +7,7 @@ time and TIMESYNC have schedules of their own; setpoints are sent so that they t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Set
+from collections.abc import Collection, Mapping, Set
 from typing import Final
 
 from librt.vecs import vec
@@ -23,6 +23,7 @@ from airlink.messages.system import Heartbeat, NamedValueFloat
 from flight_model.autopilot_model import Setpoint, finite
 from formation_scenario import Scenario
 from gcs_formation.link.link_health import STALE_AFTER_NS, LinkState
+from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.recorder import GiveUp, Note, Tick, VehicleLink
 from gcs_formation.vehicle.autopilot_family import STATION
@@ -185,6 +186,10 @@ HEARTBEAT_S: Final = 1.0
 HEARTBEAT: Final = Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
 PROBE_S: Final = 0.25
 GOLDEN: Final = (math.sqrt(5) - 1) / 2
+OFTEN_PROBE_S: Final = 0.1
+"""Period of requests to a vehicle whose clock is still uncertain by jitter: the uncertainty goes with its root."""
+MAX_LOSS: Final = 0.02
+"""With more loss the link may be full, and isn't loaded with more requests."""
 PROBE_DITHER_S: Final = 0.02
 """Requests are spread over the period of a vehicle's main loop, so that the wait for it averages to half a period."""
 
@@ -331,19 +336,31 @@ class HeartbeatScheduler:
     gets no heartbeats either, and its own failsafe acts.
     """
 
-    def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
-        """Start with both due at once."""
+    def __init__(
+        self,
+        vehicles: dict[VehicleId, Vehicle],
+        note: Note,
+        narrow: Collection[VehicleId] = (),
+        radios: RadioReports | None = None,
+    ) -> None:
+        """Start with both due at once; `narrow`: vehicles to which nothing more is sent than needed.
+
+        Nor is it to those behind a radio, as far as `radios` have reported.
+        """
         self.next_probe = Instant(0)
-        self._vehicles = vehicles
+        self._vehicles, self._narrow, self._radios = vehicles, set(narrow), radios
+        self._due = dict[VehicleId, Instant]()
+        """When each vehicle is due for its next request."""
+        self._next_common = Instant(0)
+        """When those that haven't been asked yet are."""
         self._next_heartbeat = Instant(0)
-        self._probes = 0
         self._note, self._withheld = note, frozenset[VehicleId]()
         self._missed = list[Vehicle]()
         """Vehicles of a resumed flight that haven't been heard yet: their failsafe may be about to act."""
 
     def resume(self, at: Instant) -> None:
         """Send no TIMESYNC request before a flight is resumed, then heartbeats whenever another vehicle is heard."""
-        self.next_probe = at
+        self.next_probe = self._next_common = at
         self._missed = list(self._vehicles.values())
 
     def hasten(self, now: Instant) -> None:
@@ -385,10 +402,28 @@ class HeartbeatScheduler:
         return found
 
     def probes(self, now: Instant) -> list[tuple[Vehicle, Message]]:
-        """Return a TIMESYNC request for every vehicle that was ever heard, and schedule the next ones."""
-        self._probes += 1
-        dither_s = PROBE_DITHER_S * ((self._probes * GOLDEN) % 1.0)
-        grid_s = (math.floor(seconds_between(Instant(0), now) / PROBE_S) + 1) * PROBE_S
-        self.next_probe = after(Instant(0), grid_s + dither_s)
+        """Return a TIMESYNC request for each vehicle that was ever heard and is due, and schedule the next ones.
+
+        When a vehicle is due depends on its own link alone, so that a change of one link leaves the others as they are.
+        """
         heard = [each for each in self._vehicles.values() if each.connection.state is not LinkState.SEARCHING]
-        return [(vehicle, vehicle.probe(now)) for vehicle in heard]
+        asked = [each for each in heard if now >= self._due.get(each.identity, self._next_common)]
+        if now >= self._next_common:
+            self._next_common = _next_probe(now, PROBE_S)
+        for each in asked:
+            self._due[each.identity] = _next_probe(now, OFTEN_PROBE_S if self._pays(each, now) else PROBE_S)
+        self.next_probe = min((self._due[each.identity] for each in heard), default=self._next_common)
+        self.next_probe = min(self.next_probe, self._next_common)
+        return [(vehicle, vehicle.probe(now)) for vehicle in asked]
+
+    def _pays(self, vehicle: Vehicle, now: Instant) -> bool:
+        """Return whether more requests would tell its clock better, and its link has room for them."""
+        if not vehicle.clock.wants_more or vehicle.identity in self._narrow or vehicle.sequence.loss >= MAX_LOSS:
+            return False
+        return self._radios is None or self._radios.of(vehicle.connection, now) is None
+
+
+def _next_probe(now: Instant, period_s: float) -> Instant:
+    """Return the next time on the grid of a period, each spread by its number in golden-section steps."""
+    number = math.floor(seconds_between(Instant(0), now) / period_s) + 1
+    return after(Instant(0), number * period_s + PROBE_DITHER_S * ((number * GOLDEN) % 1.0))

@@ -33,9 +33,9 @@ def delays(
 ) -> Delays:
     """Return the estimates of delay and clock, answer by answer, as the ground station makes them in flight.
 
-    Two Kalman filters of offset and drift, one of which takes the clock for a crystal's; samples weigh by their round
-    trip's excess over the fastest. Source: Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and
-    Navigation", 11.6.2.
+    Two Kalman filters of offset and drift, one of which takes the clock for a crystal's; samples weigh by the round
+    trips' variance, and where delays have a sharp bound, that counts. Source: Bar-Shalom, Li, Kirubarajan, "Estimation
+    with Applications to Tracking and Navigation", 11.6.2.
 
     Args:
         sent_s: (n,) when each request was sent, on our clock.

@@ -1,0 +1,131 @@
+"""What a survey's links mean for a formation: a rehearsal with their delays and losses under the virtual clock.
+
+Aeroplanes of the default model fly bends at 22 m/s over links as they were measured: as many as were heard, each over
+its own, or four over the only one.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from statistics import fmean
+from typing import Any, Final
+
+import yaml
+
+from formation_scenario import Scenario, load_scenario
+from gcs_formation.app.check_links import traffic_kbps
+from gcs_formation.errors import StationError
+from gcs_formation.link_survey.report import write
+from gcs_formation.python_api import run
+
+ALONE: Final = 4
+"""Vehicles of the rehearsal where one was heard."""
+MOST: Final = 12
+"""Vehicles of a rehearsal at most: those with the longest delays."""
+RATES_HZ: Final = (10.0, 5.0, 2.0)
+"""Rates of setpoints and telemetry that are tried, the highest that the link carries first."""
+SEEDS: Final = (1, 2, 3)
+AXES: Final = ("x", "y")
+"""Of the errors that bring two vehicles of one height near each other."""
+REHEARSED_S: Final = 90.0
+SPEED_MPS: Final = 22.0
+WAYPOINTS_M: Final = [[0, 0, 100], [800, 0, 100], [1550, 250, 110], [2150, 750, 125], [2750, 1250, 130]]
+NAME: Final = "rehearsal"
+
+
+def rehearsal(vehicles: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:
+    """Return the scenario of a rehearsal as a mapping; traces are files beside it."""
+    links = [each for each in vehicles.values() if each["delay_ms"]["round_trip"]["mean"] is not None]
+    links.sort(key=lambda each: -each["delay_ms"]["round_trip"]["mean"])
+    links = links[:MOST] if len(links) > 1 else links * ALONE
+    changes = [{"at_s": 0, "vehicles": [number], **_impaired(each)} for number, each in enumerate(links, 1)]
+    return {
+        "schema": 1,
+        "name": NAME,
+        "seed": 1,
+        "duration_s": REHEARSED_S,
+        "vehicles": {"count": len(links)},
+        "start": {"in_air": True},
+        "formation": {"shape": "arrow", "spacing_m": 30},
+        "telemetry": {"rate_hz": rate_hz},
+        "law": {"type": "fuzzy_pid", "rate_hz": rate_hz},
+        "path": {"speed_mps": SPEED_MPS, "kind": "legs", "waypoints_m": WAYPOINTS_M},
+        "links": {"changes": changes},
+    }
+
+
+def _impaired(link: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys of a link as it was measured."""
+    return {f"{way}link": {"trace": _trace(link["trace"], way)} for way in ("up", "down")}
+
+
+def _trace(file: str, way: str) -> dict[str, str]:
+    return {"file": file, "column": f"{way}_ms", "kind": "one_way", "time": "t_s"}
+
+
+def meaning(found: Mapping[str, Any], directory: Path) -> dict[str, Any] | None:
+    """Return what the links found carry, and the errors and margins that a rehearsal foretells; None: too little known.
+
+    The rehearsal's scenario is written beside the traces in `directory`, as NAME.yaml.
+
+    Raises:
+        RecordError: it can't be written.
+    """
+    vehicles = found["vehicles"]
+    if all(each["delay_ms"]["round_trip"]["mean"] is None for each in vehicles.values()):
+        return None
+    capacity_kbps, file = _capacity_kbps(vehicles), directory / f"{NAME}.yaml"
+    for rate_hz in RATES_HZ:
+        write(yaml.safe_dump(rehearsal(vehicles, rate_hz), sort_keys=False), file)
+        scenario = load_scenario(file)
+        up_kbps, down_kbps = _needs_kbps(scenario)
+        fits = None if capacity_kbps is None else up_kbps + down_kbps <= capacity_kbps
+        if fits is not False:
+            break
+    carried = {"capacity_kbps": capacity_kbps, "needs_up_kbps": up_kbps, "needs_down_kbps": down_kbps}
+    return {"vehicles": len(scenario.vehicles), "rate_hz": rate_hz, "carries": fits, **carried, **foretold(scenario)}
+
+
+def _capacity_kbps(vehicles: Mapping[str, Any]) -> float | None:
+    """Return what the links carry together, both ways, as far as that was probed at every endpoint."""
+    probed = {each["endpoint"]: each["capacity_kbps"] for each in vehicles.values() if each["capacity_kbps"]}
+    if {each["endpoint"] for each in vehicles.values()} - set(probed):
+        return None
+    return 2.0 * sum(each["each_way"] for each in probed.values())
+
+
+def _needs_kbps(scenario: Scenario) -> tuple[float, float]:
+    """Return what all vehicles' setpoints, requests and telemetry need, up and down, kbit/s."""
+    each = [traffic_kbps(scenario, vehicle) for vehicle in scenario.vehicles]
+    return round(sum(up for up, _ in each), 1), round(sum(down for _, down in each), 1)
+
+
+def foretold(scenario: Scenario) -> dict[str, Any]:
+    """Fly a rehearsal with several seeds; return the worst follower's errors, the share of the delay margin, spacing.
+
+    One flight's error along the path is what its clocks are off by, which is chance: of several the rms is foretold.
+    """
+    worst, largest_m, used = list[float](), 0.0, list[float]()
+    with tempfile.TemporaryDirectory() as directory:
+        for seed in SEEDS:
+            out = Path(directory) / f"{NAME}-{seed}"
+            try:
+                flown = run(scenario.model_copy(update={"seed": seed}), clock="virtual", out=out).to_dict()
+            except StationError as error:
+                return {"flies": False, "reason": str(error)}
+            errors = [each[f"error_{axis}_m"] for each in flown["followers"].values() for axis in AXES]
+            if any(each["rms"] is None for each in errors):
+                return {"flies": False, "reason": "a follower didn't come to its slot"}
+            worst.append(max(each["rms"] for each in errors))
+            largest_m = max(largest_m, *(each["max"] for each in errors))
+            used.append(flown["stability"]["margin_used"] or 0.0)
+    return {
+        "flies": True,
+        "rms_m": round(math.sqrt(fmean(each**2 for each in worst)), 4),
+        "max_m": round(largest_m, 4),
+        "margin_used": max(used),
+        "spacing_from_m": round(scenario.safety.separation_m + 2.0 * largest_m, 1),
+    }
