@@ -242,6 +242,16 @@ def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
     return made.of(craft)
 
 
+def narrow_links(scenario: Scenario) -> frozenset[VehicleId]:
+    """Return the vehicles behind a serial line or a link of limited rate: nothing is sent there that isn't needed."""
+    return frozenset(
+        each.vehicle_id
+        for each in scenario.vehicles
+        if parse_endpoint(each.endpoint).kind == "serial"
+        or any(way.rate_kbps for step in scenario.link_steps(each) for way in (step.uplink, step.downlink))
+    )
+
+
 def planned(scenario: Scenario) -> tuple[tuple[Endpoint, ...], tuple[int, ...], dict[VehicleId, Vehicle]]:
     """Return the endpoint of each socket, its MAVLink network, and the vehicles, the leader first.
 

@@ -29,7 +29,7 @@ from gcs_formation.fleet.routing_and_dispatch import HEARTBEAT, Dispatch, FloodW
 from gcs_formation.fleet.signature_watch import SignatureWatch
 from gcs_formation.fleet.stream_loss import stream_losses
 from gcs_formation.fleet.telemetry_watch import MessageIntervals, TelemetryWatch
-from gcs_formation.from_scenario import as_known, planned
+from gcs_formation.from_scenario import as_known, narrow_links, planned
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.mission.course import Course, Orders
@@ -68,7 +68,7 @@ class Station(Engine):
         `utc_at_0_s` is UTC at instant 0, s since 1970, if the machine's clock is set to it; `caution`: checks before
         the first command; `resumed`: the flight to resume; `signing`: the links' keys, if any has one.
         """
-        scenario = as_known(scenario)
+        narrow, scenario = narrow_links(scenario), as_known(scenario)
         self.scenario, self.controller = scenario, FormationController(scenario)
         self.controlled_ticks = self.recorded_ticks = 0
         """Ticks at which the formation was commanded, and all recorded ticks since the first take-off."""
@@ -114,7 +114,7 @@ class Station(Engine):
         )
         self._reconfiguration = Reconfiguration(scenario, self.controller, *fleet)
         self.orders = Orders(scenario, self.course, self._reconfiguration, note)
-        self._heartbeats, self._message_intervals = HeartbeatScheduler(*fleet), MessageIntervals(*fleet)
+        self._heartbeats, self._message_intervals = HeartbeatScheduler(*fleet, narrow), MessageIntervals(*fleet)
         self._conformance, self.losses = (
             ConformanceMonitor(scenario, self.controller, *fleet),
             stream_losses(self.vehicles),

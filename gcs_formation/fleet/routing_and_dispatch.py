@@ -7,7 +7,7 @@ time and TIMESYNC have schedules of their own; setpoints are sent so that they t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Set
+from collections.abc import Collection, Mapping, Set
 from typing import Final
 
 from librt.vecs import vec
@@ -185,6 +185,10 @@ HEARTBEAT_S: Final = 1.0
 HEARTBEAT: Final = Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
 PROBE_S: Final = 0.25
 GOLDEN: Final = (math.sqrt(5) - 1) / 2
+OFTEN_PROBE_S: Final = 0.1
+"""Period of requests to a vehicle whose clock is still uncertain by jitter: the uncertainty goes with its root."""
+MAX_LOSS: Final = 0.02
+"""With more loss the link may be full, and isn't loaded with more requests."""
 PROBE_DITHER_S: Final = 0.02
 """Requests are spread over the period of a vehicle's main loop, so that the wait for it averages to half a period."""
 
@@ -331,10 +335,12 @@ class HeartbeatScheduler:
     gets no heartbeats either, and its own failsafe acts.
     """
 
-    def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
-        """Start with both due at once."""
+    def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note, narrow: Collection[VehicleId] = ()) -> None:
+        """Start with both due at once; `narrow`: vehicles behind a radio, to which nothing more is sent than needed."""
         self.next_probe = Instant(0)
-        self._vehicles = vehicles
+        self._vehicles, self._narrow = vehicles, frozenset(narrow)
+        self._probed = dict[VehicleId, Instant]()
+        """When each vehicle is due for its next request, while others are asked more often."""
         self._next_heartbeat = Instant(0)
         self._probes = 0
         self._note, self._withheld = note, frozenset[VehicleId]()
@@ -387,8 +393,17 @@ class HeartbeatScheduler:
     def probes(self, now: Instant) -> list[tuple[Vehicle, Message]]:
         """Return a TIMESYNC request for every vehicle that was ever heard, and schedule the next ones."""
         self._probes += 1
-        dither_s = PROBE_DITHER_S * ((self._probes * GOLDEN) % 1.0)
-        grid_s = (math.floor(seconds_between(Instant(0), now) / PROBE_S) + 1) * PROBE_S
-        self.next_probe = after(Instant(0), grid_s + dither_s)
         heard = [each for each in self._vehicles.values() if each.connection.state is not LinkState.SEARCHING]
-        return [(vehicle, vehicle.probe(now)) for vehicle in heard]
+        often = {each.identity for each in heard if self._pays(each)}
+        period_s = OFTEN_PROBE_S if often else PROBE_S
+        dither_s = PROBE_DITHER_S * ((self._probes * GOLDEN) % 1.0)
+        grid_s = (math.floor(seconds_between(Instant(0), now) / period_s) + 1) * period_s
+        self.next_probe = after(Instant(0), grid_s + dither_s)
+        asked = [each for each in heard if each.identity in often or now >= self._probed.get(each.identity, now)]
+        for each in asked:
+            self._probed[each.identity] = after(now, PROBE_S - PROBE_DITHER_S)
+        return [(vehicle, vehicle.probe(now)) for vehicle in asked]
+
+    def _pays(self, vehicle: Vehicle) -> bool:
+        """Return whether more requests would tell its clock better, and its link has room for them."""
+        return vehicle.clock.wants_more and vehicle.identity not in self._narrow and vehicle.sequence.loss < MAX_LOSS

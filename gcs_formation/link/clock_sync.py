@@ -1,7 +1,6 @@
 """Maps a vehicle's clock to ours, and measures the delay, from TIMESYNC round trips.
 
-Sources: MAVLink guide, "Time Synchronization Protocol v2"; the weighting of samples by their excess
-delay is NTP's clock filter (RFC 5905, section 10) put into a two-state Kalman filter.
+Source: MAVLink guide, "Time Synchronization Protocol v2".
 """
 
 from __future__ import annotations
@@ -14,11 +13,12 @@ from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant, nanoseconds
 from flight_model.autopilot_model import squared, within
+from gcs_formation.link.clock_filter import CRYSTAL_DRIFT_NOISE, CRYSTAL_OFFSET_NOISE, ClockFilter
+from gcs_formation.link.delay_edges import DelayEdges
+from gcs_formation.link.trip_variance import FEW, TripVariance
 
 WINDOW: Final = 16
 """Number of recent round trips (4 s) that are kept for the minimum, mean and scatter."""
-RESOLUTION_S: Final = 0.5e-3
-"""Standard deviation of a sample without excess delay."""
 STEPPED: Final = 8
 """The link's delay has stepped once this many consecutive round trips (2 s) are far (`FAR`) from the earlier ones."""
 SPLIT_S: Final = 30.0
@@ -27,107 +27,29 @@ FAR: Final = 4.0
 """Groups of round trips are far apart if their medians differ by more than this multiple of their summed scatter."""
 NORMAL: Final = 1.4826
 """Ratio of standard deviation to median absolute deviation, for normally distributed noise."""
-FEW: Final = 8
-UNKNOWN_SCATTER_S: Final = 0.1
-"""Standard deviation assumed for fewer than `FEW` round trips; large, so that these get little weight."""
-CRYSTAL_DRIFT: Final = 1e-4
-"""Standard deviation of an unknown clock's drift if a crystal drives it."""
+CRYSTAL_DRIFT: Final = 5e-5
+"""Standard deviation of an unknown clock's drift if a crystal drives it: autopilots' and computers' are specified to 10
+to 50 ppm each."""
 INITIAL_DRIFT: Final = 0.02
 """The same without that assumption: a PX4 simulator's clock runs 1.5 % off."""
-MOST_LOG_RATIO: Final = math.log(100.0)
+MAX_LOG_RATIO: Final = math.log(100.0)
 """Log-likelihood ratio above which the crystal hypothesis is rejected."""
-OFFSET_NOISE: Final = 1e-4
-DRIFT_NOISE: Final = 2e-6
-"""Random walk of offset (s) and drift, per square root of a second."""
+REMEMBERED_LOG_RATIO: Final = 2.0 * MAX_LOG_RATIO
+"""Bound of the ratio, both ways: hours of a steady clock don't outweigh a minute in which it no longer is."""
+WIDE_S: Final = 2e-3
+"""Standard deviation of round trips from which on the edges of the delays count."""
+BETTER: Final = 0.7
+"""They count where their deviation is below this multiple of the mean's."""
+GATE: Final = 5.0
+"""And where they differ from the mean by less than this multiple of its deviation."""
 LEAST_VARIANCE: Final = 1e-12
 """Lower bound of round trips' variance, s², that is divided by."""
+JITTERY_S: Final = 5e-3
+"""Standard deviation of round trips, beyond that of the wait, from which on jitter keeps the clock from being known."""
+UNCERTAIN_S: Final = 0.4e-3
+"""Deviation of the clock's offset that is good enough: 1.2 cm at 22 m/s between two vehicles."""
 STEP_S: Final = 1.0
 """A sample that is off by more than its uncertainty plus this shows that the clock has stepped or restarted."""
-
-
-class ClockFilter:
-    """A Kalman filter of a clock's offset and drift."""
-
-    def __init__(
-        self, believed_drift: float, offset_noise: float = OFFSET_NOISE, drift_noise: float = DRIFT_NOISE
-    ) -> None:
-        """Start with the standard deviation of the clock's drift.
-
-        `offset_noise` (s) and `drift_noise` are the random walks of offset and drift, per square root of a second.
-        """
-        self.offset_s: float = math.nan
-        """The vehicle's clock minus ours, at `reference`."""
-        self.drift: float = 0.0
-        """Rate of change of the offset."""
-        self._believed_drift, self._offset_noise, self._drift_noise = believed_drift, offset_noise, drift_noise
-        self.reference = Instant(0)
-        """The instant that `offset_s` refers to."""
-        self._p00: float = 1.0
-        self._p01: float = 0.0
-        self._p11: float = squared(believed_drift)
-        """Covariance of offset and drift."""
-
-    def predict(self, at: Instant) -> float:
-        """Return the offset at an instant, s."""
-        return self.offset_s + self.drift * (at - self.reference) / NANOSECONDS
-
-    def begin(self, at: Instant, sample_s: float, variance: float) -> None:
-        """Restart with a clock's first sample, whose variance is in s²."""
-        self.drift, self._p11 = 0.0, squared(self._believed_drift)
-        self.step(at, sample_s, variance)
-
-    def step(self, at: Instant, sample_s: float, variance: float) -> None:
-        """Set the offset to that of a clock that has stepped; its drift is kept."""
-        self.offset_s, self.reference = sample_s, at
-        self._p00, self._p01 = variance, 0.0
-
-    def correct(self, at: Instant, sample_s: float, variance: float) -> float:
-        """Take a sample of the offset, s; return its log-likelihood up to a constant.
-
-        A sample older than the newest one is compared with the offset predicted for its own time.
-        """
-        self.advance(at)
-        total = self._p00 + variance
-        innovation_s = sample_s - self.predict(at)
-        gain0, gain1 = self._p00 / total, self._p01 / total
-        self.offset_s += gain0 * innovation_s
-        self.drift += gain1 * innovation_s
-        self._p11 -= gain1 * self._p01
-        self._p00 *= 1.0 - gain0
-        self._p01 *= 1.0 - gain0
-        return (0.0 - math.log(total) - squared(innovation_s) / total) / 2.0
-
-    def to_instant(self, clock_s: float) -> Instant:
-        """Return the instant on our clock at which the vehicle's clock showed a time, s."""
-        at_reference_s = self.reference / NANOSECONDS + self.offset_s
-        return Instant(self.reference + nanoseconds((clock_s - at_reference_s) / (1 + self.drift)))
-
-    def age_s(self, clock_s: float, now: Instant) -> float:
-        """Return how long before `now` the vehicle's clock showed a time, s."""
-        since_s = (now - self.reference) / NANOSECONDS
-        return since_s - (clock_s - self.reference / NANOSECONDS - self.offset_s) / (1 + self.drift)
-
-    @property
-    def offset_variance(self) -> float:
-        """Variance of the offset, s²."""
-        return self._p00
-
-    @property
-    def drift_deviation(self) -> float:
-        """Standard deviation of the drift."""
-        return math.sqrt(max(0.0, self._p11))
-
-    def advance(self, to: Instant) -> None:
-        """Propagate the filter to an instant; earlier instants are ignored."""
-        if to <= self.reference:
-            return
-        elapsed_s = (to - self.reference) / NANOSECONDS
-        self.offset_s += self.drift * elapsed_s
-        self.reference = to
-        grown = elapsed_s * (2.0 * self._p01 + elapsed_s * self._p11)
-        self._p00 = self._p00 + grown + squared(self._offset_noise) * elapsed_s
-        self._p01 += elapsed_s * self._p11
-        self._p11 += squared(self._drift_noise) * elapsed_s
 
 
 class ClockSync:
@@ -135,8 +57,8 @@ class ClockSync:
 
     Two filters take the same samples: one assumes that a crystal drives the clock, the other doesn't. The first is used
     until the samples' likelihood rejects it (static multiple models: Bar-Shalom, Li, Kirubarajan, "Estimation with
-    Applications to Tracking and Navigation", 11.6.2). A sample's weight depends on its round trip's excess over the
-    fastest and on the scatter of round trips.
+    Applications to Tracking and Navigation", 11.6.2). Where delays have sharp bounds, the crystal's line is drawn
+    by these (`delay_edges`).
 
     Clocks don't step when round trips do. So if both step together, the step of the samples is a change in how the
     delay is split between the two ways. The filters follow the samples at once; stamps are corrected by the split, so
@@ -147,13 +69,13 @@ class ClockSync:
         """Start without samples; `loop_s`: period of the vehicle's loop that answers requests."""
         self.loop_s = loop_s
         """Half of it is the mean wait within a round trip."""
-        self._wait_variance: float = squared(loop_s) / 12.0
-        """Variance of the wait, which is uniformly distributed."""
+        self._variance = TripVariance(loop_s)
         self.round_trip_s = math.nan
         self.samples = 0
         self.one_way_s = math.nan
         """Half the mean of the recent round trips, less the answering loop's share."""
-        self._crystal, self._any_drift = ClockFilter(CRYSTAL_DRIFT), ClockFilter(INITIAL_DRIFT)
+        self._crystal = ClockFilter(CRYSTAL_DRIFT, CRYSTAL_OFFSET_NOISE, CRYSTAL_DRIFT_NOISE)
+        self._any_drift = ClockFilter(INITIAL_DRIFT)
         self._used = self._crystal
         self._log_ratio: float = 0.0
         """Log-likelihood ratio of the samples: no assumption about the drift over a crystal's drift."""
@@ -168,6 +90,11 @@ class ClockSync:
         self.split_s: float = 0.0
         """Excess of the uplink delay over half the round trip, as estimated from steps."""
         self._sorted = vec[float]([0.0] * WINDOW)
+        self._edges = DelayEdges(loop_s)
+        self._base_s: float = 0.0
+        """The first sample, which is subtracted from the delays whose edges are found."""
+        self._by_edges = False
+        """Whether the crystal's line is that of the delays' edges."""
 
     @property
     def offset_s(self) -> float:
@@ -178,6 +105,12 @@ class ClockSync:
     def drift(self) -> float:
         """Rate of change of the offset."""
         return self._used.drift
+
+    @property
+    def wants_more(self) -> bool:
+        """Whether jitter leaves the clock more uncertain than `UNCERTAIN_S`."""
+        jittery = self._variance.jitter_s2 > squared(JITTERY_S)
+        return jittery and self._used.offset_variance > squared(UNCERTAIN_S)
 
     @property
     def scatter_s(self) -> float:
@@ -240,6 +173,7 @@ class ClockSync:
         apart_s = abs(self._median_s(since, self._count) - self._median_s(0, since))
         stepped = apart_s > near_s and apart_s > near_s + FAR * self._usual_scatter_s(since)
         if stepped:
+            self._forget_edges()
             for place in range(STEPPED):
                 recent[place], self._off[place] = recent[since + place], self._off[since + place]
             self._count = STEPPED
@@ -264,7 +198,8 @@ class ClockSync:
         """
         wait_s = self.loop_s / 2.0
         if self._count >= FEW:
-            share = self._wait_variance / max(squared(self.scatter_s), self._wait_variance, LEAST_VARIANCE)
+            wait_s2 = self._variance.wait_s2
+            share = wait_s2 / max(squared(self.scatter_s), wait_s2, LEAST_VARIANCE)
             wait_s += share * (self.round_trip_s - self._mean_s())
         return within(wait_s, 0.0, self.loop_s)
 
@@ -289,28 +224,37 @@ class ClockSync:
             or vehicle_time_ns < self._shown_ns
             or vehicle_time_ns <= (received - self._asked) * (1.0 + INITIAL_DRIFT)
         )
-        variance = self._sample_variance()
+        excess_s = self.round_trip_s - self._median_s(0, self._count)
+        variance = self._variance.sample_s2(excess_s, self._count, self.scatter_s, self.usual_scatter_s)
         if self.samples == 0 or restarted:
-            self._crystal.begin(middle, sample_s, variance)
-            self._any_drift.begin(middle, sample_s, variance)
-            self._log_ratio, self._used, self.split_s = 0.0, self._crystal, 0.0
+            self._begin(middle, sample_s, variance)
         elif step_s:
             self._follow_link(middle, step_s, variance)
         elif stepped:
             self._crystal.step(middle, sample_s, variance)
             self._any_drift.step(middle, sample_s, variance)
+            self._forget_edges()
         else:
             crystal, unknown = (
                 self._crystal.correct(middle, sample_s, variance),
                 self._any_drift.correct(middle, sample_s, variance),
             )
             self._judge(unknown - crystal)
+            self._see_edges(sent, vehicle_time_ns, received)
         # delays can't be negative: the split is at most half the round trip
         left_s = self.split_s * math.exp(-max(0.0, (sent - self._asked) / NANOSECONDS) / SPLIT_S)
         self.split_s = max(-self.one_way_s, min(self.one_way_s, left_s))
         self._asked, self._shown_ns = max(self._asked, sent), vehicle_time_ns
         self.samples += 1
         return restarted
+
+    def _begin(self, at: Instant, sample_s: float, variance: float) -> None:
+        """Begin with the first sample of a clock."""
+        self._crystal.begin(at, sample_s, variance)
+        self._any_drift.begin(at, sample_s, variance)
+        self._log_ratio, self._used, self.split_s = 0.0, self._crystal, 0.0
+        self._base_s = sample_s
+        self._forget_edges()
 
     def to_instant(self, vehicle_time_s: float) -> Instant:
         """Return our instant for a vehicle's time since boot, s."""
@@ -320,29 +264,37 @@ class ClockSync:
         """Return the age at `now` of a vehicle's time since boot, s."""
         return self._used.age_s(vehicle_time_s + self.split_s, now)
 
+    def _see_edges(self, sent: Instant, vehicle_time_ns: int, received: Instant) -> None:
+        """Have the crystal's line follow the edges of the delays, where these are sharp and as the means say."""
+        base_ns = nanoseconds(self._base_s)
+        up_s = (vehicle_time_ns - sent - base_ns) / NANOSECONDS
+        down_s = (received + base_ns - vehicle_time_ns) / NANOSECONDS
+        edges, crystal = self._edges, self._crystal
+        due = edges.take(sent / NANOSECONDS, up_s, down_s) and self._variance.trips_s2 > squared(WIDE_S)
+        if not due or not edges.find(crystal.drift):
+            return
+        offset_s = self._base_s + edges.offset_s + edges.drift * (crystal.reference - sent) / NANOSECONDS
+        mean_s2 = self._variance.mean_s2 if self._by_edges else crystal.offset_variance
+        known = edges.deviation_s < BETTER * math.sqrt(mean_s2)
+        self._by_edges = known and abs(offset_s - crystal.offset_s) < GATE * math.sqrt(mean_s2)
+        if self._by_edges:
+            crystal.begin_line(crystal.reference, offset_s, edges.drift, edges.deviation_s, edges.span_s)
+            self._log_ratio, self._used = -REMEMBERED_LOG_RATIO, crystal
+
+    def _forget_edges(self) -> None:
+        self._edges.clear()
+        self._by_edges = False
+
     def _judge(self, log_ratio: float) -> None:
         """Add a sample's log-likelihood ratio once its scatter is known, and choose the filter."""
-        if self._count >= FEW:
-            self._log_ratio += log_ratio
-            self._used = self._any_drift if self._log_ratio > MOST_LOG_RATIO else self._crystal
+        if self._count >= FEW and not self._by_edges:
+            self._log_ratio = within(self._log_ratio + log_ratio, -REMEMBERED_LOG_RATIO, REMEMBERED_LOG_RATIO)
+            self._used = self._any_drift if self._log_ratio > MAX_LOG_RATIO else self._crystal
 
     def _off_s(self, at: Instant, sample_s: float) -> float:
         """Return the smaller of the sample's innovations in the two filters."""
         one_s, other_s = sample_s - self._crystal.predict(at), sample_s - self._any_drift.predict(at)
         return one_s if abs(one_s) < abs(other_s) else other_s
-
-    def _sample_variance(self) -> float:
-        """Return the variance of a sample's offset, from half its own excess delay and half the delays' scatter.
-
-        If delays are due to queues, the fastest round trips are the most accurate; if both delays vary at random, no
-        round trip is better than another.
-        """
-        recent, fastest_s = self._recent, self.round_trip_s
-        for place in range(self._count):
-            fastest_s = min(fastest_s, recent[place])
-        excess_s = self.round_trip_s - fastest_s
-        scatter_s = self.scatter_s if self._count >= FEW else UNKNOWN_SCATTER_S
-        return squared(RESOLUTION_S) + (squared(excess_s) + squared(scatter_s)) / 4
 
 
 def _range(values: vec[float], begin: i64, end: i64) -> float:

@@ -24,8 +24,10 @@ from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, NEVER, Instant, after, nanoseconds, seconds_between
 from airlink.messages import Message
 from airlink.messages.system import Timesync
-from gcs_formation.link.clock_sync import RESOLUTION_S, ClockFilter, ClockSync
+from gcs_formation.link.clock_filter import ClockFilter
+from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.own_delays import OwnDelays
+from gcs_formation.link.trip_variance import RESOLUTION_S
 
 DRIFT = 1e-4
 """Standard deviation of an unknown crystal's drift."""

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from airlink.clock import NANOSECONDS, Instant, after
-from gcs_formation.link.clock_sync import ClockFilter, ClockSync
+from gcs_formation.link.clock_filter import ClockFilter
+from gcs_formation.link.clock_sync import ClockSync
 
 
 def probe(
@@ -157,12 +158,13 @@ def test_a_clock_that_runs_fast_is_not_taken_for_a_restarted_one_after_silence()
     assert probe(sync, rng, 225.25, 0.05, 0.0, (-1.015 * 225.1, 0.015))
 
 
-@pytest.mark.parametrize(("drift", "believed", "known_after"), [(3e-5, 1e-4, 0), (0.015, 0.02, 20)])
+@pytest.mark.parametrize(("drift", "believed", "known_after"), [(3e-5, 5e-5, 0), (0.015, 0.02, 20)])
 def test_offset_and_drift_are_those_of_the_two_state_kalman_filter(
     drift: float, believed: float, known_after: int
 ) -> None:
-    """In matrices: x' = F x, P' = F P F^T + Q, gain P H^T / (H P H^T + R), R from the excess and the scatter."""
-    rng, sync = np.random.default_rng(3), ClockSync()
+    """In matrices: x' = F x, P' = F P F^T + Q, gain P H^T / (H P H^T + R), R a quarter of the round trips' variance."""
+    rng, sync, varies = np.random.default_rng(3), ClockSync(), 0.0
+    walk = (1e-6, 2e-8) if believed < 1e-3 else (1e-4, 2e-6)
     x, p, at_s, trips = np.zeros(2), np.zeros((2, 2)), 0.0, list[float]()
     sent_s = np.cumsum(rng.uniform(0.1, 0.4, 60))
     for number, (begin_s, trip_s) in enumerate(zip(sent_s, rng.uniform(0.1, 0.16, 60), strict=True)):
@@ -170,15 +172,20 @@ def test_offset_and_drift_are_those_of_the_two_state_kalman_filter(
         answered = round((5.0 + (1.0 + drift) * begin_s + trip_s * 0.4) * NANOSECONDS)
         sync.observe(sent, answered, after(sent, trip_s))
         trips = [*trips, trip_s][-16:]
-        scatter_s = np.std(trips, ddof=1) if len(trips) >= 8 else 0.1
-        noise = 0.5e-3**2 + ((trip_s - min(trips)) ** 2 + scatter_s**2) / 4
+        known = min(max(number - 6, 0), 64)  # of eight on
+        bound = 0.1**2
+        if known:
+            varies = np.var(trips, ddof=1) if known == 1 else varies
+            varies += ((trip_s - np.median(trips)) ** 2 - varies) / (known + 7)
+            bound = varies * (1 + 2 / np.sqrt(known + 8))
+        noise = 0.5e-3**2 + bound / 4
         middle_s = begin_s + trip_s / 2
         sample_s = answered / NANOSECONDS - middle_s
         if number == 0:
             x, p = np.array((sample_s, 0.0)), np.diag((noise, believed**2))
         else:
             moved = np.array(((1.0, middle_s - at_s), (0.0, 1.0)))
-            x, p = moved @ x, moved @ p @ moved.T + np.diag((1e-4, 2e-6)) ** 2 * (middle_s - at_s)
+            x, p = moved @ x, moved @ p @ moved.T + np.diag(walk) ** 2 * (middle_s - at_s)
             gain = p[:, 0] / (p[0, 0] + noise)
             x, p = x + gain * (sample_s - x[0]), p - np.outer(gain, p[0])
         at_s = middle_s

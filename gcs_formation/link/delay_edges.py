@@ -1,0 +1,194 @@
+"""A vehicle's clock from the shortest, and the longest, delays, where these have a sharp bound.
+
+The mean of n delays is known to sigma/sqrt(n). Where many delays lie close to the smallest possible one, as behind a
+queue that is mostly empty (Pareto) or where a radio waits for its turn (uniform), that bound is known to a few times
+1/(n f), f: the density of the delays at the bound, 1/s. Then clock and bound are found together: of all rates of the
+clock, the one for which the fastest requests and the fastest answers together are slowest, that is the narrowest
+corridor that holds all delays. Where longest delays are bounded too, both edges count. Sources: Moon, Skelly, Towsley,
+"Estimation and removal of clock skew from network delay measurements" (INFOCOM 1999); Johnson, "Estimation of location
+for a nonregular density" (the 1/n rate).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from librt.vecs import vec
+from mypy_extensions import i64
+
+CAPACITY: Final = 2048
+"""Round trips kept; when they are full the older half goes."""
+FEWEST: Final = 128
+NEW: Final = 32
+"""The edges are found again after so small a share more of round trips."""
+BLOCK: Final = 16
+"""Of so many consecutive delays one can lie on an edge."""
+SHARP: Final = 2.8
+"""Of delays with a sharp bound a quarter lies within four times the distance from it within which a sixteenth does; of
+normal ones within 1.5 to 1.8 times the distance from the smallest."""
+PROMISING: Final = 2.2
+"""The same by a line along the means, which blurs the edges, or of the longest where the shortest are sharp."""
+MAX_DRIFT: Final = 3e-4
+ITERATIONS: Final = 28
+GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
+LEVER: Final = 3.6
+LEVER_BOTH: Final = 2.0
+"""The end of a line along the lower edges, or along both, is this much less certain than an edge of known slope."""
+
+
+class _Edge:
+    """The candidates for one edge: of each `BLOCK` of consecutive delays the shortest, or the longest."""
+
+    def __init__(self, sign: float, slope: float) -> None:
+        """`sign`: 1 for the shortest, -1 for the longest; `slope`: of the delays, in multiples of the clock's drift."""
+        self._sign: float = sign
+        self._slope: float = slope
+        self._at = vec[float]([0.0] * (CAPACITY // BLOCK))
+        self._delays = vec[float]([0.0] * (CAPACITY // BLOCK))
+        self._count: i64 = 0
+
+    def gather(self, at_s: vec[float], delays_s: vec[float], count: i64, drift: float) -> None:
+        """Find the candidates among delays; a roughly known drift is enough."""
+        slope, sign, self._count = self._slope * drift, self._sign, 0
+        for begin in range(0, count, BLOCK):
+            best, best_s = begin, math.inf
+            for place in range(begin, min(begin + BLOCK, count)):
+                value_s = sign * (delays_s[place] - slope * at_s[place])
+                if value_s < best_s:
+                    best, best_s = place, value_s
+            self._at[self._count], self._delays[self._count] = at_s[best], delays_s[best]
+            self._count += 1
+
+    def bound_s(self, drift: float, now_s: float) -> float:
+        """Return the edge's delay now, for a drift, times `sign`."""
+        slope, sign, least_s = self._slope * drift, self._sign, math.inf
+        for place in range(self._count):
+            least_s = min(least_s, sign * (self._delays[place] + slope * (now_s - self._at[place])))
+        return least_s
+
+
+class DelayEdges:
+    """The recent delays of one link, up and down, with the clock's offset in them, and the line through their edges."""
+
+    def __init__(self, loop_s: float) -> None:
+        """Start without round trips; `loop_s`: period of the loop that answers, a wait that is part of the way up."""
+        self._loop_s: float = loop_s
+        self.offset_s: float = 0.0
+        """The vehicle's clock minus ours at the newest round trip, less the offset that is subtracted from all."""
+        self.drift: float = 0.0
+        self.deviation_s: float = 0.0
+        """Standard deviation of the offset, roughly."""
+        self.span_s: float = 0.0
+        """Time between the oldest and the newest round trip."""
+        self._at = vec[float]([0.0] * CAPACITY)
+        self._up = vec[float]([0.0] * CAPACITY)
+        self._down = vec[float]([0.0] * CAPACITY)
+        self._count: i64 = 0
+        self._new: i64 = 0
+        self._now_s: float = 0.0
+        self._fastest_up, self._fastest_down = _Edge(1.0, 1.0), _Edge(1.0, -1.0)
+        self._slowest_up, self._slowest_down = _Edge(-1.0, 1.0), _Edge(-1.0, -1.0)
+
+    def clear(self) -> None:
+        """Forget all: the link, or the clock, is another."""
+        self._count = self._new = 0
+
+    def take(self, at_s: float, up_s: float, down_s: float) -> bool:
+        """Take when a request was sent, the vehicle's clock minus that, and the arrival minus the vehicle's clock.
+
+        Return whether it is time to find the edges again.
+        """
+        if self._count == CAPACITY:
+            self._forget_half()
+        place = self._count
+        self._at[place], self._up[place], self._down[place] = at_s, up_s, down_s
+        self._count = place + 1
+        self._new += 1
+        if self._count < FEWEST or self._new < self._count // NEW:
+            return False
+        self._new = 0
+        return True
+
+    def _forget_half(self) -> None:
+        half = CAPACITY // 2
+        for place in range(half):
+            self._at[place], self._up[place] = self._at[half + place], self._up[half + place]
+            self._down[place] = self._down[half + place]
+        self._count = half
+
+    def find(self, drift: float) -> bool:
+        """Find the narrowest corridor; return whether its edges are sharp: `offset_s` and the others are then of now.
+
+        `drift`: the clock's as far as it is known.
+        """
+        self._now_s = self._at[self._count - 1]
+        near_s, far_s = self._spread_s(drift, 1.0)
+        if far_s < PROMISING * near_s:
+            return False
+        self._gather_fastest(drift)
+        found = self._narrowest(both=False)
+        near_s, far_s = self._spread_s(found, 1.0)
+        if far_s < SHARP * near_s:
+            return False
+        longest_near_s, longest_far_s = self._spread_s(found, -1.0)
+        both = longest_far_s > PROMISING * longest_near_s
+        if both:
+            self._gather_fastest(found)
+            self._slowest_up.gather(self._at, self._up, self._count, found)
+            self._slowest_down.gather(self._at, self._down, self._count, found)
+            found = self._narrowest(both=True)
+        self._draw(found, both=both)
+        # Within `near_s` of the two edges lie a sixteenth of the delays each.
+        lever = LEVER_BOTH if both else LEVER
+        self.deviation_s = lever * near_s / 2.0 / float(self._count // 16) / math.sqrt(2.0)
+        return True
+
+    def _gather_fastest(self, drift: float) -> None:
+        self._fastest_up.gather(self._at, self._up, self._count, drift)
+        self._fastest_down.gather(self._at, self._down, self._count, drift)
+
+    def _draw(self, drift: float, *, both: bool) -> None:
+        now_s = self._now_s
+        offset_s = (self._fastest_up.bound_s(drift, now_s) - self._fastest_down.bound_s(drift, now_s)) / 2.0
+        if both:
+            longest_s = self._slowest_down.bound_s(drift, now_s) - self._slowest_up.bound_s(drift, now_s)
+            offset_s = (offset_s + longest_s / 2.0) / 2.0 - self._loop_s / 4.0
+        self.offset_s, self.drift, self.span_s = offset_s, drift, now_s - self._at[0]
+
+    def _narrowest(self, *, both: bool) -> float:
+        """Return the drift for which the corridor is narrowest: its width is a convex function of it."""
+        low, high = -MAX_DRIFT, MAX_DRIFT
+        left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
+        left_s, right_s = self._inside_s(left, both=both), self._inside_s(right, both=both)
+        for _ in range(ITERATIONS):
+            if left_s < right_s:
+                low, left, left_s = left, right, right_s
+                right = low + GOLDEN * (high - low)
+                right_s = self._inside_s(right, both=both)
+            else:
+                high, right, right_s = right, left, left_s
+                left = high - GOLDEN * (high - low)
+                left_s = self._inside_s(left, both=both)
+        return (low + high) / 2.0
+
+    def _inside_s(self, drift: float, *, both: bool) -> float:
+        """Return the shortest round trip that the edges allow, with `both` minus the longest, s."""
+        now_s = self._now_s
+        inside_s = self._fastest_up.bound_s(drift, now_s) + self._fastest_down.bound_s(drift, now_s)
+        if both:
+            inside_s += self._slowest_up.bound_s(drift, now_s) + self._slowest_down.bound_s(drift, now_s)
+        return inside_s
+
+    def _spread_s(self, drift: float, sign: float) -> tuple[float, float]:
+        """Return how far from the edge a sixteenth of each way's delays lie, and a quarter, summed, s.
+
+        `sign`: 1 for the shortest delays, -1 for the longest.
+        """
+        few, near_s, far_s = self._count // 16, 0.0, 0.0
+        for delays_s, slope in ((self._up, drift), (self._down, -drift)):
+            each = [sign * (delays_s[place] - slope * self._at[place]) for place in range(self._count)]
+            each.sort()
+            near_s += each[few] - each[0]
+            far_s += each[4 * few] - each[0]
+        return near_s, far_s

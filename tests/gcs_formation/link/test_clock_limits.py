@@ -1,0 +1,84 @@
+"""How well a vehicle's clock is known under jitter, against what the round trips can tell at all.
+
+Delays of n round trips with standard deviation s each way, over a time T, for a crystal of unknown rate:
+
+- normal: the mean is the best (Cramer-Rao): variance s^2 / 2n at the middle, and of the slope 6 s^2 / (n T^2), or less
+  by what crystals' rates are (50 ppm); at the end the two add up, (T/2)^2 of the slope.
+- uniform, Pareto: the extremes tell more; what the narrowest corridor of the same delays gives to one who knows the
+  kind of jitter is taken for the limit.
+"""
+
+import numpy as np
+import pytest
+
+from airlink.clock import NANOSECONDS, Instant
+from benchmarks.clock_limits import DELAY_S, OFFSET_S, draws, error_s, found_and_limit_s, normal_limit_s
+from gcs_formation.link.clock_sync import ClockSync
+
+PERIOD_S = 0.25
+
+
+@pytest.mark.parametrize("jitter_s", [0.005, 0.02])
+@pytest.mark.parametrize(("rate_hz", "seconds", "seeds"), [(4, 30, 16), (4, 120, 8), (10, 120, 4)])
+def test_normal_jitter_leaves_what_cramer_and_rao_allow(
+    jitter_s: float, rate_hz: float, seconds: float, seeds: int
+) -> None:
+    found_s, limit_s = found_and_limit_s("normal", jitter_s, rate_hz, seconds, range(seeds))
+    assert found_s < 1.5 * limit_s
+
+
+@pytest.mark.parametrize(
+    ("kind", "rate_hz", "seconds"),
+    [
+        ("uniform", 4, 120),
+        ("pareto", 4, 120),
+        pytest.param("uniform", 10, 120, marks=pytest.mark.slow),
+        pytest.param("pareto", 10, 60, marks=pytest.mark.slow),
+        pytest.param("uniform", 4, 240, marks=pytest.mark.slow),
+    ],
+)
+def test_bounds_of_the_delays_tell_more_than_their_mean(kind: str, rate_hz: float, seconds: float) -> None:
+    found_s, limit_s = found_and_limit_s(kind, 0.02, rate_hz, seconds, range(6))
+    assert found_s < 1.5 * limit_s
+    assert found_s < 0.5 * normal_limit_s(0.02, round(rate_hz * seconds), seconds)
+
+
+def test_answers_that_are_held_up_on_one_way_do_not_pull_the_clock() -> None:
+    """One in twenty comes 0.3 s late: its sample is 150 ms off, and 7 ms would be the mean's error."""
+    errors_s = list[float]()
+    for seed in range(8):
+        up_s, down_s = draws("normal", 0.005, 480, seed)
+        down_s[np.random.default_rng(seed).random(480) < 0.05] += 0.3
+        errors_s.append(error_s(up_s, down_s, 4.0, 20e-6))
+    assert np.sqrt(np.mean(np.square(errors_s))) < 1.5 * normal_limit_s(0.005, 456, 120.0)
+
+
+def test_a_rate_that_changes_in_flight_is_followed() -> None:
+    """The network sets the station's clock right after ten minutes: its rate changes by 100 ppm, as no crystal's."""
+    sync, at_s, shown_s = ClockSync(), 0.0, 50.0
+    up_s, down_s = draws("normal", 0.005, 3200, 1)
+    for number in range(3200):
+        at_s, rate = PERIOD_S * number, 1.0 if number < 2400 else 1.0 + 1e-4
+        shown_s = 50.0 + at_s + (0.0 if number < 2400 else 1e-4 * (at_s - 600.0))
+        heard_s = at_s + up_s[number] + down_s[number]
+        shown = round((shown_s + rate * up_s[number]) * NANOSECONDS)
+        sync.observe(Instant(round(at_s * NANOSECONDS)), shown, Instant(round(heard_s * NANOSECONDS)))
+        if number >= 2600:
+            assert abs(sync.to_instant(shown_s) / NANOSECONDS - at_s) < 6e-3
+
+
+@pytest.mark.parametrize(("up_ms", "down_ms"), [(30.0, 30.0), (60.0, 0.0)])
+def test_edges_of_before_a_step_of_the_delay_are_forgotten(up_ms: float, down_ms: float) -> None:
+    """Both ways 30 ms longer leave the clock where it was; one 60 ms longer is a step of one way, which is told."""
+    up_s, down_s = draws("uniform", 0.002, 800, 4)
+    up_s[400:] += up_ms / 1e3
+    down_s[400:] += down_ms / 1e3
+    sync = ClockSync()
+    for number in range(800):
+        sent_s = PERIOD_S * number
+        shown = round((OFFSET_S + sent_s + up_s[number]) * NANOSECONDS)
+        heard = Instant(round((sent_s + up_s[number] + down_s[number]) * NANOSECONDS))
+        sync.observe(Instant(round(sent_s * NANOSECONDS)), shown, heard)
+        if number in {399, 420}:
+            assert abs(sync.to_instant(OFFSET_S + sent_s) / NANOSECONDS - sent_s) < (1e-3 if number < 400 else 8e-3)
+    assert sync.one_way_s == pytest.approx(DELAY_S + (up_ms + down_ms) / 2e3, abs=2e-3)
