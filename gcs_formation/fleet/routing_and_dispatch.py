@@ -189,6 +189,8 @@ OFTEN_PROBE_S: Final = 0.1
 """Period of requests to a vehicle whose clock is still uncertain by jitter: the uncertainty goes with its root."""
 MAX_LOSS: Final = 0.02
 """With more loss the link may be full, and isn't loaded with more requests."""
+SPREAD: Final = math.sqrt(2.0) - 1.0
+LITTLE: Final = 1e-6
 PROBE_DITHER_S: Final = 0.02
 """Requests are spread over the period of a vehicle's main loop, so that the wait for it averages to half a period."""
 
@@ -265,6 +267,12 @@ class Dispatch:
             else:
                 vehicle.forget_setpoints()
 
+    def put_held(self, tick: Tick) -> None:
+        """Put into a tick what vehicles hold from then on: of its setpoints, what is no news wasn't sent."""
+        for vehicle in self._vehicles:
+            if self._guided[vehicle.column]:
+                tick.setpoints[vehicle.column] = vehicle.setpoints.held.values
+
     def _drop(self, vehicle: Vehicle, after_this: Instant) -> None:
         """Drop a vehicle's setpoints delayed until after newer ones, and send the newer ones in full."""
         self._held.drop(lambda due, each: each[0] is vehicle and due > after_this)
@@ -340,12 +348,18 @@ class HeartbeatScheduler:
         self.next_probe = Instant(0)
         self._vehicles, self._narrow = vehicles, frozenset(narrow)
         self._probed = dict[VehicleId, Instant]()
-        """When each vehicle is due for its next request, while others are asked more often."""
+        """When each vehicle is due for its next request."""
+        self._slower = dict[VehicleId, tuple[float, bool]]()
+        """The periods of requests to vehicles, s, and whether they are irregular."""
         self._next_heartbeat = Instant(0)
         self._probes = 0
         self._note, self._withheld = note, frozenset[VehicleId]()
         self._missed = list[Vehicle]()
         """Vehicles of a resumed flight that haven't been heard yet: their failsafe may be about to act."""
+
+    def spare(self, identity: VehicleId, period_s: float, *, irregular: bool) -> None:
+        """Send a vehicle requests at this period, or irregularly at this mean period, unless more of them pay."""
+        self._slower[identity] = period_s, irregular
 
     def resume(self, at: Instant) -> None:
         """Send no TIMESYNC request before a flight is resumed, then heartbeats whenever another vehicle is heard."""
@@ -391,19 +405,36 @@ class HeartbeatScheduler:
         return found
 
     def probes(self, now: Instant) -> list[tuple[Vehicle, Message]]:
-        """Return a TIMESYNC request for every vehicle that was ever heard, and schedule the next ones."""
+        """Return a TIMESYNC request for each vehicle that was ever heard and is due, and schedule the next ones."""
         self._probes += 1
-        heard = [each for each in self._vehicles.values() if each.connection.state is not LinkState.SEARCHING]
-        often = {each.identity for each in heard if self._pays(each)}
-        period_s = OFTEN_PROBE_S if often else PROBE_S
         dither_s = PROBE_DITHER_S * ((self._probes * GOLDEN) % 1.0)
-        grid_s = (math.floor(seconds_between(Instant(0), now) / period_s) + 1) * period_s
-        self.next_probe = after(Instant(0), grid_s + dither_s)
-        asked = [each for each in heard if each.identity in often or now >= self._probed.get(each.identity, now)]
+        heard = [each for each in self._vehicles.values() if each.connection.state is not LinkState.SEARCHING]
+        asked = [each for each in heard if now >= self._probed.get(each.identity, now)]
         for each in asked:
-            self._probed[each.identity] = after(now, PROBE_S - PROBE_DITHER_S)
+            self._probed[each.identity] = after(now, self._next_probe_s(each, now) + dither_s)
+        # Others may be heard for the first time meanwhile.
+        self.next_probe = min([after(now, _to_grid_s(now, PROBE_S) + dither_s), *self._probed.values()])
         return [(vehicle, vehicle.probe(now)) for vehicle in asked]
+
+    def _next_probe_s(self, vehicle: Vehicle, now: Instant) -> float:
+        """Return the time until a vehicle's next request, s.
+
+        Over a full link these are irregular, so that the other messages, which come at regular times, delay them as
+        often on the way up as on the way down (RFC 2330, 11.1: "Poisson sampling").
+        """
+        period_s, irregular = self._slower.get(vehicle.identity, (PROBE_S, False))
+        if irregular:
+            return period_s * (0.5 + (self._probes * GOLDEN + vehicle.column * SPREAD) % 1.0)
+        if self._pays(vehicle):
+            return _to_grid_s(now, OFTEN_PROBE_S)
+        return _to_grid_s(now, period_s)
 
     def _pays(self, vehicle: Vehicle) -> bool:
         """Return whether more requests would tell its clock better, and its link has room for them."""
         return vehicle.clock.wants_more and vehicle.identity not in self._narrow and vehicle.sequence.loss < MAX_LOSS
+
+
+def _to_grid_s(now: Instant, period_s: float) -> float:
+    """Return the time until the next multiple of a period, s."""
+    since_s = seconds_between(Instant(0), now)
+    return (math.floor(since_s / period_s + LITTLE) + 1) * period_s - since_s
