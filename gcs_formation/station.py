@@ -382,8 +382,7 @@ class Station(Engine):
             now, mission_s, phase.value, links, used, shares, begin_regardless=late, heights_m=heights_m
         )
         self._dispatch.take(tick, hold_s, now)
-        self._dispatch.put_held(tick)
-        controller.history.note(tick.setpoints)
+        controller.history.note(self._dispatch.held(tick))
         self.last_tick = tick
         self._record(tick)
         self._conformance.judge_motion(tick, now)

@@ -21,6 +21,7 @@ from airlink.frame import Frame, ParserCounts
 from airlink.messages import MISSION_TIME, Message
 from airlink.messages.system import Heartbeat, NamedValueFloat
 from flight_model.autopilot_model import Setpoint, finite
+from flight_model.slot import Triple
 from formation_scenario import Scenario
 from gcs_formation.link.link_health import STALE_AFTER_NS, LinkState
 from gcs_formation.phases import Flight, Phase
@@ -267,11 +268,12 @@ class Dispatch:
             else:
                 vehicle.forget_setpoints()
 
-    def put_held(self, tick: Tick) -> None:
-        """Put into a tick what vehicles hold from then on: of its setpoints, what is no news wasn't sent."""
+    def held(self, tick: Tick) -> list[Triple]:
+        """Put into a tick what vehicles hold from then on, and return it: what is no news wasn't sent."""
         for vehicle in self._vehicles:
             if self._guided[vehicle.column]:
                 tick.setpoints[vehicle.column] = vehicle.setpoints.held.values
+        return tick.setpoints
 
     def _drop(self, vehicle: Vehicle, after_this: Instant) -> None:
         """Drop a vehicle's setpoints delayed until after newer ones, and send the newer ones in full."""

@@ -22,7 +22,7 @@ Which = tuple[bool, bool, bool]
 SPEED: Final = 0
 HEADING: Final = 1
 HEIGHT: Final = 2
-ALONG_M: Final = 0.01
+ALONG_M: Final = 0.02
 ACROSS_M: Final = 0.001
 HEIGHT_M_S: Final = 0.1
 """Tolerances of the integrals: displacement along and across the heading, m, of a vehicle that followed at once, and
