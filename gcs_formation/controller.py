@@ -78,6 +78,8 @@ class FormationController:
 
     _decided_rad: float = math.nan
     """The leader's heading setpoint of the last tick, before a filter, the fence or the separation rule."""
+    _commanded_rad: float = math.nan
+    """The same after them."""
 
     def __init__(self, scenario: Scenario) -> None:
         """Build law, models, path and slots from the scenario."""
@@ -254,6 +256,7 @@ class FormationController:
         if self.columns > 1:
             self.separation.keep(tick, measured, self.plan.apart_m(tick.now / NANOSECONDS))
         self.floor.keep(tick)
+        self._commanded_rad = tick.setpoints[tick.leader][1]
         self.history.note(tick.setpoints)
         if self._outside is not None and self.fault is None:
             self.fault = self._outside.watch(tick)
@@ -420,11 +423,10 @@ class FormationController:
 
     def _go_on_from_replaced(self, leader: int, state: FlightState) -> None:
         """Have the guidance go on from the last tick's heading setpoint where something replaced it."""
-        if self.last_tick is not None and self.last_tick.leader == leader:
-            commanded_rad = self.last_tick.setpoints[leader][1]
-            if finite(commanded_rad) and commanded_rad != self._decided_rad:
-                self.guidance.go_on_from(commanded_rad, state, self.models[leader])
-                self._forget_steps()
+        led, commanded_rad = self.last_tick is not None and self.last_tick.leader == leader, self._commanded_rad
+        if led and finite(commanded_rad) and commanded_rad != self._decided_rad:
+            self.guidance.go_on_from(commanded_rad, state, self.models[leader])
+            self._forget_steps()
 
     def _forget_steps(self) -> None:
         if self._steps is not None:

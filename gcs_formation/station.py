@@ -16,6 +16,7 @@ from airlink.messages.system import Heartbeat, Statustext, Timesync
 from airlink.signing.signed_links import SignedLinks, receiver_of
 from flight_model.autopilot_model import FlightState
 from formation_scenario import Scenario
+from gcs_formation.budget.link_budget import link_budget
 from gcs_formation.controller import FormationController
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.estimator import Sample
@@ -68,12 +69,11 @@ class Station(Engine):
         `utc_at_0_s` is UTC at instant 0, s since 1970, if the machine's clock is set to it; `caution`: checks before
         the first command; `resumed`: the flight to resume; `signing`: the links' keys, if any has one.
         """
-        narrow, scenario = narrow_links(scenario), as_known(scenario)
+        stated, narrow, scenario = scenario, narrow_links(scenario), as_known(scenario)
         self.scenario, self.controller = scenario, FormationController(scenario)
-        self.controlled_ticks = self.recorded_ticks = 0
-        """Ticks at which the formation was commanded, and all recorded ticks since the first take-off."""
-        self.frames_refused = 0
-        """Valid frames that weren't accepted as any vehicle's."""
+        self.controlled_ticks = self.recorded_ticks = self.frames_refused = 0
+        """Ticks at which the formation was commanded; all recorded ticks since the first take-off; valid frames that
+        weren't accepted as any vehicle's."""
         self.last_tick: Tick | None = None
         self._recorder, self._receiver, self._until_s = (
             recorder,
@@ -118,6 +118,7 @@ class Station(Engine):
             HeartbeatScheduler(*fleet, narrow, self.radio_reports),
             MessageIntervals(*fleet),
         )
+        self.budget = link_budget(stated, *fleet, self.radio_reports, self._heartbeats)
         self._conformance, self.losses = (
             ConformanceMonitor(scenario, self.controller, *fleet),
             stream_losses(self.vehicles),
@@ -228,6 +229,7 @@ class Station(Engine):
         if self.flight.phase in COMMANDED:
             self.design.watch(now)
         self._watch_parts(now)
+        self._send_all(self.budget.watch(now), now)
         self._telemetry.watch_noise(now, [each.noise for each in self.controller.estimator.filters])
         self._telemetry.watch_airspeeds(now)
         for each in self.losses.values():
@@ -383,6 +385,7 @@ class Station(Engine):
             now, mission_s, phase.value, links, used, shares, begin_regardless=late, heights_m=heights_m
         )
         self._dispatch.take(tick, hold_s, now)
+        controller.history.note(self._dispatch.held(tick))
         self.last_tick = tick
         self._record(tick)
         self._conformance.judge_motion(tick, now)
@@ -485,6 +488,7 @@ class Station(Engine):
                 socket = vehicle.connection.socket
                 raw = self._channels[socket].encode(message)
                 vehicle.frames_out += 1
+                vehicle.bytes_out += len(raw)
                 raws.append(raw)
                 if signing is not None:
                     raw = signing.seal(socket, raw, now)

@@ -18,7 +18,15 @@ from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.ground_and_fence import starts_without_room
 from formation_scenario.slot_assignment import columns
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_times_s
-from gcs_formation.app import check_law, check_links, check_parameters, check_path, check_room, check_traces
+from gcs_formation.app import (
+    check_budget,
+    check_law,
+    check_links,
+    check_parameters,
+    check_path,
+    check_room,
+    check_traces,
+)
 from gcs_formation.app.loop_delays import configured_loop_delay_s, long_silences, longest_hold
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.margin_watch import NEAR
@@ -68,6 +76,7 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
         "loop_delay_s": configured_loop_delay_s(scenario),
         "path": check_path.path_figures(scenario),
         "assembly": check_links.assembly(scenario)._asdict(),
+        "budget": check_budget.budget_report(scenario),
         **({"parameters": files} if (files := check_parameters.parameter_report(scenario)) else {}),
         "warnings": list(warnings(scenario, margins, lags_off)),
     }
@@ -104,6 +113,7 @@ def check_text(scenario: Scenario) -> str:
         lines.append(f"# by how much every lag may be off its model's there: {_listed(lags_off, '.0%')}")
     lines.extend(_design_text(scenario))
     lines.append(f"# {check_links.assembly(scenario)}")
+    lines.extend(f"# {line}" for line in check_budget.budget_text(scenario))
     lines.extend(f"# {line}" for line in check_parameters.parameter_text(scenario))
     lines.extend(f"# {line}" for line in (*check_path.path_text(scenario), *common_limits(scenario)))
     lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario), lags_off))

@@ -19,7 +19,7 @@ from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
 from gcs_formation.vehicle.command_delivery import Outcome, SetpointChannel
 from gcs_formation.vehicle.telemetry import ReportedMotion
-from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 STEP_LAG_S: Final = 4.0
 """Least time constant of airspeed after a step under total-energy control, whose energy rate is limited."""
@@ -84,7 +84,7 @@ class ConformanceMonitor:
     def judge_answers(self, now: Instant) -> None:
         """Check that vehicles heard and commanded answer: an event `uplink` at the beginning and end of a failure."""
         for place, vehicle in enumerate(self._vehicles):
-            missing = vehicle.unanswered_s > UNANSWERED_S
+            missing = not vehicle.hears
             if missing:
                 self._missed[place] = now
             if not missing and not self._unanswered:

@@ -11,7 +11,7 @@ from flight_model.energy import GRAVITY_MPS2
 from flight_model.slot import Triple
 from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.vehicle.vehicle import UNANSWERED_S, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 
 CHECK_S: Final = 0.4
 WINDOW_S: Final = 3.2
@@ -226,7 +226,7 @@ class FlownSetpoints:
             speed, heading, height = channels[AIRSPEED], channels[HEADING], channels[HEIGHT]
             return speed.known_since(latest, now), heading.known_since(latest, now), height.known_since(latest, now)
         # Without acknowledgements, answers to TIMESYNC show that it hears. In hover a multirotor may have any course.
-        hears = self.vehicle.unanswered_s <= UNANSWERED_S
+        hears = self.vehicle.hears
         return hears, hears and not self.vehicle.autopilot.stands, hears
 
     def _judge(self, expected: Triple, flown: Triple, airspeed_mps: float, judged: Judged) -> int | None:

@@ -21,6 +21,7 @@ from airlink.frame import Frame, ParserCounts
 from airlink.messages import MISSION_TIME, Message
 from airlink.messages.system import Heartbeat, NamedValueFloat
 from flight_model.autopilot_model import Setpoint, finite
+from flight_model.slot import Triple
 from formation_scenario import Scenario
 from gcs_formation.link.link_health import STALE_AFTER_NS, LinkState
 from gcs_formation.link.radio_reports import RadioReports
@@ -190,6 +191,7 @@ OFTEN_PROBE_S: Final = 0.1
 """Period of requests to a vehicle whose clock is still uncertain by jitter: the uncertainty goes with its root."""
 MAX_LOSS: Final = 0.02
 """With more loss the link may be full, and isn't loaded with more requests."""
+SPREAD: Final = math.sqrt(2.0) - 1.0
 PROBE_DITHER_S: Final = 0.02
 """Requests are spread over the period of a vehicle's main loop, so that the wait for it averages to half a period."""
 
@@ -265,6 +267,13 @@ class Dispatch:
                 self._send(vehicle, messages, due, now)
             else:
                 vehicle.forget_setpoints()
+
+    def held(self, tick: Tick) -> list[Triple]:
+        """Put into a tick what vehicles hold from then on, and return it: what is no news wasn't sent."""
+        for vehicle in self._vehicles:
+            if self._guided[vehicle.column]:
+                tick.setpoints[vehicle.column] = vehicle.setpoints.held.values
+        return tick.setpoints
 
     def _drop(self, vehicle: Vehicle, after_this: Instant) -> None:
         """Drop a vehicle's setpoints delayed until after newer ones, and send the newer ones in full."""
@@ -353,10 +362,16 @@ class HeartbeatScheduler:
         """When each vehicle is due for its next request."""
         self._next_common = Instant(0)
         """When those that haven't been asked yet are."""
+        self._slower = dict[VehicleId, tuple[float, bool]]()
+        """The periods of requests to vehicles, s, and whether they are irregular."""
         self._next_heartbeat = Instant(0)
         self._note, self._withheld = note, frozenset[VehicleId]()
         self._missed = list[Vehicle]()
         """Vehicles of a resumed flight that haven't been heard yet: their failsafe may be about to act."""
+
+    def spare(self, identity: VehicleId, period_s: float, *, irregular: bool) -> None:
+        """Send a vehicle requests at this period, or irregularly at this mean period, unless more of them pay."""
+        self._slower[identity] = period_s, irregular
 
     def resume(self, at: Instant) -> None:
         """Send no TIMESYNC request before a flight is resumed, then heartbeats whenever another vehicle is heard."""
@@ -411,10 +426,22 @@ class HeartbeatScheduler:
         if now >= self._next_common:
             self._next_common = _next_probe(now, PROBE_S)
         for each in asked:
-            self._due[each.identity] = _next_probe(now, OFTEN_PROBE_S if self._pays(each, now) else PROBE_S)
+            self._due[each.identity] = self._next(each, now)
         self.next_probe = min((self._due[each.identity] for each in heard), default=self._next_common)
         self.next_probe = min(self.next_probe, self._next_common)
         return [(vehicle, vehicle.probe(now)) for vehicle in asked]
+
+    def _next(self, vehicle: Vehicle, now: Instant) -> Instant:
+        """Return when a vehicle's next request is due.
+
+        Over a full link these are irregular, so that the other messages, which come at regular times, delay them as
+        often on the way up as on the way down (RFC 2330, 11.1: "Poisson sampling").
+        """
+        period_s, irregular = self._slower.get(vehicle.identity, (PROBE_S, False))
+        if irregular:
+            share = (seconds_between(Instant(0), now) / period_s * GOLDEN + vehicle.column * SPREAD) % 1.0
+            return after(now, period_s * (0.5 + share))
+        return _next_probe(now, OFTEN_PROBE_S if self._pays(vehicle, now) else period_s)
 
     def _pays(self, vehicle: Vehicle, now: Instant) -> bool:
         """Return whether more requests would tell its clock better, and its link has room for them."""

@@ -36,13 +36,17 @@ class StreamLoss:
     def __init__(self, vehicle: Vehicle) -> None:
         """Start with nothing requested."""
         self._vehicle = vehicle
-        self._places = vec[i64]([KINDS[each].place for each in vehicle.rates_hz])
-        self._rates_hz = list(vehicle.rates_hz.values())
-        self._window_s = max(SHORTEST_S, FEWEST / max(self._rates_hz))
+        self._expect(vehicle.rates_hz)
         self._due, self._came = 0.0, 0.0
         """How many messages should have come in all windows that tell, and how many did."""
-        self._began, self._silent_s, self._counts = Instant(0), 0.0, list[int]()
-        """When the present window began, and the silences and messages before it; without messages there is none."""
+        self._began, self._silent_s = Instant(0), 0.0
+        """When the present window began, and the silences before it."""
+
+    def _expect(self, rates_hz: Mapping[int, float]) -> None:
+        self._expected_hz, self._rates_hz = rates_hz, list(rates_hz.values())
+        self._places = vec[i64]([KINDS[each].place for each in rates_hz])
+        self._window_s, self._counts = max(SHORTEST_S, FEWEST / max(self._rates_hz)), list[int]()
+        """A window's length, s, and the counts at the beginning of the present one; without messages there is none."""
 
     def watch(self) -> None:
         """Judge a window that is over, and begin the next if the messages have been requested, also since a restart."""
@@ -50,6 +54,8 @@ class StreamLoss:
         if not vehicle.start_up.asked_for_telemetry:
             self._counts = []
             return
+        if self._expected_hz is not vehicle.rates_hz:
+            self._expect(vehicle.rates_hz)
         if self._counts:
             silent_s = vehicle.sequence.silent_s - self._silent_s
             heard_s = seconds_between(self._began, vehicle.connection.last_heard) - silent_s

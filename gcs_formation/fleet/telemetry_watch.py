@@ -32,6 +32,8 @@ BELIEVED_AGAIN: Final = "what it measures is believed again"
 LOOK_S: Final = 0.5
 FEWEST: Final = 16
 """Messages expected in the time over which they are counted, which is at least `WINDOW_S`."""
+QUICK_HZ: Final = 5.0
+"""Messages that come at least as often as attitudes are counted over `WINDOW_S`."""
 WINDOW_S: Final = 2.0
 LEAST_SHARE: Final = 0.5
 SIGMAS: Final = 4.0
@@ -57,18 +59,23 @@ class RequestedMessages:
 
     def __init__(self, rates_hz: Mapping[int, float]) -> None:
         """Keep counts for as long as the rarest message needs."""
-        self.rates_hz = dict(rates_hz)
         self.missing: tuple[int, ...] = ()
         self.refused = False
         self.next_request = self.last_look = Instant(0)
         self.wait_s = ASK_AGAIN_S
+        self.looks = list[MessageCounts]()
+        """The last counts, as many as the rarest message needs."""
+        self.expect(rates_hz)
+
+    def expect(self, rates_hz: Mapping[int, float]) -> None:
+        """Expect messages at other rates from now on."""
+        self.expected_hz, self.rates_hz = rates_hz, dict(rates_hz)
+        self.looks.clear()
         self._ids, self._rates = list(self.rates_hz), list(self.rates_hz.values())
-        spans = [math.ceil(max(WINDOW_S, FEWEST / rate_hz) / LOOK_S) for rate_hz in self._rates]
+        spans = [math.ceil(_window_s(rate_hz) / LOOK_S) for rate_hz in self._rates]
         self._least_hz = vec[float]([LEAST_SHARE * rate_hz for rate_hz in self._rates])
         self._spans, self._most = vec[i64](spans), 1 + max(spans)
         self._places = vec[i64]([KINDS[each].place for each in self._ids])
-        self.looks = list[MessageCounts]()
-        """The last counts, as many as the rarest message needs."""
 
     def look(self, vehicle: Vehicle, now: Instant) -> None:
         """Record the counts; time in which nothing at all arrives isn't counted against any message."""
@@ -124,6 +131,8 @@ class MessageIntervals:
             if not vehicle.start_up.asked_for_telemetry or not vehicle.connection.talks:
                 streams.looks.clear()
             elif vehicle.commands.outcome is not Outcome.WAITING:
+                if streams.expected_hz is not vehicle.rates_hz:
+                    streams.expect(vehicle.rates_hz)
                 self._judge(vehicle, streams, now)
 
     def _judge(self, vehicle: Vehicle, streams: RequestedMessages, now: Instant) -> None:
@@ -150,6 +159,10 @@ class MessageIntervals:
         streams.next_request = after(now, streams.wait_s)
         streams.wait_s = min(2.0 * streams.wait_s, ASK_AGAIN_MAX_S)
         streams.looks.clear()
+
+
+def _window_s(rate_hz: float) -> float:
+    return WINDOW_S if rate_hz >= QUICK_HZ else max(WINDOW_S, FEWEST / rate_hz)
 
 
 def _is_too_few(count: i64, sent: float, arriving: float) -> bool:

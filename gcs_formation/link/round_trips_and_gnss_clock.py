@@ -60,6 +60,10 @@ IN_USE = 2.0
 UNKNOWN_WAYS_S = math.nan, math.nan
 EPOCH = Instant(0)
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
+STEADY_TRIPS, STEADY_S = 12, 3e-3
+"""A link is steady if this many round trips in a row differ by no more, besides the wait for the vehicle's loop."""
+KNOWN_TRIPS: Final = 200
+"""The wait for a loop of 20 ms, 5.8 ms (standard deviation), leaves 0.2 ms of a clock's offset after so many."""
 MAX_PENDING: Final = 256
 """Number of unanswered requests kept: one minute of them."""
 
@@ -311,6 +315,9 @@ class RoundTrips:
         """Arrival of the newest answer to any message."""
         self._pending = list[Instant]()
         """Send times of the unanswered requests, oldest first."""
+        self._recent_s = deque[float](maxlen=STEADY_TRIPS)
+        self._arrivals = deque[Instant](maxlen=STEADY_TRIPS)
+        """The last round trips, and when each ended."""
 
     def request(self, now: Instant, system: int = 0) -> Timesync:
         """Return a TIMESYNC request to the autopilot of a system; its stamp identifies the answer.
@@ -321,6 +328,19 @@ class RoundTrips:
         if len(self._pending) > MAX_PENDING:
             self._pending.pop(0)
         return Timesync(0, now, system, AUTOPILOT if system else 0)
+
+    @property
+    def steady(self) -> bool:
+        """Whether the clock is known by many round trips, of which the last were alike, and none is overdue."""
+        recent_s = self._recent_s
+        alike = len(recent_s) == STEADY_TRIPS and max(recent_s) - min(recent_s) <= self._loop_s + STEADY_S
+        return alike and len(self._pending) <= 1 and self.clock.samples >= KNOWN_TRIPS
+
+    def shortest_s(self, since: Instant, fewest: int) -> float:
+        """Return the shortest of the round trips that ended since an instant; NaN if these are fewer than `fewest`."""
+        each = zip(self._arrivals, self._recent_s, strict=True)
+        trips_s = [trip_s for at, trip_s in each if at >= since]
+        return min(trips_s) if len(trips_s) >= fewest else math.nan
 
     def forget_requests(self, now: Instant) -> None:
         """Drop pending requests: answers that waited in our own queue would not measure the link. None is overdue."""
@@ -346,6 +366,8 @@ class RoundTrips:
     def measure(self, answer: Timesync, now: Instant) -> bool:
         """Update delay and clock with an answer that arrived now; return whether the vehicle's clock has restarted."""
         sent = Instant(answer.ts1_ns)
+        self._recent_s.append(seconds_between(sent, now))
+        self._arrivals.append(now)
         restarted = self.clock.observe(sent, answer.tc1_ns, now)
         if restarted:
             self.stamps = self._new_stamps()

@@ -263,7 +263,12 @@ def _wrong_family(vehicle: Vehicle) -> str:
 
 
 def _lacks(vehicle: Vehicle, now: Instant) -> str:
-    """Return in brackets what a step waits for: readiness, or telemetry, which is missing or can't be used."""
+    """Return in brackets what a step waits for: readiness, or telemetry, which is missing or can't be used.
+
+    Over a full link nothing that is missing tells about the vehicle.
+    """
+    if vehicle.limits.full:
+        return f" (the link is full: {vehicle.limits.full})"
     if not vehicle.start_up.asks_for_telemetry:
         lacking = vehicle.start_up.lacks(vehicle.telemetry)
         return f" ({lacking})" if lacking else ""

@@ -67,7 +67,7 @@ HEADING: Final = m.MAV_CMD_GUIDED_CHANGE_HEADING
 ALTITUDE: Final = m.MAV_CMD_GUIDED_CHANGE_ALTITUDE
 AIRSPEED: Final = m.SPEED_TYPE_AIRSPEED
 RESOLUTION: Final = 0.005
-"""In m/s, m, degrees and m/s²: ArduPlane rounds speeds and heights to centimetres."""
+"""In m: ArduPlane rounds heights to centimetres."""
 OF_THE_NOSE: Final = m.HEADING_TYPE_HEADING
 DEGREES: Final = 180.0 / math.pi
 ALL_ROUND_DEG: Final = 360.0 - 2.0**-16
@@ -106,6 +106,7 @@ class ArduPilot(Autopilot, ABC):
     """What ArduPilot's vehicles have in common."""
 
     slow_messages = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, *Autopilot.slow_messages)
+    start_up_messages = slow_messages
 
     def says_airborne(self, telemetry: Telemetry) -> bool:
         """Return whether its heartbeats show ACTIVE."""
@@ -203,20 +204,19 @@ class ArduPlane(ArduPilot):
         return tuple(self.changed(setpoint, where, [None, None, None]))
 
     def changed(self, setpoint: Setpoint, where: FlightState, known: KnownSetpoints) -> list[Message]:  # noqa: ARG002 - none depends on it
-        """Return the messages of `setpoint` whose values differ from the known ones by more than `RESOLUTION`."""
+        """Return the messages of `setpoint` that aren't `known`."""
         speed, heading, altitude = known
-        speed_mps, above_sea_m = self.airspeed_to_tell(setpoint.speed_mps), setpoint.height_m + self.origin.alt_m
+        above_sea_m = setpoint.height_m + self.origin.alt_m
         if abs(above_sea_m) < RESOLUTION or abs(above_sea_m + 1.0) < RESOLUTION:
             above_sea_m += 2.0 * RESOLUTION  # ArduPlane takes 0 and -1 to mean no altitude, and refuses them
-        heading_deg, lateral_mps2 = _compass(setpoint.heading_rad), setpoint.speed_mps * self.turn_rate_max_rps
         found = list[Message]()
-        if speed is None or abs(speed_mps - speed.param2) > RESOLUTION:
-            found.append(self._guided(SPEED, AIRSPEED, speed_mps, 0.0))
-        if altitude is None or abs(above_sea_m - altitude.z) > RESOLUTION:
+        if speed is None:
+            found.append(self._guided(SPEED, AIRSPEED, self.airspeed_to_tell(setpoint.speed_mps), 0.0))
+        if altitude is None:
             found.append(self._guided(ALTITUDE, 0.0, 0.0, 0.0, above_sea_m))
-        turns = heading is None or abs(heading_deg - heading.param2) > RESOLUTION
-        if turns or heading is None or abs(lateral_mps2 - heading.param3) > RESOLUTION:
-            found.append(self._guided(HEADING, OF_THE_NOSE, heading_deg, lateral_mps2))
+        if heading is None:
+            lateral_mps2 = setpoint.speed_mps * self.turn_rate_max_rps
+            found.append(self._guided(HEADING, OF_THE_NOSE, _compass(setpoint.heading_rad), lateral_mps2))
         return found
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - it circles where it is

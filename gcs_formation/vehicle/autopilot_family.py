@@ -17,6 +17,7 @@ from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from flight_model.slot import Triple
 from formation_scenario.orders import End
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.station import StationId
@@ -32,6 +33,7 @@ STATION: Final = StationId().ids
 """The ground station's ids by default."""
 SLOW_RATE_HZ: Final = 2.0
 UTC_RATE_HZ: Final = 1.0
+NEVER_US: Final = -1
 ASKED_S: Final = 30.0
 """Longest wait for the answer to a request, 43 attempts. With a loss of half of all datagrams each way, some request
 fails in four starts of a million."""
@@ -39,7 +41,7 @@ FAILSAFE_IS_OVER: Final = ("off", "cleared", "regained")
 """Words in texts which report that a failsafe has ended."""
 Command = CommandLong | CommandInt
 KnownSetpoints = list[CommandInt | None]
-"""The last airspeed, heading and height commands that a vehicle was sent; None where one must be sent again."""
+"""The airspeed, heading and height commands that a vehicle holds; None where one is to be sent."""
 
 
 class Effect(NamedTuple):
@@ -126,6 +128,8 @@ class Autopilot(ABC):
     """Motion messages, requested at the scenario's rate."""
     slow_messages: ClassVar[tuple[int, ...]] = (m.MAVLINK_MSG_ID_SYS_STATUS,)
     """Other messages that `vehicle.telemetry` needs, requested at `SLOW_RATE_HZ`."""
+    start_up_messages: ClassVar[tuple[int, ...]] = (m.MAVLINK_MSG_ID_SYS_STATUS,)
+    """Those of them that are read before take-off only; in flight they come rarely."""
     unasked_hz: ClassVar[dict[int, float]] = {m.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
     """Messages that the autopilot sends without a request, and their rates, Hz."""
     setpoints_set_mode: ClassVar[bool] = False
@@ -215,8 +219,9 @@ class Autopilot(ABC):
         return self._command(m.MAV_CMD_DO_SET_MODE, m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, mode)
 
     def set_message_interval(self, message_id: int, rate_hz: float) -> Command:
-        """Return MAV_CMD_SET_MESSAGE_INTERVAL."""
-        return self._command(m.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, round(1e6 / rate_hz))
+        """Return MAV_CMD_SET_MESSAGE_INTERVAL; a rate of 0 stops the message."""
+        interval_us = round(1e6 / rate_hz) if rate_hz > 0.0 else NEVER_US
+        return self._command(m.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_us)
 
     def home_request(self) -> Command:
         """Return the request for its home position."""
@@ -320,8 +325,19 @@ class Autopilot(ABC):
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return the messages of a setpoint that takes effect when the vehicle is in the state `where`."""
 
+    def quantities(self, setpoint: Setpoint, where: FlightState) -> Triple:  # noqa: ARG002 - for some
+        """Return what the messages of a setpoint say: airspeed as commanded, m/s, direction, rad, and height, m.
+
+        A setpoint is sent when these differ from what the vehicle holds. A subclass that commands others says so here.
+        """
+        return self.airspeed_to_tell(setpoint.speed_mps), setpoint.heading_rad, setpoint.height_m
+
+    def keep_setpoint(self) -> None:
+        """Take that the vehicle keeps its setpoint for another tick."""
+        return  # most families have no memory of setpoints
+
     def changed(self, setpoint: Setpoint, where: FlightState, known: KnownSetpoints) -> list[Message]:  # noqa: ARG002 - for some
-        """Return those messages of a setpoint that differ from the `known` ones; most families need all of them."""
+        """Return those messages of a setpoint whose commands aren't `known`; most families need all of them."""
         return list(self.setpoint(setpoint, where))
 
     @abstractmethod

@@ -5,6 +5,7 @@ Source: MAVLink guide, "Command Protocol".
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass, field
 from enum import Enum
@@ -17,6 +18,8 @@ from gcs_formation.vehicle.autopilot_family import Command, Effect
 from gcs_formation.vehicle.telemetry import Telemetry
 
 RETRY_S: Final = 0.7
+MOST_SPARING: Final = 3
+"""Over a full link an attempt waits for up to 2 to the power of this times `RETRY_S`."""
 RETRY_REFUSED_S: Final = 3.0
 """Interval at which a command sent with `insist` is repeated after a lasting refusal."""
 MAX_CONFIRMATION: Final = 255
@@ -34,12 +37,15 @@ SILENT_S: Final = 5.0
 GAP_S: Final = 0.5
 """When acknowledgements of setpoints are later than this, setpoints may have been lost."""
 REPEAT_S: Final = 1.0
-"""An unchanged setpoint is repeated after this time."""
+"""A setpoint is repeated after this time, whatever was acknowledged."""
 QUICKEST: Final = 0.75
 PATIENCE: Final = 1.5
 """Durations of the quickest and the slowest answer, as multiples of the usual round trip."""
 LOOPS_S: Final = 0.15
 """Time that a setpoint and its answer may wait for the loops at both ends."""
+LOSSY_WAIT_S: Final = 0.05
+"""Over a link that loses, the first wait for an acknowledgement: the next tick repeats the setpoint."""
+MOST_DOUBLINGS: Final = 10
 SHOWN_WITHIN_S: Final = 2.0
 SHOWN_IN_HEARTBEATS: Final = 2
 """A command has no effect if none is seen within this time and this many heartbeats after its acknowledgement. It has
@@ -70,6 +76,8 @@ class CommandQueue:
     """When the current command began, or the list ended."""
     insists: bool = False
     """Whether the list continues after a refusal."""
+    spares: bool = False
+    """Whether the link is full: each attempt then waits twice as long for its answer as the one before."""
     lists: int = 0
     """Number of lists begun."""
     _waiting: deque[Command] = field(default_factory=deque[Command])
@@ -102,7 +110,8 @@ class CommandQueue:
         if isinstance(command, CommandLong):
             command = command.but(confirmation=min(self._attempt, MAX_CONFIRMATION))
         self._attempt += 1
-        self._next_attempt = after(now, RETRY_S)
+        doublings = min(self._attempt - 1, MOST_SPARING) if self.spares else 0
+        self._next_attempt = after(now, RETRY_S * 2.0**doublings)
         return command
 
     @property
@@ -178,7 +187,7 @@ class CommandQueue:
         """
         if self._attempt > self._answered:
             round_trip_s = seconds_between(self._first_attempt, now)
-            until = after(self._next_attempt, round_trip_s - RETRY_S)
+            until = after(self._next_attempt, round_trip_s - RETRY_S)  # later, where attempts are spared
             self._late = command, self._attempt - self._answered, until
 
     def _is_late(self, ack: CommandAck, now: Instant) -> bool:
@@ -245,16 +254,20 @@ class SetpointChannel:
         self._refused = NEVER
         """Start of the current series of refusals; the last of them, and the heartbeat count at the first."""
         self._refused_to, self._heartbeats = Instant(0), 0
-        self._known: CommandInt | None = None
+        self.held: CommandInt | None = None
+        """The last setpoint sent; None if the vehicle may hold another."""
         self._sent, self._acknowledged_to = Instant(0), Instant(0)
+        self._resends = 0
+        """How often what was sent last has been sent again since it was news."""
         self._since = NEVER
         self._waiting = NEVER
         """Since when an acknowledgement has been outstanding."""
         self._gap_s, self._round_trip_s = gap_s, 0.0
 
-    def sent(self, command: CommandInt, at: Instant, round_trip_s: float) -> None:
-        """Record a setpoint sent at an instant over a link with this round trip."""
-        self._known, self._sent, self._round_trip_s = command, at, round_trip_s
+    def sent(self, command: CommandInt, at: Instant, round_trip_s: float, *, news: bool = True) -> None:
+        """Record a setpoint sent at an instant over a link with this round trip; `news`: it differs from the last."""
+        self.held, self._sent, self._round_trip_s = command, at, round_trip_s
+        self._resends = 0 if news else self._resends + 1
         if self._waiting == NEVER:
             self._waiting = at
 
@@ -262,7 +275,7 @@ class SetpointChannel:
         """Send the next setpoint even if unchanged: the vehicle may have received others meanwhile."""
         if self._refused != NEVER:
             self._waiting = NEVER  # a refusal was an answer
-        self._known, self._refused = None, NEVER
+        self.held, self._refused = None, NEVER
 
     def refused(self, result: int, heartbeats: int, now: Instant) -> None:
         """Record a refusal; `heartbeats`: the vehicle's heartbeats received so far."""
@@ -284,9 +297,25 @@ class SetpointChannel:
         self._acknowledged_to = after(now, -QUICKEST * self._round_trip_s)
         self._waiting = now if self._sent > self._acknowledged_to else NEVER
 
-    def known(self, at: Instant) -> CommandInt | None:
-        """Return the last setpoint sent, None if it is due for repetition at an instant."""
-        return None if seconds_between(self._sent, at) >= REPEAT_S else self._known
+    def is_due(self, at: Instant, *, loses: bool, spares: bool = False) -> bool:
+        """Return whether a setpoint is due at an instant though it isn't news: a first one, or one to be repeated.
+
+        One that isn't acknowledged is sent again after each twice as long a wait: the first is until its answer is
+        overdue or, over a link that `loses`, until the next tick; over one where bytes are spared, until the answer
+        should have come.
+        """
+        if self.held is None:
+            return True
+        age_s = seconds_between(self._sent, at)
+        if age_s >= REPEAT_S or self._sent <= self._acknowledged_to:
+            return age_s >= REPEAT_S
+        usual_s = 0.0 if loses and not spares else PATIENCE * self._round_trip_s
+        wait_s = usual_s + (LOSSY_WAIT_S if loses else LOOPS_S)
+        return age_s > wait_s * 2.0 ** min(self._resends, MOST_DOUBLINGS)
+
+    def age_s(self, at: Instant) -> float:
+        """Return how long ago a setpoint was sent; infinite if the vehicle may hold another."""
+        return math.inf if self.held is None else seconds_between(self._sent, at)
 
     def overdue(self, at: Instant) -> bool:
         """Return whether the acknowledgement of the last setpoint is overdue at an instant."""

@@ -27,6 +27,7 @@ from airlink.messages.command import CommandInt, ParamValue
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from flight_model.slot import Triple
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.airspeed import AirspeedScale
@@ -268,15 +269,25 @@ class Px4Plane(Px4):
 
         PX4 flies a course over ground: the direction of airspeed along the heading plus the station's wind estimate.
         """
-        north_mps = setpoint.speed_mps * math.cos(setpoint.heading_rad) + where.wind_north_mps
-        east_mps = setpoint.speed_mps * math.sin(setpoint.heading_rad) + where.wind_east_mps
-        course_rad = math.atan2(east_mps, north_mps)
+        course_rad = _course_rad(setpoint, where)
         north_m = where.north_m + AIM_M * math.cos(course_rad)
         east_m = where.east_m + AIM_M * math.sin(course_rad)
         reading_mps, lead = self.airspeed_to_tell(setpoint.speed_mps), self._lead
         if lead is not None:
             reading_mps = lead.lead(reading_mps, self.airspeed_to_tell(where.airspeed_mps))
         return (self._reposition(north_m, east_m, setpoint.height_m, reading_mps),)
+
+    def quantities(self, setpoint: Setpoint, where: FlightState) -> Triple:
+        """Return the airspeed with its lead, the course over ground, and the height."""
+        reading_mps, lead = self.airspeed_to_tell(setpoint.speed_mps), self._lead
+        if lead is not None:
+            reading_mps = lead.led(reading_mps, self.airspeed_to_tell(where.airspeed_mps))
+        return reading_mps, _course_rad(setpoint, where), setpoint.height_m
+
+    def keep_setpoint(self) -> None:
+        """Let the lead compensation go on from the airspeed that is held."""
+        if self._lead is not None:
+            self._lead.keep()
 
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
         """Return HOLD, then position and height if its position is known.
@@ -318,6 +329,13 @@ class Px4Plane(Px4):
         motion = seen.motion
         risen_m = REFERENCE_CLIMB_MPS * motion.stamp_s if motion else 0.0
         return self.is_airborne(seen) or risen_m >= self._home_above_sea_m(seen)
+
+
+def _course_rad(setpoint: Setpoint, where: FlightState) -> float:
+    """Return the course over ground of airspeed along a setpoint's heading, plus the wind."""
+    north_mps = setpoint.speed_mps * math.cos(setpoint.heading_rad) + where.wind_north_mps
+    east_mps = setpoint.speed_mps * math.sin(setpoint.heading_rad) + where.wind_east_mps
+    return math.atan2(east_mps, north_mps)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -6,7 +6,8 @@ import math
 from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from flight_model.autopilot_model import FlightState
+from airlink.messages.telemetry import Attitude
+from flight_model.autopilot_model import FlightState, wrap
 from gcs_formation.estimation.airspeed import AirspeedCheck
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.frame_history import EARLY_S, LONGEST_DELAY_S
@@ -16,6 +17,10 @@ from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
+TOGETHER_S: Final = 0.02
+"""Attitude and position whose stamps differ by no more are of one time, s."""
+EXTRAPOLATED_RAD: Final = 0.1
+"""Largest error of an extrapolated heading: a turn of 0.5 rad/s that has begun since."""
 EXTRAPOLATED_S: Final = 2.0
 """Largest age of a position that is extrapolated to now, s; an older one tells nothing of the present position."""
 
@@ -42,7 +47,7 @@ class Sampler:
     def new(self, now: Instant, *, flew: bool, leads: bool = False) -> Sample | None:
         """Return the newest sample, once; None while the vehicle's clock is unknown.
 
-        The heading is extrapolated from its own stamp to the position's. A multirotor's airspeed and heading are those
+        The heading is that of the attitude, at the position's time. A multirotor's airspeed and heading are those
         of its ground velocity. `flew`: it flies, or did when last heard; readings on the ground before that aren't
         learned from. `leads`: other vehicles' slots depend on its motion.
         """
@@ -58,7 +63,7 @@ class Sampler:
         if self.refused:
             self._telemetry.implausible += 1
             return None
-        heading_rad = attitude.yaw_rad + attitude.yawspeed_radps * (motion.stamp_s - attitude.time_boot_s)
+        heading_rad = _heading_rad(motion, attitude)
         airspeed_mps = self._airspeed(motion, heading_rad, flew=flew)
         if seen.stands:
             airspeed_mps, heading_rad = ground_motion(heading_rad, motion.north_mps, motion.east_mps, leads=leads)
@@ -141,6 +146,18 @@ class Sampler:
             above_sea_m = motion.height_m + self._autopilot.origin.alt_m
             scale.learn(motion.stamp_s, above_sea_m, velocity_mps, reading_mps, heading_rad)
         return self.airspeed_mps
+
+
+def _heading_rad(motion: ReportedMotion, attitude: Attitude) -> float:
+    """Return the heading at a position's time: the attitude's, extrapolated by its turn rate if it is of another time.
+
+    Attitudes come more rarely than positions, which have a heading too, rounded to 0.01 degrees: it replaces what is
+    extrapolated, unless it is unknown or contradicts it.
+    """
+    since_s = motion.stamp_s - attitude.time_boot_s
+    heading_rad = attitude.yaw_rad + attitude.yawspeed_radps * since_s
+    off_rad = wrap(motion.heading_rad - heading_rad)
+    return heading_rad + off_rad if abs(since_s) > TOGETHER_S and abs(off_rad) < EXTRAPOLATED_RAD else heading_rad
 
 
 def _is_of(now: Instant, stamp: Instant) -> bool:

@@ -36,6 +36,8 @@ ANGLE_LIMIT_RAD: Final = 2 * math.pi
 HALF_TURN_RAD: Final = math.pi
 QUARTER_RAD: Final = math.pi / 2
 INFINITE: Final = math.inf
+TURN_RAD: Final = 2 * math.pi
+"""Headings are smaller; 655.35 degrees stand for an unknown one."""
 TURN_LIMIT_RPS: Final = 50.0
 ALTITUDE_LIMIT_M: Final = 100e3
 """Limits of plausible values for an aircraft."""
@@ -70,6 +72,8 @@ class ReportedMotion:
         self.east_mps = east_mps
         self.climb_mps = climb_mps
         self.above_home_m = above_home_m
+        self.heading_rad: float = math.nan
+        """Of the nose, NaN where it isn't known."""
 
 
 @dataclass
@@ -172,6 +176,7 @@ class Telemetry:
             -message.vz_mps,
             message.relative_alt_m + up_m,
         )
+        self.motion.heading_rad = message.hdg_rad if message.hdg_rad < TURN_RAD else math.nan
         if math.isnan(self.airspeed_stamp_s):
             self.airspeed_stamp_s = stamp_s
 

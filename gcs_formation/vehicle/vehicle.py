@@ -14,7 +14,7 @@ from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.frame import Frame
 from airlink.messages import KINDS, Message
-from airlink.messages.command import CommandAck, CommandInt
+from airlink.messages.command import CommandAck
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import Attitude, GlobalPositionInt
 from flight_model.autopilot_model import FlightState, Setpoint
@@ -34,14 +34,15 @@ from gcs_formation.vehicle.command_delivery import (
 )
 from gcs_formation.vehicle.pilots_choice import PilotsChoice
 from gcs_formation.vehicle.sampler import Sampler
+from gcs_formation.vehicle.setpoint_delivery import SetpointDelivery
 from gcs_formation.vehicle.startup import StartUp, TakeOff
 from gcs_formation.vehicle.telemetry import Telemetry
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
 UNANSWERED_S: Final = 1.5
 """Longest time without an answer from a vehicle that hears the ground station."""
-LOSSY_S: Final = 10.0
-"""Time after a loss for which a link counts as lossy."""
+UNANSWERED_PROBES: Final = 3.0
+"""More of it, in periods of TIMESYNC requests that a full link makes rarer."""
 JITTERS: Final = 10.0
 """A link without loss is never silent for longer than this multiple of its jitter."""
 CLOCK_LIMIT_NS: Final = 2**62 - 1
@@ -56,6 +57,17 @@ class Member(Enum):
     UNHEARD = "not heard: told nothing until it is"
     HOLDING = "told to loiter"
     RETURNING = "told to come back"
+
+
+class SendingLimits:
+    """What a full link leaves to a vehicle."""
+
+    def __init__(self) -> None:
+        """Start without any."""
+        self.probe_s = 0.0
+        """Shortest time between two TIMESYNC requests."""
+        self.full = ""
+        """What shows that its link is full, in words; empty if nothing does."""
 
 
 CIRCLING: Final = (Member.HOLDING, Member.RETURNING)
@@ -85,6 +97,7 @@ class Vehicle:
         self.identity, self.column = identity, column
         """Its id, and its index in every list of a tick."""
         self.autopilot, self.connection = autopilot, connection
+        self.setpoints, self.limits = SetpointDelivery(autopilot, setpoint_gap_s), SendingLimits()
         self.stands_after_s, self.returns_after_s = autopilot.stands_after_s, autopilot.returns_after_s
         """Defaults of its autopilot family."""
         self.telemetry = Telemetry(autopilot.origin, autopilot.stands)
@@ -97,23 +110,27 @@ class Vehicle:
         self.jitter, self.sequence, self.commands = JitterMeter(), SequenceTracker(), CommandQueue()
         self.messages_in = vec[i64]([0] * len(KINDS))
         """Number of messages received of each kind, indexed by `kind.place`."""
-        self.rates_hz = autopilot.rates_hz(telemetry_rate_hz, utc=by_utc)  # of each message that it should send
+        self.unknown_in: dict[int, int] = {}  # number of messages of other kinds, by their ids
+        self.start_up_hz = self.rates_hz = dict(autopilot.rates_hz(telemetry_rate_hz, utc=by_utc))
+        """Rates of messages, Hz: those that its start-up asks for, or that come without a request, and those now."""
         self._at_last: tuple[StartUpStep, ...] = ()
         """Steps after those of its autopilot in each start-up."""
         self.start_up = self._started_afresh()
         # holds_at_m: the height at which it was last commanded to loiter while the others fly on; unfit: why its
         # telemetry can't be flown by in the formation, empty if it can
         self.member, self.holds_at_m, self.frames_out, self.unfit = Member.STARTING, math.nan, 0, ""
+        self.bytes_in = self.bytes_out = 0
         self.effects, self.pilots_choice, self.take_off = EffectWatch(), PilotsChoice(), TakeOff()
-        channels = {command: SetpointChannel(command, setpoint_gap_s) for command in autopilot.setpoint_commands}
-        self.setpoint_channels = [channels[command] for command in autopilot.setpoint_commands]
-        """The channels of airspeed, heading and height, which may be one; empty if setpoints aren't acknowledged."""
         self.restarts, self._flew_before, self._probed_ns = 0, False, 0
         """Number of restarts of its clock; whether it may have been flying at the last one; when its newest answered
         TIMESYNC request was sent."""
-        self._lost_at, self.alone_at = Instant(0), LONG_AGO
-        """When a frame or an answer was last missing; when its failsafe last had reason to act, by the lack of
-        setpoints, heartbeats or a link."""
+        self.alone_at = LONG_AGO
+        """When its failsafe last had reason to act, by the lack of setpoints, heartbeats or a link."""
+
+    @property
+    def setpoint_channels(self) -> list[SetpointChannel]:
+        """The channels of airspeed, heading and height, which may be one; empty if setpoints aren't acknowledged."""
+        return self.setpoints.channels
 
     @property
     def follows_setpoints(self) -> bool:
@@ -127,14 +144,13 @@ class Vehicle:
         `timed`: it was read on arrival; a frame that waited in our queue doesn't tell the link's delay.
         """
         message, sequence = frame.message, self.sequence
-        if message is not None:
-            self.messages_in[message.kind().place] += 1
+        self._count(frame)
         if message is not None and self.history.copies_come(now) and not math.isnan(message.boot_s()):
             sequence.return_to(frame.sequence)
         if self.history.may_be_copy and not sequence.may_follow(frame.sequence, now, self.connection.last_heard):
             sequence.doubt(frame.sequence)
         elif sequence.observe(frame.sequence, now, self.connection.last_heard):
-            self._lost_at = now
+            self.setpoints.lost_at = now
         changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
         turned_s = self.source_binding.turned_s
         if turned_s and isinstance(message, (GlobalPositionInt, Attitude, SystemTime)):
@@ -155,11 +171,18 @@ class Vehicle:
             self.telemetry.take(message)
         return changed
 
+    def _count(self, frame: Frame) -> None:
+        self.bytes_in += len(frame.raw)
+        if frame.message is None:
+            self.unknown_in[frame.message_id] = self.unknown_in.get(frame.message_id, 0) + 1
+        else:
+            self.messages_in[frame.message.kind().place] += 1
+
     def overlook(self, frame: Frame) -> None:
         """Count a frame of this vehicle that is no news."""
         copy = self.history.was_copy
-        if frame.message is not None and not copy:
-            self.messages_in[frame.message.kind().place] += 1
+        if not copy:
+            self._count(frame)
         self.sequence.overtaken(frame.sequence, copy=copy)
 
     @property
@@ -182,6 +205,11 @@ class Vehicle:
     def unanswered_s(self) -> float:
         """Time from its newest answer to its last frame, s."""
         return self.round_trips.unanswered_s(self.connection.last_heard)
+
+    @property
+    def hears(self) -> bool:
+        """Whether it answers as often as it must if it hears the ground station; rarer requests are allowed for."""
+        return self.unanswered_s <= UNANSWERED_S + UNANSWERED_PROBES * self.limits.probe_s
 
     @property
     def flies_on(self) -> bool:
@@ -258,38 +286,20 @@ class Vehicle:
         return self.telemetry.home_m if self.telemetry.custom_mode == self.autopilot.home_mode else None
 
     def new_setpoints(self, setpoint: Setpoint, where: FlightState, at: Instant) -> list[Message]:
-        """Return the messages of a setpoint to send at an instant: those that changed, or are due again.
+        """Return the messages of a setpoint to send at an instant: those with news, and those that are due again.
 
-        After a loss these are all of them, because an acknowledgement doesn't tell which of several it answers. `where`
-        is the vehicle's state when the setpoint takes effect.
+        `where` is the vehicle's state when the setpoint takes effect. What it holds from then on is in `setpoints`.
         """
-        for each in self.setpoint_channels:
-            if each.overdue(at):
-                self._lost_at = at
-        loses = seconds_between(self._lost_at, at) < LOSSY_S
-        messages = self.autopilot.changed(
-            setpoint, where, [None if loses else each.known(at) for each in self.setpoint_channels]
-        )
         round_trip_s = 0.0 if math.isnan(self.clock.one_way_s) else 2.0 * self.clock.one_way_s
-        for message in messages:
-            if isinstance(message, CommandInt):
-                channel = self._channel(message.command)
-                if channel is not None:
-                    channel.sent(message, at, round_trip_s)
-                    self.sequence.asked += 1
+        messages = self.setpoints.messages(setpoint, where, at, round_trip_s, self.stands_after_s)
+        if self.setpoint_channels:
+            self.sequence.asked += len(messages)
         return messages
-
-    def _channel(self, command: int) -> SetpointChannel | None:
-        for each in self.setpoint_channels:
-            if each.command == command:
-                return each
-        return None
 
     def forget_setpoints(self) -> None:
         """Send all setpoints anew: the vehicle may have received others meanwhile."""
         self.autopilot.forget_setpoints()
-        for channel in self.setpoint_channels:
-            channel.forget()
+        self.setpoints.forget()
 
     @property
     def home_unreported(self) -> bool:
@@ -374,6 +384,7 @@ class Vehicle:
         self.take_off = TakeOff()
         self.jitter = JitterMeter()
         self.forget_setpoints()
+        self.rates_hz = self.start_up_hz
         self.start_up = self._started_afresh()
 
     def end_start_up_with(self, step: StartUpStep) -> None:
@@ -382,7 +393,7 @@ class Vehicle:
         self.start_up.steps = (*self.start_up.steps, step)
 
     def _started_afresh(self) -> StartUp:
-        return StartUp((*self.autopilot.start_up(self.rates_hz), *self._at_last), self.autopilot.start_up_modes)
+        return StartUp((*self.autopilot.start_up(self.start_up_hz), *self._at_last), self.autopilot.start_up_modes)
 
     def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
         # Older autopilots, and MAVLink 1, don't say whom they answer (0).
@@ -396,7 +407,7 @@ class Vehicle:
             effect = self.autopilot.effect(accepted) if accepted is not None else None
             if effect is not None:
                 self.effects.acknowledged(effect, self.telemetry, now)
-        channel = self._channel(ack.command)
+        channel = self.setpoints.channel(ack.command)
         if channel is None:
             return
         if ack.result == ACCEPTED:

@@ -16,6 +16,7 @@ import math
 from typing import Final
 
 from airlink import mavlink as m
+from airlink.messages import Message
 from airlink.messages.command import SetPositionTargetLocalNed
 from flight_model.autopilot_model import FlightState, Setpoint, within
 from flight_model.slot import hovering_course, slot_axis
@@ -44,6 +45,11 @@ NO_ACCELERATION: Final = (
     m.POSITION_TARGET_TYPEMASK_AX_IGNORE | m.POSITION_TARGET_TYPEMASK_AY_IGNORE | m.POSITION_TARGET_TYPEMASK_AZ_IGNORE
 )
 VELOCITY_AND_YAW: Final = NO_POSITION | NO_ACCELERATION | m.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
+SAME_MPS: Final = 0.003
+SAME_CLIMB_MPS: Final = 0.001
+SAME_RAD: Final = 0.001
+"""Differences of velocity, climb rate and yaw that are no news. The station holds heights itself, by climb rates: one
+that is off by 1 mm/s is a height that is off by 1.5 mm (`HEIGHT_S`)."""
 VELOCITY_ALONE: Final = NO_POSITION | NO_ACCELERATION | m.POSITION_TARGET_TYPEMASK_YAW_IGNORE
 """With a yaw rate of 0: if both were ignored, ArduCopter would turn its nose by WP_YAW_BEHAVIOR."""
 
@@ -76,6 +82,7 @@ class SpeedLead:
     def __init__(self, prompt_share: float, rest_s: float, limits_mps: tuple[float, float], period_s: float) -> None:
         """Start at the present airspeed; an airspeed within the limits is commanded every `period_s`."""
         self._integrator, self._limits_mps, self._begun = _Integrator(prompt_share, rest_s, period_s), limits_mps, False
+        self._told_mps = 0.0
 
     @property
     def within_reach_mps(self) -> tuple[float, float]:
@@ -88,13 +95,22 @@ class SpeedLead:
         """Restart from the present airspeed: others have commanded the vehicle meanwhile."""
         self._begun = False
 
-    def lead(self, speed_mps: float, airspeed_mps: float) -> float:
+    def led(self, speed_mps: float, airspeed_mps: float) -> float:
         """Return the airspeed to command in order to fly `speed_mps`; `airspeed_mps` is the present one."""
         if not self._begun:
             self._integrator.integrated_mps, self._begun = airspeed_mps, True
-        told_mps = within(self._integrator.command_for(speed_mps), self._limits_mps[0], self._limits_mps[1])
-        self._integrator.take(told_mps)
-        return told_mps
+        return within(self._integrator.command_for(speed_mps), self._limits_mps[0], self._limits_mps[1])
+
+    def lead(self, speed_mps: float, airspeed_mps: float) -> float:
+        """Return the same, and take that it is commanded from now on."""
+        self._told_mps = self.led(speed_mps, airspeed_mps)
+        self.keep()
+        return self._told_mps
+
+    def keep(self) -> None:
+        """Take that what was commanded last is held for another period."""
+        if self._begun:
+            self._integrator.take(self._told_mps)
 
 
 class VelocityLead:
@@ -169,6 +185,16 @@ def velocity_setpoint(
         vz_mps=within(sink_mps, -lead.climb_max_mps, lead.climb_max_mps),
         yaw_rad=math.remainder(yaw_rad, math.tau) if turns else 0.0,
     )
+
+
+def says_the_same(message: Message, other: Message) -> bool:
+    """Return whether a velocity setpoint commands the same as another, within what is no news."""
+    if not isinstance(message, SetPositionTargetLocalNed) or not isinstance(other, SetPositionTargetLocalNed):
+        return False
+    off_mps = max(abs(message.vx_mps - other.vx_mps), abs(message.vy_mps - other.vy_mps))
+    turned_rad = abs(math.remainder(message.yaw_rad - other.yaw_rad, math.tau))
+    same = message.type_mask == other.type_mask and turned_rad <= SAME_RAD and off_mps <= SAME_MPS
+    return same and abs(message.vz_mps - other.vz_mps) <= SAME_CLIMB_MPS
 
 
 def ground_motion(yaw_rad: float, north_mps: float, east_mps: float, *, leads: bool) -> tuple[float, float]:

@@ -65,7 +65,7 @@ def test_a_vehicle_that_another_ground_station_has_told_to_send_less_is_asked_ag
     world.fly_to(2.0)
     told_s = tell(world, number, said(number))
     world.run(6.0)
-    assert rates_hz(world, number) == [10.0] * 3
+    assert rates_hz(world, number) == [10.0, 5.0, 10.0]  # of attitudes half as many
     world.run()
     asked_s, *_ = world.times_s("streams", number, "asked again")
     assert asked_s - told_s < 2.5

@@ -1,4 +1,4 @@
-"""Which setpoints are sent: those that differ from what the vehicle has, or that it may not have."""
+"""Which setpoints are sent: those that are news to the vehicle, and those that it may not have."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.link.link_health import Connection
-from gcs_formation.vehicle.ardupilot import ALTITUDE, HEADING, RESOLUTION, SPEED, ArduCopter, ArduPlane
+from gcs_formation.vehicle.ardupilot import ALTITUDE, HEADING, SPEED, ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.command_delivery import REPEAT_S
-from gcs_formation.vehicle.px4 import Px4Plane
-from gcs_formation.vehicle.vehicle import LOSSY_S, Vehicle
+from gcs_formation.vehicle.held_setpoint import ACROSS_M, ALONG_M, HEIGHT_M_S
+from gcs_formation.vehicle.px4 import Px4Copter, Px4Plane
+from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.velocity_setpoint import SpeedLead
 
 ORIGIN = GeodeticOrigin(0.5, 2.0, 100.0)
 START = Instant(10**10)
@@ -88,34 +90,59 @@ def test_what_is_acknowledged_is_repeated_after_a_second():
 @pytest.mark.parametrize(
     ("changed", "command"),
     [
-        (Setpoint(22.0 + 2 * RESOLUTION, 0.3, 200.0), SPEED),
-        (Setpoint(22.0, 0.3 + math.radians(2 * RESOLUTION), 200.0), HEADING),
-        (Setpoint(22.0, 0.3, 200.0 - 2 * RESOLUTION), ALTITUDE),
+        (Setpoint(22.0 + 11.0 * ALONG_M, 0.3, 200.0), SPEED),
+        (Setpoint(22.0, 0.3 + 11.0 * ACROSS_M / 22.0, 200.0), HEADING),
+        (Setpoint(22.0, 0.3, 200.0 - 11.0 * HEIGHT_M_S), ALTITUDE),
     ],
 )
-def test_what_changes_beyond_the_resolution_is_sent(changed, command):
+def test_a_step_by_which_the_vehicle_would_be_off_within_a_tick_is_sent_at_once(changed, command):
+    """Off by 11 times a tolerance for 0.1 s is 1.1 times the tolerance; the other two have nothing new to say."""
     told = Told()
     told.tick()
     assert told.tick(changed) == [command]
     assert told.tick(changed) == []
+    assert told.vehicle.setpoints.held.values == (changed.speed_mps, changed.heading_rad, changed.height_m)
 
 
-def test_a_slow_change_is_sent_when_it_adds_up():
+def test_a_small_change_is_sent_when_it_has_lasted_for_long_enough():
+    """A third of the tolerance in each tenth of a second is beyond it after four."""
     told = Told()
-    heights_m = [200.0 + 0.4 * RESOLUTION * tick for tick in range(6)]
-    sent = [ALTITUDE in told.tick(Setpoint(22.0, 0.3, height_m)) for height_m in heights_m]
-    assert sent == [True, False, False, True, False, False]
+    told.tick()
+    sent = [ALTITUDE in told.tick(Setpoint(22.0, 0.3, 200.0 + 10.0 * HEIGHT_M_S / 3.0 * 1.01)) for _ in range(6)]
+    assert sent == [False, False, True, False, False, False]
+
+
+def test_what_is_rounded_to_and_fro_is_not_sent():
+    told = Told()
+    told.tick()
+    to_and_fro = [Setpoint(22.0 + off, 0.3 + off / 100.0, 200.0 + off) for off in (0.02, -0.02) * 4]
+    assert [told.tick(each) for each in to_and_fro] == [[]] * 8
+    assert told.vehicle.setpoints.held.values == (22.0, 0.3, 200.0)
 
 
 @pytest.mark.parametrize("refuses", [False, True])
-def test_what_is_not_acknowledged_is_repeated_at_every_tick(refuses):
+def test_what_is_not_acknowledged_is_repeated_after_each_twice_the_time(refuses):
+    """Overdue after 0.15 s, the link counts as lossy: again after 0.1, 0.2, 0.4 and 0.8 s, and each second at last.
+
+    Each wait is over at the first tick after it.
+    """
     told, sent = Told(), list[int]()
-    for _ in range(10):
+    for _ in range(33):
         commands = told.tick(answers=False)
         sent.append(len(commands))
         for command in commands if refuses else ():
             told.acknowledge(command, m.MAV_RESULT_FAILED)
-    assert sent == [3, 0] + [3] * 8
+    assert [tick for tick, count in enumerate(sent) if count] == [0, 2, 4, 7, 12, 21, 31]
+    assert set(sent) == {0, 3}
+
+
+def test_over_a_link_that_loses_a_repetition_follows_each_step_until_it_is_acknowledged():
+    told = Told()
+    told.tick()
+    for lost in (0, 0, 1):
+        told.hear(m.MAVLINK_MSG_ID_VFR_HUD, lost=lost)
+    step = Setpoint(25.0, 0.3, 200.0)
+    assert [told.tick(step, answers=tick == 3) for tick in range(7)] == [[SPEED], [SPEED], [], [SPEED], [], [], []]
 
 
 def test_over_a_slow_link_an_answer_is_waited_for_as_long_as_it_takes():
@@ -141,15 +168,6 @@ def test_an_acknowledgement_that_is_too_early_answers_an_earlier_setpoint():
     assert SPEED in told.tick(answers=False)
 
 
-def test_over_a_link_that_loses_all_are_sent_at_every_tick():
-    told = Told()
-    for lost in (0, 0, 1):
-        told.hear(m.MAVLINK_MSG_ID_VFR_HUD, lost=lost)
-    sent = [len(told.tick()) for _ in range(round(10 * LOSSY_S) + 2)]
-    assert sent[: round(10 * LOSSY_S)] == [3] * round(10 * LOSSY_S)
-    assert sent[-1] == 0
-
-
 def test_a_vehicle_that_may_have_other_setpoints_meanwhile_is_sent_all():
     told = Told()
     told.tick()
@@ -157,12 +175,41 @@ def test_a_vehicle_that_may_have_other_setpoints_meanwhile_is_sent_all():
     assert len(told.tick()) == 3
 
 
-def test_families_that_must_hear_setpoints_get_each():
+def test_a_family_whose_one_command_carries_all_is_sent_it_for_any_of_them():
     told = Told(Px4Plane)
-    assert len(told.tick()) == len(told.tick()) == 1
+    assert [len(told.tick()) for _ in range(3)] == [1, 0, 0]
+    assert len(told.tick(Setpoint(22.0, 0.4, 200.0))) == 1
+
+
+@pytest.mark.parametrize(("kind", "every"), [(ArduCopter, 6), (Px4Copter, 2)])
+def test_a_stream_is_repeated_five_times_within_the_failsafes_time(kind, every):
+    """GUID_TIMEOUT is 3 s, COM_OF_LOSS_T 1 s."""
+    copter = Vehicle(VehicleId(1, 2), 0, kind(2, ORIGIN, 0.25), Connection(0), 10.0)
+    sent = [len(copter.new_setpoints(STEADY, SOMEWHERE, after(START, 0.1 * tick))) for tick in range(13)]
+    assert [tick for tick, count in enumerate(sent) if count] == list(range(0, 13, every))
+    assert copter.new_setpoints(Setpoint(21.0, 0.3, 200.0), SOMEWHERE, after(START, 1.3))
+
+
+def test_what_a_stream_need_not_repeat_is_held_as_if_it_were_sent():
+    """Climbing at one rate, a multirotor is 1.5 s behind its height setpoint, which rises all the time."""
     copter = Vehicle(VehicleId(1, 2), 0, ArduCopter(2, ORIGIN, 0.25), Connection(0), 10.0)
-    messages = copter.autopilot.setpoint(STEADY, SOMEWHERE)
-    assert all(copter.new_setpoints(STEADY, SOMEWHERE, START) == [*messages] for _ in range(2))
+    for tick in range(4):
+        where = FlightState(0.0, 0.0, 200.0 + 0.1 * tick, 1.0, 22.0, 0.3, 0.0, 0.0)
+        sent = copter.new_setpoints(Setpoint(22.0, 0.3, where.height_m + 1.5), where, after(START, 0.1 * tick))
+        assert bool(sent) == (tick == 0)
+        assert copter.setpoints.held.values[2] == where.height_m + 1.5
+
+
+def test_the_lead_of_an_airspeed_goes_on_while_a_command_is_held():
+    """Commanded 2 m/s more at a prompt share of a half, PX4 is first commanded 4 m/s more, and then less and less."""
+    lead = SpeedLead(0.5, 10.0, (10.0, 40.0), 0.1)
+    plane = Px4Plane(2, ORIGIN, 0.25, None, lead)
+    told = Told()
+    told.vehicle = Vehicle(VehicleId(1, 2), 0, plane, Connection(0), 10.0)
+    assert lead.lead(22.0, 22.0) == 22.0
+    sent = [told.tick(Setpoint(24.0, 0.3, 200.0)) for _ in range(100)]
+    assert 10 < len([each for each in sent if each]) < 60
+    assert lead.led(24.0, 22.0) == pytest.approx(22.0 + 2.0 * (1.0 + math.exp(-10.0 / 5.0) * 0.5 * 2.0), abs=0.4)
 
 
 @pytest.mark.parametrize("whom", [(255, 190), (254, 25), (255, 1)])

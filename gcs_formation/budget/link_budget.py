@@ -1,0 +1,186 @@
+"""What the links carry, watched once a second: the station's one call into this package.
+
+Over a full link rates go down by `levels.LEVELS`, one level at a time, until it isn't full any more. They go up again
+once what the level above would need is well below what the link carried when it was full; and, as a link may carry
+more than it did, after a time in any case, which is doubled whenever that fails.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from airlink.clock import LONG_AGO, Instant, seconds_between
+from airlink.endpoint import VehicleId
+from airlink.messages import Message
+from formation_scenario import Scenario
+from gcs_formation.budget.levels import LEVELS, Level
+from gcs_formation.budget.link_load import LinkLoad
+from gcs_formation.budget.stream_rates import StreamRates
+from gcs_formation.budget.traffic import STEADY_PROBE_S, UNSTATED, Stated, bytes_per_s, flight_hz, stated_by, thinned
+from gcs_formation.fleet.routing_and_dispatch import PROBE_S, HeartbeatScheduler
+from gcs_formation.link.radio_reports import RadioReports
+from gcs_formation.recorder import Note
+from gcs_formation.vehicle.vehicle import Vehicle
+
+SETTLES_S: Final = 6.0
+"""Time that a lower level gets to empty the queues."""
+CALM_S: Final = 20.0
+"""Time without a full link before rates go up."""
+ROOM: Final = 0.75
+"""They go up if they would need less than this share of what the link carried when it was full, in turns and climbs."""
+TRY_AGAIN_S, TRY_AGAIN_MAX_S = 120.0, 960.0
+"""Or after this time, doubled after each time that the link was full again."""
+IN_VAIN_S: Final = 12.0
+"""Time at the lowest rates after which the link counts as bad instead of full."""
+
+
+class VehicleBudget:
+    """One vehicle's link: its load, and its level."""
+
+    def __init__(self, vehicle: Vehicle, stated: Stated = UNSTATED) -> None:
+        """Start with everything as often as it is of use; `stated`: what the scenario says that its radio carries."""
+        self.vehicle, self.load, self.streams = vehicle, LinkLoad(vehicle), StreamRates(vehicle)
+        self._all_hz, vehicle.setpoints.turn = dict(vehicle.start_up_hz), vehicle.column
+        self.level = self._stated = stated.level
+        self._since = self._full_at = self._raised = self._ignored_from = LONG_AGO
+        """When the level was set, when the link was last full, when rates last went up, and since when a bad link has
+        been left alone."""
+        self._carried, self._peak = stated.bytes_per_s, 0.0
+        """What the link carried when it was full, and at most since the level was set, bytes a second."""
+        self._try_again_s, self._rates_of = TRY_AGAIN_S, (-1, False)
+
+    def judge(self, now: Instant) -> int:
+        """Return by how many levels the rates go down (1 or 0), or up (-1, or as many as there are)."""
+        at_level_s = seconds_between(self._since, now)
+        self._peak = max(self._peak, self.load.bytes_per_s)
+        limits = self.vehicle.limits
+        if self.load.full:
+            self._full_at, limits.full = now, self.load.words
+            if at_level_s < SETTLES_S or seconds_between(self._ignored_from, now) < self._try_again_s:
+                return 0
+            if self.level == len(LEVELS) - 1:
+                return self._give_up(now) if at_level_s > IN_VAIN_S else 0
+            if seconds_between(self._raised, now) < CALM_S:
+                self._try_again_s = min(2.0 * self._try_again_s, TRY_AGAIN_MAX_S)
+            self._carried = self.load.bytes_per_s
+            return self._set(self.level + 1, now)
+        calm_s = seconds_between(self._full_at, now)
+        limits.full = limits.full if calm_s < CALM_S else ""
+        if self.level == self._stated or min(calm_s, at_level_s) < CALM_S:
+            return 0
+        if not self._has_room() and calm_s <= self._try_again_s:
+            return 0
+        self._raised = now
+        return self._set(self.level - 1, now)
+
+    def _set(self, level: int, now: Instant) -> int:
+        change, self.level, self._since = level - self.level, level, now
+        self._peak = 0.0
+        self.load.settle()
+        self.streams.forget()
+        return change
+
+    def _give_up(self, now: Instant) -> int:
+        self._ignored_from = now
+        self.load.forget()
+        return self._set(self._stated, now)
+
+    def _has_room(self) -> bool:
+        present, above = (bytes_per_s(self.vehicle.autopilot, self._flight_hz(each), each) for each in self._levels())
+        return max(above, above / present * self._peak) < ROOM * self._carried
+
+    def _levels(self) -> tuple[Level, Level]:
+        return LEVELS[self.level], LEVELS[self.level - 1]
+
+    def apply(self) -> list[Message]:
+        """Put the level into effect; return the requests for other rates."""
+        vehicle, level, flies = self.vehicle, LEVELS[self.level], self.vehicle.start_up.finished
+        vehicle.limits.probe_s, vehicle.setpoints.interval_s = level.probe_s, level.setpoint_s
+        vehicle.commands.spares = vehicle.setpoints.spares = self.level > 0
+        restarted = vehicle.rates_hz is vehicle.start_up_hz
+        if self._rates_of == (self.level, flies) and not (restarted and flies):
+            return []
+        self._rates_of, before = (self.level, flies), vehicle.rates_hz
+        vehicle.start_up_hz.update(thinned(vehicle.autopilot, level, self._all_hz))
+        vehicle.rates_hz = self._flight_hz(level) if flies else dict(vehicle.start_up_hz)
+        asked = vehicle.start_up.asked_for_telemetry
+        changed = [each for each, rate_hz in vehicle.rates_hz.items() if rate_hz != before[each]] if asked else []
+        return [vehicle.ask(vehicle.autopilot.set_message_interval(each, vehicle.rates_hz[each])) for each in changed]
+
+    def _flight_hz(self, level: Level) -> dict[int, float]:
+        return flight_hz(self.vehicle.autopilot, level, self._all_hz)
+
+
+class LinkBudget:
+    """Keeps what goes over the links to what is of use, and what is of use to what they carry."""
+
+    def __init__(
+        self,
+        vehicles: Mapping[VehicleId, Vehicle],
+        note: Note,
+        reports: RadioReports,
+        heartbeats: HeartbeatScheduler,
+        stated: Mapping[VehicleId, Stated],
+    ) -> None:
+        """Watch `vehicles`; `reports`: of their radios, `stated`: of those that the scenario describes."""
+        self._heartbeats = heartbeats
+        self._each = [VehicleBudget(each, stated.get(identity, UNSTATED)) for identity, each in vehicles.items()]
+        for each in self._each:
+            each.apply()
+        self._note, self._reports = note, reports
+        self.leaves_unread = False
+        """Whether messages that the station doesn't read are left at their rates, as for a second ground station."""
+
+    def watch(self, now: Instant) -> list[tuple[Vehicle, Message]]:
+        """Return the requests to send now."""
+        found, changes = list[tuple[Vehicle, Message]](), dict[int, list[VehicleBudget]]()
+        for each in self._each:
+            vehicle = each.vehicle
+            if not vehicle.connection.talks or vehicle.is_left:
+                continue
+            report = self._reports.of(vehicle.connection, now)
+            each.load.look(now, None if report is None else float(report.txbuf_percent))
+            change = each.judge(now)
+            if change:
+                changes.setdefault(change, []).append(each)
+            found += [(vehicle, request) for request in self._requests(each, now)]
+        for change, those in changes.items():
+            self._tell(change, those, now)
+        return found
+
+    def _requests(self, each: VehicleBudget, now: Instant) -> list[Message]:
+        vehicle, level = each.vehicle, LEVELS[each.level]
+        requests = each.apply()
+        probe_s = level.probe_s or (STEADY_PROBE_S if vehicle.round_trips.steady else PROBE_S)
+        self._heartbeats.spare(vehicle.identity, probe_s, irregular=level.probe_s > 0.0)
+        if vehicle.start_up.finished or (each.level and vehicle.start_up.asked_for_telemetry):
+            unread_hz = None if self.leaves_unread and not each.level else level.unread_hz
+            requests += each.streams.requests(vehicle.rates_hz, unread_hz, now)
+        return requests
+
+    def _tell(self, change: int, those: list[VehicleBudget], now: Instant) -> None:
+        """Record the change of some vehicles, which may share a radio: one event for all."""
+        who = ", ".join(str(each.vehicle.identity) for each in those)
+        level, shown = LEVELS[those[0].level], those[0].vehicle.limits.full
+        of = f"the link of vehicle{'s' if len(those) > 1 else ''} {who}"
+        if change > 0:
+            text = f"{of} is full ({shown}): {level.words}"
+        elif change < -1:
+            text = f"{of} is bad, not full: fewer bytes change nothing, and {level.words} again"
+        else:
+            text = f"{of} has room again: {level.words}"
+        one = those[0].vehicle if len(those) == 1 else None
+        self._note(now, "link_load", text, one, {"vehicles": who, "level": those[0].level})
+
+
+def link_budget(
+    scenario: Scenario,
+    vehicles: Mapping[VehicleId, Vehicle],
+    note: Note,
+    reports: RadioReports,
+    heartbeats: HeartbeatScheduler,
+) -> LinkBudget:
+    """Return the budget of the links of `vehicles`, of whose radios a scenario may state what they carry."""
+    stated = stated_by(scenario, {identity: each.autopilot for identity, each in vehicles.items()})
+    return LinkBudget(vehicles, note, reports, heartbeats, stated)

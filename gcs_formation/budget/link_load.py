@@ -1,0 +1,113 @@
+"""Whether one vehicle's link is full: what its radio says, how long messages wait, and what is lost.
+
+A queue that never empties shows in the shortest of recent round trips (RFC 8289, "Controlled Delay Active Queue
+Management"), which jitter doesn't lengthen. A longer link alone does, so something must be lost besides. A radio's
+free buffer tells by itself; below 20 % ArduPilot, too, slows its streams down.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Final, NamedTuple
+
+from airlink.clock import Instant, after, seconds_between
+from gcs_formation.vehicle.vehicle import Vehicle
+
+WINDOW: Final = 5
+"""Number of looks, one a second, over which losses are counted."""
+RECENT_S: Final = 5.0
+"""Time over which the shortest round trip is taken, of at least as many as `FEWEST`."""
+FEWEST: Final = 4
+QUEUE_S: Final = 0.2
+"""Round trips that are all longer by this than the shortest ever wait in a queue."""
+LOST: Final = 0.15
+"""Share lost one way beyond which a link with a queue is full."""
+LOW_PERCENT: Final = 20.0
+LOW_REPORTS: Final = 2
+"""A buffer is full that has had less free for this many looks."""
+
+
+class Counts(NamedTuple):
+    """What has been counted up to a look."""
+
+    at: Instant
+    received: int
+    lost: int
+    asked: int
+    answers: int
+    bytes_in: int
+    bytes_out: int
+
+
+class LinkLoad:
+    """What shows how full one vehicle's link is."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        """Start with nothing known."""
+        self._vehicle = vehicle
+        self._looks = deque[Counts](maxlen=WINDOW + 1)
+        self._shortest_s = math.inf
+        """The shortest round trip so far."""
+        self._low = 0
+        """For how many looks the buffer has been low."""
+        self.queue_s, self.lost_up, self.lost_down = 0.0, 0.0, 0.0
+        """Time spent in queues, there and back, s; shares lost up and down."""
+        self.free_percent: float | None = None
+        """Free share of the radio's buffer, None if no radio tells."""
+        self.bytes_per_s = 0.0
+        """What the link carries both ways."""
+
+    def look(self, now: Instant, free_percent: float | None) -> None:
+        """Take what has been counted; to be called once a second."""
+        vehicle, sequence = self._vehicle, self._vehicle.sequence
+        self.free_percent = free_percent
+        self._low = self._low + 1 if free_percent is not None and free_percent <= LOW_PERCENT else 0
+        shortest_s = vehicle.round_trips.shortest_s(after(now, -RECENT_S), FEWEST)
+        if not math.isnan(shortest_s):
+            self._shortest_s = min(self._shortest_s, shortest_s)
+            self.queue_s = shortest_s - self._shortest_s
+        self._looks.append(
+            Counts(
+                now,
+                sequence.received,
+                sequence.lost,
+                sequence.asked,
+                sequence.answers,
+                vehicle.bytes_in,
+                vehicle.bytes_out,
+            )
+        )
+        self._compare(self._looks[0], self._looks[-1])
+
+    def _compare(self, first: Counts, last: Counts) -> None:
+        received, lost = last.received - first.received, max(last.lost - first.lost, 0)
+        asked, answers = last.asked - first.asked, last.answers - first.answers
+        self.lost_down = lost / (received + lost) if received + lost else 0.0
+        answered = answers / asked / (1.0 - self.lost_down) if asked and self.lost_down < 1.0 else 1.0
+        self.lost_up = max(0.0, 1.0 - answered)
+        over_s = seconds_between(first.at, last.at)
+        if over_s > 0.0:
+            sent = (last.bytes_out - first.bytes_out) * (1.0 - self.lost_up)
+            self.bytes_per_s = (last.bytes_in - first.bytes_in + sent) / over_s
+
+    def settle(self) -> None:
+        """Count losses anew: another load is tried."""
+        self._looks.clear()
+
+    def forget(self) -> None:
+        """Take the present round trips for those of an empty link."""
+        self._shortest_s, self.queue_s, self._low = math.inf, 0.0, 0
+
+    @property
+    def full(self) -> bool:
+        """Whether the link carries no more."""
+        loses = max(self.lost_up, self.lost_down) > LOST
+        return self._low >= LOW_REPORTS or (self.queue_s > QUEUE_S and loses and len(self._looks) > WINDOW)
+
+    @property
+    def words(self) -> str:
+        """What shows it, in words."""
+        said = f"messages wait for {self.queue_s:.1f} s, {self.lost_up:.0%} are lost up and {self.lost_down:.0%} down"
+        free = "" if self.free_percent is None else f", {self.free_percent:.0f} % of the radio's buffer are free"
+        return f"{said}{free}"

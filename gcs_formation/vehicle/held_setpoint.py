@@ -1,0 +1,81 @@
+"""The setpoint that a vehicle holds: what it was last sent of each quantity, and when a newer one is news to it.
+
+A setpoint jitters at every tick by what telemetry is rounded to, and a vehicle's lags smooth that: what counts is the
+time for which it is off. So a quantity is sent once the integral of its deviation from what the vehicle holds would
+exceed a tolerance by the next tick (integral send-on-delta sampling: Miskowicz, "Event-based sampling by an integral
+criterion", Sensors 2007). A step is sent at once, a ramp often, and rounding hardly ever.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from librt.vecs import vec
+
+from airlink.clock import Instant, seconds_between
+from flight_model.autopilot_model import within, wrap
+from flight_model.slot import UNKNOWN, Triple
+
+Which = tuple[bool, bool, bool]
+"""Whether each of airspeed, heading and height is meant."""
+SPEED: Final = 0
+HEADING: Final = 1
+HEIGHT: Final = 2
+ALONG_M: Final = 0.02
+ACROSS_M: Final = 0.001
+HEIGHT_M_S: Final = 0.1
+"""Tolerances of the integrals: displacement along and across the heading, m, of a vehicle that followed at once, and
+height times time, m s. Followed with lags of 4 s for airspeed and 1 and 3 s for height, these are less. Of the
+quickstart's errors, they are the largest that leave each within 4 mm of what sending everything gives."""
+SHORTEST_S: Final = 0.02
+LONGEST_S: Final = 1.0
+"""Shortest and longest time between two setpoints that counts."""
+
+
+class HeldSetpoint:
+    """What one vehicle holds of airspeed, heading and height."""
+
+    def __init__(self) -> None:
+        """Start with a vehicle that holds nothing of ours."""
+        self.values: Triple = UNKNOWN
+        """Airspeed in m/s, heading in rad and height in m of the law's setpoints, as sent last; NaN before."""
+        self._said: Triple = UNKNOWN
+        """The same as the vehicle's messages say it."""
+        self._owed = vec[float]([0.0, 0.0, 0.0])
+        """The integrals of the deviations since each was sent."""
+        self._judged = Instant(0)
+
+    def forget(self) -> None:
+        """Take everything for news: the vehicle may hold others' setpoints."""
+        self.values = self._said = UNKNOWN
+
+    def judge(self, said: Triple, at: Instant, tolerance: float = 1.0) -> Which:
+        """Return which of airspeed, heading and height, as messages say them at an instant, are news.
+
+        `tolerance`: multiple of the tolerances.
+        """
+        elapsed_s = within(seconds_between(self._judged, at), SHORTEST_S, LONGEST_S)
+        self._judged = at
+        off_mps, off_rad = said[SPEED] - self._said[SPEED], wrap(said[HEADING] - self._said[HEADING])
+        off_m = said[HEIGHT] - self._said[HEIGHT]
+        return (
+            self._is_news(SPEED, off_mps * elapsed_s, tolerance * ALONG_M),
+            self._is_news(HEADING, said[SPEED] * off_rad * elapsed_s, tolerance * ACROSS_M),
+            self._is_news(HEIGHT, off_m * elapsed_s, tolerance * HEIGHT_M_S),
+        )
+
+    def _is_news(self, quantity: int, more: float, tolerance: float) -> bool:
+        if math.isnan(more):
+            return True
+        self._owed[quantity] += more
+        return abs(self._owed[quantity]) > tolerance
+
+    def send(self, wanted: Triple, said: Triple, which: Which) -> None:
+        """Take what is sent of a setpoint."""
+        values, held = list(self.values), list(self._said)
+        for quantity in (SPEED, HEADING, HEIGHT):
+            if which[quantity]:
+                values[quantity], held[quantity], self._owed[quantity] = wanted[quantity], said[quantity], 0.0
+        self.values = values[0], values[1], values[2]
+        self._said = held[0], held[1], held[2]

@@ -1,0 +1,127 @@
+"""When a link counts as full: a queue that never empties and losses, or a radio that says so."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from airlink.clock import Instant, after
+from airlink.endpoint import VehicleId
+from airlink.messages.system import Timesync
+from flight_model.earth import GeodeticOrigin
+from gcs_formation.budget.levels import LEVELS
+from gcs_formation.budget.link_budget import CALM_S, IN_VAIN_S, SETTLES_S, TRY_AGAIN_S, LinkBudget
+from gcs_formation.budget.link_load import LinkLoad
+from gcs_formation.budget.traffic import Stated
+from gcs_formation.fleet.routing_and_dispatch import HeartbeatScheduler
+from gcs_formation.link.link_health import Connection
+from gcs_formation.link.radio_reports import RadioReports
+from gcs_formation.vehicle.ardupilot import ArduPlane
+from gcs_formation.vehicle.vehicle import Vehicle
+from tests.gcs_formation.noted import Noted
+
+ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
+AT_ONCE, WAITS = 0.03, 0.8
+
+
+class Link:
+    """A vehicle whose link has some delay and losses, watched once a second."""
+
+    def __init__(self, stated: Stated | None = None) -> None:
+        self.vehicle = Vehicle(VehicleId(1, 2), 0, ArduPlane(2, ORIGIN, 0.25), Connection(0), 10.0)
+        self.vehicle.connection.heard(Instant(0), heartbeat=True)
+        self.load, self.notes, self.now = LinkLoad(self.vehicle), Noted(), Instant(0)
+        named = {} if stated is None else {self.vehicle.identity: stated}
+        vehicles = {self.vehicle.identity: self.vehicle}
+        self.heartbeats = HeartbeatScheduler(vehicles, self.notes)
+        self.budget = LinkBudget(vehicles, self.notes, RadioReports(()), self.heartbeats, named)
+
+    def second(self, round_trip_s: float, lost: float = 0.0, free_percent: float | None = None) -> None:
+        """Let a second pass, in which this share is lost both ways."""
+        for quarter in range(4):
+            sent = after(self.now, 0.25 * quarter)
+            self.vehicle.round_trips.request(sent)
+            middle = after(sent, 10.0 + round_trip_s / 2)
+            self.vehicle.round_trips.measure(Timesync(int(middle), int(sent)), after(sent, round_trip_s))
+        sequence = self.vehicle.sequence
+        sequence.received, sequence.lost = sequence.received + 100, sequence.lost + round(100 * lost / (1 - lost))
+        sequence.asked += 100
+        sequence.answers += round(100 * (1 - lost) ** 2)
+        self.vehicle.bytes_in += 1000
+        self.now = after(self.now, 1.0)
+        self.load.look(self.now, free_percent)
+        self.budget.watch(self.now)
+
+    def seconds(self, count: float, *given: float) -> None:
+        for _ in range(round(count)):
+            self.second(*given)
+
+    @property
+    def level(self) -> int:
+        return self.budget._each[0].level
+
+
+@pytest.mark.parametrize(
+    ("round_trip_s", "lost", "free_percent", "full"),
+    [
+        (AT_ONCE, 0.0, None, False),
+        (AT_ONCE, 0.3, None, False),
+        (WAITS, 0.0, None, False),
+        (WAITS, 0.3, None, True),
+        (AT_ONCE, 0.0, 10.0, True),
+        (AT_ONCE, 0.3, 80.0, False),
+    ],
+    ids=["empty", "losing", "longer", "waiting and losing", "the radio's buffer", "losing, with a radio"],
+)
+def test_a_link_is_full_where_messages_wait_and_are_lost_or_its_radio_says_so(
+    round_trip_s: float, lost: float, free_percent: float | None, full: bool
+) -> None:
+    link = Link()
+    link.seconds(8, AT_ONCE)
+    for _ in range(10):
+        link.second(round_trip_s, lost, free_percent)
+    assert link.load.full == full
+
+
+def test_losses_are_told_by_direction() -> None:
+    link = Link()
+    link.seconds(10, AT_ONCE, 0.2)
+    assert link.load.lost_down == pytest.approx(0.2)
+    assert link.load.lost_up == pytest.approx(0.2)
+
+
+def test_rates_go_down_one_level_at_a_time_and_up_again_after_a_time_with_events() -> None:
+    link = Link()
+    link.seconds(8, AT_ONCE)
+    link.seconds(6 + SETTLES_S + 2, WAITS, 0.3)
+    assert link.level == 2
+    assert link.vehicle.limits.full
+    assert link.vehicle.setpoints.interval_s == LEVELS[2].setpoint_s
+    assert link.vehicle.commands.spares
+    link.seconds(CALM_S + 8, AT_ONCE)
+    assert link.level == 2, "what it would need at level 1 is more than it carried when it was full"
+    link.seconds(TRY_AGAIN_S, AT_ONCE)
+    assert link.level < 2
+    assert not link.vehicle.limits.full
+    full, fuller, again = link.notes.of("link_load", 2)[:3]
+    assert full.startswith("the link of vehicle 2 is full (messages wait for 0.8 s, ")
+    assert full.endswith(LEVELS[1].words)
+    assert fuller.endswith(LEVELS[2].words)
+    assert again == f"the link of vehicle 2 has room again: {LEVELS[1].words}"
+
+
+def test_a_link_that_stays_as_it_is_at_the_lowest_rates_is_bad_and_gets_them_back() -> None:
+    link = Link()
+    link.seconds(8, AT_ONCE)
+    link.seconds(len(LEVELS) * (SETTLES_S + 2) + IN_VAIN_S, WAITS, 0.3)
+    assert link.level == 0
+    assert link.notes.of("link_load", 2)[-1].startswith("the link of vehicle 2 is bad, not full")
+
+
+def test_a_radio_that_the_scenario_states_begins_at_what_it_carries_and_stays_there() -> None:
+    link = Link(Stated(3, 1000.0))
+    assert link.vehicle.start_up_hz[33] == 2.0
+    link.seconds(300, AT_ONCE)
+    assert link.level == 3
+    assert link.notes == []
