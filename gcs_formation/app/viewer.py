@@ -27,7 +27,6 @@ from gcs_formation.errors import RecordError
 from gcs_formation.view.access import Access, is_loopback
 from gcs_formation.view.listening import listening_socket
 
-LOOPBACK = "127.0.0.1"
 NICE = 10
 """The viewer gives way to everything else on the machine: the station's ticks come first."""
 NEEDED = ("starlette", "uvicorn")

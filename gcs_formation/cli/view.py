@@ -1,26 +1,35 @@
-"""`gcs-formation view`, and the option `--view` of `run` and `fly`."""
+"""`gcs-formation view`, and the option `--view` of `run` and `fly`.
+
+What serves the page is imported when it is asked for: other flights don't wait for it.
+"""
 
 from __future__ import annotations
 
-import asyncio
 import sys
 from pathlib import Path
-from socket import socket
+from typing import TYPE_CHECKING
 
 import click
 
 from airlink.cli import Status, examples, fail, say, tell
 from airlink.endpoint import Address
-from gcs_formation.app.viewer import LOOPBACK, OrdersTo, Viewing, lacking, opened
 from gcs_formation.cli import PLUGINS
 from gcs_formation.errors import RecordError
-from gcs_formation.view.access import Access
+
+if TYPE_CHECKING:
+    from socket import socket
+
+    from gcs_formation.app.viewer import Viewing
+    from gcs_formation.view.access import Access
 
 VIEW_EXAMPLES = examples(
     "gcs-formation view runs/quickstart           a flight that is over, or under way",
     "gcs-formation view flight.tlog               anybody's MAVLink log",
     "gcs-formation view runs/quickstart --address 127.0.0.1:8080",
 )
+LOOPBACK = "127.0.0.1"
+ANYWHERE = f"{LOOPBACK}:0"
+"""A free port of this machine's own interface."""
 MOST_PORT = 65535
 
 
@@ -36,12 +45,11 @@ class AddressType(click.ParamType[Address]):
         host, _, port = value.rpartition(":")
         host = host.strip("[]") or LOOPBACK
         if not (port.isascii() and port.isdigit() and int(port) <= MOST_PORT):
-            self.fail(f"found {value!r}; allowed: HOST:PORT, as 127.0.0.1:8080 or [::1]:8080", param, ctx)
+            self.fail(f"found '{value}'; allowed: HOST:PORT, as 127.0.0.1:8080 or [::1]:8080", param, ctx)
         return Address(host, int(port))
 
 
 ADDRESS = AddressType()
-ANYWHERE = f"{LOOPBACK}:0"
 VIEW = click.option(
     "--view",
     type=ADDRESS,
@@ -57,6 +65,8 @@ VIEW_ORDERS = click.option(
 
 def listening(address: Address, *, orders: bool) -> tuple[socket, Access]:
     """Return a socket that listens, and who may use it, or exit with the reason why there is none."""
+    from gcs_formation.app.viewer import lacking, opened  # noqa: PLC0415
+
     missing = lacking()
     if missing is not None:
         fail(missing)
@@ -69,6 +79,8 @@ def listening(address: Address, *, orders: bool) -> tuple[socket, Access]:
 
 def viewing(address: Address, directory: Path, plugins: tuple[str, ...], *, orders: bool, to_stderr: bool) -> Viewing:
     """Start the viewer of a flight, and print where it is."""
+    from gcs_formation.app.viewer import Viewing  # noqa: PLC0415
+
     served, access = listening(address, orders=orders)
     started = Viewing(served, access, directory, plugins)
     tell(f"view {access.url}", err=to_stderr)
@@ -82,8 +94,11 @@ def viewing(address: Address, directory: Path, plugins: tuple[str, ...], *, orde
 @PLUGINS
 def view(recording: Path, address: Address, view_orders: bool, plugins: tuple[str, ...]) -> None:
     """Replay RECORDING in a browser: the directory of a run, also of one under way, or a MAVLink log (.tlog)."""
+    import asyncio  # noqa: PLC0415
+
     served, access = listening(address, orders=view_orders)
-    from gcs_formation.view.log import LogRecording  # noqa: PLC0415 - after it is known that everything is installed
+    from gcs_formation.app.viewer import OrdersTo  # noqa: PLC0415 - after it is known that everything is installed
+    from gcs_formation.view.log import LogRecording  # noqa: PLC0415
     from gcs_formation.view.run import RunRecording  # noqa: PLC0415
     from gcs_formation.view.server import Viewer, serve  # noqa: PLC0415
 
