@@ -14,6 +14,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -29,6 +30,8 @@ from gcs_formation.view.listening import listening_socket
 
 NICE = 10
 """The viewer gives way to everything else on the machine: the station's ticks come first."""
+ENDS_S = 1.0
+"""How long a viewer may take to end that nobody looks at, s; others go on until their browsers have left."""
 NEEDED = ("starlette", "uvicorn")
 LACKS = "found no {}, which the page needs; allowed: pip install 'gcs-formation[view]'"
 
@@ -94,11 +97,9 @@ class Viewing:
     def _write(self, line: dict[str, object]) -> None:
         pipe = self._process.stdin
         if pipe is not None and self._process.poll() is None:
-            try:
+            with suppress(OSError):  # it was killed: the flight goes on
                 pipe.write(json.dumps(line).encode() + b"\n")
                 pipe.flush()
-            except OSError:
-                return  # it was killed: the flight goes on
 
     def __enter__(self) -> Self:
         return self
@@ -106,10 +107,10 @@ class Viewing:
     def __exit__(self, *_: object) -> None:
         """Say that the flight is over; it ends when no browser looks on."""
         if self._process.stdin is not None:
-            try:
+            with suppress(OSError):
                 self._process.stdin.close()
-            except OSError:
-                return
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(ENDS_S)
 
 
 def _over() -> Callable[[], bool]:

@@ -138,6 +138,8 @@ class Viewer:
         self._ordering = ThreadPoolExecutor(1, "orders")
         self._parts = static_parts()
         self.failure: str | None = None
+        self.closing = False
+        """Whether it is about to end: browsers are told, so that they don't ask again."""
         self.streams = 0
         self.last_left_s = NEVER
         """When the last browser left, wall time; `NEVER` before any came."""
@@ -239,7 +241,7 @@ class Viewer:
         self.streams += 1
         try:
             known, said, said_s = self.recording.times.time_s.size, None, NEVER
-            while not await request.is_disconnected():
+            while not (self.closing or await request.is_disconnected()):
                 now_s, count, generation = time.monotonic(), self.recording.times.time_s.size, self.recording.generation
                 status = (self.recording.state, generation, len(self.recording.events), self.failure)
                 if status != said or now_s - said_s > KEEP_ALIVE_S:
@@ -251,6 +253,8 @@ class Viewer:
                     yield _message("ticks", base64.b64encode(ticks).decode("ascii"))
                 known = count
                 await asyncio.sleep(STREAM_S)
+            if self.closing:
+                yield _message("bye", "{}")
         finally:
             self.streams -= 1
             self.last_left_s = time.monotonic()
@@ -331,22 +335,24 @@ async def serve(viewer: Viewer, listening: socket.socket, is_over: Callable[[], 
         loop="asyncio",
         limit_concurrency=128,
         timeout_keep_alive=5,
-        timeout_graceful_shutdown=1,
+        timeout_graceful_shutdown=2,
         h11_max_incomplete_event_size=MOST_HEADER,
     )
     server = uvicorn.Server(config)
-    waiting = asyncio.create_task(_end_with(server, viewer, is_over)) if is_over is not None else None
+    watching = asyncio.create_task(_watch(server, viewer, is_over))
     try:
         await server.serve(sockets=[listening])
     finally:
-        if waiting is not None:
-            waiting.cancel()
+        watching.cancel()
 
 
-async def _end_with(server: uvicorn.Server, viewer: Viewer, is_over: Callable[[], bool]) -> None:
-    while not (is_over() and viewer.streams == 0 and _gone(viewer)):
+async def _watch(server: uvicorn.Server, viewer: Viewer, is_over: Callable[[], bool] | None) -> None:
+    """End the server when the flight is over and no browser looks on; tell browsers when it ends."""
+    while not server.should_exit:
+        if is_over is not None and is_over() and viewer.streams == 0 and _gone(viewer):
+            server.should_exit = True
         await asyncio.sleep(POLL_S)
-    server.should_exit = True
+    viewer.closing = True
 
 
 def _gone(viewer: Viewer) -> bool:

@@ -206,6 +206,7 @@ class ServerSource {
     this.stream = new EventSource("api/stream");
     this.stream.addEventListener("status", (message) => on.status(JSON.parse(message.data)));
     this.stream.addEventListener("ticks", (message) => on.ticks(unpack(bytesOf(message.data))));
+    this.stream.addEventListener("bye", () => { this.stream.close(); on.gone(); });
     this.stream.onerror = () => on.gone();
   }
 }

@@ -19,6 +19,14 @@ function colourOf(store, index, colours) {
   return colours.dark ? colour : DARKER[colour] || colour;
 }
 
+// Sizes on canvases grow with the text of the page, which is larger on very large screens.
+let em_px = 14;
+const em = () => em_px / 14;
+function measureText() { em_px = parseFloat(getComputedStyle(document.body).fontSize) || 14; }
+addEventListener("resize", measureText);
+addEventListener("load", measureText);
+const font = (size, weight = "") => `${weight} ${Math.round(size * em())}px system-ui, sans-serif`.trim();
+
 // An element; texts are always set as text, never as HTML.
 function element(name, attributes = {}, ...children) {
   const found = document.createElement(name);
@@ -40,7 +48,7 @@ function number(value, digits = 1, unit = "") {
 
 function clockText(store, moment) {
   if (!moment) return "no tick yet";
-  return Number.isFinite(moment.mission) ? `t = ${number(moment.mission, 1)} s` : `start + ${number(moment.time, 1)} s`;
+  return store.zero_s ? `t = ${number(moment.time - store.zero_s, 1)} s` : `start + ${number(moment.time, 1)} s`;
 }
 
 const degrees = (rad) => ((Math.round((rad * 180) / Math.PI) % 360) + 360) % 360;

@@ -217,15 +217,17 @@ class Page {
   }
 
   drawMarkers(shown, view) {
-    const taken = [];
+    const size = em(), taken = [], places = this.labels.map((_, v) => shown.project(v, view));
+    const covers = ([x, y]) => ([px, py]) => px > x + 2 * size && px < x + 32 * size && py > y - 26 * size && py < y - 4 * size;
     this.labels.forEach((label, v) => {
-      const at = shown.project(v, view);
+      const at = places[v];
       const inside = at && at[0] > -20 && at[1] > -20 && at[0] < this.stage.clientWidth + 20 && at[1] < this.stage.clientHeight + 20;
-      const free = inside && (v === this.selected || !taken.some(([x, y]) => Math.abs(x - at[0]) < 22 && Math.abs(y - at[1]) < 16));
-      label.hidden = !free;
+      const crowded = () => taken.some(([x, y]) => Math.abs(x - at[0]) < 22 * size && Math.abs(y - at[1]) < 16 * size) || places.some((other) => other && covers(at)(other));
+      const free = inside && (v === this.selected || !crowded());
+      if (label.hidden === free) label.hidden = !free;
       if (!free) return;
       taken.push(at);
-      label.style.transform = `translate(${at[0] + 9}px, ${at[1] - 24}px)`;
+      label.style.transform = `translate(${at[0] + 9 * size}px, ${at[1] - 24 * size}px)`;
     });
   }
 

@@ -41,7 +41,7 @@ class Cards {
 class Links {
   constructor(place, store) {
     this.store = store;
-    const heads = ["", "up / down, ms", "jitter, ms", "loss, %", "age, ms", "kbit/s down / up", "share of the margin"];
+    const heads = ["", "up / down, ms", "jitter, ms", "loss, %", "age, ms", "kbit/s down / up", "margin used"];
     this.body = element("tbody");
     place.append(element("div", { class: "scroll" }, element("table", { class: "links" }, element("thead", {}, element("tr", {}, ...heads.map((text) => element("th", { scope: "col" }, text)))), this.body)));
     this.rows = store.vehicles.map((name) => {

@@ -2,6 +2,8 @@
 "use strict";
 const PREDICTED_S = 10;
 const REDRAWN_MS = 500;
+const CROWD = 30; // of more vehicles only the leader's and the selected one's future is drawn
+const SLOW_MS = 45, FAST_MS = 18; // a slow machine draws the plan at fewer pixels
 const OVER = 1.6; // size of the layer beneath, relative to what is seen: so following needs no redrawing
 
 class Plan {
@@ -13,6 +15,8 @@ class Plan {
     this.drawn = null;
     this.camera = new PlanCamera(this.canvas, () => { this.drawn = null; });
     this.ground = null;
+    this.quality = 1;
+    this.frame_ms = 25;
   }
 
   get visible() { return !this.canvas.hidden; }
@@ -20,13 +24,25 @@ class Plan {
   show(visible) { this.canvas.hidden = !visible; }
 
   resize() {
-    const ratio = Math.min(2, window.devicePixelRatio || 1);
+    this.adapt();
+    const ratio = Math.min(2, window.devicePixelRatio || 1) * this.quality;
     const width = Math.round(this.canvas.clientWidth * ratio), height = Math.round(this.canvas.clientHeight * ratio);
     if (this.canvas.width !== width || this.canvas.height !== height) {
       this.canvas.width = width; this.canvas.height = height;
       this.drawn = null;
     }
     return ratio;
+  }
+
+  // Draw at fewer pixels if frames take long, at more again if they don't.
+  adapt() {
+    const now = performance.now();
+    if (this.before && now - this.before < 500) this.frame_ms += 0.05 * (now - this.before - this.frame_ms);
+    this.before = now;
+    if (this.adapted && now - this.adapted < 1500) return;
+    this.adapted = now;
+    if (this.frame_ms > SLOW_MS && this.quality > 0.6) this.quality *= 0.75;
+    else if (this.frame_ms < FAST_MS && this.quality < 1) this.quality = Math.min(1, this.quality / 0.75);
   }
 
   fitFormation(places) {
@@ -161,7 +177,7 @@ class Plan {
       context.lineTo(camera.x(b[1]), camera.y(b[0]));
       context.stroke();
       if (camera.scale * pair.distance > 40) {
-        context.fillStyle = context.strokeStyle; context.font = "11px system-ui, sans-serif"; context.textAlign = "center";
+        context.fillStyle = context.strokeStyle; context.font = font(11); context.textAlign = "center";
         context.fillText(`${pair.distance.toFixed(1)} m`, (camera.x(a[1]) + camera.x(b[1])) / 2, (camera.y(a[0]) + camera.y(b[0])) / 2 - 4);
       }
     }
@@ -169,7 +185,7 @@ class Plan {
   }
 
   vehicles(context, view) {
-    const camera = this.camera, { store } = this, size = store.vehicles.length > 30 ? 6 : 9;
+    const camera = this.camera, { store } = this, crowd = store.vehicles.length > CROWD, size = (crowd ? 6 : 9) * em();
     for (let v = 0; v < store.vehicles.length; v++) {
       const [north, east, , heading, speed] = view.places[v];
       if (!Number.isFinite(north)) continue;
@@ -186,7 +202,7 @@ class Plan {
         context.beginPath(); context.moveTo(sx, sy); context.lineTo(x, y); context.stroke();
       }
       if (!Number.isFinite(heading)) continue;
-      if (speed > 0.5) {
+      if (speed > 0.5 && (!crowd || v === view.selected || store.vehicles[v] === store.leaderName)) {
         context.setLineDash([2, 5]); context.strokeStyle = colour; context.lineWidth = 1.2;
         context.beginPath(); context.moveTo(x, y);
         for (const [n, e] of view.ahead(v, PREDICTED_S)) context.lineTo(camera.x(e), camera.y(n));
@@ -204,7 +220,7 @@ class Plan {
     const step = niceStep(90 / this.camera.scale), length = step * this.camera.scale, y = this.camera.height - 14;
     context.strokeStyle = view.colours.ink; context.fillStyle = view.colours.ink; context.lineWidth = 2;
     context.beginPath(); context.moveTo(12, y); context.lineTo(12 + length, y); context.stroke();
-    context.font = "12px system-ui, sans-serif"; context.textAlign = "left";
+    context.font = font(12); context.textAlign = "left";
     context.fillText(step >= 1000 ? `${step / 1000} km` : `${step} m`, 12, y - 5);
     context.textAlign = "right";
     context.fillText("N ↑", this.camera.width - 10, y);

@@ -80,13 +80,13 @@ class Plots {
         stroke: names.length > 1 ? [colours.ink, OKABE_ITO[0], OKABE_ITO[1], OKABE_ITO[2]][i] : colourOf(this.store, v, colours),
         width: v === view.selected && names.length === 1 ? 2.5 : 1.3, dash: name.startsWith("setpoint") ? [5, 4] : undefined, points: { show: false }, spanGaps: false,
       })))];
-      const axis = { stroke: colours.ink, grid: { stroke: colours.line, width: 1 }, ticks: { stroke: colours.line }, font: "11px system-ui, sans-serif" };
+      const axis = { stroke: colours.ink, grid: { stroke: colours.line, width: 1 }, ticks: { stroke: colours.line }, font: font(11) };
       const plot = new uPlot({
         width: this.body.clientWidth, height: this.heightOf(plots.length, last), series, legend: { show: false }, cursor: { drag: { x: false, y: false }, points: { show: false } },
         scales: { x: { time: false }, y: { range: (_, low, high) => rangeOf(low, high) } },
         axes: [
-          { ...axis, size: last ? 32 : 8, splits: (_, i, low, high, step) => steps(low - zero, high - zero, step).map((t) => t + zero), values: (_, ticks) => ticks.map((t) => (last ? String(Math.round((t - zero) * 10) / 10) : "")) },
-          { ...axis, size: 52, space: 22, label, labelSize: 16, labelFont: "11px system-ui, sans-serif" },
+          { ...axis, size: (last ? 32 : 8) * em(), splits: (_, i, low, high, step) => steps(low - zero, high - zero, step).map((t) => t + zero), values: (_, ticks) => ticks.map((t) => (last ? String(Math.round((t - zero) * 10) / 10) : "")) },
+          { ...axis, size: 52 * em(), space: 22 * em(), label, labelSize: 16 * em(), labelFont: font(11) },
         ],
       }, [[0], ...series.slice(1).map(() => [null])], holder);
       plot.over.append(line);
@@ -94,6 +94,11 @@ class Plots {
       const mark = (time) => { line.style.transform = `translateX(${plot.valToPos(time, "x") || -9}px)`; };
       return { plot, names, mark, last };
     });
+    this.describe(lines);
+    this.resize();
+  }
+
+  describe(lines) {
     const texts = this.charts[0].plot.series.slice(1);
     this.legend.replaceChildren(...texts.map((each) => {
       const key = element("i"); key.style.background = each.stroke();
@@ -115,7 +120,8 @@ class Plots {
   }
 
   heightOf(count, last) {
-    return Math.max(60, Math.floor((this.body.clientHeight - 26) / count) + (last ? 24 : 0));
+    const axis = 24 * em();
+    return Math.max(40, Math.floor((this.body.clientHeight - axis - 2) / count)) + (last ? axis : 0);
   }
 
   resize() {

@@ -90,7 +90,10 @@ class Browser:
         async def send(message: Any) -> None:
             sent.append(dict(message))
 
-        asyncio.run(self.app(scope, receive, send))
+        async def once() -> None:
+            await self.app(scope, receive, send)
+
+        asyncio.run(once())
         found = {name.decode(): value.decode() for name, value in sent[0]["headers"]}
         self.cookie = found.get("set-cookie", self.cookie).partition(";")[0]
         return Reply(sent[0]["status"], found, b"".join(each.get("body", b"") for each in sent[1:]))
