@@ -213,7 +213,7 @@ class ServerSource {
 
 // The same from an element of the page itself, for a file that needs no server.
 class StaticSource {
-  constructor(given) { this.given = given; }
+  constructor(given) { this.given = given; this.isStatic = true; }
 
   async meta() { return { ...this.given.meta, orders: false }; }
 

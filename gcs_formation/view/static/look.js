@@ -5,7 +5,7 @@ const OKABE_ITO = ["#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E
 const DARKER = { "#F0E442": "#B8A900", "#56B4E9": "#2E93D1", "#E69F00": "#C78500" };
 
 function theme() {
-  const style = getComputedStyle(document.documentElement);
+  const style = getComputedStyle(document.getElementById("viewer"));
   const of = (name) => style.getPropertyValue(`--${name}`).trim();
   return {
     ink: of("ink"), faint: of("faint"), line: of("line"), paper: of("paper"), panel: of("panel"),
@@ -22,7 +22,7 @@ function colourOf(store, index, colours) {
 // Sizes on canvases grow with the text of the page, which is larger on very large screens.
 let em_px = 14;
 const em = () => em_px / 14;
-function measureText() { em_px = parseFloat(getComputedStyle(document.body).fontSize) || 14; }
+function measureText() { em_px = parseFloat(getComputedStyle(document.getElementById("viewer")).fontSize) || 14; }
 addEventListener("resize", measureText);
 addEventListener("load", measureText);
 const font = (size, weight = "") => `${weight} ${Math.round(size * em())}px system-ui, sans-serif`.trim();

@@ -69,8 +69,10 @@ class Page {
   }
 
   async begin() {
+    measureText();
     await this.load();
     this.build();
+    if (this.source.isStatic) Object.assign(this.clock, { playing: false, following: false, time_s: this.store.zero_s || this.store.first_s });
     this.source.listen({ status: (status) => this.onStatus(status), ticks: (block) => this.onTicks(block), gone: () => this.setState("gone") });
     setInterval(() => { if (this.heard && performance.now() - this.heard > 3000) this.setState("gone"); }, 500);
     let before = performance.now();
@@ -98,7 +100,7 @@ class Page {
     this.title = element("h1", {}, store.meta.scene.name || "flight");
     this.phase = element("span", { class: "flight-phase" });
     const button = (text, label, action) => element("button", { type: "button", title: label, "aria-label": label, onclick: action }, text);
-    const header = element("header", {}, this.title, this.badge, this.phase, element("span", { class: "grow" }), button(icon("theme"), "Light or dark (t)", () => this.toggleTheme()));
+    const header = element("header", {}, this.title, this.badge, this.phase, element("span", { class: "grow" }), this.place.classList.contains("inside") ? "" : button(icon("theme"), "Light or dark (t)", () => this.toggleTheme()));
     this.stage = element("div", { class: "stage" });
     this.markers = element("div", { class: "markers", "aria-hidden": "true" });
     this.spaceButton = button("3D", "Plan or three dimensions (3)", () => this.toggleSpace());
@@ -114,13 +116,16 @@ class Page {
     this.buildSide(side, seek);
     this.labels = store.vehicles.map((name, v) => element("button", { type: "button", tabindex: "-1", class: "marker", "data-marker": name, onclick: () => this.select(v) }, name));
     this.markers.append(...this.labels);
-    document.addEventListener("keydown", (event) => this.key(event));
+    this.inside = this.place.classList.contains("inside"); // of a report, whose keys scroll
+    if (this.inside) this.place.tabIndex = -1;
+    (this.inside ? this.place : document).addEventListener("keydown", (event) => this.key(event));
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.setTheme(preferredTheme()));
     this.setState(this.state);
     this.eventsChanged();
   }
 
   buildSide(side, seek) {
-    const panels = { vehicles: "Vehicles", links: "Links", events: "Events", orders: "Orders" }, tabs = element("div", { class: "tabs", role: "tablist" });
+    const panels = { vehicles: "Vehicles", links: "Links", events: "Events", ...(this.source.isStatic ? {} : { orders: "Orders" }) }, tabs = element("div", { class: "tabs", role: "tablist" });
     this.panels = {};
     for (const [name, text] of Object.entries(panels)) {
       this.panels[name] = element("div", { class: "panel", role: "tabpanel", "data-panel": name });
@@ -131,7 +136,7 @@ class Page {
     this.cards = new Cards(this.panels.vehicles, this.store, (v) => this.select(v));
     this.links = new Links(this.panels.links, this.store);
     this.events = new Events(this.panels.events, this.store, seek);
-    this.orders = new Orders(this.panels.orders, this.store, this.source);
+    if (this.panels.orders) this.orders = new Orders(this.panels.orders, this.store, this.source);
     this.choose("vehicles");
   }
 
@@ -329,8 +334,10 @@ class Page {
 
   zoom(factor) { if (this.space.visible) this.space.zoom(factor); else this.plan.camera.zoom(factor); }
 
-  toggleTheme() {
-    document.documentElement.dataset.theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+  toggleTheme() { this.setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"); }
+
+  setTheme(name) {
+    document.documentElement.dataset.theme = name;
     this.colours = theme();
   }
 
@@ -349,9 +356,11 @@ class Page {
   }
 }
 
+const preferredTheme = () => (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+
 function beginView() {
   const place = document.getElementById("viewer"), given = document.getElementById("recording");
-  if (!document.documentElement.dataset.theme) document.documentElement.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
+  document.documentElement.dataset.theme = preferredTheme();
   const page = new Page(place, given ? new StaticSource(JSON.parse(given.textContent)) : new ServerSource());
   window.gcsView = page;
   page.begin().catch((error) => { place.textContent = `the page couldn't begin: ${error.message}`; });

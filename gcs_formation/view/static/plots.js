@@ -80,6 +80,8 @@ class Plots {
         stroke: names.length > 1 ? [colours.ink, OKABE_ITO[0], OKABE_ITO[1], OKABE_ITO[2]][i] : colourOf(this.store, v, colours),
         width: v === view.selected && names.length === 1 ? 2.5 : 1.3, dash: name.startsWith("setpoint") ? [5, 4] : undefined, points: { show: false }, spanGaps: false,
       })))];
+      const bounds = this.boundsOf(place);
+      series.push(...bounds.flatMap(() => [1, -1].map(() => ({ label: "held to", stroke: colours.bad, width: 1, dash: [4, 4], points: { show: false } }))));
       const axis = { stroke: colours.ink, grid: { stroke: colours.line, width: 1 }, ticks: { stroke: colours.line }, font: font(11) };
       const plot = new uPlot({
         width: this.body.clientWidth, height: this.heightOf(plots.length, last), series, legend: { show: false }, cursor: { drag: { x: false, y: false }, points: { show: false } },
@@ -92,14 +94,19 @@ class Plots {
       plot.over.append(line);
       plot.over.addEventListener("click", () => { if (plot.cursor.left >= 0) this.seek(plot.posToVal(plot.cursor.left, "x")); });
       const mark = (time) => { line.style.transform = `translateX(${plot.valToPos(time, "x") || -9}px)`; };
-      return { plot, names, mark, last };
+      return { plot, names, mark, last, bounds };
     });
     this.describe(lines);
     this.resize();
   }
 
+  // Bounds after a gust, of an axis of the errors: what they are held to.
+  boundsOf(place) {
+    return this.kind === "errors" ? (this.store.meta.scene.bounds || []).filter((bound) => bound.axis === "xyz"[place]) : [];
+  }
+
   describe(lines) {
-    const texts = this.charts[0].plot.series.slice(1);
+    const texts = this.charts[0].plot.series.slice(1).filter((each) => each.label !== "held to");
     this.legend.replaceChildren(...texts.map((each) => {
       const key = element("i"); key.style.background = each.stroke();
       return element("span", {}, key, KINDS[this.kind].of === "selected" ? each.label : `vehicle ${each.label}`);
@@ -107,14 +114,16 @@ class Plots {
   }
 
   fill(lines, from, to) {
-    for (const { plot, names } of this.charts) {
+    for (const { plot, names, bounds } of this.charts) {
       let times = null;
       const values = lines.flatMap((v) => {
         const [at, ...found] = this.store.series(v, names, from, to);
         times = times || at;
         return found.map((each, i) => { const by = scaleOf(names[i]); return names[i].endsWith("heading_rad") ? unwrapped(each, by) : each.map((value) => (value === null ? null : value * by)); });
       });
-      plot.setData([times, ...values], false);
+      const zero = this.store.zero_s;
+      const held = bounds.flatMap((bound) => [1, -1].map((sign) => times.map((t) => (t - zero >= bound.from && t - zero <= bound.to ? sign * bound.allowed : null))));
+      plot.setData([times, ...values, ...held], false);
       plot.setScale("x", { min: from, max: Math.max(to, from + 1) });
     }
   }
