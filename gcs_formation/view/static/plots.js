@@ -49,7 +49,7 @@ class Plots {
     const { store } = this, count = store.vehicles.length;
     if (KINDS[this.kind].of === "selected") return [view.selected >= 0 ? view.selected : Math.max(0, store.vehicles.findIndex((name) => name !== store.leaderName))];
     const error = (v) => Math.hypot(...["error_x_m", "error_y_m", "error_z_m"].map((name) => store.get(v, name) || 0));
-    const all = [...Array(count).keys()].filter((v) => store.vehicles[v] !== store.leaderName);
+    const all = [...Array(count).keys()].filter((v) => store.vehicles[v] !== store.leaderName || Number.isFinite(store.get(v, "error_x_m")));
     if (all.length <= MOST_LINES) return all;
     const worst = [...all].sort((a, b) => error(b) - error(a)).slice(0, MOST_LINES);
     if (view.selected >= 0 && !worst.includes(view.selected)) worst[MOST_LINES - 1] = view.selected;
@@ -88,7 +88,7 @@ class Plots {
         scales: { x: { time: false }, y: { range: (_, low, high) => rangeOf(low, high) } },
         axes: [
           { ...axis, size: (last ? 32 : 8) * em(), splits: (_, i, low, high, step) => steps(low - zero, high - zero, step).map((t) => t + zero), values: (_, ticks) => ticks.map((t) => (last ? String(Math.round((t - zero) * 10) / 10) : "")) },
-          { ...axis, size: 52 * em(), space: 22 * em(), label, labelSize: 16 * em(), labelFont: font(11) },
+          { ...axis, size: 52 * em(), space: 15 * em(), label, labelSize: 16 * em(), labelFont: font(11) },
         ],
       }, [[0], ...series.slice(1).map(() => [null])], holder);
       plot.over.append(line);
