@@ -29,7 +29,7 @@ from gcs_formation.app.run import rehearsal_text, rehearse
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli import OVERRIDES, PLUGINS
 from gcs_formation.cli.no_flight import load
-from gcs_formation.cli.view import VIEW, VIEW_ORDERS, viewing
+from gcs_formation.cli.view import VIEW, VIEW_ORDERS, WithView, viewing
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO, recorded_in
 from gcs_formation.record.summary import Summary
@@ -111,7 +111,7 @@ def _options(command: Command) -> Command:
     return command
 
 
-@click.command(epilog=RUN_EXAMPLES)
+@click.command(cls=WithView, epilog=RUN_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--clock", type=CLOCKS, default="real", help="virtual: as fast as possible, repeatable.")
 @_options
@@ -120,7 +120,7 @@ def run(**given: Any) -> None:
     sys.exit(_done(run_scenario, _conclude, **given))
 
 
-@click.command(epilog=FLY_EXAMPLES)
+@click.command(cls=WithView, epilog=FLY_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path), required=False)
 @click.option("--clock", type=CLOCKS, default="real", hidden=True)  # refused with the reason, not as unknown
 @_options

@@ -31,6 +31,7 @@ LOOPBACK = "127.0.0.1"
 ANYWHERE = f"{LOOPBACK}:0"
 """A free port of this machine's own interface."""
 MOST_PORT = 65535
+SCENARIOS = (".yaml", ".yml")
 
 
 class AddressType(click.ParamType[Address]):
@@ -49,6 +50,17 @@ class AddressType(click.ParamType[Address]):
         return Address(host, int(port))
 
 
+class WithView(click.Command):
+    """A command with `--view`, whose address may be left out before a scenario too."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Give `--view` its address where a scenario's file follows it."""
+        for place, word in enumerate(args[:-1]):
+            if word == "--view" and args[place + 1].endswith(SCENARIOS):
+                args[place] = f"--view={ANYWHERE}"
+        return super().parse_args(ctx, args)
+
+
 ADDRESS = AddressType()
 VIEW = click.option(
     "--view",
@@ -63,13 +75,20 @@ VIEW_ORDERS = click.option(
 )
 
 
-def listening(address: Address, *, orders: bool) -> tuple[socket, Access]:
-    """Return a socket that listens, and who may use it, or exit with the reason why there is none."""
-    from gcs_formation.app.viewer import lacking, opened  # noqa: PLC0415
+def require_installed() -> None:
+    """Exit if what the page needs isn't installed."""
+    from gcs_formation.app.viewer import lacking  # noqa: PLC0415
 
     missing = lacking()
     if missing is not None:
         fail(missing)
+
+
+def listening(address: Address, *, orders: bool) -> tuple[socket, Access]:
+    """Return a socket that listens, and who may use it, or exit with the reason why there is none."""
+    from gcs_formation.app.viewer import opened  # noqa: PLC0415
+
+    require_installed()
     try:
         return opened(address, orders=orders)
     except OSError as error:
@@ -96,19 +115,19 @@ def view(recording: Path, address: Address, view_orders: bool, plugins: tuple[st
     """Replay RECORDING in a browser: the directory of a run, also of one under way, or a MAVLink log (.tlog)."""
     import asyncio  # noqa: PLC0415
 
-    served, access = listening(address, orders=view_orders)
+    require_installed()
     from gcs_formation.app.viewer import OrdersTo  # noqa: PLC0415 - after it is known that everything is installed
     from gcs_formation.view.log import LogRecording  # noqa: PLC0415
     from gcs_formation.view.run import RunRecording  # noqa: PLC0415
     from gcs_formation.view.server import Viewer, serve  # noqa: PLC0415
 
     try:
-        if recording.is_dir():
-            viewer = Viewer(RunRecording(recording, plugins), access, OrdersTo(recording))
-        else:
-            viewer = Viewer(LogRecording(recording), access)
+        shown = RunRecording(recording, plugins) if recording.is_dir() else LogRecording(recording)
     except RecordError as error:
         fail(str(error))
+    served, access = listening(address, orders=view_orders)
+    orders = OrdersTo(recording) if isinstance(shown, RunRecording) else None
     tell(f"view {access.url}")
     tell("Ctrl-C ends it", err=True)
-    asyncio.run(serve(viewer, served))
+    with served:
+        asyncio.run(serve(Viewer(shown, access, orders), served))
