@@ -238,8 +238,13 @@ def _commanded_nobody(path: Path) -> bool:
 def _clear(path: Path) -> None:
     """Remove the files of an earlier run."""
     left = (SUMMARY, TIMESERIES, TRUTH, REPORT, TLOG, EXTENSIONS)
-    for stale in (*(path / name for name in left), *spools(path / SPOOL), *(path / FIGURES).glob("*.png")):
+    for stale in (*(path / name for name in left), *spools(path / SPOOL), *figures(path)):
         stale.unlink(missing_ok=True)
+
+
+def figures(path: Path) -> list[Path]:
+    """Return the figures that `report` has written of a run, in every format."""
+    return [each for kind in ("png", "svg", "pdf") for each in (path / FIGURES).glob(f"*.{kind}")]
 
 
 def _write_scenario(path: Path, scenario: Scenario) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from gcs_formation.report.gusts import gusts
 from gcs_formation.report.loop_figures import gains, has_gains, latency, separation, setpoints, steps
 from gcs_formation.report.page_parts import document, figure
 from gcs_formation.report.plan_figures import plan, trajectory
-from gcs_formation.report.style import print_style, save
+from gcs_formation.report.style import FORMATS, print_style, save
 from gcs_formation.view import static_file
 from gcs_formation.view.recording import Times
 from gcs_formation.view.scene import scene
@@ -76,16 +76,23 @@ def as_script(data: dict[str, Any]) -> str:
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
-def write_figures(run: RunData, directory: Path) -> Iterator[Path]:
-    """Draw every figure that the run has something to show in, one file each, into a directory; yield the files."""
+def write_figures(run: RunData, directory: Path, formats: Sequence[str] = ()) -> Iterator[Path]:
+    """Draw every figure that the run has something to show in, into a directory; yield the PNG files.
+
+    `formats`: further ones beside them.
+    """
     directory.mkdir(exist_ok=True)
     for draw, has_something in PLATES.items():
         path = directory / f"{draw.__name__}.png"
         if not has_something(run):
-            path.unlink(missing_ok=True)
+            for stale in FORMATS:
+                path.with_suffix(f".{stale}").unlink(missing_ok=True)
             continue
         with print_style():
-            save(draw(run), path)
+            drawn = draw(run)
+            save(drawn, path)
+            for kind in formats:
+                save(drawn, path.with_suffix(f".{kind}"), kind)
         yield path
 
 
@@ -145,11 +152,16 @@ def _error_source(run: RunData) -> str:
     )
 
 
-def write_report(run_dir: Path, lacks: Callable[[str], None] = lambda _: None, plugins: Files | Registry = ()) -> Path:
+def write_report(
+    run_dir: Path,
+    lacks: Callable[[str], None] = lambda _: None,
+    plugins: Files | Registry = (),
+    formats: Sequence[str] = (),
+) -> Path:
     """Write figures/*.png and report.html of a run into its directory; return the page's path.
 
     `lacks` is called for each thing that the record lacks, in words; `plugins` are files of extensions that the run's
-    scenario names, or what they register.
+    scenario names, or what they register; `formats` of `style.FORMATS` are written beside PNG.
 
     Raises:
         RecordError: the directory isn't that of a run, nothing was flown, or it can't be read or written.
@@ -159,7 +171,7 @@ def write_report(run_dir: Path, lacks: Callable[[str], None] = lambda _: None, p
         lacks(text)
     target = run_dir / REPORT
     try:
-        figures = list(write_figures(run, run_dir / FIGURES))
+        figures = list(write_figures(run, run_dir / FIGURES, formats))
         target.write_text(page(run, figures), encoding="utf-8")
     except OSError as error:
         raise RecordError(f"cannot write the report into {run_dir}: {error.strerror}") from error

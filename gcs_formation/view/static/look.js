@@ -1,8 +1,9 @@
 // Colours, elements and numbers as they are written.
 "use strict";
 // Okabe and Ito's colours, which colour-blind people can tell; the leader is drawn in the ink of the theme.
-const OKABE_ITO = ["#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7"];
-const DARKER = { "#F0E442": "#B8A900", "#56B4E9": "#2E93D1", "#E69F00": "#C78500" };
+// The order is that of the report's figures.
+const OKABE_ITO = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31"];
+const LIGHTER = { "#0072B2": "#3D9BE0", "#D55E00": "#F07B2E", "#009E73": "#1FC197", "#8C6D31": "#BFA065" };
 
 function theme() {
   const style = getComputedStyle(document.getElementById("viewer"));
@@ -15,8 +16,9 @@ function theme() {
 
 function colourOf(store, index, colours) {
   if (store.vehicles[index] === store.leaderName) return colours.ink;
-  const colour = OKABE_ITO[(index + OKABE_ITO.length - 1) % OKABE_ITO.length];
-  return colours.dark ? colour : DARKER[colour] || colour;
+  const leader = store.vehicles.indexOf(store.leaderName), follower = leader >= 0 && leader < index ? index - 1 : index;
+  const colour = OKABE_ITO[follower % OKABE_ITO.length];
+  return colours.dark ? LIGHTER[colour] || colour : colour;
 }
 
 // Sizes on canvases grow with the text of the page, which is larger on very large screens.

@@ -28,23 +28,32 @@ class Orders {
 
   pick(text) { this.line.value = text; this.line.focus(); this.check(); }
 
-  checkSoon() { clearTimeout(this.waiting); this.waiting = setTimeout(() => this.check(), 300); }
+  checkSoon() { clearTimeout(this.waiting); this.waiting = setTimeout(() => this.check(), 600); }
 
   async check() {
     const order = this.line.value.trim();
     if (!order) { this.verdict.textContent = ""; return; }
-    const answer = await this.ask("api/order", { order, check: true });
+    const answer = await this.considered(order);
     if (order !== this.line.value.trim()) return;
     this.verdict.textContent = answer.text;
     this.verdict.className = `verdict ${answer.accepted ? "good" : "bad"}`;
   }
 
+  // What the flight would answer; asked once, since it plans the change as if it were ordered.
+  async considered(order) {
+    if (this.known && this.known.order === order && performance.now() - this.known.at < 5000) return this.known.answer;
+    this.known = { order, at: performance.now(), answer: this.ask("api/order", { order, check: true }) };
+    return this.known.answer;
+  }
+
   async send(text) {
     const order = text.trim();
     if (!order) return;
-    const would = await this.ask("api/order", { order, check: true });
+    clearTimeout(this.waiting);
+    const would = await this.considered(order);
     if (!would.accepted) { this.tell(would); return; }
     if (would.ends && !(await this.confirmed(`“${order}” ends the flight of ${this.store.meta.scene.name}. Send it?`))) return;
+    this.known = null;
     this.tell(await this.ask("api/order", { order }));
   }
 
@@ -86,7 +95,9 @@ class Orders {
       const id = (name) => (/^\d+$/.test(name) ? Number(name) : name);
       keys.vehicles = given.get("vehicles") === "all" ? "all" : [id(given.get("vehicles"))];
       for (const name of ["delay_ms", "jitter_ms", "loss"]) if (given.get(name) !== "") keys[name] = Number(given.get(name)) / (name === "loss" ? 100 : 1);
-      this.tell(await this.ask("api/link", keys));
+      const answer = await this.ask("api/link", keys), whose = keys.vehicles === "all" ? "all" : keys.vehicles[0];
+      const given_keys = Object.entries(keys).filter(([name]) => name !== "vehicles").map(([name, value]) => `${name} ${value}`).join(", ");
+      this.tell({ ...answer, text: `links of ${whose}, ${given_keys || "nothing given"}: ${answer.text}` });
     });
     return form;
   }

@@ -58,7 +58,7 @@ class Plots {
 
   draw(view) {
     if (!this.body.clientWidth || !this.store.overview.count) return;
-    const lines = this.lines(view), key = `${this.kind} ${lines} ${view.colours.dark}`;
+    const lines = this.lines(view), key = `${this.kind} ${lines} ${view.colours.dark} ${this.store.zero_s}`;
     if (this.key !== key) { this.build(lines, view); this.key = key; this.shown = null; }
     const to = this.window_s ? Math.min(this.store.last_s, Math.max(view.time_s + this.window_s / 4, this.store.first_s + this.window_s)) : this.store.last_s;
     const from = this.window_s ? Math.max(this.store.first_s, to - this.window_s) : this.store.first_s;
@@ -77,7 +77,7 @@ class Plots {
       this.body.append(holder);
       const series = [{}, ...lines.flatMap((v) => names.map((name, i) => ({
         label: names.length > 1 ? WORDS[name] || "setpoint" : this.store.vehicles[v],
-        stroke: names.length > 1 ? [colours.ink, OKABE_ITO[0], OKABE_ITO[1], OKABE_ITO[2]][i] : colourOf(this.store, v, colours),
+        stroke: names.length > 1 ? [colours.ink, OKABE_ITO[4], OKABE_ITO[5], OKABE_ITO[2]][i] : colourOf(this.store, v, colours),
         width: v === view.selected && names.length === 1 ? 2.5 : 1.3, dash: name.startsWith("setpoint") ? [5, 4] : undefined, points: { show: false }, spanGaps: false,
       })))];
       const bounds = this.boundsOf(place);

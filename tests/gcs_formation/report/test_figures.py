@@ -25,6 +25,7 @@ from gcs_formation.report.style import (
     marks,
     new_figure,
     print_style,
+    save,
 )
 from gcs_formation.report.time_axes import Group, draw_marks, everyone, span
 
@@ -286,3 +287,17 @@ def test_headings_go_on_through_south_without_jumps(make_run):
     assert np.abs(np.diff(response)).max() < 1.0
     assert np.abs(setpoint - response).max() < 2.0
     np.testing.assert_allclose(np.exp(1j * np.radians(response)), np.exp(1j * wrapped), atol=1e-9)
+
+
+@pytest.mark.parametrize(("kind", "begins"), [("svg", b"<?xml"), ("pdf", b"%PDF"), ("png", b"\x89PNG")])
+def test_a_figure_for_a_paper_has_the_same_bytes_each_time(kind, begins, tmp_path):
+    written = []
+    for name in ("one", "other"):
+        file = tmp_path / name / f"figure.{kind}"
+        file.parent.mkdir()
+        drawn = new_figure(4.0)
+        drawn.subplots().plot([0, 1], [0, 1])
+        save(drawn, file, kind)
+        written.append(file.read_bytes())
+    assert written[0] == written[1]
+    assert written[0].startswith(begins)
