@@ -11,6 +11,7 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from functools import partial
+from html import escape
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -65,6 +66,8 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
+VEHICLES = b"<!-- vehicles -->"
+"""Where the page names the vehicles, until its scripts show them."""
 POLL_S = 0.1
 """Time between looks at the record."""
 STREAM_S = 0.1
@@ -76,7 +79,9 @@ MOST_STREAMS = 32
 MOST_BODY = 2000
 MOST_HEADER = 16_384
 STAYS_S = 10.0
-"""How long a viewer of a flight that is over stays without a browser."""
+"""How long a viewer of a flight that is over stays after its last browser."""
+FIRST_S = 15.0
+"""How long after its start it waits for the first one: a flight on the virtual clock is over in a second."""
 NEVER = -1.0
 
 
@@ -141,7 +146,7 @@ class Viewer:
         self.closing = False
         """Whether it is about to end: browsers are told, so that they don't ask again."""
         self.streams = 0
-        self.last_left_s = NEVER
+        self._began_s, self.last_left_s = time.monotonic(), NEVER
         """When the last browser left, wall time; `NEVER` before any came."""
 
     def app(self) -> ASGIApp:
@@ -158,6 +163,14 @@ class Viewer:
             Route("/api/link", self._link, methods=["POST"]),
         ]
         return Guard(Starlette(routes=routes, lifespan=self._lifespan), self.access)
+
+    @property
+    def is_left(self) -> bool:
+        """Whether no browser looks on any more, nor is likely to."""
+        now_s = time.monotonic()
+        if self.last_left_s == NEVER:
+            return self.streams == 0 and now_s - self._began_s > FIRST_S
+        return self.streams == 0 and now_s - self.last_left_s > STAYS_S
 
     async def _read(self, what: Callable[[], Result]) -> Result:
         return await asyncio.get_running_loop().run_in_executor(self._reader, what)
@@ -182,8 +195,9 @@ class Viewer:
             await asyncio.sleep(POLL_S)
 
     async def _page(self, request: Request) -> Response:
-        page = self._parts["index.html"]
-        response = Response(page.data, media_type=page.kind)
+        page, vehicles = self._parts["index.html"], await self._read(lambda: self.recording.vehicles)
+        listed = "".join(f'<li data-vehicle="{escape(name)}">Vehicle {escape(name)}</li>' for name in vehicles)
+        response = Response(page.data.replace(VEHICLES, listed.encode()), media_type=page.kind)
         if not self.access.is_open and "token" in request.query_params:
             response.set_cookie(COOKIE, self.access.token, httponly=True, samesite="strict")
         return response
@@ -349,11 +363,7 @@ async def serve(viewer: Viewer, listening: socket.socket, is_over: Callable[[], 
 async def _watch(server: uvicorn.Server, viewer: Viewer, is_over: Callable[[], bool] | None) -> None:
     """End the server when the flight is over and no browser looks on; tell browsers when it ends."""
     while not server.should_exit:
-        if is_over is not None and is_over() and viewer.streams == 0 and _gone(viewer):
+        if is_over is not None and is_over() and viewer.is_left:
             server.should_exit = True
         await asyncio.sleep(POLL_S)
     viewer.closing = True
-
-
-def _gone(viewer: Viewer) -> bool:
-    return viewer.last_left_s == NEVER or time.monotonic() - viewer.last_left_s > STAYS_S

@@ -120,7 +120,8 @@ def test_the_page_and_all_its_parts_are_served_from_here(page: Browser) -> None:
     answer = page.get("/")
     assert answer.status_code == 200
     assert answer.headers["content-type"].startswith("text/html")
-    assert "//" not in answer.text.replace("<!--", "")
+    assert "//" not in answer.text
+    assert [f'data-vehicle="{name}"' in answer.text for name in "123"] == [True] * 3  # before its scripts run, too
     for name in static_parts():
         assert page.get(f"/static/{name}").status_code == 200
     assert "default-src 'none'" in answer.headers["content-security-policy"]
