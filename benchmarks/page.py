@@ -2,7 +2,7 @@
 
 `python -m benchmarks.page [--vehicles N] [--seconds S] [--speedup X]`: a made-up flight is written as a station writes
 it, tick by tick, while a Chromium on the same machine shows it by software rendering. `--load`: a finished flight of
-`--seconds` is loaded and sought in instead. Playwright drives the browser: pip install playwright.
+`--seconds` is loaded and sought in instead. `--ticks`: a tick's processor time with and without. Playwright drives the browser: pip install playwright.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ import numpy as np
 from airlink.host_system import lock
 from flight_model.arrays import Array
 from formation_scenario import dump_scenario, load_scenario
+from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.progress import Progress
+from gcs_formation.app.run import run
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES
 from gcs_formation.record.timeseries import GAINS, MIXED, PHASES, SPOOLED, write_parquet
 
@@ -178,6 +181,27 @@ def measure_load(directory: Path) -> dict[str, float]:
         }
 
 
+def measure_ticks(directory: Path, flights: int = 5) -> dict[str, float]:
+    """Return the processor time of a tick, ms, without and with a record that somebody may look at.
+
+    The same flight in turns under the virtual clock, the least of each: nothing else of the station knows of the page.
+    """
+    keys = ("start={in_air: true, run_in_s: 6}", "vehicles={count: 6}")
+    scenario = load_scenario(Path(__file__).parents[1] / "configs" / "quickstart.yaml", keys)
+    spent = dict[str, list[float]](without_ms=[], with_ms=[])
+    for _ in range(flights):
+        for name, recording in (("without_ms", None), ("with_ms", _nobody)):
+            options = RunOptions(directory, "virtual", until_s=20.0, overwrite=True, recording=recording)
+            began_s = time.process_time()
+            ticks = run(scenario, options, Progress(), Interrupts()).to_dict()["control"]["ticks"]
+            spent[name].append(1e3 * (time.process_time() - began_s) / ticks)
+    return {name: min(each) for name, each in spent.items()}
+
+
+def _nobody() -> None:
+    """Be told that the record is open."""
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -185,9 +209,13 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=30.0, help="wall time; with --load: of the flight")
     parser.add_argument("--speedup", type=float, default=1.0)
     parser.add_argument("--load", action="store_true")
+    parser.add_argument("--ticks", action="store_true", help="what a record that is looked at costs the station")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
         directory = Path(place) / "run"
+        if given.ticks:
+            print(json.dumps(measure_ticks(directory)))
+            return
         begin(directory, given.vehicles)
         if given.load:
             finish(directory, given.vehicles, given.seconds)
