@@ -2,7 +2,8 @@
 
 `python -m benchmarks.page [--vehicles N] [--seconds S] [--speedup X]`: a made-up flight is written as a station writes
 it, tick by tick, while a Chromium on the same machine shows it by software rendering. `--load`: a finished flight of
-`--seconds` is loaded and sought in instead. `--ticks`: a tick's processor time with and without. Playwright drives the browser: pip install playwright.
+`--seconds` is loaded and sought in instead. `--ticks`: a tick's processor time with and without. Playwright drives the
+browser: pip install '.[browser]'.
 """
 
 from __future__ import annotations
