@@ -20,6 +20,15 @@ NUMBERED = re.compile(r"\]\(#([\w-]+)-(\d+)\)")
 """A link to the second of two headings of one name, as GitHub numbers them."""
 
 
+def on_config(config: Any) -> Any:  # noqa: ANN401 - MkDocs' own
+    """Put documents that have no place in the navigation at its end."""
+    placed = set(re.findall(r"[\w-]+\.md", str(config.nav)))
+    others = sorted(each.name for each in DOCS.glob("*.md") if each.name not in placed)
+    if others:
+        config.nav.append({"More": others})
+    return config
+
+
 def on_files(files: Files, config: Any) -> Files:  # noqa: ANN401 - MkDocs' own
     """Add the pages of the root, and every file outside the documents' folder that one of them links to."""
     texts = [each.read_text(encoding="utf-8") for each in DOCS.glob("*.md")]
