@@ -130,7 +130,7 @@ def _phase(recording: Recording, tick: int) -> str:
 
 
 def _last_phase(recording: Recording) -> str:
-    named = (str(event["text"]) for event in reversed(recording.events) if event.get("kind") == "phase")
+    named = (str(event.get("text")) for event in reversed(recording.events) if event.get("kind") == "phase")
     return next(named, "unknown").partition(" to ")[0]
 
 

@@ -18,7 +18,7 @@ from gcs_formation.phases import OVER, Phase
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES, TLOG, recorded_in
 from gcs_formation.record.timeseries import PHASES, spools
 from gcs_formation.view.log import name_of_mode
-from gcs_formation.view.recording import COLUMN, COLUMNS, SEEN, Rows, State, Times
+from gcs_formation.view.recording import COLUMN, COLUMNS, SEEN, STATE, Rows, State, Times
 from gcs_formation.view.scene import scene
 from gcs_formation.view.seen_in_frames import FrameReader, of
 from gcs_formation.view.tick_rows import SeriesTicks, SpoolTicks
@@ -32,6 +32,8 @@ SILENT_S = 2.0
 CONCLUDES_S = 120.0
 """How long after its end a station may take to write the summary, wall time."""
 MOST_EVENTS = 100_000
+FRESH_S = 5.0
+"""Where the law knows no state yet, a vehicle is where it said within this time."""
 SEEN_COLUMNS = [COLUMN[name] for name in SEEN]
 CONNECTING = float(PHASES.index(Phase.CONNECTING.value))
 NONE = Times(np.empty(0), np.empty(0), np.empty(0))
@@ -121,7 +123,10 @@ class RunRecording:
         if self._seen_s.size:
             last = np.maximum(np.searchsorted(self._seen_s, self._times.time_s[ticks[later]], side="right") - 1, 0)
             tail = rows[later]
-            tail[:, :, SEEN_COLUMNS] = self._seen[last][:, :, SEEN_COLUMNS]
+            seen = self._seen[last]
+            tail[:, :, SEEN_COLUMNS] = seen[:, :, SEEN_COLUMNS]
+            unknown = np.isnan(tail[:, :, 0]) & (seen[:, :, COLUMN["age_s"]] < FRESH_S)
+            tail[unknown, : len(STATE)] = seen[unknown, : len(STATE)]
             rows[later] = tail
         return rows
 
@@ -130,7 +135,7 @@ class RunRecording:
             return "ended"
         if _is_locked(self._directory / EVENTS):
             return "silent" if wall_s - self._grew_s > SILENT_S else "live"
-        said = [event["text"] for event in self._events if event.get("kind") == "phase"]
+        said = [event.get("text") for event in self._events if event.get("kind") == "phase"]
         over = bool(said) and said[-1] in {phase.value for phase in OVER}
         return "concluding" if over and wall_s - self._grew_s < CONCLUDES_S else "killed"
 
@@ -155,10 +160,11 @@ class RunRecording:
             return True
         if finished:
             return False
-        for path in spools(self._directory / SPOOL)[len(self._parts) :]:
+        paths = spools(self._directory / SPOOL)
+        for path in paths[len(self._parts) :]:
             if _has_line(path):
                 self._parts.append(SpoolTicks(path, self._order, frame))
-        grew = sum(part.poll() for part in self._parts) > 0
+        grew = sum(part.poll(path) for part, path in zip(self._parts, paths, strict=False)) > 0
         if grew:
             self._index()
         return grew

@@ -66,7 +66,7 @@ class SpoolTicks:
             OSError: it can't be read.
             ValueError: it isn't a spool, or one of other vehicles.
         """
-        self._path, self._frame = path, frame
+        self._frame = frame
         with path.open("rb") as file:
             line = file.readline()
             self._begin = file.tell()
@@ -78,17 +78,17 @@ class SpoolTicks:
         self._table = np.empty((0, self._vehicles, len(self._names)))
         self.times = Times(np.empty(0), np.empty(0), np.empty(0))
 
-    def poll(self) -> bool:
-        """Look for new ticks; return whether there are some. A file that has been removed stays as it was."""
+    def poll(self, path: Path) -> bool:
+        """Look for new ticks where the file is now; return whether there are some. One that is gone stays as it was."""
         size_bytes = NUMBER_BYTES * len(self._names) * self._vehicles
         try:
-            count = (self._path.stat().st_size - self._begin) // size_bytes
+            count = (path.stat().st_size - self._begin) // size_bytes
         except FileNotFoundError:
             return False
         before = len(self._table)
         if count <= before:
             return False
-        self._table = np.memmap(self._path, "<f8", "r", self._begin, (count, self._vehicles, len(self._names)))
+        self._table = np.memmap(path, "<f8", "r", self._begin, (count, self._vehicles, len(self._names)))
         new = self._table[before:, 0][:, [self._names.index(name) for name in TIMES]].T
         self.times = Times(*(np.concatenate(pair) for pair in zip(self.times, new, strict=True)))
         return True
@@ -130,7 +130,7 @@ class SeriesTicks:
         )
         self._rows = np.concatenate(rows) if rows else np.empty((0, count, len(COLUMNS)), dtype=np.float32)
 
-    def poll(self) -> bool:
+    def poll(self, _: Path) -> bool:
         """Return False: it is finished."""
         return False
 

@@ -241,6 +241,7 @@ class Page {
     if (status.generation !== this.generation) { this.generation = status.generation; this.reload(); }
     if (status.events > this.nextEvent) this.readEvents().then(() => this.eventsChanged());
     this.setState(status.state);
+    if (status.failure) say(this.badge, status.failure);
   }
 
   onTicks(block) {

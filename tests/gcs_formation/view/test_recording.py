@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,23 @@ def test_a_killed_run_shows_as_such_and_up_to_where_it_got(flown: Flown) -> None
     assert recording.times.time_s.size >= flown.ticks_in_flight
     recording.poll(CONCLUDES_S)
     assert recording.state == "killed"
+
+
+def test_a_run_that_takes_the_place_of_an_earlier_one_is_followed_there(flown: Flown, tmp_path: Path) -> None:
+    """Until it commands a vehicle, a run is recorded beside the earlier one that it replaces."""
+    beside = tmp_path / "unflown"
+    shutil.copytree(flown.killed, beside)
+    spool = beside / "timeseries.ticks"
+    data = spool.read_bytes()
+    spool.write_bytes(data[: len(data) // 2])
+    recording = RunRecording(tmp_path)
+    before = recording.times.time_s.size
+    spool.write_bytes(data)
+    for each in beside.iterdir():
+        each.replace(tmp_path / each.name)
+    beside.rmdir()
+    recording.poll(0.1)
+    assert 0 < before < recording.times.time_s.size
 
 
 def test_a_station_that_writes_nothing_is_silent(flown: Flown, monkeypatch: pytest.MonkeyPatch) -> None:
