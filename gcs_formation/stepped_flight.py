@@ -10,21 +10,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from pydantic import ValidationError
-
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
-from formation_scenario import Scenario, ScenarioError
-from formation_scenario.error_messages import problems_of
-from formation_scenario.extension_keys import IN_ACTS, with_parameters
-from formation_scenario.fields import refused
+from formation_scenario import Scenario
 from formation_scenario.orders import Answer, OrderError, parse_order
-from formation_scenario.rules import refused_act
 from formation_scenario.scripted import ScriptedOrder
 from formation_scenario.shapes import SHAPE
 from formation_scenario.slot_assignment import column_ids, column_of
-from formation_scenario.source import Source, plain_mapping
 from gcs_formation.app.operator_at_terminal import ClockName
+from gcs_formation.app.script import scripted
 from gcs_formation.app.stepping import Stepped, Stop, asynchronously, stepped
 from gcs_formation.control.plain_values import vehicle_name
 from gcs_formation.extend.cycle import Replace, TickView, Vehicle, Wanted
@@ -353,29 +347,13 @@ class Flight:
         steps = self._flying
         if steps.session.station.flight.ended:
             raise OrderError("found a flight that is over; allowed: one that is flying")
-        act = self._act(keys)
+        act = scripted(self._scenario, keys)
 
         def do(now: Instant) -> Answer:
             ticks = steps.session.station.recorded_ticks
             return steps.session.script.do(act.model_copy(update={"at_tick": ticks}), now)
 
         return steps.do(do)
-
-    def _act(self, keys: dict[str, Any]) -> ScriptedOrder:
-        """Return what the program does, checked as the scenario's keys are."""
-        given = Source(None, plain_mapping({"at_tick": 0} | keys))
-        source, problems = with_parameters(given, self._scenario.registered, IN_ACTS)
-        try:
-            act = ScriptedOrder.model_validate(source.data)
-        except ValidationError as error:
-            raise ScenarioError([*problems, *problems_of(error, ScriptedOrder, source)]) from error
-        if problems:
-            raise ScenarioError(problems)
-        wrong = refused_act(self._scenario, act)
-        if wrong:
-            path, found, allowed = wrong[0]
-            raise refused(".".join(map(str, path[2:])), found, allowed)
-        return act
 
     def _leave(self, now: Instant) -> None:
         """End a flight that goes on by the order that a program could have given."""

@@ -27,6 +27,15 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say which tests of the page were left out, and why: they need a browser."""
+    skipped = {
+        str(each.longrepr[2]) for each in terminalreporter.stats.get("skipped", []) if "browser" in str(each.longrepr)
+    }
+    for reason in sorted(skipped):
+        terminalreporter.write_line(f"left out: {reason.removeprefix('Skipped: ')}")
+
+
 @pytest.fixture
 def foreground() -> Iterator[None]:
     """Restore the default handling of Ctrl-C and hang-ups: `nohup … &` has both ignored, and children inherit that."""

@@ -61,6 +61,8 @@ class RunOptions:
     """With `resume`: whether vehicles that are returning home are taken over too."""
     forward: tuple[Forward, ...] = ()
     """Second ground stations that see the vehicles, and may command them; under the real clock alone."""
+    recording: Callable[[], None] | None = None
+    """Called when the record is open; with it, the record is written at every tick, since somebody may look on."""
 
     def __post_init__(self) -> None:
         """Refuse values that the command line refuses as well."""

@@ -16,7 +16,11 @@ from gcs_formation.errors import NothingRunningError
 SOCKET = "orders.sock"
 STATUS = "status"
 """Asks for a status page. Not an order, so a scenario can't plan it."""
-MOST_BYTES = 400
+CHECK = "check"
+"""Before an order: asks what the answer would be."""
+LINK = "link"
+"""Before JSON with the keys of `links.changes`: impairs links of a `run`."""
+MOST_BYTES = 1000
 MOST_CALLERS = 8
 """Beyond this the oldest connection is dropped: a caller sends its order at once."""
 ANSWER_S = 10.0
@@ -102,12 +106,21 @@ def tell(directory: Path, order: str) -> Answer:
     Raises:
         NothingRunningError: no flight answers there.
     """
+    return ask(directory, " ".join(order.split())[: MOST_LETTERS + 1])
+
+
+def ask(directory: Path, line: str) -> Answer:
+    """Send a line to the flight that records into `directory`; return its answer.
+
+    Raises:
+        NothingRunningError: no flight answers there.
+    """
     try:
-        with short_path(directory) as short, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
-            line.settimeout(ANSWER_S)
-            line.connect(str(short / SOCKET))
-            line.sendall(" ".join(order.split())[: MOST_LETTERS + 1].encode() + b"\n")
-            with line.makefile("rb") as answers:
+        with short_path(directory) as short, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as caller:
+            caller.settimeout(ANSWER_S)
+            caller.connect(str(short / SOCKET))
+            caller.sendall(line.encode() + b"\n")
+            with caller.makefile("rb") as answers:
                 return Answer(**json.loads(answers.readline()))
     except (OSError, ValueError, TypeError) as error:
         raise NothingRunningError(

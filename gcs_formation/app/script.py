@@ -6,14 +6,22 @@ import math
 from collections import deque
 from collections.abc import Callable, Collection, Iterator
 from operator import attrgetter, itemgetter
+from typing import Any
+
+from pydantic import ValidationError
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
-from formation_scenario import Scenario
+from formation_scenario import Scenario, ScenarioError
+from formation_scenario.error_messages import problems_of
+from formation_scenario.extension_keys import IN_ACTS, with_parameters
+from formation_scenario.fields import refused
 from formation_scenario.links import LinkChange
 from formation_scenario.orders import Answer
+from formation_scenario.rules import refused_act
 from formation_scenario.scripted import REPLACED, ScriptedFault, ScriptedOrder
 from formation_scenario.slot_assignment import column_ids
+from formation_scenario.source import Source, plain_mapping
 from formation_scenario.surroundings import Disturbance, Fault
 from gcs_formation.app.link_injection import LinkSchedule
 from gcs_formation.extend.cycle import Wanted
@@ -176,6 +184,27 @@ class Script:
         names = "all" if whose == "all" else ", ".join(map(str, whose if isinstance(whose, tuple) else (whose,)))
         given = ", ".join(f"{name} {value}" for name, value in keys.items())
         self._recorder.event(Event(now, "script", f"{what} {names}: {given}"))
+
+
+def scripted(scenario: Scenario, keys: dict[str, Any]) -> ScriptedOrder:
+    """Return what a program or the page does, checked as the scenario's keys are; of tick 0.
+
+    Raises:
+        ScenarioError: no such vehicle or key, or a value that isn't allowed.
+    """
+    given = Source(None, plain_mapping({"at_tick": 0} | keys))
+    source, problems = with_parameters(given, scenario.registered, IN_ACTS)
+    try:
+        act = ScriptedOrder.model_validate(source.data)
+    except ValidationError as error:
+        raise ScenarioError([*problems, *problems_of(error, ScriptedOrder, source)]) from error
+    if problems:
+        raise ScenarioError(problems)
+    wrong = refused_act(scenario, act)
+    if wrong:
+        path, found, allowed = wrong[0]
+        raise refused(".".join(map(str, path[2:])), found, allowed)
+    return act
 
 
 def _given(act: ScriptedOrder) -> Iterator[tuple[str, object]]:

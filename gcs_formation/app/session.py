@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sys
 from collections.abc import Callable, Collection
@@ -16,7 +17,7 @@ from airlink.endpoint import PortError, VehicleId
 from airlink.engine import Engine
 from airlink.signing.signed_links import SignedLinks
 from flight_model.arrays import Array
-from formation_scenario import Scenario
+from formation_scenario import Scenario, ScenarioError
 from formation_scenario.extensions import ExtensionError
 from formation_scenario.orders import Answer
 from formation_scenario.simulated import Place
@@ -31,10 +32,10 @@ from gcs_formation.app.link_injection import (
 )
 from gcs_formation.app.link_processes import UNKNOWN
 from gcs_formation.app.operator_at_terminal import Confirmation, Interrupts, RunOptions
-from gcs_formation.app.order_socket import STATUS, OrderSocket
+from gcs_formation.app.order_socket import CHECK, LINK, STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page
-from gcs_formation.app.script import Script
+from gcs_formation.app.script import Script, scripted
 from gcs_formation.app.signing import flight_signing, open_links
 from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.extend.in_flight import Sinks, sinks
@@ -50,7 +51,7 @@ from gcs_formation.record.limits_by_truth import Truth
 from gcs_formation.record.link_verdicts import LinkFigures
 from gcs_formation.record.radio import figures as radio_figures
 from gcs_formation.record.radio import with_radio
-from gcs_formation.record.run_directory import RECORDING, SPOOL, TIMESERIES, RunDirectory
+from gcs_formation.record.run_directory import FLUSH_S, RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import Spool, spools, write_parquet
 from gcs_formation.record.unfinished import recorded_events
@@ -63,6 +64,8 @@ LOOK_S = 1.0
 """Time between looks at the ground truth of silent vehicles, s."""
 PROGRESS_S = 0.25
 """Wall time between updates of the progress, s."""
+WATCHED_FLUSH_S = 0.09
+"""Wall time between writes of the record while somebody may look on: at 10 Hz each tick is written at once."""
 HURRY = 10.0
 """A --speedup above this may be too high for the machine: 30 s of flight then pass in under 3 s of wall time."""
 
@@ -99,6 +102,24 @@ class TimedStation(Station):
         """Return (3, K), s: when each tick was due, when it began, and how long it took."""
         due_ns, begun_ns, taken_s = np.frombuffer(self._times.getvalue(), "<f8").reshape(-1, 3).T
         return np.array((due_ns / NANOSECONDS, begun_ns / NANOSECONDS, taken_s))
+
+
+def _opened(scenario: Scenario, options: RunOptions, began_us: int, *, resume: bool) -> RunDirectory:
+    """Open the record, and say so to who looks on."""
+    watched = options.recording is not None
+    recorder = RunDirectory(
+        options.out,
+        scenario,
+        column_ids(scenario),
+        began_us,
+        overwrite=options.overwrite,
+        frames=options.record == "full",
+        resume=resume,
+        flush_s=WATCHED_FLUSH_S * options.speedup if watched else FLUSH_S,
+    )
+    if options.recording is not None:
+        options.recording()
+    return recorder
 
 
 class Session:
@@ -148,15 +169,7 @@ class Session:
             emulated,
         )
         began_us, resumed = begun or (clock.utc_at_0_us, None)
-        self.recorder = RunDirectory(
-            options.out,
-            scenario,
-            column_ids(scenario),
-            began_us,
-            overwrite=options.overwrite,
-            frames=options.record == "full",
-            resume=resumed is not None,
-        )
+        self.recorder = _opened(scenario, options, began_us, resume=resumed is not None)
         read = not emulated and resumed is None
         caution = PreFlightOptions(parameters=read, confirm=options.confirm, rehearse=options.dry_run)
         self._keeps_utc = emulated if (given := scenario.telemetry.station_utc) is None else given
@@ -322,13 +335,28 @@ class Session:
         return f" (with --speedup {speedup:g}, which this machine may be too slow for)" if speedup > HURRY else ""
 
     def _answer(self, text: str) -> Answer:
-        """Return the answer to a line of `tell`: a page on the flight, or what came of an order."""
+        """Return the answer to a line of `tell` or of the page: on the flight, or what came of an order."""
         asked, *width = text.split()[:2] or [""]
         now = self.clock.now()
         if asked == STATUS:
             given = (int(each) for each in width if each.isdecimal() and len(each) < MOST_DIGITS)
             return Answer(True, status_page(self.station, now, *given))
+        if asked == CHECK:
+            return self.station.orders.consider(text.partition(CHECK)[2].strip(), now)
+        if asked == LINK:
+            return self._change_links(text.partition(LINK)[2], now)
         return self.station.orders.take(text, now)
+
+    def _change_links(self, text: str, now: Instant) -> Answer:
+        """Impair links as JSON says, with the keys of `links.changes`."""
+        if not self.emulated:
+            return Answer(False, "links aren't impaired here; allowed: in a flight of `run`")
+        try:
+            keys = json.loads(text)
+            act = scripted(self.scenario, {"link": keys}).model_copy(update={"at_tick": self.station.recorded_ticks})
+            return self.script.do(act, now)
+        except (ScenarioError, ValueError) as error:
+            return Answer(False, str(error))
 
     def _heard(self, event: Event) -> None:
         self.progress.note(event, self.station.flight.mission_time_s(event.now))

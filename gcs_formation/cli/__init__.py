@@ -13,6 +13,7 @@ EXAMPLES = examples(
     "gcs-formation run quickstart.yaml --clock virtual --set links.default.delay_ms=300",
     "gcs-formation tell runs/quickstart shape line                to a flight under way",
     "gcs-formation report runs/quickstart",
+    "gcs-formation view runs/quickstart                           replays it in a browser",
     "gcs-formation compare quickstart.yaml --laws pid,fuzzy_pid   on one seed, side by side",
 )
 
@@ -31,6 +32,7 @@ COMMANDS = {
     "stress": ("gcs_formation.cli.study", "Fly random scenarios and check invariants."),
     "study": ("gcs_formation.cli.study", "Fly one scenario many times, over parameters and seeds."),
     "tell": ("gcs_formation.cli.no_flight", "Give a flight under way an order."),
+    "view": ("gcs_formation.cli.view", "Show a flight in a browser: a run's, or a MAVLink log's."),
 }
 OVERRIDES = click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help="Override a key (repeatable).")
 """The option of all commands that read a scenario."""

@@ -63,6 +63,7 @@ Exit status 1: refused, with the reason. 3: no flight answers there.
 )
 REPORT_EXAMPLES = examples("gcs-formation report runs/quickstart      writes runs/quickstart/report.html")
 
+FORMATS = ("png", "svg", "pdf")
 SUFFIX = ".yaml"
 IN_THE_TREE = "configs"
 """Directory of the examples in the source tree; an installed package contains a copy."""
@@ -286,8 +287,15 @@ def tell(run_dir: Path, order: tuple[str, ...]) -> None:
 
 @click.command(epilog=REPORT_EXAMPLES)
 @click.argument("run_dir", type=click.Path(path_type=Path))
+@click.option(
+    "--format",
+    "formats",
+    type=click.Choice(FORMATS),
+    multiple=True,
+    help="Write figures/*.svg or *.pdf too, for a paper (repeatable); *.png is written in any case.",
+)
 @PLUGINS
-def report(run_dir: Path, plugins: tuple[str, ...]) -> None:
+def report(run_dir: Path, formats: tuple[str, ...], plugins: tuple[str, ...]) -> None:
     """Draw the figures of a run or a study, and one self-contained report.html; of a killed one, what there is."""
     from formation_scenario import ScenarioError  # noqa: PLC0415 - `tell` starts faster without figures
     from gcs_formation.report.page import write_report  # noqa: PLC0415
@@ -298,7 +306,7 @@ def report(run_dir: Path, plugins: tuple[str, ...]) -> None:
         if (run_dir / STUDY).is_file():
             page = write_study_report(run_dir)
         else:
-            page = write_report(run_dir, lambda text: click.echo(f"missing: {text}", err=True), plugins)
+            page = write_report(run_dir, lambda text: click.echo(f"missing: {text}", err=True), plugins, formats)
     except (RecordError, ScenarioError) as error:
         fail(str(error))
     click.echo(f"wrote {page}")

@@ -8,6 +8,8 @@ import shlex
 import shutil
 import sys
 from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,6 +29,7 @@ from gcs_formation.app.run import rehearsal_text, rehearse
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli import OVERRIDES, PLUGINS
 from gcs_formation.cli.no_flight import load
+from gcs_formation.cli.view import VIEW, VIEW_ORDERS, WithView, viewing
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO, recorded_in
 from gcs_formation.record.summary import Summary
@@ -98,6 +101,8 @@ def _options(command: Command) -> Command:
                 metavar="ENDPOINT",
                 help="A second ground station sees the vehicles there; what it sends isn't taken.",
             ),
+            VIEW,
+            VIEW_ORDERS,
             click.option("--quiet", is_flag=True, help="Say nothing but errors."),
             click.option("--json", "as_json", is_flag=True, help="The summary alone on standard output."),
         )
@@ -106,7 +111,7 @@ def _options(command: Command) -> Command:
     return command
 
 
-@click.command(epilog=RUN_EXAMPLES)
+@click.command(cls=WithView, epilog=RUN_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--clock", type=CLOCKS, default="real", help="virtual: as fast as possible, repeatable.")
 @_options
@@ -115,7 +120,7 @@ def run(**given: Any) -> None:
     sys.exit(_done(run_scenario, _conclude, **given))
 
 
-@click.command(epilog=FLY_EXAMPLES)
+@click.command(cls=WithView, epilog=FLY_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path), required=False)
 @click.option("--clock", type=CLOCKS, default="real", hidden=True)  # refused with the reason, not as unknown
 @_options
@@ -171,10 +176,14 @@ def _done(
     `given`: `seed`, `overrides`, `out`, `plugins`, and the fields of `RunOptions` by their names.
     """
     seed, overrides, out, plugins = (given.pop(name) for name in ("seed", "overrides", "out", "plugins"))
+    view, view_orders = given.pop("view"), given.pop("view_orders")
     seeded = () if seed is None else (f"seed={seed}",)
-    with Interrupts() as interrupts:
+    with Interrupts() as interrupts, ExitStack() as stack:
         loaded = load(scenario, (*overrides, *seeded), plugins)
         options = _run_options(out or default_directory(loaded.name), given)
+        if view is not None:
+            viewer = viewing(view, options.out, plugins, orders=view_orders, to_stderr=as_json)
+            options = replace(options, recording=stack.enter_context(viewer).begin)
         for warning in () if quiet else never_reached(loaded, math.inf if options.until_s is None else options.until_s):
             tell(f"warning: {warning}", err=True)
         result = _flown(flown, loaded, options, interrupts, quiet=quiet)

@@ -96,11 +96,37 @@ class Orders:
         self._note(now, "order", answer.text, None, {"accepted": answer.accepted})
         return answer
 
+    def consider(self, text: str, now: Instant) -> Answer:
+        """Return what the answer to an order would be, without carrying it out."""
+        try:
+            refusal = self._refusal(parse_order(text, shapes=self._shapes), now)
+        except (OrderError, NotFlyableError, ValueError) as error:
+            refusal = str(error)
+        return Answer(refusal is None, f"{text}: {'can be done' if refusal is None else f'refused: {refusal}'}")
+
+    def _refusal(self, order: Order, now: Instant) -> str | None:
+        if order.end is not None:
+            return self._course.why_not_end(order.end)
+        if self._not_flying is not None:
+            return self._not_flying
+        if order.speed_mps is not None:
+            return self._reconfiguration.why_not_speed(order.speed_mps, now)
+        if order.heading_rad is not None:
+            return self._reconfiguration.why_not_heading()
+        return None if order.change is None else self._reconfiguration.why_not_change(order.change, now)
+
+    @property
+    def _not_flying(self) -> str | None:
+        """Why no order but one that ends the flight can be carried out; None if it can."""
+        if self._flight.phase in (Phase.ASSEMBLING, Phase.FLYING):
+            return None
+        return f"the run is {self._flight.phase.value}; allowed: assembling, flying"
+
     def _carry_out(self, order: Order, now: Instant) -> str | None:
         if order.end is not None:
             return self._course.end_by_order(order.end, now)
-        if self._flight.phase not in (Phase.ASSEMBLING, Phase.FLYING):
-            return f"the run is {self._flight.phase.value}; allowed: assembling, flying"
+        if self._not_flying is not None:
+            return self._not_flying
         if order.speed_mps is not None:
             return self._reconfiguration.order_speed(order.speed_mps, now)
         if order.heading_rad is not None:
@@ -260,12 +286,17 @@ class Course:
 
     def end_by_order(self, manner: End, now: Instant) -> str | None:
         """End the flight as ordered; return why a vehicle can't do that, None if all can."""
-        unable = why_not_land(self._vehicles, self._ground) if manner == "land" else None
-        if unable:
-            return f"{unable}; allowed: rtl, loiter"
+        refusal = self.why_not_end(manner)
+        if refusal is not None:
+            return refusal
         self.cut_short = self.cut_short or self.flight.phase not in OVER
         self.move(Cause.ORDERED, now, manner)
         return None
+
+    def why_not_end(self, manner: End) -> str | None:
+        """Return why the flight can't be ended in a manner; None if it can."""
+        unable = why_not_land(self._vehicles, self._ground) if manner == "land" else None
+        return f"{unable}; allowed: rtl, loiter" if unable else None
 
     def end_in_time(self, until_s: float, now: Instant) -> None:
         """End a flight whose path or time is over, or that has reached mission time `until_s`."""

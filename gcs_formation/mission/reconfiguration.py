@@ -39,6 +39,8 @@ AMID: Final = 2.0
 """Vehicles within this multiple of the farthest slot's distance from the leader count as amid the formation."""
 GATHERED_M: Final = 300.0
 """Vehicles this near the leader count as having taken off with it; the law leads others to their slots."""
+Takeover = tuple[Route | None, float, float]
+"""How a column can lead from where it is: see `Reconfiguration._take_over`."""
 
 
 class Reconfiguration:
@@ -196,9 +198,28 @@ class Reconfiguration:
         Raises:
             NotFlyableError: it can't be flown from here; nothing has changed.
         """
-        controller, plan = self._controller, self._controller.plan
-        present, now_s, changes = self._present(), now / NANOSECONDS, wanted != plan.arrangement
-        passes_on = wanted.leader != plan.leader
+        plan = self._controller.plan
+        changes, passes_on = wanted != plan.arrangement, wanted.leader != plan.leader
+        present = self._present().tolist()
+        way, taken = self._planned(wanted, now)
+        if passes_on:
+            self._hand_over(wanted.leader, *taken, now)
+        if changes:
+            self._changing = self._in_words(wanted)
+        elif plan.at_rest(now / NANOSECONDS):
+            self._changing = ""
+        plan.adopt(wanted, way)
+        self._wanted, self._planned_for = None, present
+        self._note(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
+
+    def _planned(self, wanted: Arrangement, now: Instant) -> tuple[Transition, Takeover]:
+        """Return the transition to an arrangement, and how its leader takes over; nothing changes.
+
+        Raises:
+            NotFlyableError: it can't be flown from here.
+        """
+        controller, present = self._controller, self._present()
+        passes_on = wanted.leader != controller.plan.leader
         route, distance_m, swing_rad = controller.guidance.route, controller.guidance.distance_m, 0.0
         if passes_on:
             if not present[wanted.leader]:
@@ -212,16 +233,8 @@ class Reconfiguration:
         if route is None:
             raise NotFlyableError("the leader isn't on its way yet", "a change in flight", 0.0)
         course = ahead(route, controller.guidance.speed_mps, distance_m)
-        way = plan_change(self._flown, start, wanted, now_s, course, present)
-        if passes_on:
-            self._hand_over(wanted.leader, route, distance_m, swing_rad, now)
-        if changes:
-            self._changing = self._in_words(wanted)
-        elif plan.at_rest(now_s):
-            self._changing = ""
-        plan.adopt(wanted, way)
-        self._wanted, self._planned_for = None, present.tolist()
-        self._note(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
+        way = plan_change(self._flown, start, wanted, now / NANOSECONDS, course, present)
+        return way, (route, distance_m, swing_rad)
 
     def order_change(self, change: FormationChange, now: Instant) -> str | None:
         """Begin an ordered change; return why its slots can't be flown, None if it has begun.
@@ -230,38 +243,68 @@ class Reconfiguration:
             NotFlyableError: the transition to its slots can't be flown.
             ValueError: it names a vehicle that doesn't exist.
         """
-        wanted = (self._wanted or self._controller.plan.arrangement).changed(change, self._scenario)
-        if wanted.leader != self._controller.plan.leader and self.leader is None:
-            return "a virtual leader flies the path; allowed: shape, spacing, speed, loiter, rtl, land"
-        refusal = self._unflyable(self._scenario, wanted, now)
+        wanted = self._changed(change)
+        refusal = self._why_not(wanted, now)
         if refusal is None:
             self.change(wanted, now)
         return refusal
 
+    def why_not_change(self, change: FormationChange, now: Instant) -> str | None:
+        """Return why an ordered change can't be flown from here, None if it can.
+
+        Raises:
+            NotFlyableError: the transition to its slots can't be flown.
+            ValueError: it names a vehicle that doesn't exist.
+        """
+        wanted = self._changed(change)
+        refusal = self._why_not(wanted, now)
+        if refusal is None:
+            self._planned(wanted, now)
+        return refusal
+
+    def _changed(self, change: FormationChange) -> Arrangement:
+        return (self._wanted or self._controller.plan.arrangement).changed(change, self._scenario)
+
+    def _why_not(self, wanted: Arrangement, now: Instant) -> str | None:
+        if wanted.leader != self._controller.plan.leader and self.leader is None:
+            return "a virtual leader flies the path; allowed: shape, spacing, speed, loiter, rtl, land"
+        return self._unflyable(self._scenario, wanted, now)
+
     def order_speed(self, speed_mps: float, now: Instant) -> str | None:
         """Fly at another speed; return why it can't be flown, None if it is."""
-        scenario, guidance = self._scenario.at_speed(speed_mps), self._controller.guidance
-        turn, refusal = guidance.turn, None
+        refusal = self.why_not_speed(speed_mps, now)
+        if refusal is None:
+            self._scenario = self._scenario.at_speed(speed_mps)
+            self._controller.guidance.fly_at(speed_mps)
+        return refusal
+
+    def why_not_speed(self, speed_mps: float, now: Instant) -> str | None:
+        """Return why another speed can't be flown from here, None if it can."""
+        turn, refusal = self._controller.guidance.turn, None
         if turn is not None and speed_mps > 0.0:
             refusal = why_not_set_out(turn.goal_rad, math.radians(self._path_deg()))
         if refusal is None:
-            refusal = self._unflyable(scenario, self._wanted or self._controller.plan.arrangement, now)
-        if refusal is None:
-            self._scenario = scenario
-            guidance.fly_at(speed_mps)
+            wanted = self._wanted or self._controller.plan.arrangement
+            refusal = self._unflyable(self._scenario.at_speed(speed_mps), wanted, now)
         return refusal
 
     def order_heading(self, heading_rad: float, now: Instant) -> str | None:
         """Turn on the spot to a heading; return why that can't be done, None if it is."""
-        controller, scenario = self._controller, self._scenario
-        guidance, tick = controller.guidance, controller.last_tick
-        if not scenario.hovers:
+        controller, refusal = self._controller, self.why_not_heading()
+        if refusal is None and controller.last_tick is not None:
+            leader = controller.last_tick.state[controller.plan.leader]
+            self._turn_on_spot(heading_rad, controller.guidance.facing_rad(leader), now)
+        return refusal
+
+    def why_not_heading(self) -> str | None:
+        """Return why the formation can't turn on the spot, None if it can."""
+        guidance = self._controller.guidance
+        if not self._scenario.hovers:
             return "found vehicles that can't stand; allowed: of vehicles that hover"
-        if guidance.speed_mps > 0.0 or tick is None or guidance.route is None:
+        if guidance.speed_mps > 0.0 or self._controller.last_tick is None or guidance.route is None:
             return not_standing(guidance.speed_mps)
         if guidance.pauses:
             return "found a stop of its path, which it leaves by itself; allowed: after the order speed 0"
-        self._turn_on_spot(heading_rad, guidance.facing_rad(tick.state[controller.plan.leader]), now)
         return None
 
     def _turn_on_spot(self, heading_rad: float, from_rad: float, now: Instant) -> None:
@@ -341,7 +384,7 @@ class Reconfiguration:
             return state.airspeed_mps, state.heading_rad
         return ground_motion(attitude.yaw_rad, *state.ground_mps(), leads=True)
 
-    def _take_over(self, leader: int, now: Instant) -> tuple[Route | None, float, float]:
+    def _take_over(self, leader: int, now: Instant) -> Takeover:
         """Return how a column can lead from where it is: by a route onto the path, from a distance along that, m.
 
         The route is None before the path has begun. Third: the column's heading relative to the present leader's, rad,

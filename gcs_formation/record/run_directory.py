@@ -64,12 +64,14 @@ class RunDirectory:
         overwrite: bool = False,
         frames: bool = True,
         resume: bool = False,
+        flush_s: float = FLUSH_S,
     ) -> None:
         """Create the directory and its files; `overwrite` allows an earlier run there, `frames` False omits the log.
 
         An earlier run's record is kept until `replace_earlier`. One that ended before it commanded any vehicle is
         replaced at once, without `overwrite`, so that the run can be repeated after its cause is corrected. With
-        `resume` an unfinished run's record is continued after its last complete entries.
+        `resume` an unfinished run's record is continued after its last complete entries. Files are flushed every
+        `flush_s`.
 
         Raises:
             RecordError: it holds other files or an earlier run, it can't be written, or another run is recording there.
@@ -101,7 +103,7 @@ class RunDirectory:
         self._files = [file for file in (self._tlog, self._spool) if file is not None]
         self.failure: str | None = None
         """Why recording has stopped, usually because the disk is full."""
-        self._next_flush = Instant(0)
+        self._next_flush, self._flush_ns = Instant(0), round(flush_s * NANOSECONDS)
         if not resume:
             self.event(Event(Instant(0), RECORDING, "begins", None, {"epoch_us": epoch_us}))
 
@@ -180,7 +182,7 @@ class RunDirectory:
             file.flush()
 
     def _flush_in_time(self, now: Instant) -> None:
-        self._next_flush = Instant(now + round(FLUSH_S * NANOSECONDS))
+        self._next_flush = Instant(now + self._flush_ns)
         try:
             self.flush()
         except OSError as error:
@@ -236,8 +238,13 @@ def _commanded_nobody(path: Path) -> bool:
 def _clear(path: Path) -> None:
     """Remove the files of an earlier run."""
     left = (SUMMARY, TIMESERIES, TRUTH, REPORT, TLOG, EXTENSIONS)
-    for stale in (*(path / name for name in left), *spools(path / SPOOL), *(path / FIGURES).glob("*.png")):
+    for stale in (*(path / name for name in left), *spools(path / SPOOL), *figures(path)):
         stale.unlink(missing_ok=True)
+
+
+def figures(path: Path) -> list[Path]:
+    """Return the figures that `report` has written of a run, in every format."""
+    return [each for kind in ("png", "svg", "pdf") for each in (path / FIGURES).glob(f"*.{kind}")]
 
 
 def _write_scenario(path: Path, scenario: Scenario) -> None:

@@ -55,12 +55,20 @@ DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1)))
 LEAST_SIZE_M = 1e-3
 """Smallest |error| in the comparison of laws, whose scale is logarithmic."""
 LEAST = r"least possible: $|D|\,T + D^2/2a$"
+GATHERING_M = 1.0
+"""Followers that began in the air, and never were farther from their slots than this, had nothing to gather for."""
 ALLOWED = r"held to: $1.5\,(|D|\,T + D^2/2a)$ + 0.05 m"
 
 
 def assembled_first(run: RunData) -> bool:
-    """Whether anything was flown before the path."""
-    return run.begun and float(run.whole_time_s[0]) < -SHORTEST_S
+    """Whether anything was flown before the path that is to be seen: not by followers that began in their slots."""
+    if not run.begun or float(run.whole_time_s[0]) >= -SHORTEST_S:
+        return False
+    if not run.scenario.start.in_air or not run.followers:
+        return True
+    before = run.whole_time_s <= 0.0
+    known = np.concatenate([np.linalg.norm(run.whole.error(vehicle)[before], axis=1) for vehicle in run.followers])
+    return bool((known[np.isfinite(known)] > GATHERING_M).any())
 
 
 def assembly(run: RunData) -> Figure:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -11,14 +11,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Indices
 from formation_scenario import dump_scenario
 from formation_scenario.extensions import Files, Registry
 from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT
-from gcs_formation.record.timeseries import GROUND
+from gcs_formation.record.timeseries import PHASES
 from gcs_formation.report import RunData, load_run, page_parts
 from gcs_formation.report.error_figures import (
     assembled_first,
@@ -27,27 +25,18 @@ from gcs_formation.report.error_figures import (
     disturbed,
     errors,
     has_followers,
-    transient_end_s,
 )
 from gcs_formation.report.gusts import gusts
 from gcs_formation.report.loop_figures import gains, has_gains, latency, separation, setpoints, steps
-from gcs_formation.report.page_parts import asset, document, figure
+from gcs_formation.report.page_parts import document, figure
 from gcs_formation.report.plan_figures import plan, trajectory
-from gcs_formation.report.style import FOLLOWERS, evenly, extremes, marks, path_m, print_style, reach, save
-from gcs_formation.report.time_axes import Group, everyone
-
-ERROR_POINTS = 80_000
-TRACK_NUMBERS = 100_000
-"""Limits for all series together, which keep the data of a page of 100 vehicles below 2 MB."""
-FEWEST_BUCKETS, MOST_BUCKETS = 50, 1500
-MOST_TRACK_POINTS = 1500
-PATH_POINTS = 400
-GROUND_CELLS = 120
-"""Number of cells along the longer side of the ground that is shown."""
-GROUND_AROUND_M = 1000.0
-ERROR_DIGITS, PLACE_DIGITS, ANGLE_DIGITS, TIME_DIGITS = 4, 1, 3, 2
-GROUND_CAPTION = " The browner the ground, the higher."
-SCRIPTS = ("surface.js", "errors.js", "plan.js", "space.js", "report.js")
+from gcs_formation.report.style import FORMATS, print_style, save
+from gcs_formation.view import static_file
+from gcs_formation.view.recording import Times
+from gcs_formation.view.scene import scene
+from gcs_formation.view.static_file import WholeFlight
+from gcs_formation.view.static_file import embedded as of_flight
+from gcs_formation.view.tick_rows import as_rows
 
 
 def always(_: RunData) -> bool:
@@ -71,30 +60,14 @@ PLATES: dict[Callable[[RunData], Figure], Callable[[RunData], bool]] = {
 
 
 def embedded(run: RunData) -> dict[str, Any]:
-    """Return the data of the page's plots for JSON; times are mission times in s, unknown values None."""
-    group, everybody = everyone(run), list(everyone(run).vehicles)
-    return {
-        "begun": run.begun,
-        "flown_s": _rounded(run.time_s[[0, -1]], TIME_DIGITS),
-        "steady_s": transient_end_s(run),
-        "vehicles": [_vehicle(run, vehicle) for vehicle in everybody],
-        "worst": [everybody.index(vehicle) for vehicle in run.worst_first()],
-        "errors": _errors(run, group),
-        "tracks": _tracks(run, group),
-        "path": _path(run),
-        "ground": _ground(run),
-        "bounds": [
-            {
-                "axis": error.axis,
-                "from": round(error.at_s, TIME_DIGITS),
-                "to": round(error.to_s, TIME_DIGITS),
-                "allowed": round(error.allowed_m, ERROR_DIGITS),
-                "least": round(error.least_m, ERROR_DIGITS),
-            }
-            for error in gusts(run)
-        ],
-        "marks": [{"t": round(mark.time_s, TIME_DIGITS), "label": mark.label} for mark in marks(run)],
-    }
+    """Return what the page that shows the flight reads, for JSON."""
+    names, order = run.whole.common.keys(), list(run.whole.vehicles)
+    columns = {name: np.stack([run.whole.vehicles[each][name] for each in order], axis=1) for name in names}
+    times = Times(run.whole.common["t_s"], run.whole.mission_time_s, run.whole.common["phase"])
+    rows = as_rows(columns, run.scenario.formation.frame)
+    bounds = [{"axis": each.axis, "from": each.at_s, "to": each.to_s, "allowed": each.allowed_m} for each in gusts(run)]
+    still = scene(run.scenario) | {"bounds": bounds}
+    return of_flight(WholeFlight([str(each) for each in order], times, rows, run.events, PHASES, still))
 
 
 def as_script(data: dict[str, Any]) -> str:
@@ -103,84 +76,23 @@ def as_script(data: dict[str, Any]) -> str:
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
-def _vehicle(run: RunData, vehicle: VehicleId) -> dict[str, Any]:
-    leads = vehicle == run.leader
-    colour = None if leads else FOLLOWERS[run.followers.index(vehicle) % len(FOLLOWERS)]
-    return {"name": str(vehicle), "role": "leader" if leads else "follower", "colour": colour}
+def write_figures(run: RunData, directory: Path, formats: Sequence[str] = ()) -> Iterator[Path]:
+    """Draw every figure that the run has something to show in, into a directory; yield the PNG files.
 
-
-def _errors(run: RunData, group: Group) -> list[dict[str, Any]]:
-    """Return each follower's errors, reduced to extremes and their times."""
-    buckets = int(np.clip(ERROR_POINTS // (6 * max(len(run.followers), 1)), FEWEST_BUCKETS, MOST_BUCKETS))
-    found: list[dict[str, Any]] = []
-    for index, vehicle in enumerate(group.vehicles):
-        if vehicle in run.followers:
-            found.append({"vehicle": index})
-            for axis, values in zip("xyz", run.whole.error(vehicle).T, strict=True):
-                kept = extremes(values, buckets)
-                times = _rounded(run.whole_time_s[kept], TIME_DIGITS)
-                found[-1][axis] = {"t": times, "v": _rounded(values[kept], ERROR_DIGITS)}
-    return found
-
-
-def _tracks(run: RunData, group: Group) -> dict[str, Any]:
-    points = min(MOST_TRACK_POINTS, TRACK_NUMBERS // (5 * len(group.vehicles)))
-    kept = evenly(run.whole_time_s.size, points)
-    return {
-        "t": _rounded(run.whole_time_s[kept], TIME_DIGITS),
-        "vehicles": [_track(run, vehicle, kept) for vehicle in group.vehicles],
-    }
-
-
-def _track(run: RunData, vehicle: VehicleId, kept: Indices) -> dict[str, Any]:
-    below = run.whole.vehicles[vehicle][GROUND[0]][kept]
-    named = zip(("north", "east", "height", "below"), (*run.whole.place(vehicle)[kept].T, below), strict=True)
-    heading = run.whole.heading(vehicle)[kept]
-    known = np.isfinite(heading)
-    heading[known] = np.unwrap(heading[known])
-    track = {name: _rounded(values, PLACE_DIGITS) for name, values in named}
-    return {**track, "heading": _rounded(heading, ANGLE_DIGITS)}
-
-
-def _path(run: RunData) -> dict[str, Any]:
-    path = path_m(run)
-    north, east, _ = path[evenly(len(path), PATH_POINTS)].T
-    return {"north": _rounded(north, PLACE_DIGITS), "east": _rounded(east, PLACE_DIGITS)}
-
-
-def _ground(run: RunData) -> dict[str, Any] | None:
-    """Return the terrain's heights on a grid around the tracks, rows from south to north; None without terrain."""
-    if run.scenario.terrain is None:
-        return None
-    low, high = reach(np.concatenate([run.flown.place(vehicle)[:, :2] for vehicle in run.flown.vehicles]))
-    low, high = low - GROUND_AROUND_M, high + GROUND_AROUND_M
-    cell_m = float((high - low).max()) / GROUND_CELLS
-    north, east = (np.arange(least, most, cell_m) for least, most in zip(low, high, strict=True))
-    height = run.scenario.ground.height(*np.meshgrid(north, east, indexing="ij"))
-    return {
-        "south": round(float(low[0]), PLACE_DIGITS),
-        "west": round(float(low[1]), PLACE_DIGITS),
-        "cell": round(cell_m, 3),
-        "columns": int(east.size),
-        "height": _rounded(height.ravel(), 0),
-    }
-
-
-def _rounded(values: Array, digits: int) -> list[float | None]:
-    # Adding 0 turns -0.0 into 0.0, which is shorter and looks better.
-    return [value if np.isfinite(value) else None for value in (np.round(values, digits) + 0.0).tolist()]
-
-
-def write_figures(run: RunData, directory: Path) -> Iterator[Path]:
-    """Draw every figure that the run has something to show in, one file each, into a directory; yield the files."""
+    `formats`: further ones beside them.
+    """
     directory.mkdir(exist_ok=True)
     for draw, has_something in PLATES.items():
         path = directory / f"{draw.__name__}.png"
         if not has_something(run):
-            path.unlink(missing_ok=True)
+            for stale in FORMATS:
+                path.with_suffix(f".{stale}").unlink(missing_ok=True)
             continue
         with print_style():
-            save(draw(run), path)
+            drawn = draw(run)
+            save(drawn, path)
+            for kind in formats:
+                save(drawn, path.with_suffix(f".{kind}"), kind)
         yield path
 
 
@@ -192,7 +104,8 @@ def page(run: RunData, figures: Iterable[Path]) -> str:
         str(summary["name"]),
         "report.html",
         subtitle=escape(_subtitle(run)),
-        script="\n".join(asset(name) for name in SCRIPTS),
+        script=static_file.script(),
+        viewer_style=static_file.style(),
         data=as_script(embedded(run)),
         verdict=page_parts.verdict(summary),
         missing=page_parts.missing(run.missing),
@@ -202,7 +115,6 @@ def page(run: RunData, figures: Iterable[Path]) -> str:
         expectations=page_parts.expectations(summary),
         paper_link='<a href="#paper">Beside the paper</a>' if compared else "",
         paper=compared and f'<section id="paper">\n<h2>Beside the paper</h2>\n{compared}\n</section>',
-        ground=GROUND_CAPTION if run.scenario.terrain is not None else "",
         figures=f'<div class="gallery">{gallery}</div>',
         links=page_parts.links(summary),
         control=page_parts.control(summary),
@@ -240,11 +152,16 @@ def _error_source(run: RunData) -> str:
     )
 
 
-def write_report(run_dir: Path, lacks: Callable[[str], None] = lambda _: None, plugins: Files | Registry = ()) -> Path:
+def write_report(
+    run_dir: Path,
+    lacks: Callable[[str], None] = lambda _: None,
+    plugins: Files | Registry = (),
+    formats: Sequence[str] = (),
+) -> Path:
     """Write figures/*.png and report.html of a run into its directory; return the page's path.
 
     `lacks` is called for each thing that the record lacks, in words; `plugins` are files of extensions that the run's
-    scenario names, or what they register.
+    scenario names, or what they register; `formats` of `style.FORMATS` are written beside PNG.
 
     Raises:
         RecordError: the directory isn't that of a run, nothing was flown, or it can't be read or written.
@@ -254,7 +171,7 @@ def write_report(run_dir: Path, lacks: Callable[[str], None] = lambda _: None, p
         lacks(text)
     target = run_dir / REPORT
     try:
-        figures = list(write_figures(run, run_dir / FIGURES))
+        figures = list(write_figures(run, run_dir / FIGURES, formats))
         target.write_text(page(run, figures), encoding="utf-8")
     except OSError as error:
         raise RecordError(f"cannot write the report into {run_dir}: {error.strerror}") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
@@ -57,8 +58,13 @@ def figure(name: str, path: Path, title: str = "", first: str = "") -> str:
     title = escape(title or said["title"])
     return (
         f'<figure id="figure-{name}"><img alt="{title}" src="data:image/png;base64,{image}">'
-        f"<figcaption><b>{title}.</b> {escape(first + said['caption'])}</figcaption></figure>\n"
+        f"<figcaption><b>{title}.</b> {marked_up(first + said['caption'])}</figcaption></figure>\n"
     )
+
+
+def marked_up(text: str) -> str:
+    """Return a text as HTML, with what stands in backquotes as code."""
+    return re.sub("`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
 class Html(str):

@@ -99,9 +99,19 @@ def panels(figure: FigureBase, rows: int, columns: int, count: int) -> list[Axes
     return made[:count]
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PNG without Matplotlib's version, so that the same run gives the same bytes."""
-    figure.savefig(path, format="png", metadata={"Software": None})
+UNDATED: dict[str, dict[str, None]] = {
+    "png": {"Software": None},
+    "svg": {"Creator": None, "Date": None},
+    "pdf": {"Creator": None, "Producer": None, "CreationDate": None},
+}
+"""Formats of figures, and what Matplotlib would write about itself and the day: the same run gives the same bytes."""
+FORMATS = tuple(UNDATED)
+
+
+def save(figure: Figure, path: Path, kind: str = "png") -> None:
+    """Write a figure in one of `FORMATS`, without Matplotlib's version and the date."""
+    with mpl.rc_context({"svg.hashsalt": path.stem}):
+        figure.savefig(path, format=kind, metadata=UNDATED[kind])
 
 
 def legend_below(figure: Figure, *, outside: bool = True) -> None:

@@ -69,7 +69,7 @@ def test_it_is_drawn_from_the_gust_on_and_stands_in_the_table(run):
     assert {np.asarray(line.get_xdata()).item(0) for line in drawn} == {30.0}
     cells = re.findall(r"<td>([0-9.]+)</td>", after_gusts(run))
     assert cells[:3] == [f"{value:.3f}" for value in gusts(run)[0][4:7]]
-    assert [bound["axis"] for bound in embedded(run)["bounds"]] == ["x", "y"]
+    assert [bound["axis"] for bound in embedded(run)["meta"]["scene"]["bounds"]] == ["x", "y"]
 
 
 def test_a_gust_that_ends_is_another_one(make_run):

@@ -1,3 +1,4 @@
+import base64
 import json
 import re
 from html.parser import HTMLParser
@@ -38,7 +39,7 @@ class Outline(HTMLParser):
 
 
 def data_of(text):
-    return json.loads(text.partition('id="data">')[2].partition("</script>")[0])
+    return json.loads(text.partition('id="recording">')[2].partition("</script>")[0])
 
 
 def straight(count, duration_s, **keys):
@@ -57,7 +58,9 @@ def test_the_page_is_well_formed_and_needs_nothing_else(report):
     assert outline.open == []
     assert all(address.startswith(("data:", "#")) for address in outline.addresses)
     assert {address[1:] for address in outline.addresses if address.startswith("#")} <= outline.ids
-    assert not re.search(r"https?://|@import|url\(", text)
+    unscripted = re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
+    assert not re.search(r"https?://|@import|url\(", unscripted)
+    assert "default-src 'none'; img-src data:;" in text  # so that no script can fetch anything either
 
 
 def test_whatever_a_vehicle_says_stays_text(report):
@@ -75,28 +78,35 @@ def test_every_figure_is_in_the_page_and_in_its_directory(report):
     assert text.count('src="data:image/png;base64,iVBOR') == len(names)
 
 
-def test_embedded_errors_are_recorded_ones_with_their_extremes(report):
+def ticks_of(data):
+    """Return the times (K,) and the values (K, vehicles, columns) that a page holds."""
+    ticks = base64.b64decode(data["ticks"])
+    length = int.from_bytes(ticks[:4], "little")
+    head = json.loads(ticks[4 : 4 + length])
+    three = np.frombuffer(ticks, "<f8", 3 * head["count"], 4 + length).reshape(-1, 3)
+    values = np.frombuffer(ticks, "<f4", offset=4 + length + three.nbytes)
+    return three[:, 0], values.reshape(head["count"], head["vehicles"], head["columns"])
+
+
+def test_embedded_ticks_are_recorded_ones_with_the_largest_errors(report):
     _, run, text = report
     data = data_of(text)
-    names = [vehicle["name"] for vehicle in data["vehicles"]]
-    assert [names[series["vehicle"]] for series in data["errors"]] == [str(vehicle) for vehicle in run.followers]
-    for series, vehicle in zip(data["errors"], run.followers, strict=True):
-        for column, axis in enumerate("xyz"):
-            recorded = run.whole.error(vehicle)[:, column]
-            shown = np.array(series[axis]["v"])
-            assert shown.min() == pytest.approx(recorded.min(), abs=5.1e-5)
-            assert shown.max() == pytest.approx(recorded.max(), abs=5.1e-5)
-            at = np.searchsorted(run.whole_time_s, np.array(series[axis]["t"]) - 0.02)
-            np.testing.assert_allclose(shown, recorded[at], atol=5.1e-5)
-
-
-def test_embedded_tracks_are_recorded_places(report):
-    _, run, text = report
-    tracks = data_of(text)["tracks"]
-    at = np.searchsorted(run.whole_time_s, np.array(tracks["t"]) - 0.02)
-    for track, vehicle in zip(tracks["vehicles"], (run.leader, *run.followers), strict=True):
-        shown = np.column_stack([track[name] for name in ("north", "east", "height")])
-        np.testing.assert_allclose(shown, run.whole.place(vehicle)[at], atol=0.051)
+    time_s, values = ticks_of(data)
+    at = np.searchsorted(run.whole.common["t_s"], time_s)
+    column = data["meta"]["columns"].index
+    assert data["meta"]["vehicles"] == [str(vehicle) for vehicle in run.whole.vehicles]
+    largest = 0.0
+    for place, vehicle in enumerate(run.whole.vehicles):
+        first = column("north_m")
+        np.testing.assert_allclose(
+            values[:, place, first : first + 3], run.whole.place(vehicle)[at], rtol=1e-6, atol=1e-3
+        )
+        if vehicle in run.followers:
+            first, recorded = column("error_x_m"), run.whole.error(vehicle)
+            np.testing.assert_allclose(values[:, place, first : first + 3], recorded[at], rtol=1e-5, atol=1e-5)
+            largest = max(largest, float(np.nanmax(np.abs(recorded))))
+    shown = values[:, :, column("error_x_m") : column("error_z_m") + 1]
+    assert float(np.nanmax(np.abs(shown))) == pytest.approx(largest, rel=1e-5)
 
 
 @pytest.mark.slow
@@ -104,25 +114,27 @@ def test_a_hundred_vehicles_fit_in_2_megabytes(make_run):
     scenario = straight(100, 150, formation={"shape": "triangle"})
     data = embedded(load_run(make_run(scenario)))
     assert len(as_script(data).encode()) < 2_000_000
-    assert len(data["errors"]) == 99
+    assert ticks_of(data)[1].shape[1] == 100
 
 
 def test_the_embedded_ground_is_the_scenarios(make_run):
     hill = {"north_m": 900, "east_m": 200, "height_m": 80, "radius_m": 300}
     run = load_run(make_run(straight(3, 60, terrain={"hills": [hill], "clearance_m": 10})))
-    ground = embedded(run)["ground"]
+    ground = embedded(run)["meta"]["scene"]["ground"]
     rows, columns = len(ground["height"]) // ground["columns"], ground["columns"]
     north = ground["south"] + ground["cell"] * np.arange(rows)
     east = ground["west"] + ground["cell"] * np.arange(columns)
     true = run.scenario.ground.height(*np.meshgrid(north, east, indexing="ij"))
     np.testing.assert_allclose(np.reshape(ground["height"], (rows, columns)), true, atol=0.6)
     assert true.max() > 75.0
-    assert embedded(load_run(make_run(flown_s=20.0)))["ground"] is None
+    assert embedded(load_run(make_run(flown_s=20.0)))["meta"]["scene"]["ground"] is None
 
 
-def test_unknown_values_are_null(make_run):
+def test_unknown_values_stay_unknown(make_run):
     run = load_run(make_run(flown_s=20.0, truth=False, unseen=slice(50, 60)))
-    assert embedded(run)["errors"][-1]["x"]["v"].count(None) == 10
+    data = embedded(run)
+    column = data["meta"]["columns"].index("error_x_m")
+    assert np.isnan(ticks_of(data)[1][:, -1, column]).sum() == 10
 
 
 def test_json_cannot_end_its_script():
