@@ -52,6 +52,7 @@ def _read(handle: int, most_bytes: int) -> bytes:
     mode = os.fstat(handle).st_mode
     if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
         raise OSError(0, "is a device; allowed: a file, or a pipe that is written to")
+    # The clock is read here, as files are read before a flight has one: a pipe may never end.
     ready = select.poll()
     ready.register(handle, select.POLLIN)
     parts, size, ends_s = list[bytes](), 0, time.monotonic() + WAIT_S

@@ -155,7 +155,7 @@ class Registered:
             return act()
         except passing:
             raise
-        except Exception as error:
+        except Exception as error:  # of code from outside, the only place that takes all of it
             raise failed(self.said(error)) from error
 
     def said(self, error: BaseException) -> str:
@@ -364,7 +364,7 @@ def _load(load: Callable[[], object], file: str, what: str) -> None:
     """
     try:
         load()
-    except Exception as error:
+    except Exception as error:  # a module from outside
         line = line_in(error, file)
         found = f"{type(error).__name__}: {error}"
         raise refused("", found, "", f"{what} {file}{f':{line}' if line else ''}") from error

@@ -90,7 +90,10 @@ class Open(Allowed):
 
 
 class _HashedKeys(dict[str, Any]):
-    """An extension's own keys, which have been checked; a group of keys that has them can be in a set."""
+    """An extension's own keys, which have been checked; a group of keys that has them can be in a set.
+
+    Nobody changes it once it is read, so that its hash holds, which a dict's type says it hasn't.
+    """
 
     def __hash__(self) -> int:  # type: ignore[override]
         return hash(json.dumps(self, sort_keys=True))

@@ -17,6 +17,7 @@ from formation_scenario.fields import Problem, ScenarioError, refused
 try:
     from yaml import CSafeLoader as FastLoader
 except ImportError:  # PyYAML without libyaml
+    # Types differ by the parser alone, which isn't used.
     from yaml import SafeLoader as FastLoader  # type: ignore[assignment]
 
 Key: TypeAlias = str | int

@@ -177,7 +177,7 @@ class Flight:
         try:
             steps.do(self._leave)
             self._summary = summary_of(steps.finish(), self._options.out)
-        except Exception as failed:
+        except Exception as failed:  # whatever it is, it must not hide the exception that is under way
             if error is None:
                 raise
             if failed is not error:

@@ -70,7 +70,7 @@ class Fleet(Engine):
             vehicle = self.vehicles[datagram.socket]
             try:
                 vehicle.receive(datagram, now)
-            except Exception as error:
+            except Exception as error:  # a family from outside may raise anything; what ours raises goes on
                 if not self._failed(error):
                     raise
             self._post(vehicle.link.outbox)
@@ -92,7 +92,7 @@ class Fleet(Engine):
         while self._next_turn <= now:
             try:
                 self._turn(self._next_turn)
-            except Exception as error:
+            except Exception as error:  # the same
                 if not self._failed(error):
                     raise
             self._next_turn = after(self._next_turn, LOOP_S)
@@ -139,7 +139,7 @@ class Fleet(Engine):
         """
         try:
             vehicle: Vehicle = family.made(index, self.config, self.bodies[index], self.environment, now)
-        except Exception as error:
+        except Exception as error:  # of a family from outside; what ours raises goes on
             if family.origin.sha256 and not isinstance(error, ExtensionError):
                 raise ExtensionError(f"the {family} can't begin: {family.said(error)}") from error
             raise

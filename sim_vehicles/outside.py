@@ -38,10 +38,9 @@ class Guarded:
             ExtensionError: it can't begin.
         """
         self.entry, self._failures, self.failed = entry, failures, False
-        try:
-            self.instance = entry.instance(keys or {}, **given)
-        except Exception as error:
-            raise ExtensionError(f"the {entry} can't begin: {entry.said(error)}") from error
+        self.instance = entry.call(
+            lambda: entry.instance(keys or {}, **given), lambda why: ExtensionError(f"the {entry} can't begin: {why}")
+        )
 
     def call(self, method: Callable[[], Result], otherwise: Result) -> Result:
         """Return what a call returns; `otherwise` if it fails, or failed before."""

@@ -28,11 +28,12 @@ def measured(wanted: Expectation, scenario: Scenario, flight: RecordedFlight) ->
     each = {str(vehicle_name(who)): _Columns(own, window) for who, own in flight.vehicles.items()}
     seen = FlightWindow(flight.mission_time_s[window], 1.0 / scenario.law.rate_hz, flight.truth, each)
     metric = made(entry, scenario.extensions.get(entry.name, {}))
-    try:
+
+    def measured() -> float | None:
         value = metric.measure(seen)
         return None if value is None else figures.if_finite(float(value))
-    except Exception as error:
-        raise RunAbortedError(f"the {entry} could not be computed: {entry.said(error)}") from error
+
+    return entry.call(measured, lambda why: RunAbortedError(f"the {entry} could not be computed: {why}"))
 
 
 class _Columns(Mapping[str, Array]):
