@@ -41,6 +41,18 @@ def lock(file: IO[Any]) -> None:
         pass  # the file system has no locks
 
 
+def is_locked(path: Path) -> bool:
+    """Return whether another process has a file locked; False for none, or where the file system has no locks."""
+    try:
+        with path.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
+
+
 @contextmanager
 def short_path(directory: Path) -> Generator[Path]:
     """Yield a short path of a directory: the path of a Unix socket in it may have a hundred bytes at most.

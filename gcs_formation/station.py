@@ -96,7 +96,7 @@ class Station(Engine):
             SignatureWatch(signing, self._receiver, self.networks, *fleet),
         )
         self.radio_reports, self._pilots_and_fence, self._health = (
-            RadioReports(each.connection for each in self.vehicles.values()),
+            RadioReports((each.connection for each in self.vehicles.values()), self.signatures.is_open),
             PilotsAndFence(scenario, *fleet),
             TelemetryHealth(self.vehicles, self.controller.estimator.filters, self.controller.models, note),
         )

@@ -10,6 +10,7 @@ from airlink.endpoint import VehicleId
 from airlink.frame import Receiver
 from airlink.signing.authentication import Verdict
 from airlink.signing.signed_links import Judged, SignedLinks
+from gcs_formation.link.link_health import Connection
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -73,6 +74,10 @@ class SignatureWatch:
         """Return how many frames with a signature came from a vehicle's address, whoever signed them."""
         connection = self._vehicles[identity].connection
         return self._receiver.counts(connection.socket, connection.peer).signed
+
+    def is_open(self, connection: Connection) -> bool:
+        """Return whether a link has no key."""
+        return self.signing is None or self.signing.links[connection.socket] is None
 
     def is_signed(self, identity: VehicleId) -> bool:
         """Return whether a vehicle's link has a key."""

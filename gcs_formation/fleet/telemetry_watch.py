@@ -32,6 +32,8 @@ BELIEVED_AGAIN: Final = "what it measures is believed again"
 LOOK_S: Final = 0.5
 FEWEST: Final = 16
 """Messages expected in the time over which they are counted, which is at least `WINDOW_S`."""
+FEWEST_SENT: Final = 8.0
+"""Messages expected in the time in which anything was heard, from which on their lack says something."""
 QUICK_HZ: Final = 5.0
 """Messages that come at least as often as attitudes are counted over `WINDOW_S`."""
 WINDOW_S: Final = 2.0
@@ -46,12 +48,13 @@ ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
 class MessageCounts:
     """Counts of a vehicle's messages up to an instant."""
 
-    def __init__(self, heard_s: float, received: int, lost: int, messages: vec[i64]) -> None:
-        """Take the time in which anything was heard, the frames, and the count of each requested message."""
+    def __init__(self, heard_s: float, received: int, lost: int, messages: vec[i64], total: int) -> None:
+        """Take the time in which anything was heard, the frames, the count of each requested message and of all."""
         self.heard_s = heard_s
         self.received: i64 = received
         self.lost: i64 = lost
         self.messages = messages
+        self.total = total
 
 
 class RequestedMessages:
@@ -82,15 +85,17 @@ class RequestedMessages:
         sequence, messages_in, messages = vehicle.sequence, vehicle.messages_in, vec[i64]([0] * len(self._places))
         for place in range(len(messages)):
             messages[place] = messages_in[self._places[place]]
-        heard_s, arrived = 0.0, True
+        heard_s, arrived, total = 0.0, True, 0
+        for count in messages_in:
+            total += count
         if self.looks:
             before = self.looks[-1]
-            arrived = sequence.received > before.received
+            arrived = total > before.total  # of news: copies of a vehicle that has fallen silent don't count
             heard_s = before.heard_s + (seconds_between(self.last_look, now) if arrived else 0.0)
         self.last_look = now
         if len(self.looks) == self._most:
             self.looks.pop(0)
-        self.looks.append(MessageCounts(heard_s, sequence.received, sequence.lost, messages))
+        self.looks.append(MessageCounts(heard_s, sequence.received, sequence.lost, messages, total))
 
     def too_few(self) -> tuple[int, ...]:
         """Return the messages of which less than half of the expected number, after loss, arrives."""
@@ -104,7 +109,7 @@ class RequestedMessages:
             count, heard_s = last.messages[place] - first.messages[place], last.heard_s - first.heard_s
             if float(count) < self._least_hz[place] * heard_s:
                 sent = self._rates[place] * heard_s
-                if _is_too_few(count, sent, _share_arriving(first, last)):
+                if sent >= FEWEST_SENT and _is_too_few(count, sent, _share_arriving(first, last)):
                     found.append(self._ids[place])
         return tuple(found)
 

@@ -6,7 +6,7 @@ a line that they share. A sender of reports is no vehicle, whatever its system i
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
 from airlink import mavlink as m
@@ -25,6 +25,11 @@ COUNTS: Final = 65536
 LEAST_S: Final = 0.2
 """Least time between two reports of one radio that are kept for the record."""
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
+
+
+def always(_: Connection) -> bool:
+    """Return that a report is believed."""
+    return True
 
 
 class RadioReport(NamedTuple):
@@ -48,9 +53,13 @@ class RadioReport(NamedTuple):
 class RadioReports:
     """The newest report of each radio, by where it is connected."""
 
-    def __init__(self, connections: Iterable[Connection]) -> None:
-        """Take reports from where the `connections` are."""
-        self._connections = list(connections)
+    def __init__(self, connections: Iterable[Connection], believed: Callable[[Connection], bool] = always) -> None:
+        """Take reports from where the `connections` are; `believed`: whether reports on one are acted on.
+
+        A radio signs nothing. On a signed link anybody could say that it is full, so that there reports are recorded
+        alone.
+        """
+        self._connections, self._believed = list(connections), believed
         self._newest = dict[tuple[int, Address], RadioReport]()
         self._kept = dict[tuple[int, Address], list[RadioReport]]()
 
@@ -71,8 +80,8 @@ class RadioReports:
         return True
 
     def of(self, connection: Connection, now: Instant) -> RadioReport | None:
-        """Return the newest report on a vehicle's radio; None without one in the last `STALE_S`."""
-        if connection.peer is None:
+        """Return the newest report on a vehicle's radio; None without a believed one in the last `STALE_S`."""
+        if connection.peer is None or not self._believed(connection):
             return None
         found = self._newest.get((connection.socket, connection.peer))
         return None if found is None or seconds_between(found.at, now) > STALE_S else found

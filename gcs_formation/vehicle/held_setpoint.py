@@ -22,12 +22,13 @@ Which = tuple[bool, bool, bool]
 SPEED: Final = 0
 HEADING: Final = 1
 HEIGHT: Final = 2
-ALONG_M: Final = 0.02
+ALONG_M: Final = 0.01
 ACROSS_M: Final = 0.001
 HEIGHT_M_S: Final = 0.1
 """Tolerances of the integrals: displacement along and across the heading, m, of a vehicle that followed at once, and
 height times time, m s. Followed with lags of 4 s for airspeed and 1 and 3 s for height, these are less. Of the
-quickstart's errors, they are the largest that leave each within 4 mm of what sending everything gives."""
+quickstart's errors they leave each within 4 mm of what sending everything gives, and a PX4's, whose integrator makes
+changes of airspeed larger, in its slot."""
 SHORTEST_S: Final = 0.02
 LONGEST_S: Final = 1.0
 """Shortest and longest time between two setpoints that counts."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from airlink.host_system import is_locked
 from flight_model.arrays import Indices
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.extensions import Files, load_extensions
@@ -133,7 +133,7 @@ class RunRecording:
     def _state(self, wall_s: float) -> State:
         if (self._directory / SUMMARY).is_file():
             return "ended"
-        if _is_locked(self._directory / EVENTS):
+        if is_locked(self._directory / EVENTS):
             return "silent" if wall_s - self._grew_s > SILENT_S else "live"
         said = [event.get("text") for event in self._events if event.get("kind") == "phase"]
         over = bool(said) and said[-1] in {phase.value for phase in OVER}
@@ -221,15 +221,3 @@ def _appended(path: Path, begin: int, most: int = -1, *, whole_lines: bool = Fal
     if whole_lines:
         data = data[: data.rfind(b"\n") + 1]
     return data, begin + len(data)
-
-
-def _is_locked(path: Path) -> bool:
-    """Return whether a station records there."""
-    try:
-        with path.open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
-    return False
