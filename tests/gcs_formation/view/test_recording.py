@@ -89,7 +89,7 @@ def test_a_run_that_takes_the_place_of_an_earlier_one_is_followed_there(flown: F
 
 
 def test_a_station_that_writes_nothing_is_silent(flown: Flown, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gcs_formation.view.run._is_locked", lambda _: True)
+    monkeypatch.setattr("gcs_formation.view.run.is_locked", lambda _: True)
     recording = read_whole(flown.killed)
     assert recording.state == "live"
     recording.poll(SILENT_S + 0.1)
