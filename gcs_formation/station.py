@@ -362,9 +362,9 @@ class Station(Engine):
         for vehicle in self._each:
             column = vehicle.column
             leads = column == leader
-            told = vehicle.sampler.new(now, flew=vehicle.flew, leads=leads)
+            reported = vehicle.sampler.new(now, flew=vehicle.flew, leads=leads)
             height_m = math.nan if commanded is None or not commanded.active[column] else commanded.setpoints[column][2]
-            samples[column] = self._health.examine(column, told, height_m, now, leads=leads)
+            samples[column] = self._health.examine(column, reported, height_m, now, leads=leads)
         self.controller.take(samples)
 
     def _fly(self, now: Instant) -> None:

@@ -92,7 +92,7 @@ class LinkLoad:
             self.bytes_per_s = (last.bytes_in - first.bytes_in + sent) / over_s
 
     def settle(self) -> None:
-        """Count losses anew: another load is tried."""
+        """Reset the counts of losses: another load is tried."""
         self._looks.clear()
 
     def forget(self) -> None:

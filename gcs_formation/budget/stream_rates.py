@@ -75,7 +75,7 @@ class StreamRates:
                     yield from self._request(message_id, rate_hz, now)
 
     def forget(self) -> None:
-        """Begin anew: other rates are wanted."""
+        """Reset: other rates are wanted."""
         self._counts = {}
         self._asked.clear()
 

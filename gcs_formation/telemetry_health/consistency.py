@@ -54,7 +54,7 @@ class Axis:
     def __init__(self) -> None:
         """Start without a sample."""
         self.position_m = math.nan
-        """The newest position told, m."""
+        """The newest position reported, m."""
         self.rate_mps = math.nan
         self.witness_mps = math.nan
         self.short_m = 0.0
@@ -67,7 +67,7 @@ class Axis:
         self.moved_m = 0.0
         """How far it has moved since the sample before, m."""
         self.offset_m = 0.0
-        """What is added to the position told, m."""
+        """What is added to the position reported, m."""
         self.before_m = 0.0
         """The same, before the fault that was found last."""
         self.flown_m = math.nan
@@ -106,7 +106,7 @@ class Axis:
         self.position_m, self.rate_mps, self.witness_mps = position_m, rate_mps, witness_mps
 
     def clear(self) -> None:
-        """Begin the sums anew."""
+        """Reset the sums."""
         self.short_m = self.long_m = 0.0
         self.unlike_m = self.opposed_m = 0.0
 
@@ -139,7 +139,7 @@ class Consistency:
         return math.hypot(*[axis.offset_m for axis in self.axes])
 
     def forget(self) -> None:
-        """Start anew, as after a restart."""
+        """Reset, as after a restart."""
         self.axes = [Axis() for _ in self.axes]
         self.wrong, self.lasts = None, False
         self._stamp_ns, self._unchanged, self._agrees_s = 0, [0, 0], 0.0
@@ -220,7 +220,7 @@ class Consistency:
         return math.sqrt(short) / short_m, math.sqrt(long) / long_m
 
     def _disbelieve(self, elapsed_s: float, *, short: bool) -> None:
-        """Decide which quantity is wrong by the sum that has passed its bound, and begin the sums anew."""
+        """Decide which quantity is wrong by the sum that has passed its bound, and reset the sums."""
         first, self.lasts = self.wrong is None, self.wrong is not None
         found = self._which(elapsed_s) if first or self._doubtful else self.wrong
         self._doubtful = first

@@ -34,7 +34,7 @@ class HeadingCheck:
         """Start by believing it."""
         self._turn_max_rps = turn_max_rps
         self.offset_rad = 0.0
-        """What is added to the heading told."""
+        """What is added to the heading reported."""
         self.frozen = False
         self.evidence_rad = 0.0
         """By how much it has jumped, or hasn't turned with the course."""
@@ -89,7 +89,7 @@ class AirspeedJumps:
         """Start by believing it."""
         self._accel_max_mps2 = accel_max_mps2
         self.offset_mps = 0.0
-        """What is added to the airspeed told."""
+        """What is added to the airspeed reported."""
         self.evidence_mps = 0.0
         """By how much it jumped last."""
         self._stamp_ns, self._airspeed_mps = 0, 0.0

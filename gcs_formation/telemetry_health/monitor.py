@@ -45,6 +45,6 @@ class TelemetryHealth:
         return sample
 
     def forget(self, column: int) -> None:
-        """Start anew with a vehicle that has restarted."""
+        """Reset what is known of a vehicle that has restarted."""
         self._each[column].begin()
         self._each[column].vehicle.unfit = ""

@@ -39,7 +39,7 @@ class VehicleHealth:
         self.begin()
 
     def begin(self) -> None:
-        """Start anew, as after a restart."""
+        """Reset, as after a restart."""
         model = self._model
         self._across = Consistency(2, FASTER * model.speed_max_mps + WIND_MPS)
         self._up = Consistency(1, FASTER * model.climb_max_mps + RISES_MPS)
