@@ -181,7 +181,7 @@ class Telemetry:
             self.airspeed_stamp_s = stamp_s
 
     def _fly_without(self, stamp_s: float) -> None:
-        """Replace an airspeed or an attitude that is no longer reported: no airspeed is a reading of 0, as in VFR_HUD."""
+        """Replace an airspeed or attitude that isn't reported any more: no airspeed is a reading of 0, as in VFR_HUD."""
         if self._without_airspeed > ALONE and stamp_s - self._airspeed_told_s > ALONE_S and not self.stands:
             self.airspeed_mps, self.airspeed_stamp_s = 0.0, stamp_s
         known = self._without_airspeed <= ALONE and abs(self.hud_heading_rad) < INFINITE
@@ -205,7 +205,7 @@ class Telemetry:
     def take_airspeed(self, message: VfrHud) -> None:
         """Store an airspeed; a multirotor without a sensor gets its ground speed instead.
 
-        A fixed wing that has reported an airspeed and reports none any more has a reading of 0, which no flight explains.
+        A fixed wing that has reported an airspeed and then reports none has a reading of 0, which no flight explains.
         """
         self.hud_heading_rad = message.heading_rad
         unmeasured = self.stands and math.isnan(message.airspeed_mps)
@@ -263,7 +263,7 @@ class Telemetry:
 
     @property
     def lacking(self) -> str:
-        """Which quantity is no longer reported while the others are: position, attitude or airspeed; empty if all are."""
+        """Which quantity isn't reported while the others are: position, attitude or airspeed; empty if all are."""
         position_s = math.nan if self.motion is None else self.motion.stamp_s
         if self._without_position > ALONE and self._attitude_told_s - position_s > ALONE_S:
             return "position"
