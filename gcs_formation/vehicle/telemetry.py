@@ -181,7 +181,7 @@ class Telemetry:
             self.airspeed_stamp_s = stamp_s
 
     def _fly_without(self, stamp_s: float) -> None:
-        """Replace an airspeed or attitude that isn't reported any more: no airspeed is a reading of 0, as in VFR_HUD."""
+        """Replace an airspeed or attitude that isn't reported: no airspeed is a reading of 0, as in VFR_HUD."""
         if self._without_airspeed > ALONE and stamp_s - self._airspeed_told_s > ALONE_S and not self.stands:
             self.airspeed_mps, self.airspeed_stamp_s = 0.0, stamp_s
         known = self._without_airspeed <= ALONE and abs(self.hud_heading_rad) < INFINITE
