@@ -38,6 +38,11 @@ UNCHANGED: Final = 2
 that isn't 0 may well be the same: that is straight flight."""
 OPPOSED_SHARE: Final = 0.25
 """A velocity has the wrong sign if its opposite leaves less than this share of what it leaves itself."""
+CONFIRMED: Final = 2
+"""So many samples in a row beyond a bound are no outlier."""
+FEWEST: Final = 10
+LEAST_WEIGHT: Final = 0.05
+"""Samples from which on the noise is known well enough to judge, and the least weight of one in it."""
 AGREES_SHARE: Final = 0.5
 RETURNS_S: Final = 3.0
 """What has been wrong is right again after it has kept this share of its bounds for this time, s."""
@@ -66,6 +71,12 @@ class Axis:
         """What it gains on the integral of the opposite velocity, in the short sum, m."""
         self.moved_m = 0.0
         """How far it has moved since the sample before, m."""
+        self.noise_m2 = 0.0
+        """Variance of the position's noise by what samples gain one after the other, m²."""
+        self.gain_m = 0.0
+        """What it gained on the velocities last, m."""
+        self.excess_m = 0.0
+        """What it has gained since a sum was first beyond its bound, that sum included, m."""
         self.offset_m = 0.0
         """What is added to the position reported, m."""
         self.before_m = 0.0
@@ -73,10 +84,12 @@ class Axis:
         self.flown_m = math.nan
         self.flown_mps = math.nan
 
-    def take(self, elapsed_s: float, position_m: float, rate_mps: float, witness_mps: float, arc: float) -> float:
+    def take(
+        self, elapsed_s: float, position_m: float, rate_mps: float, witness_mps: float, arc: float, share: float
+    ) -> float:
         """Take the next sample after some time; return what its position gains on the velocities, m.
 
-        `arc`: ratio of an arc's chord by the mean of the velocities at its ends.
+        `arc`: ratio of an arc's chord by the mean of the velocities at its ends; `share`: the sample's in the noise.
         """
         moved_m, half_s = position_m - self.position_m, elapsed_s / 2.0 * arc
         gained_m = moved_m - (rate_mps + self.rate_mps) * half_s
@@ -87,13 +100,21 @@ class Axis:
         self.unlike_m = before_m + moved_m - (witness_mps + self.witness_mps) * half_s
         self.opposed_m = kept * self.opposed_m + moved_m + (rate_mps + self.rate_mps) * half_s
         self.moved_m = moved_m
+        # What noise adds to one sample it takes from the next.
+        self.noise_m2 += share * (0.0 - gained_m * self.gain_m - self.noise_m2)
+        self.gain_m = gained_m
         return gained_m
 
-    def fly(self, elapsed_s: float, position_m: float, rate_mps: float, witness_mps: float, *, derived: bool) -> None:
-        """Set what is flown by the newest sample, and keep it; `derived`: the velocity is that of the position."""
+    def fly(
+        self, elapsed_s: float, position_m: float, rate_mps: float, witness_mps: float, *, derived: bool, waits: bool
+    ) -> None:
+        """Set what is flown by the newest sample, and keep it.
+
+        `derived`: the velocity is that of the position; `waits`: the position is carried on, this time.
+        """
         known_m, before_m, change_mps = position_m + self.offset_m, self.flown_m, witness_mps - self.witness_mps
         if not derived:
-            self.flown_m, self.flown_mps = known_m, rate_mps
+            self.flown_m, self.flown_mps = known_m - self.excess_m if waits else known_m, rate_mps
         elif math.isnan(before_m):
             by_position_mps = (position_m - self.position_m) / elapsed_s
             self.flown_m, self.flown_mps = known_m, by_position_mps if math.isnan(witness_mps) else witness_mps
@@ -126,6 +147,9 @@ class Consistency:
         """Whether it has been wrong again since: it isn't a single jump."""
         self.evidence_m = 0.0
         """What the position had gained on the velocity when this was found, m."""
+        self._samples, self._beyond, self._faster = 0, 0, False
+        """How many were compared; how many in a row were beyond a bound, and whether one moved too fast to be true."""
+        self._waits = False
         self._doubtful = False
         """Whether which of the two is wrong was decided by the first samples alone, and is decided once more."""
         self._stamp_ns, self._usual_s = 0, GAP_S
@@ -143,6 +167,7 @@ class Consistency:
         self.axes = [Axis() for _ in self.axes]
         self.wrong, self.lasts = None, False
         self._stamp_ns, self._unchanged, self._agrees_s = 0, [0, 0], 0.0
+        self._samples, self._beyond, self._faster = 0, 0, False
 
     def take(
         self,
@@ -162,7 +187,9 @@ class Consistency:
             variances: of the position's and the velocity's noise, m² and m²/s².
         """
         elapsed_s = (stamp_ns - self._stamp_ns) * 1e-9
-        if elapsed_s <= 0.0:
+        if elapsed_s < -GAP_S:  # its clock has wrapped round
+            self._stamp_ns = 0
+        elif elapsed_s <= 0.0:
             return self._flies_otherwise()
         begun, usual_s = self._stamp_ns > 0, self._usual_s
         self._usual_s += MEMORY * (min(elapsed_s, GAPS * usual_s) - usual_s) if begun else 0.0
@@ -172,12 +199,21 @@ class Consistency:
             for axis in self.axes:
                 axis.clear()
         self._stamp_ns = stamp_ns
+        # A single jump isn't believed before the next sample says whether it was an outlier.
+        self._waits = self._faster and self.wrong is None
         for place, axis in enumerate(self.axes):
-            axis.fly(elapsed_s, position_m[place], rate_mps[place], witness_mps[place], derived=self.wrong == VELOCITY)
+            axis.fly(
+                elapsed_s,
+                position_m[place],
+                rate_mps[place],
+                witness_mps[place],
+                derived=self.wrong == VELOCITY,
+                waits=self._waits,
+            )
         return self._flies_otherwise()
 
     def _flies_otherwise(self) -> bool:
-        if self.wrong is not None:
+        if self.wrong is not None or self._waits:
             return True
         for axis in self.axes:  # noqa: SIM110 - compiled, `any` costs ten times as much
             if axis.offset_m != 0.0:
@@ -193,10 +229,12 @@ class Consistency:
         variances: tuple[float, float],
     ) -> None:
         arc, same_position, same_rate = self._arc(rate_mps), True, True
+        self._samples += 1
+        weight = max(1.0 / self._samples, LEAST_WEIGHT)
         for place, axis in enumerate(self.axes):
             same_position = same_position and position_m[place] == axis.position_m
             same_rate = same_rate and rate_mps[place] == axis.rate_mps
-            gained_m = axis.take(elapsed_s, position_m[place], rate_mps[place], witness_mps[place], arc)
+            gained_m = axis.take(elapsed_s, position_m[place], rate_mps[place], witness_mps[place], arc, weight)
             if self.wrong == POSITION:
                 axis.offset_m -= gained_m
         self._unchanged[POSITION] = self._unchanged[POSITION] + 1 if same_position else 0
@@ -204,39 +242,51 @@ class Consistency:
         short, long = self._shares(elapsed_s, variances)
         share = max(short, long)
         self._agrees_s = self._agrees_s + elapsed_s if share < AGREES_SHARE else 0.0
-        if share >= 1.0:
-            self._disbelieve(elapsed_s, short=short >= long)
+        self._count(share, elapsed_s, short=short >= long)
+        if self._beyond >= CONFIRMED and self._samples >= FEWEST:
+            self._disbelieve()
         elif self.wrong is not None and self._agrees_s >= RETURNS_S:
             self._believe(variances[0])
 
     def _shares(self, elapsed_s: float, variances: tuple[float, float]) -> tuple[float, float]:
         """Return which shares the two sums have of their bounds."""
-        short, long, doubled = 0.0, 0.0, variances[1] * elapsed_s / 2.0
+        short, long, doubled, noise_m2 = 0.0, 0.0, variances[1] * elapsed_s / 2.0, variances[0]
         for axis in self.axes:
+            noise_m2 = max(noise_m2, axis.noise_m2)
             short += axis.short_m * axis.short_m
             long += axis.long_m * axis.long_m
-        short_m = SHORT_M + SIGMAS * math.sqrt(variances[0] + doubled * SHORT_S)
-        long_m = LONG_M + SIGMAS * math.sqrt(variances[0] + doubled * LONG_S)
+        short_m = SHORT_M + SIGMAS * math.sqrt(noise_m2 + doubled * SHORT_S)
+        long_m = LONG_M + SIGMAS * math.sqrt(noise_m2 + doubled * LONG_S)
         return math.sqrt(short) / short_m, math.sqrt(long) / long_m
 
-    def _disbelieve(self, elapsed_s: float, *, short: bool) -> None:
-        """Decide which quantity is wrong by the sum that has passed its bound, and reset the sums."""
+    def _count(self, share: float, elapsed_s: float, *, short: bool) -> None:
+        """Count samples beyond a bound: a single one may be an outlier, which the filter weighs."""
+        self._beyond = self._beyond + 1 if share >= 1.0 else 0
+        for axis in self.axes:
+            begun_m = axis.short_m if short else axis.long_m
+            axis.excess_m = begun_m if self._beyond == 1 else axis.excess_m + axis.gain_m
+        faster = math.hypot(*[axis.moved_m for axis in self.axes]) > self._fastest_mps * elapsed_s
+        self._faster = self._beyond > 0 and (self._faster or faster)
+
+    def _disbelieve(self) -> None:
+        """Decide which quantity is wrong, and reset the sums."""
         first, self.lasts = self.wrong is None, self.wrong is not None
-        found = self._which(elapsed_s) if first or self._doubtful else self.wrong
+        found = self._which() if first or self._doubtful else self.wrong
         self._doubtful = first
         if first:
-            self.evidence_m = math.hypot(*[axis.short_m if short else axis.long_m for axis in self.axes])
+            self.evidence_m = math.hypot(*[axis.excess_m for axis in self.axes])
         for axis in self.axes:
             if first:
                 axis.flown_m, axis.before_m = math.nan, axis.offset_m
-                axis.offset_m -= (axis.short_m if short else axis.long_m) if found == POSITION else 0.0
+                axis.offset_m -= axis.excess_m if found == POSITION else 0.0
             elif found != self.wrong:
                 axis.flown_m, axis.offset_m = math.nan, axis.before_m
             axis.clear()
+        self._beyond, self._faster = 0, False
         self.wrong = found
 
-    def _which(self, elapsed_s: float) -> int:
-        if math.hypot(*[axis.moved_m for axis in self.axes]) > self._fastest_mps * elapsed_s:
+    def _which(self) -> int:
+        if self._faster:
             return POSITION
         if self.doubts_velocity:
             return VELOCITY

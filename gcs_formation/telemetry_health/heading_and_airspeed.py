@@ -94,8 +94,14 @@ class AirspeedJumps:
         """By how much it jumped last."""
         self._stamp_ns, self._airspeed_mps = 0, 0.0
 
-    def take(self, stamp_ns: int, airspeed_mps: float, sigma_mps: float) -> float:
-        """Take an airspeed; return the one to be flown by. `sigma_mps`: standard deviation of its noise."""
+    def take(self, stamp_ns: int, airspeed_mps: float, sigma_mps: float, *, read: bool = True) -> float:
+        """Take an airspeed; return the one to be flown by.
+
+        `sigma_mps`: standard deviation of its noise; `read`: by the sensor, which else is taken for a failed one.
+        """
+        if not read:
+            self.offset_mps, self._stamp_ns = 0.0, 0
+            return airspeed_mps
         elapsed_s, changed_mps = (stamp_ns - self._stamp_ns) * 1e-9, airspeed_mps - self._airspeed_mps
         if self._stamp_ns and 0.0 < elapsed_s <= GAP_S:
             most_mps = FASTER * self._accel_max_mps2 * elapsed_s + GUST_MPS + SIGMAS * sigma_mps

@@ -54,7 +54,7 @@ class Timing:
             velocity_mps: likewise.
             longest_s: the age to be expected at most, s.
         """
-        elapsed_s = (stamp_ns - self._stamp_ns) * 1e-9
+        elapsed_s = told_s - self._told_s  # by its own clock: the station's idea of it may change
         arrival_s = (now_ns - self._arrived_ns) * 1e-9
         moved_m = place_m[0] - self._north_m, place_m[1] - self._east_m
         if self._stamp_ns:

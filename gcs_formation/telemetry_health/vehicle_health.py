@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from airlink.clock import LONG_AGO, Instant, seconds_between
+from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, within
 from gcs_formation.estimation.estimator import Sample, VehicleFilter
 from gcs_formation.telemetry_health.consistency import POSITION, VELOCITY, Consistency
@@ -59,19 +59,22 @@ class VehicleHealth:
         motion = vehicle.telemetry.motion
         told_s = UNKNOWN if motion is None else motion.stamp_s
         stamp = self._timing.take(told_s, int(sample.stamp), int(now), place_m, velocity_mps, longest_s)
-        if self._timing.standing:
+        if self._timing.standing or math.isnan(told_s):
             return sample
+        own = 1 + round((told_s + self._timing.shift_s) * NANOSECONDS)
         airspeed_mps, heading_rad = sample.airspeed_mps, sample.heading_rad
         witness = [UNKNOWN, UNKNOWN]
         if not vehicle.telemetry.stands:
-            airspeed_mps = self._airspeed.take(stamp, airspeed_mps, math.sqrt(noise[4]))
-            heading_rad = self._heading.take(stamp, heading_rad, *velocity_mps, math.sqrt(noise[5]))
+            check = vehicle.sampler.airspeed_check
+            read = check is None or check.believes
+            airspeed_mps = self._airspeed.take(own, airspeed_mps, math.sqrt(noise[4]), read=read)
+            heading_rad = self._heading.take(own, heading_rad, *velocity_mps, math.sqrt(noise[5]))
             witness = self._by_air(airspeed_mps, heading_rad, known.state)
         across_variances, up_variances = (noise[0], noise[2]), (noise[1], noise[3])
-        across = self._across.take(stamp, list(place_m), list(velocity_mps), witness, across_variances)
+        across = self._across.take(own, list(place_m), list(velocity_mps), witness, across_variances)
         self._up.doubts_velocity = self._across.wrong == VELOCITY
         climb_mps = self._climb_mps(commanded_m - height_m - self._up.axes[0].offset_m)
-        up = self._up.take(stamp, [height_m], [sample.climb_mps], [climb_mps], up_variances)
+        up = self._up.take(own, [height_m], [sample.climb_mps], [climb_mps], up_variances)
         as_told = airspeed_mps == sample.airspeed_mps and heading_rad == sample.heading_rad and stamp == sample.stamp
         if as_told and not across and not up and vehicle.telemetry.displaced_m == (0.0, 0.0, 0.0):
             return sample

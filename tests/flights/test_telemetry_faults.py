@@ -84,7 +84,7 @@ def test_what_the_other_quantities_carry_is_flown_without(fly, quantity, effect,
 
 def test_a_vehicle_comes_back_once_it_is_consistent_again(fly):
     fault = {"at_s": AT_S, "for_s": 5.0, "vehicles": [3], "kind": "telemetry"}
-    fault |= {"quantity": "position", "effect": "noise", "amount": 8.0}
+    fault |= {"quantity": "position", "effect": "drift", "amount": [0, 6, 0]}
     _, events = fly([3], "position", "duplicate", faults=[fault])
     assert [each["text"] for each in events if each["kind"] == "member"][-1] == "flying in formation"
     assert health(events)[-1] == ("3", "position", True)

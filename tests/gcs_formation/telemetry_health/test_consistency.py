@@ -71,7 +71,7 @@ def test_a_frozen_position_is_found_at_once_and_carried_on_by_the_velocity():
 def test_a_jump_is_taken_out_and_a_jump_back_forgets_it():
     flown = Turning()
     flown.fly(5.0)
-    assert flown.fly(5.0, place_of=lambda place, _s: [place[0], place[1] + 20.0]) <= 0.1 + 1e-9
+    assert flown.fly(5.0, place_of=lambda place, _s: [place[0], place[1] + 20.0]) <= 0.2 + 1e-9
     assert flown.checked.wrong is None  # it moves by its velocity again
     assert flown.checked.displaced_m == pytest.approx(20.0, abs=0.1)
     assert flown.off_m()[0] < 0.1
@@ -80,7 +80,22 @@ def test_a_jump_is_taken_out_and_a_jump_back_forgets_it():
     assert flown.off_m()[0] < 0.01
 
 
-@pytest.mark.parametrize(("rate_mps", "most_s"), [(10.0, 0.3), (3.0, 1.0), (1.0, 6.0)])
+def test_an_outlier_is_no_fault_and_is_not_flown():
+    flown = Turning()
+    flown.fly(5.0)
+    assert flown.fly(0.1, place_of=lambda place, _s: [place[0] + 40.0, place[1]]) is None
+    assert flown.off_m()[0] < 0.1
+    assert flown.fly(20.0) is None
+    assert flown.off_m()[0] < 0.01
+
+
+def test_noise_that_nobody_declared_is_known_within_seconds():
+    flown = Turning(sigma_m=3.0, sigma_mps=0.2)
+    flown.variances = 0.01, 0.01
+    assert flown.fly(600.0) is None
+
+
+@pytest.mark.parametrize(("rate_mps", "most_s"), [(10.0, 0.5), (3.0, 1.2), (1.0, 6.0)])
 def test_a_drift_is_found_the_sooner_the_faster_it_is(rate_mps, most_s):
     flown = Turning()
     flown.fly(5.0)
