@@ -229,7 +229,7 @@ class Station(Engine):
         if self.flight.phase in COMMANDED:
             self.design.watch(now)
         self._watch_parts(now)
-        self._send_all(self.budget.watch(now), now)
+        self._send_all(self.budget.watch(now, self.margins.used), now)
         self._telemetry.watch_noise(now, [each.noise for each in self.controller.estimator.filters])
         self._telemetry.watch_airspeeds(now)
         for each in self.losses.values():

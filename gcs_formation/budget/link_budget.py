@@ -7,7 +7,7 @@ more than it did, after a time in any case, which is doubled whenever that fails
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from airlink.clock import LONG_AGO, Instant, seconds_between
@@ -21,8 +21,12 @@ from gcs_formation.budget.traffic import STEADY_PROBE_S, UNSTATED, Stated, bytes
 from gcs_formation.fleet.routing_and_dispatch import PROBE_S, HeartbeatScheduler
 from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.recorder import Note
+from gcs_formation.vehicle.setpoint_delivery import EVERYTHING
 from gcs_formation.vehicle.vehicle import Vehicle
 
+NEAR: Final = 0.5
+"""Share of a delay margin from which on nothing is held back: at 0.9 of that of a consensus, 1 m of error decayed
+at a quarter of its rate else (`tests/gcs_formation/test_consensus_flight.py`)."""
 SETTLES_S: Final = 6.0
 """Time that a lower level gets to empty the queues."""
 CALM_S: Final = 20.0
@@ -132,11 +136,16 @@ class LinkBudget:
         self.leaves_unread = False
         """Whether messages that the station doesn't read are left at their rates, as for a second ground station."""
 
-    def watch(self, now: Instant) -> list[tuple[Vehicle, Message]]:
-        """Return the requests to send now."""
+    def watch(self, now: Instant, margins_used: Sequence[float] = ()) -> list[tuple[Vehicle, Message]]:
+        """Return the requests to send now; `margins_used`: shares of their delay margins that loops use.
+
+        What is held back is a delay, too: where a loop has little of its margin left every change is sent.
+        """
+        near = any(used > NEAR for used in margins_used)
         found, changes = list[tuple[Vehicle, Message]](), dict[int, list[VehicleBudget]]()
         for each in self._each:
             vehicle = each.vehicle
+            vehicle.setpoints.tolerance = EVERYTHING if near and not each.level else 1.0
             if not vehicle.connection.talks or vehicle.is_left:
                 continue
             report = self._reports.of(vehicle.connection, now)

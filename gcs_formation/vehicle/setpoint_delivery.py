@@ -16,8 +16,8 @@ from gcs_formation.vehicle.velocity_setpoint import says_the_same
 
 LOSSY_S: Final = 10.0
 """Time after a loss for which a link counts as lossy."""
-LOSSY_TOLERANCE: Final = 0.05
-"""Share of the tolerances of news over a link that loses, for the next news may be lost."""
+EVERYTHING: Final = 0.0
+"""Multiple of the tolerances of news with which every change is sent, as over a link that loses the next one, too."""
 GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 QUANTITIES: Final = 3
 MOST_LEAD_RAD: Final = 0.03
@@ -37,6 +37,8 @@ class SetpointDelivery:
         self.channels = [channels[command] for command in autopilot.setpoint_commands]
         """The channels of airspeed, heading and height, which may be one; empty if setpoints aren't acknowledged."""
         self.held = HeldSetpoint()
+        self.tolerance = 1.0
+        """Multiple of the tolerances of news."""
         self.interval_s, self.spares = 0.0, False
         """Shortest time between two setpoints of a quantity, and whether bytes are spared, as of a full link."""
         self._at, self._heading_rad = LONG_AGO, math.nan
@@ -70,7 +72,7 @@ class SetpointDelivery:
                 self.held.send(wanted, wanted, (True, True, True))
             return messages
         said = self._autopilot.quantities(setpoint, where)
-        news = self.held.judge(said, at, LOSSY_TOLERANCE if loses and not self.spares else 1.0)
+        news = self.held.judge(said, at, EVERYTHING if loses and not self.spares else self.tolerance)
         which = self._which(news, at, loses=loses)
         if not (which[0] or which[1] or which[2]):
             self._autopilot.keep_setpoint()
