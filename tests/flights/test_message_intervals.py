@@ -153,20 +153,32 @@ def test_a_refusal_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not world.times_s("member", text="loiter")
 
 
-@pytest.mark.parametrize(
-    "message_id", [MOTION[0], *(pytest.param(each, marks=pytest.mark.slow) for each in MOTION[1:])]
-)
-def test_without_any_one_of_position_attitude_and_airspeed_a_vehicle_is_told_to_loiter(
-    message_id: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """An attitude or airspeed is used for 2 s; nothing older than 5 s is predicted from."""
+def without(message_id: int, monkeypatch: pytest.MonkeyPatch) -> tuple[World, float]:
+    """Return a flight in which vehicle 2 stops to send a message and refuses to send it again, and when it stopped."""
     world = World(duration_s=11)
     world.fly_to(2.0)
     stopped_s = tell(world, 2, [interval(2, message_id, NONE)])
     world.run(0.5)
     monkeypatch.setitem(HANDLERS, m.MAV_CMD_SET_MESSAGE_INTERVAL, lambda *_: m.MAV_RESULT_DENIED)
     world.run(8.0)
+    return world, stopped_s
+
+
+def test_without_a_position_a_vehicle_is_told_to_loiter(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing older than 5 s is predicted from."""
+    world, stopped_s = without(m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, monkeypatch)
     (told_s,) = world.times_s("member", 2, "told to loiter")
-    kept_s = 0.0 if message_id == m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT else 2.0
-    assert told_s - stopped_s == pytest.approx(5.0 + kept_s, abs=0.3)
+    assert told_s - stopped_s == pytest.approx(5.0, abs=0.3)
     assert not world.times_s("member", 3, "loiter")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("message_id", MOTION[1:])
+def test_without_attitude_or_airspeed_a_vehicle_flies_on_by_the_others(
+    message_id: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The heading of VFR_HUD, or the airspeed by velocity and wind."""
+    world, stopped_s = without(message_id, monkeypatch)
+    assert world.times_s("health", 2)[0] - stopped_s < 3.0
+    assert not world.times_s("member", 2, "told to loiter")
+    assert world.worst_m(5.0) < 0.5
