@@ -38,7 +38,7 @@ UNCHANGED: Final = 2
 that isn't 0 may well be the same: that is straight flight."""
 OPPOSED_SHARE: Final = 0.25
 """A velocity has the wrong sign if its opposite leaves less than this share of what it leaves itself."""
-CONFIRMED: Final = 2
+CONFIRMED: Final = 3
 """So many samples in a row beyond a bound are no outlier."""
 FEWEST: Final = 10
 LEAST_WEIGHT: Final = 0.05
@@ -147,8 +147,11 @@ class Consistency:
         """Whether it has been wrong again since: it isn't a single jump."""
         self.evidence_m = 0.0
         """What the position had gained on the velocity when this was found, m."""
-        self._samples, self._beyond, self._faster = 0, 0, False
-        """How many were compared; how many in a row were beyond a bound, and whether one moved too fast to be true."""
+        self._samples, self._since, self._beyond, self._faster = 0, 0, 0, False
+        """How many were compared, in all and since the sums began; how many in a row were beyond a bound, and whether
+        one moved too fast to be true."""
+        self._begun = False
+        """Whether the sums have begun: not at an outlier, which would stay in them."""
         self._waits = False
         self._doubtful = False
         """Whether which of the two is wrong was decided by the first samples alone, and is decided once more."""
@@ -167,7 +170,7 @@ class Consistency:
         self.axes = [Axis() for _ in self.axes]
         self.wrong, self.lasts = None, False
         self._stamp_ns, self._unchanged, self._agrees_s = 0, [0, 0], 0.0
-        self._samples, self._beyond, self._faster = 0, 0, False
+        self._samples, self._since, self._beyond, self._faster, self._begun = 0, 0, 0, False, False
 
     def take(
         self,
@@ -196,8 +199,7 @@ class Consistency:
         if begun and elapsed_s <= max(GAP_S, GAPS * usual_s):
             self._compare(elapsed_s, position_m, rate_mps, witness_mps, variances)
         else:
-            for axis in self.axes:
-                axis.clear()
+            self._since = 0
         self._stamp_ns = stamp_ns
         # A single jump isn't believed before the next sample says whether it was an outlier.
         self._waits = self._faster and self.wrong is None
@@ -230,6 +232,9 @@ class Consistency:
     ) -> None:
         arc, same_position, same_rate = self._arc(rate_mps), True, True
         self._samples += 1
+        self._since += 1
+        if self._since == 1:
+            self._begun = False
         weight = max(1.0 / self._samples, LEAST_WEIGHT)
         for place, axis in enumerate(self.axes):
             same_position = same_position and position_m[place] == axis.position_m
@@ -242,8 +247,11 @@ class Consistency:
         short, long = self._shares(elapsed_s, variances)
         share = max(short, long)
         self._agrees_s = self._agrees_s + elapsed_s if share < AGREES_SHARE else 0.0
+        self._begin()
+        if not self._begun:
+            return
         self._count(share, elapsed_s, short=short >= long)
-        if self._beyond >= CONFIRMED and self._samples >= FEWEST:
+        if self._beyond >= CONFIRMED or (self._beyond and self._stands()):
             self._disbelieve()
         elif self.wrong is not None and self._agrees_s >= RETURNS_S:
             self._believe(variances[0])
@@ -258,6 +266,27 @@ class Consistency:
         short_m = SHORT_M + SIGMAS * math.sqrt(noise_m2 + doubled * SHORT_S)
         long_m = LONG_M + SIGMAS * math.sqrt(noise_m2 + doubled * LONG_S)
         return math.sqrt(short) / short_m, math.sqrt(long) / long_m
+
+    def _begin(self) -> None:
+        """Begin the sums at a sample that follows the one before as its velocity says, or sometime."""
+        if self._begun:
+            return
+        gain_m = math.hypot(*[axis.gain_m for axis in self.axes])
+        noise_m = math.sqrt(max([axis.noise_m2 for axis in self.axes] + [0.0]))
+        enough = self._since >= (FEWEST if self._samples < 2 * FEWEST else 2)
+        self._begun = enough and (gain_m < SHORT_M + SIGMAS * noise_m or self._since >= 2 * FEWEST)
+        for axis in self.axes:
+            axis.clear()
+
+    def _stands(self) -> bool:
+        """Return whether a position hasn't changed by a bit, or a velocity is 0, for some samples: no outlier does so.
+
+        In level flight a height, and its rate of 0, are the same for long.
+        """
+        if len(self.axes) < 2:
+            return False
+        empty = self._unchanged[VELOCITY] >= UNCHANGED and not any(axis.rate_mps for axis in self.axes)
+        return empty or self._unchanged[POSITION] >= UNCHANGED
 
     def _count(self, share: float, elapsed_s: float, *, short: bool) -> None:
         """Count samples beyond a bound: a single one may be an outlier, which the filter weighs."""

@@ -19,12 +19,40 @@ SIGMAS: Final = 7.0
 GUST_MPS: Final = 4.5
 """An airspeed that has changed by more than this beyond the limit of accelerations has jumped: gusts build up over
 more than a sample."""
+FEWEST: Final = 20
+LEAST_WEIGHT: Final = 0.05
+"""Steps from which on the noise is known well enough to judge, and the least weight of one in it."""
 QUIET_S: Final = 1.0
 """What jumps again and again is carried on until it hasn't for this time."""
 FROZEN: Final = 5
 """So many headings in a row that are the same to the bit are frozen, if the course turned by `JUMP_RAD` meanwhile, the
 sharpest turn left out: that may be a gust."""
 GAP_S: Final = 3.0
+
+
+class Scatter:
+    """The noise of a quantity by its steps: what noise adds to one it takes from the next."""
+
+    def __init__(self) -> None:
+        """Start with nothing known."""
+        self._variance = 0.0
+        self._step = 0.0
+        self._steps = 0
+
+    @property
+    def known(self) -> bool:
+        """Whether enough steps have been seen."""
+        return self._steps >= FEWEST
+
+    def sigma(self, declared: float) -> float:
+        """Return the standard deviation, at least the declared one."""
+        return max(declared, math.sqrt(max(self._variance, 0.0)))
+
+    def take(self, step: float) -> None:
+        """Take the next step."""
+        self._steps += 1
+        self._variance += max(1.0 / self._steps, LEAST_WEIGHT) * (0.0 - step * self._step - self._variance)
+        self._step = step
 
 
 class HeadingCheck:
@@ -39,6 +67,7 @@ class HeadingCheck:
         self.evidence_rad = 0.0
         """By how much it has jumped, or hasn't turned with the course."""
         self._stamp_ns, self._heading_rad, self._course_rad = 0, 0.0, 0.0
+        self._scatter = Scatter()
         self._same, self._turned_rad, self._widest_rad, self._quiet_s = 0, 0.0, 0.0, QUIET_S
 
     def take(self, stamp_ns: int, heading_rad: float, north_mps: float, east_mps: float, sigma_rad: float) -> float:
@@ -49,7 +78,9 @@ class HeadingCheck:
         elapsed_s, course_rad = (stamp_ns - self._stamp_ns) * 1e-9, math.atan2(east_mps, north_mps)
         if self._stamp_ns and 0.0 < elapsed_s <= GAP_S:
             turned_rad, bent_rad = wrap(heading_rad - self._heading_rad), wrap(course_rad - self._course_rad)
-            self._judge(elapsed_s, turned_rad, bent_rad, sigma_rad)
+            if self._scatter.known:
+                self._judge(elapsed_s, turned_rad, bent_rad, self._scatter.sigma(sigma_rad))
+            self._scatter.take(turned_rad - bent_rad)
         if elapsed_s > 0.0:
             self._stamp_ns, self._heading_rad, self._course_rad = stamp_ns, heading_rad, course_rad
         return wrap(heading_rad + self.offset_rad) if self.offset_rad != 0.0 else heading_rad
@@ -92,7 +123,7 @@ class AirspeedJumps:
         """What is added to the airspeed reported."""
         self.evidence_mps = 0.0
         """By how much it jumped last."""
-        self._stamp_ns, self._airspeed_mps = 0, 0.0
+        self._stamp_ns, self._airspeed_mps, self._scatter = 0, 0.0, Scatter()
 
     def take(self, stamp_ns: int, airspeed_mps: float, sigma_mps: float, *, read: bool = True) -> float:
         """Take an airspeed; return the one to be flown by.
@@ -104,8 +135,11 @@ class AirspeedJumps:
             return airspeed_mps
         elapsed_s, changed_mps = (stamp_ns - self._stamp_ns) * 1e-9, airspeed_mps - self._airspeed_mps
         if self._stamp_ns and 0.0 < elapsed_s <= GAP_S:
-            most_mps = FASTER * self._accel_max_mps2 * elapsed_s + GUST_MPS + SIGMAS * sigma_mps
-            if abs(changed_mps) > most_mps:
+            bound_mps = FASTER * self._accel_max_mps2 * elapsed_s + GUST_MPS
+            most_mps = bound_mps + SIGMAS * self._scatter.sigma(sigma_mps)
+            jumps = self._scatter.known and abs(changed_mps) > most_mps
+            self._scatter.take(changed_mps)
+            if jumps:
                 self.offset_mps -= changed_mps
                 self.evidence_mps = abs(changed_mps)
                 if abs(self.offset_mps) < most_mps:

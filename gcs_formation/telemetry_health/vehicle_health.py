@@ -123,7 +123,7 @@ class VehicleHealth:
         for found, (quantity, _) in ((self._across, HORIZONTAL), (self._up, VERTICAL)):
             if found.wrong == POSITION and found.lasts:
                 return f"its {quantity} doesn't move by its velocity"
-            if found.displaced_m > DISPLACED_MOST_M:
+            if found.wrong is None and found.displaced_m > DISPLACED_MOST_M:
                 return f"its {quantity} has jumped by {found.displaced_m:.0f} m"
         if self._timing.standing:
             return "the stamps of its positions stand still"

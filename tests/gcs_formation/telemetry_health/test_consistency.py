@@ -62,7 +62,7 @@ def test_a_frozen_position_is_found_at_once_and_carried_on_by_the_velocity():
     flown = Turning()
     flown.fly(5.0)
     frozen, _ = flown.truth()
-    assert flown.fly(20.0, place_of=lambda _place, _s: frozen) <= 0.2 + 1e-9
+    assert flown.fly(20.0, place_of=lambda _place, _s: frozen) <= 0.4 + 1e-9
     assert flown.checked.wrong == POSITION
     assert flown.checked.lasts
     assert flown.off_m()[0] < 0.5
@@ -71,7 +71,7 @@ def test_a_frozen_position_is_found_at_once_and_carried_on_by_the_velocity():
 def test_a_jump_is_taken_out_and_a_jump_back_forgets_it():
     flown = Turning()
     flown.fly(5.0)
-    assert flown.fly(5.0, place_of=lambda place, _s: [place[0], place[1] + 20.0]) <= 0.2 + 1e-9
+    assert flown.fly(5.0, place_of=lambda place, _s: [place[0], place[1] + 20.0]) <= 0.3 + 1e-9
     assert flown.checked.wrong is None  # it moves by its velocity again
     assert flown.checked.displaced_m == pytest.approx(20.0, abs=0.1)
     assert flown.off_m()[0] < 0.1
@@ -89,13 +89,22 @@ def test_an_outlier_is_no_fault_and_is_not_flown():
     assert flown.off_m()[0] < 0.01
 
 
+def test_outliers_among_samples_are_no_fault():
+    flown, random = Turning(), np.random.default_rng(2)
+
+    def outlying(place, _s):
+        return list(np.add(place, 20.0 * (random.random() < 0.05) * random.choice([-1.0, 1.0], 2)))
+
+    assert flown.fly(300.0, place_of=outlying) is None
+
+
 def test_noise_that_nobody_declared_is_known_within_seconds():
     flown = Turning(sigma_m=3.0, sigma_mps=0.2)
     flown.variances = 0.01, 0.01
     assert flown.fly(600.0) is None
 
 
-@pytest.mark.parametrize(("rate_mps", "most_s"), [(10.0, 0.5), (3.0, 1.2), (1.0, 6.0)])
+@pytest.mark.parametrize(("rate_mps", "most_s"), [(10.0, 0.6), (3.0, 1.3), (1.0, 6.0)])
 def test_a_drift_is_found_the_sooner_the_faster_it_is(rate_mps, most_s):
     flown = Turning()
     flown.fly(5.0)
@@ -109,7 +118,7 @@ def test_a_drift_is_found_the_sooner_the_faster_it_is(rate_mps, most_s):
 def test_a_velocity_that_is_empty_or_opposite_is_replaced_by_the_positions_own(witness, factor):
     flown = Turning(witness=witness)
     flown.fly(5.0)
-    assert flown.fly(10.0, velocity_of=lambda told: [factor * each for each in told]) <= 0.3
+    assert flown.fly(10.0, velocity_of=lambda told: [factor * each for each in told]) <= 0.4 + 1e-9
     assert flown.checked.wrong == VELOCITY
     off_m, off_mps = flown.off_m()
     assert off_m < 0.5
@@ -178,9 +187,9 @@ class TestHeading:
 
 def test_an_airspeed_that_jumps_is_taken_to_be_as_before_until_it_jumps_back():
     checked = AirspeedJumps(1.5)
-    told = [22.0] * 5 + [13.2] * 5 + [22.5] * 5
+    told = [22.0] * 30 + [13.2] * 5 + [22.5] * 5
     flown = [checked.take(1 + round(i * 1e8), each, 0.0) for i, each in enumerate(told)]
-    assert flown == pytest.approx([22.0] * 10 + [22.5] * 5)
+    assert flown == pytest.approx([22.0] * 35 + [22.5] * 5)
 
 
 class TestStamps:
