@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-SHIFT_S: Final = 0.1
+SHIFT_S: Final = 0.2
 """Smallest shift of stamps that is found: positions reach a tick of the control loop up to its period late."""
 SUPPORT_S: Final = 0.12
 SUPPORT_SHARE: Final = 0.3
