@@ -1,7 +1,6 @@
-"""Computes the setpoints of all vehicles from their newest states, in a fixed order.
+"""Computes the setpoints of all vehicles from their newest states, in steps that stages of the control cycle call.
 
-measured state -> state when the setpoint acts -> leader's guidance -> slots -> law -> envelope -> fence -> separation
-rule -> ground.
+measured state -> state when the setpoint acts -> leader's guidance -> slots -> law -> envelope.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ from gcs_formation.control.setpoint import AS_DECIDED, Envelope, amid
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.control.straight_on import StraightOn
 from gcs_formation.errors import NotFiniteError
-from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter, heading_shown
+from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.extend.in_flight import OnTicks, on_ticks
@@ -51,9 +50,6 @@ from gcs_formation.guidance.slots import FormationPlan
 from gcs_formation.guidance.turn_on_spot import NOSE_LAG_S
 from gcs_formation.phases import Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
-from gcs_formation.separation.airspace import FenceLimits, HeightFloor
-from gcs_formation.separation.height_bound import HeightBound
-from gcs_formation.separation.resolver import ConflictResolver
 
 VIRTUAL: Final = 0
 """The column of a virtual leader."""
@@ -73,7 +69,7 @@ class FormationController:
     _turning: int | None = None
     _course_lag_s: float = math.nan
     """The column of a leader that turns on the spot, and the time constant of its course."""
-    _leader_m: float = math.nan
+    leader_m: float = math.nan
     """The height setpoint by which the leader would keep to its path in still air, whatever it says of its own."""
 
     _decided_rad: float = math.nan
@@ -98,21 +94,17 @@ class FormationController:
         self._clearance = from_scenario.slot_clearance(scenario)
         self.history = SetpointHistory(scenario.law.rate_hz)
         """The setpoints sent, and when each acts."""
-        self.lags = from_scenario.lag_estimator(scenario, self.history, self.models)
         self._projection = from_scenario.projection(scenario, self.history, self.models)
-        self.fence, self.floor = FenceLimits(scenario, self.models), HeightFloor(scenario, self.models)
-        self.separation, self._heights = (
-            ConflictResolver(scenario, self.history, self.models),
-            HeightBound(self.models, self._dt_s),
-        )
         self._turn_rps, self._straight_on = 0.0, StraightOn(self.models, hovers=scenario.hovers)
         self._leader_commands = LeaderCommands(self._dt_s)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
         self._bandwidth = [[1.0] * len(CHANNELS) for _ in range(self.columns)]
         self._lift_m, self._outside = [0.0] * self.columns, on_ticks(scenario, self.models)
-        self._placed, self._slots_m = list[Slot](), list[Triple]()
+        self._placed, self.slots_m = list[Slot](), list[Triple]()
         """The slots commanded last, and their places in the form that a tick records."""
+        self._acts = vec[i64]([0] * self.columns)
+        """When each column's present setpoint acts."""
         observer_radps = scenario.law.disturbance_observer_radps
         self.estimator = StateEstimator(
             from_scenario.declared_noise(scenario),
@@ -166,27 +158,11 @@ class FormationController:
         """Take the columns' newest samples, (C,); None for a column without a new one."""
         commanded = [False] * self.columns if self.last_tick is None else self.last_tick.active
         self.estimator.take(samples, self.models, commanded)
-        for column, sample in enumerate(samples):
-            if sample is not None:
-                state, heading_rad = self.estimator.filters[column].state, sample.heading_rad
-                if sample.by_course and state is not None:
-                    heading_rad = heading_shown(state, sample.north_mps, sample.east_mps)
-                motion = sample.airspeed_mps, heading_rad, sample.height_m, sample.climb_mps
-                self.lags.hear(column, sample.stamp, motion)
 
-    def step(
-        self,
-        now: Instant,
-        mission_time_s: float,
-        phase: str,
-        links: list[VehicleLink],
-        margin_used: list[float],
-        bandwidth: list[list[float]],
-        *,
-        begin_regardless: bool = False,
-        heights_m: list[float] | None = None,
+    def begin(
+        self, now: Instant, mission_time_s: float, phase: str, links: list[VehicleLink], margin_used: list[float]
     ) -> Tick:
-        """Return this tick's setpoints and the quantities behind them.
+        """Return a tick without setpoints, for the states as they are now.
 
         Args:
             now: the tick's instant.
@@ -194,35 +170,38 @@ class FormationController:
             phase: recorded with the tick.
             links: the link to every column.
             margin_used: (C,) share of the delay margin that the loops use.
-            bandwidth: (C, 3) wanted share of the full bandwidth of the law's loops.
-            begin_regardless: begin the path even if followers haven't been in their slots for a while.
-            heights_m: (C,) commanded instead of the law's at the end of a flight; NaN where there is none.
         """
-        assembled = self.assembly.complete or begin_regardless
         if self._virtual and self.fault is None:
             self._place_virtual_leader(now)
         self._limit_speeds(links)
         self._lag_of_turn()
-        acts = self._acts(now, links)
-        tick = self._blank_tick(now, mission_time_s, phase, links, margin_used)
-        self.lags.learn([tick.active[column] and not links[column].disobeying for column in self._every_column])
-        self.history.begin(acts)
-        tick.virtual_leader = self._flown_on(now) if self._virtual else None
+        self._acts = self._acts_at(now, links)
+        return self._blank_tick(now, mission_time_s, phase, links, margin_used)
+
+    def follow(self, tick: Tick) -> bool:
+        """Begin the setpoints of a tick; return whether there is a leader to follow. Without one none is commanded."""
+        self.history.begin(self._acts)
+        tick.virtual_leader = self._flown_on(tick.now) if self._virtual else None
         if not tick.active[tick.leader]:
             tick.active = [False] * self.columns
             self.assembly.begin_anew()
-            return tick
-        measured = self._measured(tick.active, acts)
+            return False
+        return True
+
+    def decide(self, tick: Tick, bandwidth: list[list[float]], *, begin_regardless: bool = False) -> Measured:
+        """Put the setpoints of guidance and law into a tick; return the states that they are for.
+
+        Args:
+            tick: a tick with a leader to follow.
+            bandwidth: (C, 3) wanted share of the full bandwidth of the law's loops.
+            begin_regardless: begin the path even if followers haven't been in their slots for a while.
+        """
+        measured = self._measured(tick.active, self._acts)
         if self.fault is None:
-            self._decide(tick, measured, bandwidth, assembled=assembled)
+            self._decide(tick, measured, bandwidth, assembled=self.assembly.complete or begin_regardless)
         if self.fault is not None:
             measured = self._fly_straight_on(tick, measured)
-        if self.columns > 1:
-            self._at_heights(tick, heights_m)
-        self._keep_limits(tick, measured)
-        self.assembly.judge(tick, self.guidance, slots_rest=self.plan.settled(now / NANOSECONDS))
-        self.last_tick = tick
-        return tick
+        return measured
 
     def _decide(self, tick: Tick, measured: Measured, bandwidth: list[list[float]], *, assembled: bool) -> None:
         """Put the setpoints of guidance and law into a tick.
@@ -245,21 +224,26 @@ class FormationController:
         except (ArithmeticError, ValueError) as error:  # where Python refuses what is NaN or infinite elsewhere
             self.fault = NotFiniteError(part, None, f"{type(error).__name__}: {error}")
 
-    def _keep_limits(self, tick: Tick, measured: Measured) -> None:
-        """Apply outside filters, plan's heights, fence, separation rule and ground, in this order; note the outcome."""
+    def filter(self, tick: Tick) -> None:
+        """Let filters from outside change a tick's setpoints."""
         self._decided_rad = tick.setpoints[tick.leader][1]
         if self._outside is not None and self.fault is None:
             self.fault = self._outside.filter(tick)
-        if self.fault is None and tick.mission_time_s >= 0.0:  # before, vehicles gather at heights of their own
-            self._heights.keep(tick, self._leader_m, self._slots_m)
-        self.fence.keep(tick)
-        if self.columns > 1:
-            self.separation.keep(tick, measured, self.plan.apart_m(tick.now / NANOSECONDS))
-        self.floor.keep(tick)
+
+    def take_final(self, tick: Tick) -> None:
+        """Take a tick's setpoints as those that are sent."""
         self._commanded_rad = tick.setpoints[tick.leader][1]
         self.history.note(tick.setpoints)
+
+    def monitor(self, tick: Tick) -> None:
+        """Show a tick to the monitors from outside."""
         if self._outside is not None and self.fault is None:
             self.fault = self._outside.watch(tick)
+
+    def conclude(self, tick: Tick) -> None:
+        """Judge whether the formation is assembled, and keep the tick as the last one."""
+        self.assembly.judge(tick, self.guidance, slots_rest=self.plan.settled(tick.now / NANOSECONDS))
+        self.last_tick = tick
 
     def _fly_straight_on(self, tick: Tick, measured: Measured) -> Measured:
         """Put setpoints into a tick that need neither guidance nor law; return the states that are finite."""
@@ -310,7 +294,7 @@ class FormationController:
                 self._course_lag_s, self.models[column].tau_psi_s = self.models[column].tau_psi_s, NOSE_LAG_S
             self._turning = column
 
-    def _acts(self, now: Instant, links: list[VehicleLink]) -> vec[i64]:
+    def _acts_at(self, now: Instant, links: list[VehicleLink]) -> vec[i64]:
         """Return when each column's present setpoint acts; for a virtual leader amid the followers, their mean."""
         acts = vec[i64]([_acts(now, link) for link in links])
         if self._leader_amid:
@@ -344,9 +328,9 @@ class FormationController:
         situation = Situation(states, lead, slots, self.history, variance, tick.active, self._bandwidth, replaced)
         if commanded_slots is not self._placed:  # the same list while the slots don't change
             self._placed = commanded_slots
-            self._slots_m = [(each.forward_m, each.right_m, each.up_m) for each in commanded_slots]
-            self._slots_m[tick.leader] = UNKNOWN
-        tick.slots_m = self._slots_m
+            self.slots_m = [(each.forward_m, each.right_m, each.up_m) for each in commanded_slots]
+            self.slots_m[tick.leader] = UNKNOWN
+        tick.slots_m = self.slots_m
         for each in self._law.decide(situation, self._dt_s):
             column = each.column
             if tick.active[column]:
@@ -402,7 +386,7 @@ class FormationController:
         if turn is not None:
             wanted.heading_rad, turn_rps = turn.setpoint(at, model.tau_psi_s)
             self._forget_steps()
-        self._leader_m = wanted.height_m + (model.tau_ha_s + model.tau_hb_s) * state.updraught_mps
+        self.leader_m = wanted.height_m + (model.tau_ha_s + model.tau_hb_s) * state.updraught_mps
         require_setpoint(GUIDANCE, tick.leader, (wanted.speed_mps, wanted.heading_rad, wanted.height_m))
         bounds = Envelope(wanted.heading_rad, state, model)
         commanded = bounds.limit(wanted.speed_mps, wanted.heading_rad, wanted.height_m)
@@ -419,7 +403,7 @@ class FormationController:
         """Return what bounds changes of the leader's turn rate: its followers, noise, and the delay of its link."""
         sigma_rad, link = self.estimator.filters[tick.leader].course_sigma_rad, tick.links[tick.leader]
         round_trip_s = 2.0 * link.delay_s if self._compensates and finite(link.delay_s) else 0.0
-        return TurnBounds(bend_max_rps2(self._slots_m, self.models), sigma_rad, round_trip_s, link.loss)
+        return TurnBounds(bend_max_rps2(self.slots_m, self.models), sigma_rad, round_trip_s, link.loss)
 
     def _go_on_from_replaced(self, leader: int, state: FlightState) -> None:
         """Have the guidance go on from the last tick's heading setpoint where something replaced it."""
@@ -467,9 +451,12 @@ class FormationController:
         commanded = [slot.raised(up_m, 0.0, 0.0) for slot, up_m in zip(slots.each, self._lift_m, strict=True)]
         return self._clearance.lifted(later.each, at_m, along_mps), commanded
 
-    def _at_heights(self, tick: Tick, heights_m: list[float] | None) -> None:
-        """Replace the law's heights by those for the end of the flight, within the envelope; slots are given up."""
-        if heights_m is None:
+    def fly_at(self, tick: Tick, heights_m: list[float]) -> None:
+        """Replace the law's heights by those for the end of the flight, (C,), within the envelope; slots are given up.
+
+        One vehicle alone goes on at the law's.
+        """
+        if self.columns == 1:
             return
         for column, height_m in enumerate(heights_m):
             if tick.active[column] and finite(height_m):

@@ -259,13 +259,15 @@ def _groups(station: Station) -> list[ColumnGroup]:
     vehicles, tick = station.vehicles, station.last_tick
     errors = [UNKNOWN if tick is None else tick.error_of(each.column) for each in vehicles.values()]
     places = [(str(identity), *_cells(own, 2)) for identity, own in zip(vehicles, errors, strict=True)]
-    used = [station.margins.used[each.column] for each in vehicles.values()]
+    used = [station.cycle.findings.margin_used[each.column] for each in vehicles.values()]
     ways = [_cells([1e3 * way_s for way_s in each.round_trips.ways_s], 0) for each in vehicles.values()]
     return [
         ColumnGroup(("vehicle", "x", "y", "z"), places, keep=5),
         ColumnGroup(("one-way ms",), [_cells([v.clock.one_way_s * 1e3], 0) for v in vehicles.values()], keep=2),
         ColumnGroup(("up", "down"), ways, keep=1),
-        ColumnGroup(("loss",), [(f"{station.losses[each].whole_loss:.1%}",) for each in vehicles], keep=0),
+        ColumnGroup(
+            ("loss",), [(f"{station.cycle.findings.losses[each].whole_loss:.1%}",) for each in vehicles], keep=0
+        ),
         ColumnGroup(("margin used",), [(f"{each:.0%}" if math.isfinite(each) else "–",) for each in used], keep=3),
         ColumnGroup(("state",), [(_state(station, vehicle),) for vehicle in vehicles.values()], keep=4),
     ]

@@ -228,9 +228,9 @@ class Session:
             self.station.course.fail(self._sinks.failure, self.clock.now())
         if self.emulators_failure is not None or self.link_processes.failure is not None:
             self._heed_extensions()
-        if self.lying is not None and self.station.down.unknown and self.clock.now() >= self._next_look:
+        if self.lying is not None and self.station.cycle.findings.silent_aloft and self.clock.now() >= self._next_look:
             self._next_look = after(self.clock.now(), LOOK_S)
-            self.station.down.lie(self.lying())
+            self.station.cycle.findings.lie(self.lying())
         left = self.interrupts.heed(self.station.course, self.clock.now())
         self._injected.note(self.station.recorded_ticks)
         if self.recorder.is_beside and self.station.commands_anybody:
@@ -385,9 +385,9 @@ class Session:
                 flight=judged(flight, self.scenario, truth, events, ended_s),
                 links={identity: self._link(identity) for identity in self.station.vehicles},
                 ticks_s=self.station.times_s(),
-                delay_margin_s=if_finite(scenario_delay_margin(self.station.design.scenario)),
+                delay_margin_s=if_finite(scenario_delay_margin(self.station.cycle.findings.tuned)),
                 worst_loop_delay_s=self._worst_loop_delay_s(),
-                margin_used=self.station.margins.most_used,
+                margin_used=self.station.cycle.findings.most_used,
                 received=self.station.received(),
                 frames_refused=self.station.refused(),
                 simulated_s=seconds_between(self._began_at, self.clock.now()),
@@ -438,7 +438,7 @@ class Session:
         return LinkFigures(
             delays_s=probes[:, 1:],
             delay_times_s=(probes[:, 0] - began) / NANOSECONDS if began is not None else np.full(len(probes), np.nan),
-            measured_loss=self.station.losses[identity].whole_loss,
+            measured_loss=self.station.cycle.findings.losses[identity].whole_loss,
             frames_in=vehicle.frames_in,
             frames_out=vehicle.frames_out,
             frames_bad=self.station.bad_frames(identity),
@@ -468,4 +468,4 @@ class Session:
         """Return the longest measured loop delay, sampling and hold included; in real time with computing time."""
         computes = self.options.clock == "real" and self.station.controlled_ticks > 0
         compute_s = percentile(self.station.times_s()[2], 50) if computes else 0.0
-        return if_finite(self.station.margins.longest_s + compute_s)
+        return if_finite(self.station.cycle.findings.longest_s + compute_s)

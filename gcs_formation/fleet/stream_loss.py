@@ -18,6 +18,7 @@ from mypy_extensions import i64
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.messages import KINDS
+from gcs_formation.fleet.frame_loss import FrameLoss
 from gcs_formation.vehicle.vehicle import Vehicle
 
 FILTERED: Final = 0.05
@@ -30,12 +31,12 @@ TOO_FAST: Final = 1.05
 """A stream that comes faster by more than this ratio has another rate than requested, by somebody else's request."""
 
 
-class StreamLoss:
+class StreamLoss(FrameLoss):
     """Compares what comes of one vehicle's requested messages with what should come, window by window."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         """Start with nothing requested."""
-        self._vehicle = vehicle
+        super().__init__(vehicle)
         self._expect(vehicle.rates_hz)
         self._due, self._came = 0.0, 0.0
         """How many messages should have come in all windows that tell, and how many did."""
@@ -50,7 +51,7 @@ class StreamLoss:
 
     def watch(self) -> None:
         """Judge a window that is over, and begin the next if the messages have been requested, also since a restart."""
-        vehicle = self._vehicle
+        vehicle = self.vehicle
         if not vehicle.start_up.asked_for_telemetry:
             self._counts = []
             return
@@ -68,7 +69,7 @@ class StreamLoss:
     @property
     def loss(self) -> float:
         """Share of the vehicle's frames that were lost in normal operation, without silences, 0 to 1."""
-        by_numbers = self._vehicle.sequence.loss
+        by_numbers = self.vehicle.sequence.loss
         if self._due == 0.0:
             return by_numbers
         by_streams = max(0.0, 1.0 - self._came / self._due)
@@ -78,7 +79,7 @@ class StreamLoss:
     @property
     def whole_loss(self) -> float:
         """Share of the vehicle's frames that were lost, silences included, 0 to 1."""
-        sequence, by_streams = self._vehicle.sequence, self.loss
+        sequence, by_streams = self.vehicle.sequence, self.loss
         by_numbers = sequence.loss
         if by_streams == by_numbers:
             return sequence.whole_loss
@@ -104,7 +105,7 @@ class StreamLoss:
             self._came += sum([share * due for share, due in alike])
 
     def _counted(self) -> list[int]:
-        return [int(self._vehicle.messages_in[place]) for place in self._places]
+        return [int(self.vehicle.messages_in[place]) for place in self._places]
 
 
 def stream_losses(vehicles: Mapping[VehicleId, Vehicle]) -> dict[VehicleId, StreamLoss]:

@@ -162,6 +162,10 @@ class World:
     def attach(self, engine: Engine) -> None:
         self.network.attach(engine)
 
+    def stage(self, name: str) -> Any:
+        """Return a stage of the station's control cycle."""
+        return self.station.cycle.stage(name)
+
     def another(self, number: int, **changes: Any) -> Fleet:
         """Return a fleet of one vehicle with one of our system ids, booting now; it isn't attached yet."""
         twin = next(each for each in self.config.vehicles if each.identity.system == number)

@@ -79,7 +79,7 @@ def router(world: World) -> Router:
 
 
 def losses(world: World) -> list[float]:
-    return [each.whole_loss for each in world.station.losses.values()]
+    return [each.whole_loss for each in world.station.cycle.findings.losses.values()]
 
 
 def by_numbers(world: World, number: int = 2) -> float:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from airlink import mavlink as m
@@ -45,14 +43,13 @@ def test_a_vehicle_for_which_the_law_has_no_setpoint_gets_no_heartbeat_and_goes_
 ) -> None:
     world = failsafe_world()
     controller, begun_s = world.station.controller, world.now_s
-    step = controller.step
+    conclude = controller.conclude
 
-    def without_the_last(*given: Any, **named: Any) -> Tick:
-        tick = step(*given, **named)
+    def without_the_last(tick: Tick) -> None:
+        conclude(tick)
         tick.setpoints[2] = (*tick.setpoints[2][:2], float("nan"))
-        return tick
 
-    monkeypatch.setattr(controller, "step", without_the_last)
+    monkeypatch.setattr(controller, "conclude", without_the_last)
     world.run(UNGUIDED_S + FAILSAFE_S + 2 * HEARTBEAT_S)
     (home_s,) = world.times_s("mode", 3, "RTL")
     (told_s,) = world.times_s("heartbeats", 3, "withheld")

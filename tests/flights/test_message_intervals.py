@@ -132,7 +132,7 @@ def test_whoever_keeps_switching_telemetry_off_is_answered_ever_more_rarely_and_
     for _ in range(75):
         tell(world, 2, stopped(2))
         world.run(0.2)
-        requests.add(world.station._message_intervals._streams[1][1].next_request)
+        requests.add(world.stage("message_intervals").intervals._streams[1][1].next_request)
     assert len(requests) == 4  # the first was sent before
     assert len(world.times_s("streams", 2)) == 1
     assert world.times_s("member", 2, "told to loiter")

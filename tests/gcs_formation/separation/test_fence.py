@@ -139,7 +139,7 @@ def test_one_that_flies_along_the_fence_is_said_to_be_turned_away_once() -> None
 def test_a_formation_whose_path_leads_out_stays_inside_and_says_so() -> None:
     world = World()
     corners = ((-700.0, -400.0), (200.0, -400.0), (200.0, 400.0), (-700.0, 400.0))
-    world.station.controller.fence = FenceLimits(fenced(corners), world.station.controller.models)
+    world.stage("fence").limits = FenceLimits(fenced(corners), world.station.controller.models)
     within_m, apart_m = least(world, corners, 20)
     assert within_m > 0.0
     assert apart_m > 5.0
@@ -150,7 +150,7 @@ def test_vehicles_that_the_fence_turns_towards_each_other_keep_apart() -> None:
     """In a small fence, in wind, each turns to its own side: 7.9 m apart if the rule ignored these turns."""
     world = World(wind={"velocity_mps": [0, 6, 0]})
     corners = ((-500.0, -300.0), (300.0, -300.0), (300.0, 300.0), (-500.0, 300.0))
-    world.station.controller.fence = FenceLimits(fenced(corners), world.station.controller.models)
+    world.stage("fence").limits = FenceLimits(fenced(corners), world.station.controller.models)
     within_m, apart_m = least(world, corners, 14)
     assert within_m > 0.0
     assert apart_m > 10.0

@@ -47,10 +47,10 @@ def test_the_watch_in_flight_reports_the_loops_delay_and_no_margin(monkeypatch):
     monkeypatch.setitem(laws.LAWS, "pid", LawKind("added", formation_law))
     world = World(start={"in_air": True, "run_in_s": 6}, law=KEYS["law"], links={"default": {"delay_ms": 900}})
     world.fly_to(8.0)
-    margins = world.station.margins
-    assert math.isnan(margins.most_used)
-    assert margins.longest_s > 1.8
-    assert all(math.isnan(each) for each in margins.used)
+    cycle = world.station.cycle
+    assert math.isnan(cycle.findings.most_used)
+    assert cycle.findings.longest_s > 1.8
+    assert all(math.isnan(each) for each in cycle.findings.margin_used)
     assert not [each for each in world.notes.events if each.kind == "delay_margin"]
 
 

@@ -1,0 +1,1 @@
+"""The control cycle: what its stages share, their order, and what brings further ones."""

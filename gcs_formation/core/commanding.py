@@ -1,0 +1,153 @@
+"""Stages that compute the setpoints: what is wanted, guidance and law, and what changes or sees their setpoints."""
+
+from __future__ import annotations
+
+from gcs_formation.core.cycle import IN_COMMAND, LED, Cycle, Stage
+from gcs_formation.fleet.routing_and_dispatch import Dispatch
+from gcs_formation.mission.course import Orders
+
+
+class Wanted(Stage):
+    """Gives planned orders that are due, and goes on with changes of the formation, before anything is steered by it.
+
+    At the end of the flight, while vehicles separate vertically, nothing changes any more.
+    """
+
+    name = "wanted"
+    when = IN_COMMAND
+
+    def __init__(self, orders: Orders) -> None:
+        """Take the orders."""
+        self._orders = orders
+
+    def run(self, cycle: Cycle) -> None:
+        """Do what is due."""
+        now, course = cycle.now, cycle.course
+        cycle.late = course.waited_long_enough(cycle.last_tick, now)
+        cycle.mission_s = cycle.flight.mission_time_s(now)
+        cycle.opening = course.opening
+        self._orders.advance(now)
+        if cycle.opening is None:
+            cycle.reconfiguration.advance(now, cycle.mission_s)
+
+
+class Delays(Stage):
+    """Measures the links as they are now: their delays say when a setpoint acts."""
+
+    name = "delays"
+    when = IN_COMMAND
+
+    def __init__(self, dispatch: Dispatch) -> None:
+        """Take what delays the leader's setpoints where links differ."""
+        self._dispatch = dispatch
+
+    def run(self, cycle: Cycle) -> None:
+        """Put them into the cycle."""
+        leader = cycle.controller.plan.leader
+        cycle.links, cycle.hold_s = self._dispatch.links(leader, cycle.findings.doubted, cycle.now)
+        for identity, each in cycle.findings.losses.items():
+            if cycle.vehicles[identity].column == leader:
+                cycle.links[leader].loss = each.loss
+
+
+class EndHeights(Stage):
+    """Says at which heights vehicles separate at the end of the flight, by where those are that don't respond."""
+
+    name = "end_heights"
+    when = IN_COMMAND
+
+    def run(self, cycle: Cycle) -> None:
+        """Put them into the cycle."""
+        opening = cycle.opening
+        cycle.heights_m = None if opening is None else opening.steer(cycle.links, cycle.now)
+
+
+class Tick(Stage):
+    """Begins the record of the cycle: who is commanded, from which state on, by what the links can do."""
+
+    name = "tick"
+    when = IN_COMMAND
+
+    def run(self, cycle: Cycle) -> None:
+        """Begin it."""
+        cycle.phase = cycle.flight.phase
+        controller, phase = cycle.controller, cycle.phase.value
+        cycle.tick = controller.begin(cycle.now, cycle.mission_s, phase, cycle.links, cycle.findings.margin_used)
+
+
+class Leader(Stage):
+    """Begins this cycle's setpoints, after which those sent before are complete; without a leader there are none."""
+
+    name = "leader"
+    when = IN_COMMAND
+
+    def run(self, cycle: Cycle) -> None:
+        """Look whether there is one."""
+        cycle.follow_leader(led=cycle.controller.follow(cycle.tick))
+
+
+class Law(Stage):
+    """Predicts the states to when setpoints act, steers the leader, and lets the law compute followers' setpoints."""
+
+    name = "law"
+    when = LED
+
+    def run(self, cycle: Cycle) -> None:
+        """Put setpoints into the tick."""
+        cycle.measured = cycle.controller.decide(cycle.tick, cycle.findings.bandwidth, begin_regardless=cycle.late)
+
+
+class AtEndHeights(Stage):
+    """Replaces the law's heights by those of the end, before limits and other vehicles bound them."""
+
+    name = "at_end_heights"
+    when = LED
+
+    def run(self, cycle: Cycle) -> None:
+        """Replace them if there are any."""
+        if cycle.heights_m is not None:
+            cycle.controller.fly_at(cycle.tick, cycle.heights_m)
+
+
+class OwnFilters(Stage):
+    """Lets setpoint filters of extensions change setpoints; what keeps vehicles safe comes after them."""
+
+    name = "filters"
+    when = LED
+
+    def run(self, cycle: Cycle) -> None:
+        """Apply them."""
+        cycle.controller.filter(cycle.tick)
+
+
+class SetpointsTaken(Stage):
+    """Takes the setpoints as those that act: from here on the states are predicted through them."""
+
+    name = "final"
+    when = LED
+
+    def run(self, cycle: Cycle) -> None:
+        """Take them."""
+        cycle.controller.take_final(cycle.tick)
+
+
+class OwnMonitors(Stage):
+    """Shows the tick to monitors of extensions: nothing changes it any more."""
+
+    name = "monitors"
+    when = LED
+
+    def run(self, cycle: Cycle) -> None:
+        """Show it."""
+        cycle.controller.monitor(cycle.tick)
+
+
+class Assembled(Stage):
+    """Judges by the errors of the tick whether every follower is in its slot, so that the path may begin."""
+
+    name = "assembled"
+    when = LED
+
+    def run(self, cycle: Cycle) -> None:
+        """Judge it."""
+        cycle.controller.conclude(cycle.tick)

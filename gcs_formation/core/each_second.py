@@ -1,0 +1,87 @@
+"""Stages of once a second: what changes slowly, and the heartbeats."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from airlink.clock import Instant
+from gcs_formation.budget.link_budget import LinkBudget
+from gcs_formation.core.cycle import EACH_SECOND, Cycle, Stage
+from gcs_formation.fleet.routing_and_dispatch import Dispatch, HeartbeatScheduler
+from gcs_formation.link.link_health import LinkState
+from gcs_formation.phases import COMMANDED, Phase
+
+
+class OwnParts(Stage):
+    """Ends the run if what vehicles have from outside, a delay estimator or an autopilot family, has failed.
+
+    Before anything is computed from it.
+    """
+
+    name = "own_parts"
+    when = EACH_SECOND
+
+    def run(self, cycle: Cycle) -> None:
+        """Look at each."""
+        for each in cycle.each:
+            own = each.round_trips.own
+            failure = each.autopilot.failure if own is None else own.failure or each.autopilot.failure
+            if failure is not None:
+                cycle.course.fail_by(failure, cycle.now, begun=commands_anybody(cycle))
+
+
+class Budget(Stage):
+    """Fits what goes over a link to what it carries. It needs to know how much of their margin loops use."""
+
+    name = "budget"
+    when = EACH_SECOND
+
+    def __init__(self, budget: LinkBudget) -> None:
+        """Take what decides."""
+        self._budget = budget
+
+    def run(self, cycle: Cycle) -> None:
+        """Ask for other rates where they change."""
+        cycle.send(self._budget.watch(cycle.now, cycle.findings.margin_used), cycle.now)
+
+
+class Strangers(Stage):
+    """Answers and reports those whose frames aren't taken: refused by signature, or from no vehicle."""
+
+    name = "strangers"
+    when = EACH_SECOND
+
+    def __init__(self, watch: Callable[[Instant], None]) -> None:
+        """Take what watches: it needs the receiver, which is the station's."""
+        self._watch = watch
+
+    def run(self, cycle: Cycle) -> None:
+        """Watch them."""
+        self._watch(cycle.now)
+
+
+class Heartbeats(Stage):
+    """Sends heartbeats and the mission time, last of what is sent once a second.
+
+    A vehicle that has had no setpoints for a while gets none: its failsafe takes over then.
+    """
+
+    name = "heartbeats"
+    when = EACH_SECOND
+
+    def __init__(self, scheduler: HeartbeatScheduler, dispatch: Dispatch) -> None:
+        """Take what knows who gets one, and who has had no setpoints."""
+        self._scheduler, self._dispatch = scheduler, dispatch
+
+    def run(self, cycle: Cycle) -> None:
+        """Send them."""
+        now = cycle.now
+        unguided = self._dispatch.unguided(now)
+        cycle.send(self._scheduler.heartbeats(cycle.flight.mission_time_s(now), unguided, now), now)
+
+
+def commands_anybody(cycle: Cycle) -> bool:
+    """Return whether any vehicle heard is commanded: by a step of its start-up, in the formation, or at the end."""
+    commands = cycle.flight.phase in COMMANDED or cycle.flight.phase is Phase.LOITERING
+    heard = (each for each in cycle.each if each.connection.state is not LinkState.SEARCHING)
+    return any(commands or each.start_up.acted for each in heard)

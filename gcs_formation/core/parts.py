@@ -1,0 +1,85 @@
+"""The parts of a station that every flight has, each made with those that it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from airlink.clock import Instant
+from airlink.endpoint import VehicleId
+from airlink.signing.signed_links import SignedLinks, receiver_of
+from formation_scenario import Scenario
+from gcs_formation.budget.link_budget import link_budget
+from gcs_formation.controller import FormationController
+from gcs_formation.core.cycle import Cycle, Send
+from gcs_formation.fleet.membership_and_succession import Membership
+from gcs_formation.fleet.routing_and_dispatch import Dispatch, FloodWatch, HeartbeatScheduler, Senders
+from gcs_formation.fleet.signature_watch import SignatureWatch
+from gcs_formation.from_scenario import as_known, narrow_links, planned
+from gcs_formation.link.radio_reports import RadioReports
+from gcs_formation.mission.course import Course, Orders
+from gcs_formation.mission.reconfiguration import Reconfiguration
+from gcs_formation.mission.resumption import Resumption, Takeover
+from gcs_formation.mission.starting import PreFlight, PreFlightOptions, Starting
+from gcs_formation.recorder import Note, Recorder
+from gcs_formation.vehicle.vehicle import Vehicle
+
+
+class Parts:
+    """What stages of the core and the station work with."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        recorder: Recorder,
+        note: Note,
+        send: Send,
+        utc_at_0_s: float | None,
+        caution: PreFlightOptions,
+        resumed: Resumption | None,
+        signing: SignedLinks | None,
+    ) -> None:
+        """Make the parts; see `Station`. `note` records events, `send` sends messages.
+
+        Raises:
+            RunAbortedError: an extension can't begin.
+        """
+        stated, narrow, scenario = scenario, narrow_links(scenario), as_known(scenario)
+        self.scenario, self.recorder, self.receiver = scenario, recorder, receiver_of(signing)
+        self.controller = FormationController(scenario)
+        self.endpoints, self.networks, self.vehicles = planned(scenario)
+        fleet: tuple[dict[VehicleId, Vehicle], Note] = (self.vehicles, note)
+        self.membership, self.dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles)
+        self.preflight = PreFlight(scenario, self.vehicles, caution, note, self._fail)
+        self.course = Course(scenario, self.controller, self.membership, self.dispatch, *fleet, self.preflight)
+        self.reconfiguration = Reconfiguration(scenario, self.controller, *fleet)
+        self.cycle = Cycle(
+            scenario, self.controller, self.vehicles, self.course, self.reconfiguration, note, send, utc_at_0_s
+        )
+        flight, fail = self.course.flight, self.course.fail
+        self.senders = Senders(self.vehicles, self.networks, flight, note, fail, scenario.station.ids)
+        self.flood = FloodWatch(note)
+        self.signatures = SignatureWatch(signing, self.receiver, self.networks, *fleet)
+        self.radio_reports = RadioReports((each.connection for each in self.vehicles.values()), self.signatures.is_open)
+        self.takeover = Takeover(resumed, *fleet)
+        together = scenario.hovers and not scenario.start.in_air and resumed is None
+        self.starting = Starting(
+            self.vehicles, self.endpoints, flight, self.preflight, self.takeover, note, fail, together=together
+        )
+        self.orders = Orders(scenario, self.course, self.reconfiguration, note)
+        self.heartbeats = HeartbeatScheduler(*fleet, narrow, self.radio_reports)
+        self.budget = link_budget(stated, *fleet, self.radio_reports, self.heartbeats)
+
+    def resume(self, resumed: Resumption) -> None:
+        """Go on with an interrupted flight."""
+        self.course.flight.resume(resumed.at, resumed.path_began)
+        self.heartbeats.resume(resumed.at)
+        self.reconfiguration.resume(resumed)
+        self.orders.resume(resumed.mission_s)
+
+    def _fail(self, text: str, now: Instant) -> None:
+        """End the run: the `GiveUp` of parts created before `course`."""
+        self.course.fail(text, now)
+
+
+NoteLink = Callable[[Vehicle, Instant], None]
+"""Records the state of a vehicle's link."""

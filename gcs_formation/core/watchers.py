@@ -1,0 +1,360 @@
+# ruff: noqa: D101, D102, D103
+"""Stages that watch."""
+
+from __future__ import annotations
+
+import math
+
+from airlink.clock import NANOSECONDS
+from gcs_formation.core.cycle import EACH_SECOND, IN_COMMAND, LED, NOT_IN_COMMAND, Cycle, Stage
+from gcs_formation.errors import NotFiniteError
+from gcs_formation.estimation.estimator import heading_shown
+from gcs_formation.fleet.common_clock import CommonClock
+from gcs_formation.fleet.conformance import ConformanceMonitor
+from gcs_formation.fleet.down_watch import DownWatch
+from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch
+from gcs_formation.fleet.pilots_and_fence import PilotsAndFence
+from gcs_formation.fleet.stream_loss import StreamLoss
+from gcs_formation.fleet.telemetry_watch import MessageIntervals, TelemetryWatch
+from gcs_formation.from_scenario import lag_estimator
+from gcs_formation.phases import COMMANDED, OVER, Phase
+from gcs_formation.separation.airspace import FenceLimits, HeightFloor
+from gcs_formation.separation.height_bound import HeightBound
+from gcs_formation.separation.resolver import ConflictResolver
+from gcs_formation.telemetry_health.monitor import TelemetryHealth
+
+
+class Design(Stage):
+    """Redesigns gains for the links as they turn out, before their margins are judged by these gains."""
+
+    name = "gain_design"
+    when = EACH_SECOND
+    after = ("own_parts",)
+
+    def __init__(self, watch: DesignWatch) -> None:
+        self.watch = watch
+
+    def run(self, cycle: Cycle) -> None:
+        if cycle.flight.phase in COMMANDED:
+            self.watch.watch(cycle.now)
+            cycle.findings.tuned = self.watch.scenario
+
+
+class FirstDesign(Stage):
+    """Redesigns gains for the links as they are found, before the first setpoint."""
+
+    name = "first_gain_design"
+    after = ("begin",)
+
+    def __init__(self, watch: DesignWatch) -> None:
+        self.watch = watch
+
+    def run(self, cycle: Cycle) -> None:
+        if cycle.begins:
+            self.watch.watch(cycle.now, begins=True)
+            cycle.findings.tuned = self.watch.scenario
+
+
+class Margins(Stage):
+    """Judges the loops' delays by their margins."""
+
+    name = "delay_margins"
+    when = EACH_SECOND
+    after = ("own_parts", "gain_design")
+
+    def __init__(self, watch: MarginWatch, cycle: Cycle) -> None:
+        self.watch = watch
+        cycle.findings.margin_used, cycle.findings.bandwidth, cycle.findings.beyond = (
+            watch.used,
+            watch.bandwidth,
+            watch.beyond,
+        )
+        cycle.findings.most_used = watch.most_used
+
+    def run(self, cycle: Cycle) -> None:
+        watch, controller = self.watch, cycle.controller
+        try:
+            watch.watch(cycle.now, cycle.reconfiguration.leader, cycle.findings.lags_off)
+        except NotFiniteError as error:  # a law may fail to state its margins
+            controller.fault = controller.fault or error
+        cycle.findings.most_used, cycle.findings.longest_s = watch.most_used, watch.longest_s
+
+
+class Noise(Stage):
+    name = "noise"
+    when = EACH_SECOND
+    after = ("budget",)
+
+    def __init__(self, watch: TelemetryWatch) -> None:
+        self._watch = watch
+
+    def run(self, cycle: Cycle) -> None:
+        self._watch.watch_noise(cycle.now, [each.noise for each in cycle.controller.estimator.filters])
+        self._watch.watch_airspeeds(cycle.now)
+
+
+class Losses(Stage):
+    name = "stream_loss"
+    when = EACH_SECOND
+    after = ("budget",)
+
+    def __init__(self, losses: list[StreamLoss], cycle: Cycle) -> None:
+        self._losses = losses
+        for each in losses:
+            cycle.findings.losses[each.vehicle.identity] = each
+
+    def run(self, cycle: Cycle) -> None:
+        del cycle
+        for each in self._losses:
+            each.watch()
+
+
+class Down(Stage):
+    name = "down"
+    when = EACH_SECOND
+    after = ("budget", "noise", "stream_loss")
+
+    def __init__(self, watch: DownWatch) -> None:
+        self._watch = watch
+
+    def run(self, cycle: Cycle) -> None:
+        if cycle.flight.phase in OVER or cycle.flight.ended:
+            return
+        self._watch.lie(cycle.findings.wrecks)
+        all_down = self._watch.watch(cycle.now)
+        cycle.findings.silent_aloft = self._watch.unknown
+        if all_down is not None:
+            cycle.course.fail(all_down, cycle.now)
+
+
+class Outside(Stage):
+    name = "pilots_and_fence"
+    when = EACH_SECOND
+    after = ("strangers",)
+
+    def __init__(self, watch: PilotsAndFence) -> None:
+        self._watch = watch
+
+    def run(self, cycle: Cycle) -> None:
+        self._watch.watch(cycle.now)
+
+
+class Utc(Stage):
+    name = "common_clock"
+    after = ("heartbeats",)
+
+    def __init__(self, clock: CommonClock) -> None:
+        self._clock = clock
+
+    def run(self, cycle: Cycle) -> None:
+        self._clock.watch(cycle.now)
+
+
+class Health(Stage):
+    name = "telemetry_health"
+    when = IN_COMMAND
+    after = ("samples",)
+
+    def __init__(self, health: TelemetryHealth) -> None:
+        self.health = health
+
+    def run(self, cycle: Cycle) -> None:
+        leader, commanded, samples = cycle.controller.plan.leader, cycle.last_tick, cycle.samples
+        for vehicle in cycle.each:
+            column = vehicle.column
+            height_m = math.nan if commanded is None or not commanded.active[column] else commanded.setpoints[column][2]
+            leads = column == leader
+            samples[column] = self.health.examine(column, samples[column], height_m, cycle.now, leads=leads)
+
+
+class ForgetHealth(Stage):
+    name = "telemetry_health_forgets"
+    after = ("restarts",)
+
+    def __init__(self, health: TelemetryHealth) -> None:
+        self._health = health
+
+    def run(self, cycle: Cycle) -> None:
+        for column in cycle.restarted:
+            self._health.forget(column)
+
+
+class Intervals(Stage):
+    name = "message_intervals"
+    after = ("members",)
+
+    def __init__(self, intervals: MessageIntervals) -> None:
+        self.intervals = intervals
+
+    def run(self, cycle: Cycle) -> None:
+        if cycle.flight.phase is not Phase.LOITERING:
+            self.intervals.watch(cycle.now)
+
+
+class Answers(Stage):
+    name = "conformance"
+    after = ("members", "message_intervals")
+
+    def __init__(self, monitor: ConformanceMonitor) -> None:
+        self._monitor = monitor
+
+    def run(self, cycle: Cycle) -> None:
+        self._monitor.judge_commands(cycle.now)
+        self._monitor.judge_answers(cycle.now)
+        self._monitor.judge_refusals(cycle.now)
+        self._monitor.judge_silence(cycle.now)
+
+
+class Motion(Stage):
+    name = "conformance_of_motion"
+    when = IN_COMMAND
+    after = ("record",)
+
+    def __init__(self, monitor: ConformanceMonitor, cycle: Cycle) -> None:
+        self._monitor = monitor
+        cycle.findings.doubted, cycle.findings.sinking = monitor.doubted, monitor.sinking
+
+    def run(self, cycle: Cycle) -> None:
+        self._monitor.judge_motion(cycle.tick, cycle.now)
+
+
+class NoMotion(Stage):
+    name = "no_motion"
+    when = NOT_IN_COMMAND
+    after = ("phases",)
+
+    def __init__(self, monitor: ConformanceMonitor) -> None:
+        self._monitor = monitor
+
+    def run(self, cycle: Cycle) -> None:
+        del cycle
+        self._monitor.stand_down()
+
+
+class Seen(Stage):
+    name = "motion_seen"
+    when = IN_COMMAND
+    after = ("estimates",)
+
+    def __init__(self, cycle: Cycle) -> None:
+        self.lags = lag_estimator(cycle.scenario, cycle.controller.history, cycle.controller.models)
+
+    def run(self, cycle: Cycle) -> None:
+        filters = cycle.controller.estimator.filters
+        for column, sample in enumerate(cycle.samples):
+            if sample is not None:
+                state, heading_rad = filters[column].state, sample.heading_rad
+                if sample.by_course and state is not None:
+                    heading_rad = heading_shown(state, sample.north_mps, sample.east_mps)
+                motion = sample.airspeed_mps, heading_rad, sample.height_m, sample.climb_mps
+                self.lags.hear(column, sample.stamp, motion)
+
+
+class Learn(Stage):
+    name = "time_constants"
+    when = IN_COMMAND
+    after = ("tick",)
+
+    def __init__(self, seen: Seen) -> None:
+        self._lags = seen.lags
+
+    def run(self, cycle: Cycle) -> None:
+        active, links = cycle.tick.active, cycle.links
+        self._lags.learn([active[column] and not links[column].disobeying for column in range(len(active))])
+
+
+class Misfit(Stage):
+    name = "misfit"
+    when = EACH_SECOND
+    after = ("own_parts",)
+
+    def __init__(self, seen: Seen) -> None:
+        self._lags = seen.lags
+
+    def run(self, cycle: Cycle) -> None:
+        cycle.findings.lags_off = self._lags.misfit
+
+
+class Height(Stage):
+    name = "height_bound"
+    when = LED
+    after = ("filters",)
+
+    def __init__(self, cycle: Cycle) -> None:
+        self._heights = HeightBound(cycle.controller.models, 1.0 / cycle.scenario.law.rate_hz)
+
+    def run(self, cycle: Cycle) -> None:
+        controller = cycle.controller
+        if controller.fault is None and cycle.tick.mission_time_s >= 0.0:
+            self._heights.keep(cycle.tick, controller.leader_m, controller.slots_m)
+
+
+class Fence(Stage):
+    name = "fence"
+    when = LED
+    after = ("filters", "height_bound")
+
+    def __init__(self, cycle: Cycle) -> None:
+        self.limits = FenceLimits(cycle.scenario, cycle.controller.models)
+
+    def run(self, cycle: Cycle) -> None:
+        self.limits.keep(cycle.tick)
+
+
+class Separation(Stage):
+    name = "separation"
+    when = LED
+    after = ("filters", "fence")
+
+    def __init__(self, cycle: Cycle) -> None:
+        controller = cycle.controller
+        self.resolver = ConflictResolver(cycle.scenario, controller.history, controller.models)
+
+    def run(self, cycle: Cycle) -> None:
+        if cycle.controller.columns > 1:
+            apart_m = cycle.controller.plan.apart_m(cycle.now / NANOSECONDS)
+            self.resolver.keep(cycle.tick, cycle.measured, apart_m)
+
+
+class Ground(Stage):
+    name = "ground"
+    when = LED
+    after = ("filters", "separation")
+
+    def __init__(self, cycle: Cycle) -> None:
+        self.floor = HeightFloor(cycle.scenario, cycle.controller.models)
+
+    def run(self, cycle: Cycle) -> None:
+        self.floor.keep(cycle.tick)
+
+
+def watchers(cycle: Cycle) -> list[Stage]:
+    fleet = (cycle.vehicles, cycle.note)
+    controller = cycle.controller
+    margins, losses = MarginWatch(cycle.scenario, *fleet), [StreamLoss(each) for each in cycle.each]
+    design = DesignWatch(cycle.scenario, cycle.vehicles, (controller.retune, margins.retune), cycle.note)
+    health = TelemetryHealth(cycle.vehicles, controller.estimator.filters, controller.models, cycle.note)
+    monitor, seen = ConformanceMonitor(cycle.scenario, controller, *fleet), Seen(cycle)
+    return [
+        Design(design),
+        FirstDesign(design),
+        Misfit(seen),
+        Margins(margins, cycle),
+        Noise(TelemetryWatch(*fleet)),
+        Losses(losses, cycle),
+        Down(DownWatch(cycle.vehicles)),
+        Outside(PilotsAndFence(cycle.scenario, *fleet)),
+        Utc(CommonClock(cycle.vehicles, cycle.utc_at_0_s, cycle.note)),
+        Health(health),
+        ForgetHealth(health),
+        Intervals(MessageIntervals(*fleet)),
+        Answers(monitor),
+        Motion(monitor, cycle),
+        NoMotion(monitor),
+        seen,
+        Learn(seen),
+        Height(cycle),
+        Fence(cycle),
+        Separation(cycle),
+        Ground(cycle),
+    ]
