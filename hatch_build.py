@@ -18,6 +18,8 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 SWITCH = "GCS_FORMATION_COMPILE"
 COMPILING = "compile_wheel.py"
 """What compiles, beside this file: it imports what only a compiled build has installed."""
+COMPILED = "# Compiled by mypyc: it runs every tick."
+"""First line of those modules that are compiled of a pattern in the list."""
 INSTALLED = "airlink/installed.py"
 """What finds a clone's commit, and reads it again in the wheel."""
 
@@ -44,7 +46,7 @@ class CompilingHook(BuildHookInterface[Any]):
         if wanted == "0":
             return
         try:
-            built = compiled(Path(self.root), self.config["modules"], place)
+            built = compiled(Path(self.root), listed(Path(self.root), self.config["modules"]), place)
         except (Exception, SystemExit) as error:
             if wanted == "1":
                 self._clean_up()
@@ -62,6 +64,16 @@ class CompilingHook(BuildHookInterface[Any]):
         if self._place is not None:
             self._place.cleanup()
             self._place = None
+
+
+def listed(root: Path, modules: list[str]) -> list[str]:
+    """Return the modules of a list in which some are patterns: of these, the files that say that they're compiled."""
+    found = list[str]()
+    for each in modules:
+        files = sorted(root.glob(each)) if "*" in each else []
+        marked = (file for file in files if file.read_text(encoding="utf-8").startswith(COMPILED))
+        found += [file.relative_to(root).as_posix() for file in marked] if "*" in each else [each]
+    return found
 
 
 def compiled(root: Path, modules: list[str], place: Path) -> dict[str, Path]:

@@ -16,6 +16,7 @@ from airlink.messages.system import Heartbeat, Statustext, Timesync
 from airlink.signing.signed_links import SignedLinks
 from formation_scenario import Scenario
 from gcs_formation.core.each_second import commands_anybody
+from gcs_formation.core.feature import features
 from gcs_formation.core.parts import Parts
 from gcs_formation.core.stages import core_stages, ordered
 from gcs_formation.core.watchers import watchers
@@ -68,9 +69,12 @@ class Station(Engine):
         self._channels = [FrameWriter(*scenario.station.ids) for _ in self._endpoints]
         self._each, self._period_s = list(self.vehicles.values()), 1.0 / scenario.law.rate_hz
         self._out, self._next_tick = list[Datagram](), Instant(0)
-        self.cycle.order(
-            ordered(core_stages(parts, until_s, self._watch_strangers, self._note_link), watchers(self.cycle))
-        )
+        loaded = features()
+        self.features = tuple(loaded)
+        """Names of the features that it flies with."""
+        core = core_stages(parts, until_s, self._watch_strangers, self._note_link)
+        brought = [stage for each in loaded.values() for stage in each.stages(self.cycle)]
+        self.cycle.order(ordered(core, [*watchers(self.cycle), *brought]))
         if resumed is not None:
             self._next_tick = resumed.at
             parts.resume(resumed)

@@ -13,7 +13,6 @@ from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.down_watch import DownWatch
 from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch
-from gcs_formation.fleet.pilots_and_fence import PilotsAndFence
 from gcs_formation.fleet.stream_loss import StreamLoss
 from gcs_formation.fleet.telemetry_watch import MessageIntervals, TelemetryWatch
 from gcs_formation.from_scenario import lag_estimator
@@ -125,18 +124,6 @@ class Down(Stage):
         cycle.findings.silent_aloft = self._watch.unknown
         if all_down is not None:
             cycle.course.fail(all_down, cycle.now)
-
-
-class Outside(Stage):
-    name = "pilots_and_fence"
-    when = EACH_SECOND
-    after = ("strangers",)
-
-    def __init__(self, watch: PilotsAndFence) -> None:
-        self._watch = watch
-
-    def run(self, cycle: Cycle) -> None:
-        self._watch.watch(cycle.now)
 
 
 class Utc(Stage):
@@ -343,7 +330,6 @@ def watchers(cycle: Cycle) -> list[Stage]:
         Noise(TelemetryWatch(*fleet)),
         Losses(losses, cycle),
         Down(DownWatch(cycle.vehicles)),
-        Outside(PilotsAndFence(cycle.scenario, *fleet)),
         Utc(CommonClock(cycle.vehicles, cycle.utc_at_0_s, cycle.note)),
         Health(health),
         ForgetHealth(health),

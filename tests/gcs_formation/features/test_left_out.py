@@ -1,0 +1,50 @@
+"""A feature is a folder: deleted, and nothing else edited, the core imports and flies."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gcs_formation.core.feature import features
+
+ROOT = Path(__file__).parents[3]
+TREE = ("airlink", "flight_model", "formation_scenario", "sim_vehicles", "gcs_formation", "configs")
+NAMES = tuple(features())
+
+
+def flown_without(tmp_path: Path, *names: str) -> dict[str, object]:
+    """Fly the quickstart in a copy of the tree without some features; return the summary."""
+    copy, out = tmp_path / "tree", tmp_path / "run"
+    for each in TREE:
+        shutil.copytree(ROOT / each, copy / each, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
+    for name in names:
+        shutil.rmtree(copy / "gcs_formation" / "features" / name)
+    flight = ["run", "configs/quickstart.yaml", "--clock", "virtual", "--until", "4", "--set", "expect=[]"]
+    done = subprocess.run(
+        [sys.executable, "-m", "gcs_formation", *flight, "--quiet", "--out", str(out)],
+        cwd=copy,
+        env={**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    summary: dict[str, object] = json.loads((out / "summary.json").read_text())
+    assert summary["assembled"] is True
+    return summary
+
+
+def test_without_any_feature_the_core_flies(tmp_path: Path) -> None:
+    flown_without(tmp_path, *NAMES)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_without_a_feature_the_others_fly(tmp_path: Path, name: str) -> None:
+    flown_without(tmp_path, name)
