@@ -9,14 +9,12 @@ from airlink.clock import NANOSECONDS
 from gcs_formation.core.cycle import EACH_SECOND, IN_COMMAND, LED, NOT_IN_COMMAND, Cycle, Stage
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.estimator import heading_shown
-from gcs_formation.fleet.common_clock import CommonClock
 from gcs_formation.fleet.conformance import ConformanceMonitor
-from gcs_formation.fleet.down_watch import DownWatch
 from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch
 from gcs_formation.fleet.stream_loss import StreamLoss
 from gcs_formation.fleet.telemetry_watch import MessageIntervals, TelemetryWatch
 from gcs_formation.from_scenario import lag_estimator
-from gcs_formation.phases import COMMANDED, OVER, Phase
+from gcs_formation.phases import COMMANDED, Phase
 from gcs_formation.separation.airspace import FenceLimits, HeightFloor
 from gcs_formation.separation.height_bound import HeightBound
 from gcs_formation.separation.resolver import ConflictResolver
@@ -106,35 +104,6 @@ class Losses(Stage):
         del cycle
         for each in self._losses:
             each.watch()
-
-
-class Down(Stage):
-    name = "down"
-    when = EACH_SECOND
-    after = ("budget", "noise", "stream_loss")
-
-    def __init__(self, watch: DownWatch) -> None:
-        self._watch = watch
-
-    def run(self, cycle: Cycle) -> None:
-        if cycle.flight.phase in OVER or cycle.flight.ended:
-            return
-        self._watch.lie(cycle.findings.wrecks)
-        all_down = self._watch.watch(cycle.now)
-        cycle.findings.silent_aloft = self._watch.unknown
-        if all_down is not None:
-            cycle.course.fail(all_down, cycle.now)
-
-
-class Utc(Stage):
-    name = "common_clock"
-    after = ("heartbeats",)
-
-    def __init__(self, clock: CommonClock) -> None:
-        self._clock = clock
-
-    def run(self, cycle: Cycle) -> None:
-        self._clock.watch(cycle.now)
 
 
 class Health(Stage):
@@ -329,8 +298,6 @@ def watchers(cycle: Cycle) -> list[Stage]:
         Margins(margins, cycle),
         Noise(TelemetryWatch(*fleet)),
         Losses(losses, cycle),
-        Down(DownWatch(cycle.vehicles)),
-        Utc(CommonClock(cycle.vehicles, cycle.utc_at_0_s, cycle.note)),
         Health(health),
         ForgetHealth(health),
         Intervals(MessageIntervals(*fleet)),

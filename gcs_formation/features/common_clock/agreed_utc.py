@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """The UTC that most vehicles agree on.
 
 All vehicles' stamps are mapped to one clock by their UTC, once that is consistent with causality and with the other
@@ -13,11 +15,10 @@ from typing import Final, NamedTuple
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
-from gcs_formation.recorder import Note
+from gcs_formation.core.cycle import Cycle, Stage
+from gcs_formation.link.utc_slack import UTC_SLACK_S
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
-UTC_SLACK_S: Final = 5e-3
-"""How far UTC may be outside the bounds of causality: the errors of stamps and round trips."""
 UTC_IN_USE_S: Final = 10e-3
 """The same for UTC already in use."""
 UTC_AGAIN_S: Final = 10.0
@@ -60,14 +61,16 @@ def agreed_s(bounds: Sequence[UtcBounds], before_s: float = math.nan) -> float:
     return max(low_s, min(high_s, median(each.middle_s for each in agreeing)))
 
 
-class CommonClock:
-    """Decides whose UTC is used, and estimates UTC minus our clock."""
+class CommonClock(Stage):
+    """Decides whose UTC is used, and estimates UTC minus our clock, before samples are taken by their stamps."""
 
-    def __init__(self, vehicles: dict[VehicleId, Vehicle], known_s: float | None, note: Note) -> None:
-        """Start without UTC; `known_s` is UTC minus our clock, None if our clock isn't set to UTC."""
-        self._vehicles = [vehicle for vehicle in vehicles.values() if vehicle.round_trips.gnss is not None]
-        self._known_s = known_s
-        self._note = note
+    name = "common_clock"
+    after = ("heartbeats",)
+
+    def __init__(self, cycle: Cycle) -> None:
+        """Start without UTC; if our clock is set to UTC, that is known."""
+        self._vehicles = [vehicle for vehicle in cycle.each if vehicle.round_trips.gnss is not None]
+        self._known_s, self._note = cycle.utc_at_0_s, cycle.note
         self._utc_s = math.nan
         """UTC minus our clock as used; NaN before the first estimate."""
         self._said: dict[VehicleId, tuple[bool, bool]] = {}
@@ -75,10 +78,11 @@ class CommonClock:
         """Vehicles whose UTC was in use and was rejected: when it was last inconsistent, and how."""
         self._last: Instant | None = None
 
-    def watch(self, now: Instant) -> None:
-        """Check all clocks, at each tick: estimate UTC, and use or reject each vehicle's."""
+    def run(self, cycle: Cycle) -> None:
+        """Check all clocks: estimate UTC, and use or reject each vehicle's."""
         if not self._vehicles:
             return
+        now = cycle.now
         elapsed_s = 0.0 if self._last is None else seconds_between(self._last, now)
         self._last = now
         bounds = {each.identity: _bounds(each) for each in self._vehicles}

@@ -11,7 +11,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.messages.system import Timesync
-from gcs_formation.fleet.common_clock import CommonClock
+from gcs_formation.features.common_clock.agreed_utc import CommonClock, UtcBounds, agreed_s
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
 from gcs_formation.testing.flight_plan import Formation, Plan
 from gcs_formation.vehicle.vehicle import Member
@@ -137,14 +137,16 @@ def test_utc_that_was_given_up_is_not_taken_up_again_at_once():
     trips = RoundTrips(0.0, by_utc=True)
     vehicle = SimpleNamespace(identity=2, round_trips=trips, member=Member.FLYING, clock=trips.clock)
     said = list[str]()
-    common = CommonClock(cast(Any, {2: vehicle}), 1.6e9, cast(Any, lambda *event: said.append(event[2])))
+    cycle = SimpleNamespace(each=[vehicle], utc_at_0_s=1.6e9, note=lambda *event: said.append(event[2]))
+    common = CommonClock(cast(Any, cycle))
     for tick in range(400):
         sent = after(Instant(0), tick / 4)
         trips.request(sent)
         trips.measure(Timesync(sent, sent), sent)
         off_s = 0.03 if 100 <= tick < 102 else 0.004 + 0.004 * (tick < 200 and tick % 2)  # the limit is 5 ms, then 10
         cast(Any, trips.gnss).utc(1.6e9 + tick / 4 + off_s, tick / 4, armed=False)
-        common.watch(sent)
+        cycle.now = sent
+        common.run(cast(Any, cycle))
         assert trips.stamps.by_utc == (8 <= tick < 100 or tick >= 239), tick
     assert [text[:9] for text in said] == ["its stamp", "UTC isn't", "its stamp"]
 
@@ -189,3 +191,13 @@ def test_utc_that_is_switched_off_in_flight_is_asked_for_again():
     assert world.words("streams")[0].startswith("sends SYSTEM_TIME less than half as often as asked for")
     assert world.vehicle(2).streams.interval_us(utc) == 1_000_000
     assert world.worst_m() < 0.1
+
+
+def test_the_offset_that_most_bounds_allow_is_agreed_on_and_kept():
+    slow, even, wrong = UtcBounds(10.16, 0.24), UtcBounds(10.0, 0.1), UtcBounds(11.0, 0.24)
+    assert agreed_s([slow, even, even]) == pytest.approx(10.0)
+    assert agreed_s([slow, even, wrong]) == pytest.approx(10.08)
+    assert not wrong.allows(agreed_s([slow, even, wrong]))
+    assert agreed_s([even, wrong]) != agreed_s([even, wrong])  # NaN: undecidable
+    assert agreed_s([slow, even, even], 10.05) == 10.05
+    assert agreed_s([slow, slow, even], 9.0) == pytest.approx(10.1)

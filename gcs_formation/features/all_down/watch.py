@@ -1,44 +1,53 @@
+# Compiled by mypyc: it runs every tick.
+
 """Notices that no vehicle is left in the air before the flight is over."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
 from typing import Final
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
+from gcs_formation.core.cycle import EACH_SECOND, Cycle, Stage
+from gcs_formation.phases import OVER
 from gcs_formation.vehicle.vehicle import Vehicle
 
 DOWN_S: Final = 4.0
 """How long all vehicles must be down until the flight is given up: a restart looks so for a moment."""
 
 
-class DownWatch:
-    """Watches for vehicles that flew and are on the ground.
+class AllDown(Stage):
+    """Watches for vehicles that flew and are on the ground, and ends the flight once all are.
 
     Silence alone tells nothing: a silent vehicle may fly on. Where its simulator says that it lies on the ground,
-    `lie` takes that.
+    `wrecks` of the findings has it.
     """
 
-    def __init__(self, vehicles: Mapping[VehicleId, Vehicle]) -> None:
+    name = "all_down"
+    when = EACH_SECOND
+    after = ("budget", "telemetry_noise", "stream_loss")
+
+    def __init__(self, cycle: Cycle) -> None:
         """Start before the first take-off."""
-        self._vehicles = vehicles
-        self._flew, self._wrecks = set[VehicleId](), frozenset[VehicleId]()
+        self._vehicles, self._findings = cycle.vehicles, cycle.findings
+        self._flew = set[VehicleId]()
         self._since: Instant | None = None
-        self.unknown = list[VehicleId]()
-        """Silent vehicles that were last heard in the air, if all others are down."""
 
-    def lie(self, wrecks: Collection[VehicleId]) -> None:
-        """Take which of the silent vehicles lie on the ground."""
-        self._wrecks = frozenset(wrecks)
+    def run(self, cycle: Cycle) -> None:
+        """Look at all vehicles, unless the flight is over anyway."""
+        if cycle.flight.phase in OVER or cycle.flight.ended:
+            return
+        all_down = self._watch(cycle.now)
+        if all_down is not None:
+            cycle.course.fail(all_down, cycle.now)
 
-    def watch(self, now: Instant) -> str | None:
+    def _watch(self, now: Instant) -> str | None:
         """Return in words that all vehicles are down, once that has lasted for `DOWN_S`; None before."""
         self._flew |= {identity for identity, vehicle in self._vehicles.items() if vehicle.flew}
         up = [vehicle for identity, vehicle in self._vehicles.items() if not self._is_down(identity, vehicle)]
         silent = not any(vehicle.connection.talks for vehicle in up)
-        self.unknown = [vehicle.identity for vehicle in up] if silent and self._flew else []
-        if not self._flew or any(vehicle.identity not in self._wrecks or not silent for vehicle in up):
+        self._findings.silent_aloft = [vehicle.identity for vehicle in up] if silent and self._flew else []
+        if not self._flew or any(vehicle.identity not in self._findings.wrecks or not silent for vehicle in up):
             self._since = None
             return None
         self._since = now if self._since is None else self._since
@@ -56,7 +65,7 @@ class DownWatch:
         return f"all vehicles are down before the flight is over ({each})"
 
     def _how(self, vehicle: Vehicle) -> str:
-        if vehicle.identity in self._wrecks:
+        if vehicle.identity in self._findings.wrecks:
             return "silent on the ground"
         if vehicle.identity not in self._flew:
             return "never took off"

@@ -1,0 +1,1 @@
+"""Ends a flight when no vehicle is left in the air."""

@@ -1,0 +1,1 @@
+"""One clock for the stamps of all vehicles: the UTC that most of them agree on."""
