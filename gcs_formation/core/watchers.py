@@ -6,10 +6,9 @@ from __future__ import annotations
 import math
 
 from airlink.clock import NANOSECONDS
-from gcs_formation.core.cycle import EACH_SECOND, IN_COMMAND, LED, NOT_IN_COMMAND, Cycle, Stage
+from gcs_formation.core.cycle import EACH_SECOND, IN_COMMAND, LED, Cycle, Stage
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.estimator import heading_shown
-from gcs_formation.fleet.conformance import ConformanceMonitor
 from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch
 from gcs_formation.fleet.stream_loss import StreamLoss
 from gcs_formation.fleet.telemetry_watch import MessageIntervals, TelemetryWatch
@@ -147,46 +146,6 @@ class Intervals(Stage):
             self.intervals.watch(cycle.now)
 
 
-class Answers(Stage):
-    name = "conformance"
-    after = ("members", "message_intervals")
-
-    def __init__(self, monitor: ConformanceMonitor) -> None:
-        self._monitor = monitor
-
-    def run(self, cycle: Cycle) -> None:
-        self._monitor.judge_commands(cycle.now)
-        self._monitor.judge_answers(cycle.now)
-        self._monitor.judge_refusals(cycle.now)
-        self._monitor.judge_silence(cycle.now)
-
-
-class Motion(Stage):
-    name = "conformance_of_motion"
-    when = IN_COMMAND
-    after = ("record",)
-
-    def __init__(self, monitor: ConformanceMonitor, cycle: Cycle) -> None:
-        self._monitor = monitor
-        cycle.findings.doubted, cycle.findings.sinking = monitor.doubted, monitor.sinking
-
-    def run(self, cycle: Cycle) -> None:
-        self._monitor.judge_motion(cycle.tick, cycle.now)
-
-
-class NoMotion(Stage):
-    name = "no_motion"
-    when = NOT_IN_COMMAND
-    after = ("phases",)
-
-    def __init__(self, monitor: ConformanceMonitor) -> None:
-        self._monitor = monitor
-
-    def run(self, cycle: Cycle) -> None:
-        del cycle
-        self._monitor.stand_down()
-
-
 class Seen(Stage):
     name = "motion_seen"
     when = IN_COMMAND
@@ -290,7 +249,7 @@ def watchers(cycle: Cycle) -> list[Stage]:
     margins, losses = MarginWatch(cycle.scenario, *fleet), [StreamLoss(each) for each in cycle.each]
     design = DesignWatch(cycle.scenario, cycle.vehicles, (controller.retune, margins.retune), cycle.note)
     health = TelemetryHealth(cycle.vehicles, controller.estimator.filters, controller.models, cycle.note)
-    monitor, seen = ConformanceMonitor(cycle.scenario, controller, *fleet), Seen(cycle)
+    seen = Seen(cycle)
     return [
         Design(design),
         FirstDesign(design),
@@ -301,9 +260,6 @@ def watchers(cycle: Cycle) -> list[Stage]:
         Health(health),
         ForgetHealth(health),
         Intervals(MessageIntervals(*fleet)),
-        Answers(monitor),
-        Motion(monitor, cycle),
-        NoMotion(monitor),
         seen,
         Learn(seen),
         Height(cycle),

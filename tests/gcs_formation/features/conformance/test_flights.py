@@ -20,7 +20,7 @@ from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState
 from formation_scenario import load_scenario
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.fleet.conformance import ConformanceMonitor
+from gcs_formation.features.conformance.monitor import ConformanceMonitor
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.command_delivery import EffectWatch

@@ -22,8 +22,8 @@ from flight_model.autopilot_model import FlightState
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.fleet.conformance import ConformanceMonitor
-from gcs_formation.fleet.flown_setpoints import SETTLED_S
+from gcs_formation.features.conformance.flown_setpoints import SETTLED_S
+from gcs_formation.features.conformance.monitor import ConformanceMonitor
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Checks whether vehicles do what they acknowledged."""
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.slot_assignment import column_models, columns
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import heading_shown
-from gcs_formation.fleet.flown_setpoints import CHECK_S, FlownSetpoints, NonConformance
+from gcs_formation.features.conformance.flown_setpoints import CHECK_S, FlownSetpoints, NonConformance
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
 from gcs_formation.vehicle.command_delivery import Outcome, SetpointChannel

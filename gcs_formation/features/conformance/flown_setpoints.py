@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Checks whether one vehicle follows its setpoints, by the autopilot model."""
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""Notices vehicles that don't do what they acknowledged."""
