@@ -29,7 +29,6 @@ from gcs_formation.app import (
 )
 from gcs_formation.app.loop_delays import configured_loop_delay_s, long_silences, longest_hold
 from gcs_formation.control.laws import law_kind
-from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.from_scenario import autopilot_for
 from gcs_formation.stability import (
     LawMargins,
@@ -39,7 +38,7 @@ from gcs_formation.stability import (
     law_margins,
     law_usages,
 )
-from gcs_formation.stability.mismatch import LAGS_OFF, STEP_S, lag_margin, mismatch_margin_with_lags_off
+from gcs_formation.stability.mismatch import LAGS_OFF, NEAR, STEP_S, lag_margin, mismatch_margin_with_lags_off
 from gcs_formation.stability.stated import stated_margins
 
 if TYPE_CHECKING:

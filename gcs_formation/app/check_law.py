@@ -29,9 +29,8 @@ from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.app.check_links import LEAST_M, PLANES_MOST_HZ
 from gcs_formation.app.loop_delays import configured_loop_delay_s, message_age, since, ways_s
 from gcs_formation.control.laws import law_kind
-from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
-from gcs_formation.stability.mismatch import DEVIATIONS
+from gcs_formation.stability.mismatch import DEVIATIONS, NEAR
 from gcs_formation.stability.pid_margins import Loop
 
 UNPAIRED_M = 1.75

@@ -7,73 +7,15 @@ import math
 
 from airlink.clock import NANOSECONDS
 from gcs_formation.core.cycle import EACH_SECOND, IN_COMMAND, LED, Cycle, Stage
-from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.estimator import heading_shown
-from gcs_formation.fleet.margin_watch import DesignWatch, MarginWatch
 from gcs_formation.fleet.stream_loss import StreamLoss
 from gcs_formation.fleet.telemetry_watch import MessageIntervals, TelemetryWatch
 from gcs_formation.from_scenario import lag_estimator
-from gcs_formation.phases import COMMANDED, Phase
+from gcs_formation.phases import Phase
 from gcs_formation.separation.airspace import FenceLimits, HeightFloor
 from gcs_formation.separation.height_bound import HeightBound
 from gcs_formation.separation.resolver import ConflictResolver
 from gcs_formation.telemetry_health.monitor import TelemetryHealth
-
-
-class Design(Stage):
-    """Redesigns gains for the links as they turn out, before their margins are judged by these gains."""
-
-    name = "gain_design"
-    when = EACH_SECOND
-    after = ("own_parts",)
-
-    def __init__(self, watch: DesignWatch) -> None:
-        self.watch = watch
-
-    def run(self, cycle: Cycle) -> None:
-        if cycle.flight.phase in COMMANDED:
-            self.watch.watch(cycle.now)
-            cycle.findings.tuned = self.watch.scenario
-
-
-class FirstDesign(Stage):
-    """Redesigns gains for the links as they are found, before the first setpoint."""
-
-    name = "first_gain_design"
-    after = ("begin",)
-
-    def __init__(self, watch: DesignWatch) -> None:
-        self.watch = watch
-
-    def run(self, cycle: Cycle) -> None:
-        if cycle.begins:
-            self.watch.watch(cycle.now, begins=True)
-            cycle.findings.tuned = self.watch.scenario
-
-
-class Margins(Stage):
-    """Judges the loops' delays by their margins."""
-
-    name = "delay_margins"
-    when = EACH_SECOND
-    after = ("own_parts", "gain_design")
-
-    def __init__(self, watch: MarginWatch, cycle: Cycle) -> None:
-        self.watch = watch
-        cycle.findings.margin_used, cycle.findings.bandwidth, cycle.findings.beyond = (
-            watch.used,
-            watch.bandwidth,
-            watch.beyond,
-        )
-        cycle.findings.most_used = watch.most_used
-
-    def run(self, cycle: Cycle) -> None:
-        watch, controller = self.watch, cycle.controller
-        try:
-            watch.watch(cycle.now, cycle.reconfiguration.leader, cycle.findings.lags_off)
-        except NotFiniteError as error:  # a law may fail to state its margins
-            controller.fault = controller.fault or error
-        cycle.findings.most_used, cycle.findings.longest_s = watch.most_used, watch.longest_s
 
 
 class Noise(Stage):
@@ -179,7 +121,7 @@ class Learn(Stage):
 
 
 class Misfit(Stage):
-    name = "misfit"
+    name = "time_constants_off"
     when = EACH_SECOND
     after = ("own_parts",)
 
@@ -246,15 +188,11 @@ class Ground(Stage):
 def watchers(cycle: Cycle) -> list[Stage]:
     fleet = (cycle.vehicles, cycle.note)
     controller = cycle.controller
-    margins, losses = MarginWatch(cycle.scenario, *fleet), [StreamLoss(each) for each in cycle.each]
-    design = DesignWatch(cycle.scenario, cycle.vehicles, (controller.retune, margins.retune), cycle.note)
+    losses = [StreamLoss(each) for each in cycle.each]
     health = TelemetryHealth(cycle.vehicles, controller.estimator.filters, controller.models, cycle.note)
     seen = Seen(cycle)
     return [
-        Design(design),
-        FirstDesign(design),
         Misfit(seen),
-        Margins(margins, cycle),
         Noise(TelemetryWatch(*fleet)),
         Losses(losses, cycle),
         Health(health),

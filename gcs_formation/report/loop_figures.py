@@ -13,7 +13,6 @@ from flight_model.arrays import Array, Mask
 from flight_model.slot import CHANNELS
 from formation_scenario.formation import PidGains
 from gcs_formation.control.laws import gain_range
-from gcs_formation.fleet.margin_watch import NEAR
 from gcs_formation.record import figures_of_merit
 from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.flight import Columns
@@ -21,6 +20,7 @@ from gcs_formation.record.timeseries import INJECTED_MEAN
 from gcs_formation.report import RunData, style
 from gcs_formation.report.error_figures import WIDTHS, error_windows
 from gcs_formation.report.time_axes import Group, draw_line, everyone, finished, followers_of, span
+from gcs_formation.stability.mismatch import NEAR
 
 MOST_COLUMNS = 4
 GAINS = {"kp": "$k_p$", "ki": "$k_i$", "kd": "$k_d$"}

@@ -29,6 +29,8 @@ STEP_S: Final = 0.05
 """Mismatch margins are computed for whole multiples of this delay."""
 BANDWIDTHS = tuple(np.geomspace(1.0, 0.1, 33).tolist())
 """Shares to which the bandwidth may be reduced."""
+NEAR: Final = 0.8
+"""Share of a delay margin from which it is reported that a loop is near it."""
 LAGS_NOTED: Final = 0.05
 """Smaller relative errors of lags are ignored."""
 TOLERANCE = 4.0 * float(np.finfo(np.float64).eps)

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Delays of the loops in flight, compared with their margins and with the delay that the gains are designed for."""
 
 from __future__ import annotations
@@ -16,11 +18,9 @@ from formation_scenario.gains import AUTO, design_delay_s, redesigned
 from gcs_formation.control.laws import law_kind
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_usages, loop_delay_s
-from gcs_formation.stability.mismatch import LAGS_NOTED
+from gcs_formation.stability.mismatch import LAGS_NOTED, NEAR
 from gcs_formation.vehicle.vehicle import Vehicle
 
-NEAR: Final = 0.8
-"""Share of the margin from which an event reports it."""
 CLEAR: Final = 0.7
 """Share below which another event reports that this has ended."""
 DEGRADE: Final = 0.9

@@ -12,7 +12,7 @@ import pytest
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
-from gcs_formation.fleet.margin_watch import (
+from gcs_formation.features.delay_margins.margin_watch import (
     CALM_LOOKS,
     CLEAR,
     DEGRADE,

@@ -1,0 +1,68 @@
+# Compiled by mypyc: it runs every tick.
+
+"""Its stages: shares in use, bandwidths, and who is beyond its margin, are said in the findings."""
+
+from __future__ import annotations
+
+from gcs_formation.core.cycle import EACH_SECOND, Cycle, Stage
+from gcs_formation.errors import NotFiniteError
+from gcs_formation.features.delay_margins.margin_watch import DesignWatch, MarginWatch
+from gcs_formation.phases import COMMANDED
+
+
+class GainDesign(Stage):
+    """Designs gains anew for slower links, before margins are judged by these gains."""
+
+    name = "gain_design"
+    when = EACH_SECOND
+    after = ("own_parts",)
+
+    def __init__(self, watch: DesignWatch) -> None:
+        """Take what designs."""
+        self._watch = watch
+
+    def run(self, cycle: Cycle) -> None:
+        """Design them if links are slower than they are for."""
+        if cycle.flight.phase in COMMANDED:
+            self._watch.watch(cycle.now)
+            cycle.findings.tuned = self._watch.scenario
+
+
+class FirstGainDesign(Stage):
+    """Designs gains for the links as they are found, before the first setpoint."""
+
+    name = "first_gain_design"
+    after = ("begin",)
+
+    def __init__(self, watch: DesignWatch) -> None:
+        """Take what designs."""
+        self._watch = watch
+
+    def run(self, cycle: Cycle) -> None:
+        """Design them if the formation begins to be commanded."""
+        if cycle.begins:
+            self._watch.watch(cycle.now, begins=True)
+            cycle.findings.tuned = self._watch.scenario
+
+
+class DelayMargins(Stage):
+    """Judges the loops' delays by their margins. It needs the time constants' errors, which use up margins, too."""
+
+    name = "delay_margins"
+    when = EACH_SECOND
+    after = ("own_parts", "gain_design", "time_constants_off")
+
+    def __init__(self, watch: MarginWatch, cycle: Cycle) -> None:
+        """Take what judges; its findings are the cycle's."""
+        self._watch, findings = watch, cycle.findings
+        findings.margin_used, findings.bandwidth, findings.beyond = watch.used, watch.bandwidth, watch.beyond
+        findings.most_used = watch.most_used
+
+    def run(self, cycle: Cycle) -> None:
+        """Judge them; a law may fail to state its margins."""
+        watch, controller, findings = self._watch, cycle.controller, cycle.findings
+        try:
+            watch.watch(cycle.now, cycle.reconfiguration.leader, findings.lags_off)
+        except NotFiniteError as error:
+            controller.fault = controller.fault or error
+        findings.most_used, findings.longest_s = watch.most_used, watch.longest_s
