@@ -8,43 +8,10 @@ import math
 from airlink.clock import NANOSECONDS
 from gcs_formation.core.cycle import EACH_SECOND, IN_COMMAND, LED, Cycle, Stage
 from gcs_formation.estimation.estimator import heading_shown
-from gcs_formation.fleet.stream_loss import StreamLoss
-from gcs_formation.fleet.telemetry_watch import MessageIntervals, TelemetryWatch
 from gcs_formation.from_scenario import lag_estimator
-from gcs_formation.phases import Phase
 from gcs_formation.separation.airspace import FenceLimits, HeightFloor
-from gcs_formation.separation.height_bound import HeightBound
 from gcs_formation.separation.resolver import ConflictResolver
 from gcs_formation.telemetry_health.monitor import TelemetryHealth
-
-
-class Noise(Stage):
-    name = "noise"
-    when = EACH_SECOND
-    after = ("budget",)
-
-    def __init__(self, watch: TelemetryWatch) -> None:
-        self._watch = watch
-
-    def run(self, cycle: Cycle) -> None:
-        self._watch.watch_noise(cycle.now, [each.noise for each in cycle.controller.estimator.filters])
-        self._watch.watch_airspeeds(cycle.now)
-
-
-class Losses(Stage):
-    name = "stream_loss"
-    when = EACH_SECOND
-    after = ("budget",)
-
-    def __init__(self, losses: list[StreamLoss], cycle: Cycle) -> None:
-        self._losses = losses
-        for each in losses:
-            cycle.findings.losses[each.vehicle.identity] = each
-
-    def run(self, cycle: Cycle) -> None:
-        del cycle
-        for each in self._losses:
-            each.watch()
 
 
 class Health(Stage):
@@ -74,18 +41,6 @@ class ForgetHealth(Stage):
     def run(self, cycle: Cycle) -> None:
         for column in cycle.restarted:
             self._health.forget(column)
-
-
-class Intervals(Stage):
-    name = "message_intervals"
-    after = ("members",)
-
-    def __init__(self, intervals: MessageIntervals) -> None:
-        self.intervals = intervals
-
-    def run(self, cycle: Cycle) -> None:
-        if cycle.flight.phase is not Phase.LOITERING:
-            self.intervals.watch(cycle.now)
 
 
 class Seen(Stage):
@@ -132,20 +87,6 @@ class Misfit(Stage):
         cycle.findings.lags_off = self._lags.misfit
 
 
-class Height(Stage):
-    name = "height_bound"
-    when = LED
-    after = ("filters",)
-
-    def __init__(self, cycle: Cycle) -> None:
-        self._heights = HeightBound(cycle.controller.models, 1.0 / cycle.scenario.law.rate_hz)
-
-    def run(self, cycle: Cycle) -> None:
-        controller = cycle.controller
-        if controller.fault is None and cycle.tick.mission_time_s >= 0.0:
-            self._heights.keep(cycle.tick, controller.leader_m, controller.slots_m)
-
-
 class Fence(Stage):
     name = "fence"
     when = LED
@@ -186,21 +127,15 @@ class Ground(Stage):
 
 
 def watchers(cycle: Cycle) -> list[Stage]:
-    fleet = (cycle.vehicles, cycle.note)
     controller = cycle.controller
-    losses = [StreamLoss(each) for each in cycle.each]
     health = TelemetryHealth(cycle.vehicles, controller.estimator.filters, controller.models, cycle.note)
     seen = Seen(cycle)
     return [
         Misfit(seen),
-        Noise(TelemetryWatch(*fleet)),
-        Losses(losses, cycle),
         Health(health),
         ForgetHealth(health),
-        Intervals(MessageIntervals(*fleet)),
         seen,
         Learn(seen),
-        Height(cycle),
         Fence(cycle),
         Separation(cycle),
         Ground(cycle),

@@ -14,9 +14,9 @@ from formation_scenario import Scenario, load_scenario
 from formation_scenario.terrain import ElevationGrid
 from gcs_formation import from_scenario
 from gcs_formation.control.setpoint import AS_DECIDED
+from gcs_formation.features.height_bound.height_bound import BOUND_M
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.separation.airspace import OVER_S, HeightFloor
-from gcs_formation.separation.height_bound import BOUND_M
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 

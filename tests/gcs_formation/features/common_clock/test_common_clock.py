@@ -16,7 +16,7 @@ from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
 from gcs_formation.testing.flight_plan import Formation, Plan
 from gcs_formation.vehicle.vehicle import Member
 from tests.flights.in_memory import World
-from tests.flights.test_message_intervals import interval, tell
+from tests.flights.other_station import interval, tell
 
 Split = tuple[float, float]
 GNSS = {"clock": "gnss"}

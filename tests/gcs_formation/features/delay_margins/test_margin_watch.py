@@ -17,13 +17,13 @@ from gcs_formation.features.delay_margins.margin_watch import (
     CLEAR,
     DEGRADE,
     LASTING_LOOKS,
-    NEAR,
     RESTORE,
     SLOW_LOOKS,
     DesignWatch,
     MarginWatch,
 )
 from gcs_formation.link.clock_sync import ClockSync
+from gcs_formation.stability.mismatch import NEAR
 from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import Noted
 

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """A vehicle's loss where a router passes some kinds of messages only: by what its requested streams lack.
 
 Sequence numbers count every frame that a vehicle sends. A router that filters kinds of messages takes frames out, so
@@ -16,8 +18,8 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import Instant, seconds_between
-from airlink.endpoint import VehicleId
 from airlink.messages import KINDS
+from gcs_formation.core.cycle import EACH_SECOND, Cycle, Stage
 from gcs_formation.fleet.frame_loss import FrameLoss
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -108,9 +110,24 @@ class StreamLoss(FrameLoss):
         return [int(self.vehicle.messages_in[place]) for place in self._places]
 
 
-def stream_losses(vehicles: Mapping[VehicleId, Vehicle]) -> dict[VehicleId, StreamLoss]:
-    """Return each vehicle's."""
-    return {identity: StreamLoss(vehicle) for identity, vehicle in vehicles.items()}
+class StreamLosses(Stage):
+    """Judges the windows of all vehicles that are over. Whoever asks for a loss gets it by these from then on."""
+
+    name = "stream_loss"
+    when = EACH_SECOND
+    after = ("budget",)
+
+    def __init__(self, cycle: Cycle) -> None:
+        """Replace what is known of each vehicle's lost frames."""
+        self._each = [StreamLoss(vehicle) for vehicle in cycle.each]
+        for each in self._each:
+            cycle.findings.losses[each.vehicle.identity] = each
+
+    def run(self, cycle: Cycle) -> None:
+        """Watch each."""
+        del cycle
+        for each in self._each:
+            each.watch()
 
 
 def _median(rows: list[tuple[float, float]], half: float) -> float:

@@ -18,7 +18,7 @@ from airlink.messages import KINDS
 from airlink.messages.command import RequestDataStream
 from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import Between, World
-from tests.flights.test_message_intervals import tell
+from tests.flights.other_station import tell
 
 LONG: dict[str, Any] = {"duration_s": 60, "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [3000, 0, 100]]}}
 STATES = (m.MAVLINK_MSG_ID_SYS_STATUS, m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)

@@ -1,4 +1,6 @@
-"""Watches telemetry in flight: messages that stop coming as requested, noise, and airspeeds.
+# Compiled by mypyc: it runs every tick.
+
+"""Watches in flight for messages that stop coming as requested.
 
 Another ground station may have set rates (REQUEST_DATA_STREAM) or switched messages off (MAV_CMD_SET_MESSAGE_INTERVAL):
 a vehicle has one set of intervals for everybody on a link.
@@ -17,18 +19,11 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.messages import KINDS
-from gcs_formation.estimation.noise_and_plausibility import QUANTITIES, VehicleNoise
 from gcs_formation.link.link_health import LinkState
-from gcs_formation.recorder import Detail, Note
+from gcs_formation.recorder import Note
 from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle
 
-NOISE_OFF: Final = 1.8
-"""Ratio to the declared noise, or its inverse, from which a difference is reported."""
-NOISE_BACK: Final = 1.4
-"""Ratio below which the noise is as declared again."""
-UNITS: Final = ("m", "m", "m/s", "m/s", "m/s", "rad")
-BELIEVED_AGAIN: Final = "what it measures is believed again"
 LOOK_S: Final = 0.5
 FEWEST: Final = 16
 """Messages expected in the time over which they are counted, which is at least `WINDOW_S`."""
@@ -189,44 +184,3 @@ def _refuses(vehicle: Vehicle) -> bool:
 
 def _names(message_ids: tuple[int, ...]) -> str:
     return ", ".join(KINDS[message_id].name for message_id in message_ids)
-
-
-class TelemetryWatch:
-    """Reports once a second whose noise isn't as declared or whose airspeed isn't plausible, and when that ends."""
-
-    def __init__(self, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
-        """Watch `vehicles`."""
-        self._vehicles, self._note = vehicles, note
-        self._off, self._unbelieved = set[VehicleId](), set[VehicleId]()
-
-    def watch_noise(self, now: Instant, noise: list[VehicleNoise]) -> None:
-        """Compare measured noise, which the law uses, with the declared one; report the quantity that differs most."""
-        for identity, vehicle in self._vehicles.items():
-            ratios, was_off, worst, apart = noise[vehicle.column].ratios(), identity in self._off, 0, 1.0
-            for place, each in enumerate(ratios):
-                if max(each, 1.0 / each) > apart:
-                    worst, apart = place, max(each, 1.0 / each)
-            if not was_off and apart >= NOISE_OFF:
-                self._off.add(identity)
-                sigma, ratio = noise[vehicle.column].sigma()[worst], ratios[worst]
-                text = f"{QUANTITIES[worst]} is {ratio:.1f} times as noisy as declared: {sigma:.2g} {UNITS[worst]}"
-                self._note(now, "noise", text, vehicle, {"ratio": ratio})
-            elif was_off and apart < NOISE_BACK:
-                self._off.remove(identity)
-                details: dict[str, Detail] = {"ratio": ratios[worst]}
-                self._note(now, "noise", "is as noisy as declared again", vehicle, details)
-
-    def watch_airspeeds(self, now: Instant) -> None:
-        """Report which measured airspeeds aren't plausible."""
-        for identity, vehicle in self._vehicles.items():
-            check, was_believed = vehicle.sampler.airspeed_check, identity not in self._unbelieved
-            if check is None or check.believes == was_believed:
-                continue
-            if was_believed:
-                self._unbelieved.add(identity)
-                shown = f"velocity over ground and wind show {check.synthetic_mps:.1f} m/s"
-                text = f"the {vehicle.telemetry.airspeed_mps:.1f} m/s that it measures isn't believed: {shown}"
-                self._note(now, "airspeed", text, vehicle, {"begins": True})
-            else:
-                self._unbelieved.remove(identity)
-                self._note(now, "airspeed", BELIEVED_AGAIN, vehicle, {"begins": False})

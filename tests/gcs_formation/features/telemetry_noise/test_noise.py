@@ -8,7 +8,7 @@ import numpy as np
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from gcs_formation.estimation.noise_and_plausibility import VehicleNoise
-from gcs_formation.fleet.telemetry_watch import TelemetryWatch
+from gcs_formation.features.telemetry_noise.noise import TelemetryNoise
 from tests.gcs_formation.noted import Noted
 
 DECLARED = np.array([0.3, 0.3, 0.1, 0.1, 0.2, 0.01])[:, None]
@@ -20,7 +20,8 @@ def said(times, samples=400, stated=True):
     noise = VehicleNoise(tuple(DECLARED[:, 0]), tuple(DECLARED[:, 0] / 4), stated=stated)
     random, notes = np.random.default_rng(1), Noted()
     vehicles: Any = {WHO: SimpleNamespace(identity=WHO, column=0)}
-    watch = TelemetryWatch(vehicles, notes)
+    cycle: Any = SimpleNamespace(vehicles=vehicles, note=notes)
+    watch = TelemetryNoise(cycle)
     sigma = np.repeat(DECLARED, (2, 1, 2, 1, 1, 1), axis=0)
     for scale in (times, 1.0):
         before = np.zeros((8, 1))

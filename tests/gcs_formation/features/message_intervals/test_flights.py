@@ -8,24 +8,18 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS
-from airlink.endpoint import Address, VehicleId
-from airlink.engine import Datagram
-from airlink.frame import FrameWriter
+from airlink.endpoint import VehicleId
 from airlink.messages import Message
-from airlink.messages.command import CommandLong, RequestDataStream
+from airlink.messages.command import RequestDataStream
 from gcs_formation.phases import Phase
 from sim_vehicles.plane import HANDLERS
 from tests.flights.in_memory import World
+from tests.flights.other_station import interval, tell
 
-OTHER = Address("127.0.0.1", 50000)
 MOTION = (m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_VFR_HUD)
 NAMES = {"GLOBAL_POSITION_INT", "ATTITUDE", "VFR_HUD"}
 NONE, UNASKED = -1.0, 0.0
 """Intervals of MAV_CMD_SET_MESSAGE_INTERVAL: message off; default rate."""
-
-
-def interval(number: int, message_id: int, interval_us: float) -> CommandLong:
-    return CommandLong(number, 1, m.MAV_CMD_SET_MESSAGE_INTERVAL, param1=message_id, param2=interval_us)
 
 
 def slowed(number: int) -> list[Message]:
@@ -39,14 +33,6 @@ def stopped(number: int) -> list[Message]:
 
 def unasked(number: int) -> list[Message]:
     return [interval(number, each, UNASKED) for each in MOTION]
-
-
-def tell(world: World, number: int, messages: list[Message]) -> float:
-    """Send a vehicle messages from another ground station; return when."""
-    writer = FrameWriter(254, 190)
-    for message in messages:
-        world.fleet.receive([Datagram(number - 1, OTHER, writer.encode(message))], world.clock.now())
-    return world.now_s
 
 
 def rates_hz(world: World, number: int) -> list[float]:

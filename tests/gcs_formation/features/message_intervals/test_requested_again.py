@@ -17,7 +17,7 @@ from airlink.endpoint import VehicleId
 from airlink.messages import KINDS
 from airlink.messages.command import CommandAck
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.fleet.telemetry_watch import ASK_AGAIN_MAX_S, ASK_AGAIN_S, MessageIntervals
+from gcs_formation.features.message_intervals.requested_again import ASK_AGAIN_MAX_S, ASK_AGAIN_S, MessageIntervals
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, LinkState
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.command_delivery import CommandQueue

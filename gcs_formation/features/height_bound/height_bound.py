@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Bounds commanded heights by those of path and slot, whatever a vehicle says of its own height.
 
 Setpoints stay within what a vehicle reaches soon of where it says that it is. One that says 14 m too much, more than
@@ -10,8 +12,9 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from flight_model.autopilot_model import AutopilotModel, within
+from flight_model.autopilot_model import within
 from flight_model.slot import Triple
+from gcs_formation.core.cycle import LED, Cycle, Stage
 from gcs_formation.recorder import Tick
 
 BOUND_M: Final = 15.0
@@ -19,14 +22,27 @@ BOUND_M: Final = 15.0
 reaches in its time constants, so that no flight by true heights is changed."""
 
 
-class HeightBound:
-    """Keeps heights near those that the plan has for each column, or between these and where it joined."""
+class HeightBound(Stage):
+    """Keeps heights near those that the plan has for each column, or between these and where it joined.
 
-    def __init__(self, models: list[AutopilotModel], dt_s: float) -> None:
-        """Take the (C,) models, for their climb limits, and the time from tick to tick, s."""
-        self._models, self._dt_s = models, dt_s
-        self._joined_m = [math.nan] * len(models)
+    After filters from outside, before fence, separation and ground: these may need other heights than the plan's.
+    """
+
+    name = "height_bound"
+    when = LED
+    after = ("filters",)
+
+    def __init__(self, cycle: Cycle) -> None:
+        """Take the models' climb limits, and the time from tick to tick."""
+        self._models, self._dt_s = cycle.controller.models, 1.0 / cycle.scenario.law.rate_hz
+        self._joined_m = [math.nan] * len(self._models)
         """From where each may still be on its way to its slot; NaN of those that aren't commanded."""
+
+    def run(self, cycle: Cycle) -> None:
+        """Bound heights on the path: before, vehicles gather at heights of their own."""
+        controller = cycle.controller
+        if controller.fault is None and cycle.tick.mission_time_s >= 0.0:
+            self.keep(cycle.tick, controller.leader_m, controller.slots_m)
 
     def keep(self, tick: Tick, leader_m: float, slots_m: Sequence[Triple]) -> None:
         """Bound a tick's heights.

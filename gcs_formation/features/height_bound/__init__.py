@@ -1,0 +1,1 @@
+"""Bounds commanded heights by those of path and slot."""

@@ -1,0 +1,1 @@
+"""Requests messages again that stop coming as requested."""

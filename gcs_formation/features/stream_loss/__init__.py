@@ -1,0 +1,1 @@
+"""A vehicle's loss where a router passes some kinds of messages only."""

@@ -1,0 +1,1 @@
+"""Reports noise that isn't as declared, and airspeeds that aren't plausible."""
