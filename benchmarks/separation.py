@@ -7,9 +7,9 @@ from time import process_time
 
 import numpy as np
 
-from gcs_formation.separation.giving_way import resolve
+from gcs_formation.features.separation.giving_way import resolve
 from gcs_formation.studies.dataset import markdown
-from tests.gcs_formation.separation.encounters import Vehicles, picture, wanted
+from tests.gcs_formation.features.separation.encounters import Vehicles, picture, wanted
 
 COUNTS = (4, 100, 254)
 SPACINGS_M = (30.0, 12.5)

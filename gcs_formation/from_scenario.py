@@ -27,7 +27,6 @@ from gcs_formation.control.laws import law_kind
 from gcs_formation.control.own_guidance import OwnGuidance
 from gcs_formation.control.own_predictor import OwnPrediction
 from gcs_formation.estimation.airspeed import AirspeedCheck, AirspeedScale
-from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, UNDECLARED, VehicleNoise
 from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
@@ -94,13 +93,6 @@ def _predictor(scenario: Scenario, history: SetpointHistory, models: list[Autopi
     if chosen is None or entry is None:
         return Prediction(history, models, scenario.telemetry.rate_hz).take
     return OwnPrediction(entry, chosen.parameters or {}, scenario, history, models).take
-
-
-def lag_estimator(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> LagEstimator:
-    """Return the estimator of the vehicles' lags, which updates `models` unless the scenario fixes them."""
-    rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
-    learnt = [model.airframe is None and not model.hovers for model in column_models(scenario)]
-    return LagEstimator(models, history, *rates_hz, in_use=scenario.law.lag_estimation, learnt=learnt)
 
 
 def declared_noise(scenario: Scenario) -> list[VehicleNoise]:

@@ -19,6 +19,8 @@ HEADING: Final = 5
 """Index of the value of a state that is an angle."""
 MISSED: Final = 2
 """Telemetry periods between two vehicles' newest samples beyond which a message is missing."""
+FORGOTTEN_AFTER_S: Final = 30.0
+"""A vehicle whose state is older is ignored: nothing is planned around where it may be."""
 LOST_NS: Final = 2 * NANOSECONDS
 """A vehicle that isn't commanded and whose state is older stays where it was last seen, which saves its prediction."""
 

@@ -10,10 +10,10 @@ from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.estimation.estimator import StateEstimator
+from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
 from gcs_formation.fleet.circle_heights import GroundFloor, loiter_heights
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note
-from gcs_formation.separation.unresponsive import FORGOTTEN_AFTER_S
 from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 

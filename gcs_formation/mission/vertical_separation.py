@@ -12,9 +12,9 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.controller import FormationController
+from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
 from gcs_formation.fleet.circle_heights import STACK_M, Band, GroundFloor, loiter_heights, may_meet
 from gcs_formation.recorder import VehicleLink
-from gcs_formation.separation.unresponsive import FORGOTTEN_AFTER_S
 from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs_formation.separation.approach import sample_times
-from gcs_formation.separation.traffic import free_heights
-from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, picture, wanted
+from gcs_formation.features.separation.approach import sample_times
+from gcs_formation.features.separation.traffic import free_heights
+from tests.gcs_formation.features.separation.encounters import KEPT_M, Vehicles, picture, wanted
 
 
 @pytest.mark.parametrize(

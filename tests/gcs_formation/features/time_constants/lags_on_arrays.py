@@ -13,7 +13,8 @@ from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Mask, within, wrap
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.vehicle_arrays import AutopilotModels, Height, HeightSteps, air_errors
-from gcs_formation.estimation.lag_fit import (
+from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.features.time_constants.lag_fit import (
     ALIKE_S,
     BATCH_S,
     BOUND,
@@ -28,9 +29,8 @@ from gcs_formation.estimation.lag_fit import (
     SIGNIFICANT,
     STEP_MAX,
 )
-from gcs_formation.estimation.lag_simulation import FREE, STEP_NS, Seen
-from gcs_formation.estimation.lags import FINEST, GAP_S, RESOLUTION
-from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.features.time_constants.lag_simulation import FREE, STEP_NS, Seen
+from gcs_formation.features.time_constants.lags import FINEST, GAP_S, RESOLUTION
 from tests.gcs_formation.tables import Instants
 
 

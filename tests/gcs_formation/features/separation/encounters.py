@@ -13,10 +13,10 @@ from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array, Mask
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.separation.approach import Traffic, sample_times
-from gcs_formation.separation.first_look import KeptDistance
-from gcs_formation.separation.giving_way import resolve
-from gcs_formation.separation.traffic import TrafficPicture
+from gcs_formation.features.separation.approach import Traffic, sample_times
+from gcs_formation.features.separation.first_look import KeptDistance
+from gcs_formation.features.separation.giving_way import resolve
+from gcs_formation.features.separation.traffic import TrafficPicture
 from tests.gcs_formation import tables
 
 DT_S = 0.1

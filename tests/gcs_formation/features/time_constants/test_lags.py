@@ -8,11 +8,11 @@ import pytest
 
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.estimation.lags import LagEstimator
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.features.time_constants.lags import LagEstimator
 from gcs_formation.stability.mismatch import LAGS_NOTED
 from tests.gcs_formation import tables
-from tests.gcs_formation.estimation.lags_on_arrays import LagsOnArrays
+from tests.gcs_formation.features.time_constants.lags_on_arrays import LagsOnArrays
 
 TICK_S, DELAY_S = 0.1, 0.35
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")

@@ -12,7 +12,7 @@ import numpy as np
 
 from flight_model.arrays import Array, Indices, Mask, any_of
 from flight_model.vehicle_arrays import Setpoints
-from gcs_formation.separation.approach import (
+from gcs_formation.features.separation.approach import (
     ClosestApproach,
     Manoeuvre,
     MinimumDistance,
@@ -21,7 +21,13 @@ from gcs_formation.separation.approach import (
     fly_level,
     may_come_near,
 )
-from gcs_formation.separation.traffic import AS_COMMANDED, TrafficPicture, free_heights, possible_pairs, take_height
+from gcs_formation.features.separation.traffic import (
+    AS_COMMANDED,
+    TrafficPicture,
+    free_heights,
+    possible_pairs,
+    take_height,
+)
 
 RELEASE = 1.1
 """A vehicle stops giving way once it would keep this many times the minimum distance without."""

@@ -14,15 +14,13 @@ from formation_scenario import Scenario, load_scenario
 from formation_scenario.terrain import ElevationGrid
 from gcs_formation import from_scenario
 from gcs_formation.control.setpoint import AS_DECIDED
-from gcs_formation.features.height_bound.height_bound import BOUND_M
+from gcs_formation.features.airspace.airspace import OVER_S, HeightFloor
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.separation.airspace import OVER_S, HeightFloor
 from tests.flights.conftest import scenario
-from tests.flights.in_memory import World
+from tests.gcs_formation.features.sinking import sunk
 
 CLEARANCE_M, LAG_S, SPEED_MPS, CLIMB_MPS = 20.0, 4.0, 20.0, 3.0
 HIGH = {"speed_mps": SPEED_MPS, "waypoints_m": [[0, 0, 200], [4000, 0, 200]]}
-LOW = {"speed_mps": 22, "waypoints_m": [[0, 0, 40], [4000, 0, 40]]}
 SLOPE: Any = {"shape": "gaussian", "north_m": 0.0, "east_m": 0.0, "height_m": 100.0, "radius_m": 600.0}
 
 
@@ -120,31 +118,9 @@ def test_where_the_ground_is_not_known_there_is_no_floor() -> None:
     assert flown(floor_of(over), -10.0, 15.0) == -10.0
 
 
-def sunk(height_m: float) -> tuple[World, float]:
-    """Return a flight whose leader sinks, in air that sinks at twice its rate of climb, and the others' lowest height.
-
-    `height_m`: of the path.
-    """
-    sinks = {"at_s": 3, "vehicles": [1], "velocity_mps": [0, 0, 2 * CLIMB_MPS]}
-    path = LOW | {"waypoints_m": [[0, 0, height_m], [4000, 0, height_m]]}
-    world = World(duration_s=60, path=path, disturbances=[sinks], formation={"shape": "arrow", "succession": "none"})
-    world.fly_to(2.0)
-    least_m, bodies = np.inf, world.fleet.bodies
-    for _ in range(34):
-        world.run(1.0)
-        least_m = min(least_m, *(body.state.height_m for body in bodies[1:]))
-    assert bodies[0].state.height_m == 0.0
-    return world, least_m
-
-
 def test_a_leader_that_sinks_to_the_ground_does_not_take_its_followers_there() -> None:
     """Where their path is low the floor holds them."""
     world, least_m = sunk(18.0)
     assert least_m == pytest.approx(5.0, abs=0.05)  # safety.clearance_m
     for number in (2, 3):
         assert len(world.times_s("fence", number, "height held at 5 m, 5 m above the ground")) == 1
-
-
-def test_a_leader_that_sinks_takes_its_followers_no_lower_than_the_bound_below_their_path() -> None:
-    _, least_m = sunk(60.0)
-    assert 60.0 - BOUND_M - 0.1 <= least_m < 60.0

@@ -9,11 +9,11 @@ import pytest
 
 from flight_model.arrays import Array
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
-from gcs_formation.separation.approach import Traffic
-from gcs_formation.separation.first_look import KeptDistance
-from gcs_formation.separation.giving_way import resolve
-from gcs_formation.separation.traffic import FARTHER_MPS, FARTHEST_M, PATIENCE_S, TrafficPicture
-from tests.gcs_formation.separation.encounters import DT_S, TIMES_S, model
+from gcs_formation.features.separation.approach import Traffic
+from gcs_formation.features.separation.first_look import KeptDistance
+from gcs_formation.features.separation.giving_way import resolve
+from gcs_formation.features.separation.traffic import FARTHER_MPS, FARTHEST_M, PATIENCE_S, TrafficPicture
+from tests.gcs_formation.features.separation.encounters import DT_S, TIMES_S, model
 
 KEPT_M, SPEED_MPS = 10.5, 22.0
 QUICK_S, SLOW_S = (0.6, 1.5), (1.1, 4.3)

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """The separation rule in flight: builds the rule's input from a tick, and applies its decisions to the tick."""
 
 from __future__ import annotations
@@ -17,14 +19,14 @@ from formation_scenario import Scenario
 from formation_scenario.slot_assignment import column_ids, slot_schedule
 from formation_scenario.surroundings import Fence
 from formation_scenario.transition_plan import MARGIN_M
-from gcs_formation.estimation.projection import Measured
+from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S, Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.features.separation.approach import Traffic, sample_times
+from gcs_formation.features.separation.first_look import SLOT_SHARE, FirstLook, KeptDistance
+from gcs_formation.features.separation.giving_way import Conflict, Resolution, resolve
+from gcs_formation.features.separation.traffic import TrafficPicture
+from gcs_formation.features.separation.unresponsive import Unresponsive, Wandering
 from gcs_formation.recorder import Detail, Event, Tick
-from gcs_formation.separation.approach import Traffic, sample_times
-from gcs_formation.separation.first_look import SLOT_SHARE, FirstLook, KeptDistance
-from gcs_formation.separation.giving_way import Conflict, Resolution, resolve
-from gcs_formation.separation.traffic import TrafficPicture
-from gcs_formation.separation.unresponsive import FORGOTTEN_AFTER_S, Unresponsive, Wandering
 
 ROOM_M: Final = 0.5
 """Margin added to the distance to keep. Giving way begins at the last moment, when the predicted ways leave nothing to

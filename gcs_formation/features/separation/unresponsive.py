@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Possible positions of vehicles that don't fly by the law's setpoints: unresponsive, astray or uncommanded ones."""
 
 from __future__ import annotations
@@ -13,10 +15,10 @@ from airlink.clock import NANOSECONDS, Instant
 from flight_model.autopilot_model import AutopilotModel, FlightState, advance, within, wrap
 from flight_model.slot import UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates
-from gcs_formation.estimation.projection import Measured
+from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S, Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.features.separation.approach import Traffic
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.separation.approach import Traffic
 from gcs_formation.vehicle.vehicle import UNANSWERED_S
 
 SOON_NS: Final = NANOSECONDS // 2
@@ -28,8 +30,6 @@ ACCELERATES_S: Final = 2.0
 """How long an astray or uncommanded multirotor is assumed to keep accelerating."""
 ASTRAY_MPS, ASTRAY_MPS2 = 1.5, 1.0
 """A multirotor is astray if its velocity is so far from the commanded one and departs from it that fast."""
-FORGOTTEN_AFTER_S: Final = 30.0
-"""A vehicle whose state is older is ignored."""
 PROBE_S: Final = 0.27
 """Longest interval of requests that every vehicle answers."""
 MISSED_S: Final = 0.5

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Simulations of a vehicle from its setpoints alone, by models (7) of several lags at once; see `lags`."""
 
 from __future__ import annotations

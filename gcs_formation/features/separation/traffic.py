@@ -12,8 +12,8 @@ import numpy as np
 
 from flight_model.arrays import Array, Indices, Mask, all_of, within, wrap
 from flight_model.vehicle_arrays import FlightStates, Setpoints, lift_m, velocity_aimed_at
-from gcs_formation.separation.approach import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
-from gcs_formation.separation.first_look import SLOT_SHARE, KeptDistance
+from gcs_formation.features.separation.approach import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
+from gcs_formation.features.separation.first_look import SLOT_SHARE, KeptDistance
 
 BESIDE_M = 1.0
 """Margin, in height, by which a vehicle that gives way passes another beyond the distance to keep."""

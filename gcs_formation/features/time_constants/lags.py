@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Estimates of each vehicle's lags in equation (7), from its telemetry and the setpoints that it was sent.
 
 Output-error identification (Ljung, "System Identification", 2nd ed., 4.2 and 10.2): each vehicle is simulated from its
@@ -15,9 +17,9 @@ from typing import Final
 from mypy_extensions import i64
 
 from flight_model.autopilot_model import AutopilotModel
-from gcs_formation.estimation.lag_fit import BATCH_S, LagFit, Nodes
-from gcs_formation.estimation.lag_simulation import Bank, ResidualBatch, Samples, Seen
 from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
+from gcs_formation.features.time_constants.lag_fit import BATCH_S, LagFit, Nodes
+from gcs_formation.features.time_constants.lag_simulation import Bank, ResidualBatch, Samples, Seen
 
 RESOLUTION: Final = (0.02, 0.002, 0.05)
 """Standard deviations of the residuals of airspeed (m/s), heading (rad) and height (m) before any were seen: telemetry

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Fits a vehicle's lags to its telemetry, from simulations by models (7) of several lags; see `lags`."""
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ import numpy as np
 from librt.vecs import vec
 
 from flight_model.autopilot_model import squared, within
-from gcs_formation.estimation.lag_simulation import ResidualBatch
+from gcs_formation.features.time_constants.lag_simulation import ResidualBatch
 
 RATIO_MAX: Final = 2.0
 """Fitted lags are between the declared one divided by this and multiplied by it."""

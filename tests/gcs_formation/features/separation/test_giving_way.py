@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flight_model.vehicle_arrays import Setpoints
-from gcs_formation.separation.giving_way import resolve
-from gcs_formation.separation.traffic import BESIDE_M
-from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, encounter, picture, wanted
+from gcs_formation.features.separation.giving_way import resolve
+from gcs_formation.features.separation.traffic import BESIDE_M
+from tests.gcs_formation.features.separation.encounters import KEPT_M, Vehicles, encounter, picture, wanted
 
 LIMIT_M = 5.0
 PI = math.pi

@@ -13,8 +13,8 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.surroundings import Area, Fence
 from gcs_formation import from_scenario
+from gcs_formation.features.airspace.airspace import FenceLimits
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.separation.airspace import FenceLimits
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 from tests.gcs_formation import tables

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flight_model.vehicle_arrays import FlightStates, Setpoints
-from gcs_formation.separation.approach import approach, fly, fly_level, may_come_near
-from gcs_formation.separation.first_look import FirstLook, KeptDistance
-from gcs_formation.separation.traffic import TrafficPicture, bound, possible_pairs
+from gcs_formation.features.separation.approach import approach, fly, fly_level, may_come_near
+from gcs_formation.features.separation.first_look import FirstLook, KeptDistance
+from gcs_formation.features.separation.traffic import TrafficPicture, bound, possible_pairs
 from tests.gcs_formation import tables
-from tests.gcs_formation.separation.encounters import KEPT_M, Vehicles, picture, wanted
+from tests.gcs_formation.features.separation.encounters import KEPT_M, Vehicles, picture, wanted
 
 PI = np.pi
 

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Airspace limits in flight: keeps setpoints inside the fence, and heights above the ground."""
 
 from __future__ import annotations

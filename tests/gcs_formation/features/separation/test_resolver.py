@@ -20,9 +20,9 @@ from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.control.situation import Decided
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.features.separation.resolver import ConflictResolver
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.separation.resolver import ConflictResolver
 from tests.flights.conftest import scenario
 from tests.gcs_formation import tables
 

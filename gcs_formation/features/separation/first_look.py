@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """A fast test ahead of the separation rule, on plain numbers: whether any two vehicles could come too near at all.
 
 Nearly always none could, and the rest of the rule is skipped. It is for formations in which every vehicle is commanded
@@ -12,7 +14,7 @@ from typing import Final
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel, FlightState, within, wrap
 from flight_model.slot import Triple
-from gcs_formation.separation.approach import COARSE_S
+from gcs_formation.features.separation.approach import COARSE_S
 
 HALF_S: Final = COARSE_S / 2
 SLOT_SHARE: Final = 0.8

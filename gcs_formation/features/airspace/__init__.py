@@ -1,0 +1,1 @@
+"""Keeps setpoints inside the fence, and heights above the ground."""

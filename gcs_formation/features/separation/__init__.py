@@ -1,0 +1,1 @@
+"""Keeps vehicles apart, whatever the law commands."""

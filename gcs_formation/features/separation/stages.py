@@ -1,0 +1,31 @@
+# Compiled by mypyc: it runs every tick.
+
+"""Its stage."""
+
+from __future__ import annotations
+
+from airlink.clock import NANOSECONDS
+from gcs_formation.core.cycle import LED, Cycle, Stage
+from gcs_formation.features.separation.resolver import ConflictResolver
+
+
+class Separation(Stage):
+    """Replaces setpoints that don't keep vehicles apart, those that the fence has changed among them.
+
+    It needs the states and links that setpoints were computed for.
+    """
+
+    name = "separation"
+    when = LED
+    after = ("filters", "height_bound", "fence")
+
+    def __init__(self, cycle: Cycle) -> None:
+        """Take the rule."""
+        controller = cycle.controller
+        self.resolver = ConflictResolver(cycle.scenario, controller.history, controller.models)
+
+    def run(self, cycle: Cycle) -> None:
+        """Apply it."""
+        if cycle.controller.columns > 1:
+            apart_m = cycle.controller.plan.apart_m(cycle.now / NANOSECONDS)
+            self.resolver.keep(cycle.tick, cycle.measured, apart_m)

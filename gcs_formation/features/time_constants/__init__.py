@@ -1,0 +1,1 @@
+"""Estimates each vehicle's time constants in flight."""

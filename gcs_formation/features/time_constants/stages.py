@@ -1,0 +1,75 @@
+# Compiled by mypyc: it runs every tick.
+
+"""Its stages: how far time constants are off their models is said in the findings."""
+
+from __future__ import annotations
+
+from formation_scenario.slot_assignment import column_models
+from gcs_formation.core.cycle import EACH_SECOND, IN_COMMAND, Cycle, Stage
+from gcs_formation.estimation.estimator import heading_shown
+from gcs_formation.features.time_constants.lags import LagEstimator
+
+
+class MotionSeen(Stage):
+    """Takes the motion of the newest samples, with headings as the filters show them: after these."""
+
+    name = "motion_seen"
+    when = IN_COMMAND
+    after = ("estimates",)
+
+    def __init__(self, lags: LagEstimator) -> None:
+        """Take what estimates."""
+        self._lags = lags
+
+    def run(self, cycle: Cycle) -> None:
+        """Take it."""
+        filters = cycle.controller.estimator.filters
+        for column, sample in enumerate(cycle.samples):
+            if sample is not None:
+                state, heading_rad = filters[column].state, sample.heading_rad
+                if sample.by_course and state is not None:
+                    heading_rad = heading_shown(state, sample.north_mps, sample.east_mps)
+                motion = sample.airspeed_mps, heading_rad, sample.height_m, sample.climb_mps
+                self._lags.hear(column, sample.stamp, motion)
+
+
+class TimeConstants(Stage):
+    """Fits them to that motion, of vehicles that are commanded in this cycle, before the law predicts by them."""
+
+    name = "time_constants"
+    when = IN_COMMAND
+    after = ("tick",)
+
+    def __init__(self, lags: LagEstimator) -> None:
+        """Take what estimates."""
+        self._lags = lags
+
+    def run(self, cycle: Cycle) -> None:
+        """Go on with the fit."""
+        active, links = cycle.tick.active, cycle.links
+        self._lags.learn([active[column] and not links[column].disobeying for column in range(len(active))])
+
+
+class TimeConstantsOff(Stage):
+    """Says how far they are off the models in use, before delay margins are judged."""
+
+    name = "time_constants_off"
+    when = EACH_SECOND
+    after = ("own_parts",)
+
+    def __init__(self, lags: LagEstimator) -> None:
+        """Take what estimates."""
+        self._lags = lags
+
+    def run(self, cycle: Cycle) -> None:
+        """Say it."""
+        cycle.findings.lags_off = self._lags.misfit
+
+
+def lag_estimator(cycle: Cycle) -> LagEstimator:
+    """Return the estimator, which updates the controller's models unless the scenario fixes them."""
+    scenario, controller = cycle.scenario, cycle.controller
+    rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
+    learnt = [model.airframe is None and not model.hovers for model in column_models(scenario)]
+    in_use = scenario.law.lag_estimation
+    return LagEstimator(controller.models, controller.history, *rates_hz, in_use=in_use, learnt=learnt)

@@ -1,1 +1,0 @@
-"""The separation rule: changes setpoints where nothing else would keep vehicles apart. See docs/separation.md."""
