@@ -19,7 +19,6 @@ from gcs_formation.core.each_second import commands_anybody
 from gcs_formation.core.feature import features
 from gcs_formation.core.parts import Parts
 from gcs_formation.core.stages import core_stages, ordered
-from gcs_formation.core.watchers import watchers
 from gcs_formation.fleet.routing_and_dispatch import HEARTBEAT
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import UNCHECKED, PreFlightOptions
@@ -74,7 +73,7 @@ class Station(Engine):
         """Names of the features that it flies with."""
         core = core_stages(parts, until_s, self._watch_strangers, self._note_link)
         brought = [stage for each in loaded.values() for stage in each.stages(self.cycle)]
-        self.cycle.order(ordered(core, [*watchers(self.cycle), *brought]))
+        self.cycle.order(ordered(core, brought))
         if resumed is not None:
             self._next_tick = resumed.at
             parts.resume(resumed)

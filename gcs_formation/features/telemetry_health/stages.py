@@ -1,5 +1,6 @@
-# ruff: noqa: D101, D102, D103
-"""Stages that watch."""
+# Compiled by mypyc: it runs every tick.
+
+"""Its stages: what isn't true of a sample is taken out of it."""
 
 from __future__ import annotations
 
@@ -9,36 +10,38 @@ from gcs_formation.core.cycle import IN_COMMAND, Cycle, Stage
 from gcs_formation.telemetry_health.monitor import TelemetryHealth
 
 
-class Health(Stage):
+class Examined(Stage):
+    """Takes out of the newest samples what can't be true, before the filters take them."""
+
     name = "telemetry_health"
     when = IN_COMMAND
     after = ("samples",)
 
     def __init__(self, health: TelemetryHealth) -> None:
-        self.health = health
+        """Take what examines."""
+        self._health = health
 
     def run(self, cycle: Cycle) -> None:
+        """Examine each."""
         leader, commanded, samples = cycle.controller.plan.leader, cycle.last_tick, cycle.samples
         for vehicle in cycle.each:
             column = vehicle.column
             height_m = math.nan if commanded is None or not commanded.active[column] else commanded.setpoints[column][2]
             leads = column == leader
-            samples[column] = self.health.examine(column, samples[column], height_m, cycle.now, leads=leads)
+            samples[column] = self._health.examine(column, samples[column], height_m, cycle.now, leads=leads)
 
 
-class ForgetHealth(Stage):
-    name = "telemetry_health_forgets"
+class RestartForgotten(Stage):
+    """Forgets what was known of vehicles that have just restarted."""
+
+    name = "telemetry_health_forgotten"
     after = ("restarts",)
 
     def __init__(self, health: TelemetryHealth) -> None:
+        """Take what examines."""
         self._health = health
 
     def run(self, cycle: Cycle) -> None:
+        """Forget it."""
         for column in cycle.restarted:
             self._health.forget(column)
-
-
-def watchers(cycle: Cycle) -> list[Stage]:
-    controller = cycle.controller
-    health = TelemetryHealth(cycle.vehicles, controller.estimator.filters, controller.models, cycle.note)
-    return [Health(health), ForgetHealth(health)]

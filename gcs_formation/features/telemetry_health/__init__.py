@@ -1,0 +1,1 @@
+"""Flies by what telemetry says as far as that can be true."""
