@@ -29,6 +29,7 @@ from gcs_formation.app import (
 )
 from gcs_formation.app.loop_delays import configured_loop_delay_s, long_silences, longest_hold
 from gcs_formation.control.laws import law_kind
+from gcs_formation.core.present import feature_names
 from gcs_formation.from_scenario import autopilot_for
 from gcs_formation.stability import (
     LawMargins,
@@ -76,6 +77,7 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
         "path": check_path.path_figures(scenario),
         "assembly": check_links.assembly(scenario)._asdict(),
         "budget": check_budget.budget_report(scenario),
+        "features": list(feature_names()),
         **({"parameters": files} if (files := check_parameters.parameter_report(scenario)) else {}),
         "warnings": list(warnings(scenario, margins, lags_off)),
     }
@@ -115,6 +117,7 @@ def check_text(scenario: Scenario) -> str:
     lines.extend(f"# {line}" for line in check_budget.budget_text(scenario))
     lines.extend(f"# {line}" for line in check_parameters.parameter_text(scenario))
     lines.extend(f"# {line}" for line in (*check_path.path_text(scenario), *common_limits(scenario)))
+    lines.append(f"# features: {', '.join(feature_names()) or 'none'}")
     lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario), lags_off))
     return "\n".join(lines)
 

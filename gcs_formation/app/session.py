@@ -398,6 +398,7 @@ class Session:
                 unsafe=tuple(self.station.course.unsafe),
                 flying_on=dict(self.station.course.flying_on),
                 failure=self.station.course.failure,
+                features=self.station.features,
                 measure=self.options.measure,
             )
         )

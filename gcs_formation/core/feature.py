@@ -10,14 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
-from importlib.util import find_spec
-from pkgutil import iter_modules
-from typing import Final
 
 from gcs_formation.core.cycle import Cycle, Stage
-
-PACKAGE: Final = "gcs_formation.features"
-"""Its subpackages are the features; of each, the module `feature` has its `FEATURE`."""
+from gcs_formation.core.present import PACKAGE, feature_names
 
 
 @dataclass(frozen=True)
@@ -35,7 +30,5 @@ class Feature:
 
 
 def features() -> dict[str, Feature]:
-    """Return the features that are there, by name, in the order of their names."""
-    package = None if find_spec(PACKAGE) is None else import_module(PACKAGE)
-    folders = [] if package is None else [each.name for each in iter_modules(package.__path__) if each.ispkg]
-    return {name: import_module(f"{PACKAGE}.{name}.feature").FEATURE for name in sorted(folders)}
+    """Return the features that are there, by name: of each, the module `feature` has its `FEATURE`."""
+    return {name: import_module(f"{PACKAGE}.{name}.feature").FEATURE for name in feature_names()}

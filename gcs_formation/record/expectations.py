@@ -71,6 +71,8 @@ class RunOutcome:
     """What the run left unsafe at its end, in words."""
     flying_on: Mapping[VehicleId, str] = field(default_factory=dict)
     """Vehicles that were left without setpoints and fly on, in words."""
+    features: tuple[str, ...] | None = None
+    """Names of the features that the station flew with; None if that is unknown."""
     failure: str | None = None
     """Why the run failed after the flight."""
     measure: tuple[Expectation, ...] = ()

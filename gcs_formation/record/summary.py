@@ -83,6 +83,7 @@ def summarise(outcome: RunOutcome) -> Summary:
         "undone": list(outcome.undone),
         "unsafe": [*_lost(scenario, flight, outcome.links), *_flying_on(outcome), *safe.off_path, *outcome.unsafe],
         "failure": None,
+        "features": None if outcome.features is None else list(outcome.features),
         "stability": {
             "delay_margin_s": outcome.delay_margin_s,
             "worst_loop_delay_s": outcome.worst_loop_delay_s,

@@ -37,6 +37,7 @@ def flown_without(tmp_path: Path, *names: str) -> dict[str, object]:
     assert done.returncode == 0, done.stderr
     summary: dict[str, object] = json.loads((out / "summary.json").read_text())
     assert summary["assembled"] is True
+    assert summary["features"] == [name for name in NAMES if name not in names]
     return summary
 
 
