@@ -48,7 +48,7 @@ DECIDING = (
     "gcs_formation/estimation",
     "gcs_formation/guidance",
     "gcs_formation/link",
-    "gcs_formation/separation",
+    "gcs_formation/features",
 )
 """Tests of compiled modules."""
 PATCHING = (

@@ -11,7 +11,7 @@ from gcs_formation.features.time_constants.lags import LagEstimator
 
 
 class MotionSeen(Stage):
-    """Takes the motion of the newest samples, with headings as the filters show them: after these."""
+    """Takes the motion of the newest samples, with headings as the filters show them, which have taken them."""
 
     name = "motion_seen"
     when = IN_COMMAND
@@ -34,7 +34,7 @@ class MotionSeen(Stage):
 
 
 class TimeConstants(Stage):
-    """Fits them to that motion, of vehicles that are commanded in this cycle, before the law predicts by them."""
+    """Fits time constants to the motion seen of vehicles that are commanded now, before the law predicts by them."""
 
     name = "time_constants"
     when = IN_COMMAND
@@ -51,7 +51,7 @@ class TimeConstants(Stage):
 
 
 class TimeConstantsOff(Stage):
-    """Says how far they are off the models in use, before delay margins are judged."""
+    """Says how far time constants are off the models in use, before delay margins are judged."""
 
     name = "time_constants_off"
     when = EACH_SECOND

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from gcs_formation.core.feature import features
+from tests.control_cycle import PAGE, page
 
 FOLDERS = Path(__file__).parents[3] / "gcs_formation" / "features"
 RECORDED = re.compile(r'(?:note\(\s*[\w.]*now|Event\(\s*[\w.]*now),\s*"(\w+)"')
@@ -18,6 +19,10 @@ def test_the_events_that_a_feature_records_are_declared(name: str) -> None:
     places = (FOLDERS / name, FOLDERS.parent / name)  # a mechanism may still have its package beside the features
     sources = "".join(each.read_text() for place in places for each in place.glob("*.py"))
     assert set(RECORDED.findall(sources)) == set(features()[name].events)
+
+
+def test_the_page_of_the_control_cycle_is_that_of_the_code() -> None:
+    assert PAGE.read_text(encoding="utf-8") == page(), "write it again: python -m tests.control_cycle"
 
 
 def test_every_folder_is_a_feature() -> None:
