@@ -126,6 +126,7 @@ def test_a_flight_with_late_copies_is_as_one_without(
 
 
 @pytest.mark.parametrize("elsewhere", [False, True])
+@pytest.mark.slow
 def test_copies_while_frames_are_lost_are_no_other_sender(elsewhere: bool) -> None:
     world = flown(copying(late_s=3.0, shuffled=True, loss=0.05, elsewhere=elsewhere))
     assert world.words("duplicate") == []

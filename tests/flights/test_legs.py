@@ -64,6 +64,7 @@ def test_every_lane_is_flown_straight_level_and_in_shape(
             assert np.abs(errors_m).max() < IN_SHAPE_M
 
 
+@pytest.mark.slow
 def test_legs_of_several_speeds_are_flown_at_them_in_shape_and_in_time(fly: Fly, tmp_path: Path) -> None:
     waypoints = [[0.0, 0.0, 100.0], [500.0, 0.0, 100.0], [1100.0, 0.0, 100.0]]
     summary = fly(

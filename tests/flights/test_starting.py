@@ -185,6 +185,7 @@ def test_who_is_in_its_slot_when_the_time_for_assembly_is_over_is_not_said_to_be
     assert world.times_s("unassembled") == []
 
 
+@pytest.mark.slow
 def test_who_is_back_in_its_slot_by_the_next_pass_is_not_said_to_be_out_of_it_for_the_turn_before() -> None:
     world = World(start=ASSEMBLING["start"], duration_s=1, law=SELDOM, telemetry=SELDOM)
     world.run(2.0)

@@ -226,6 +226,7 @@ def test_behind_a_virtual_leader_errors_are_by_truth_as_behind_any_other(fly: Fl
     assert np.isfinite(north_m).all()
 
 
+@pytest.mark.slow
 def test_who_comes_from_afar_doesnt_overshoot_its_slot_by_much(fly: Fly) -> None:
     """With gains for an ArduPlane, from 300 m ahead: its slot passed it by 35 m, and it was 1 m off after 135 s."""
     summary = fly(

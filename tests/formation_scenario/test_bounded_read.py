@@ -44,11 +44,12 @@ def test_a_pipe_that_is_written_to_is_read(tmp_path: Path) -> None:
 def test_a_pipe_that_trickles_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     os.mkfifo(tmp_path / "pipe")
     handle = os.open(tmp_path / "pipe", os.O_RDWR)
-    read, passed_s = os.read, itertools.count(0.0, 0.25)
+    read, passed_s, bytes_to_come = os.read, itertools.count(0.0, 0.25), iter(b"x" * 31)
 
     def trickle(opened: int, most: int) -> bytes:
-        os.write(handle, b"x")
-        return read(opened, most)
+        part = read(opened, most)
+        os.write(handle, bytes(itertools.islice(bytes_to_come, 1)))
+        return part
 
     os.write(handle, b"x")
     monkeypatch.setattr(time, "monotonic", lambda: next(passed_s))

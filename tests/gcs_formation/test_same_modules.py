@@ -27,7 +27,7 @@ def beside_other_sources(tmp_path):
             (tmp_path / package / module).write_text("open('imported', 'w').close()\n")
     scenario = {
         "vehicles": {"count": 2, "endpoint": f"udpin:127.0.0.1:{free_port()}"},
-        "start": {"in_air": True, "run_in_s": 1},
+        "start": {"in_air": True, "run_in_s": 25},  # they fly on while processes start: a lap would take minutes
         "finish": {"loiter_s": 0},
         "duration_s": 1,
         "path": {"waypoints_m": [[0, 0, 100], [2000, 0, 100]]},

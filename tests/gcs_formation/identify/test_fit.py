@@ -81,6 +81,7 @@ def test_the_deviations_cover_that_setpoints_wait_for_some_part_of_a_cycle(punct
 
 
 @pytest.mark.parametrize(("flights", "rounds"), [(2, 2), pytest.param(6, 3, marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_the_deviations_cover_errors_that_last(flights, rounds):
     """It flies 5 cm/s beside its setpoint for about 3 s, which every prediction that begins meanwhile sees."""
     kept, misses, commanded = math.exp(-STEP_S / 3.0), list[float](), np.tile(stepped(), rounds)
@@ -208,6 +209,7 @@ def test_the_part_that_waits_for_an_integrator_is_found_again(hovers):
     )
 
 
+@pytest.mark.slow
 def test_gusts_that_the_law_answers_arent_taken_for_a_vehicle_that_hardly_follows():
     """Setpoints hold a position in gusts of 30 s: without a noise model a share of 0.32 was found."""
     true = VehicleModel(tau_v_s=1.2, tau_psi_s=1.3, speed_min_mps=10.0, prompt_share=0.55, rest_s=66.0)
