@@ -68,7 +68,9 @@ class RunRecording:
         self._events, self._events_at = list[dict[str, Any]](), 0
         self._parts: list[SpoolTicks | SeriesTicks] = []
         self._log_at, self._log_done = 0, False
-        self._frames = FrameReader(STEP_S, name_of_mode, self._scenario.origin.geodetic, _by_radio(self._scenario))
+        self._frames = FrameReader(
+            STEP_S, name_of_mode, self._scenario.origin.geodetic, _by_radio(self._scenario), copies=True
+        )
         self._seen_s, self._seen = np.empty(0), np.empty((0, len(self._order), len(COLUMNS)), dtype=np.float32)
         self._early = 0
         """How many points of what frames tell come before the first tick: until then vehicles are where they say."""

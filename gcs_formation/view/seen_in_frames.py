@@ -50,7 +50,7 @@ MOST_VEHICLES = 1000
 KINDS = (HEARTBEAT, SYS_STATUS, STATUSTEXT, TIMESYNC, GLOBAL_POSITION_INT, VFR_HUD, BATTERY_STATUS)
 READ = frozenset(kind.message_id for kind in KINDS)
 """Frames that are read; of others only the header is."""
-TARGET = {20: 2, 21: 0, 23: 4, 66: 2, 75: 30, 76: 30, 84: 50, 86: 50}
+TARGET = {20: 2, 21: 0, 23: 4, 66: 2, 75: 30, 76: 30, 84: 50, 86: 50, 111: 16}
 """Where in the payload of what ground stations often send the target system is, by message id."""
 GROUND_STATIONS = (m.MAV_TYPE_GCS, m.MAV_TYPE_ONBOARD_CONTROLLER, m.MAV_TYPE_ANTENNA_TRACKER)
 NameOfMode = Callable[[Heartbeat], str]
@@ -75,8 +75,8 @@ class _Seen:
     frames: int = 0
     lost: int = 0
     bytes_down: int = 0
-    bytes_up: int = 0
-    rates: list[tuple[float, int, int]] = field(default_factory=list[tuple[float, int, int]])
+    bytes_up: float = 0.0
+    rates: list[tuple[float, int, float]] = field(default_factory=list[tuple[float, int, float]])
     heard_s: float = -math.inf
     place_s: float = -math.inf
     mode: str = ""
@@ -93,11 +93,16 @@ class FrameReader:
         name_of_mode: NameOfMode,
         origin: GeodeticOrigin | None = None,
         by_radio: Collection[int] | None = None,
+        *,
+        copies: bool = False,
     ) -> None:
         """Sample every `step_s`; positions count from `origin`, or from the first position.
 
+        `copies`: the log has a copy for each vehicle of what is sent to all of them, as ours do.
+
         A radio's report doesn't say of whom it is: it is taken to be of the systems in `by_radio`, None: of all.
         """
+        self._copies = copies
         self._by_radio, self._radio, self._radio_s = by_radio, list[float](), -math.inf
         self._step_s, self._name_of_mode, self._origin = step_s, name_of_mode, origin
         self._pending, self._astray = b"", False
@@ -211,9 +216,9 @@ class FrameReader:
                         del self._asked[next(iter(self._asked))]
         place = TARGET.get(message_id)
         target = 0 if place is None else _byte(raw, place)
-        for system, seen in self.seen.items():
-            if seen.autopilot and target in {0, system}:
-                seen.bytes_up += len(raw)
+        reached = [seen for system, seen in self.seen.items() if seen.autopilot and target in {0, system}]
+        for seen in reached:
+            seen.bytes_up += len(raw) / len(reached) if self._copies else len(raw)
 
     def _reported(self, raw: bytes, at_s: float) -> None:
         """Keep what a radio says; it is neither a vehicle's frame nor one for a vehicle."""
