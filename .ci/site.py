@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = {"index.md": "README.md", "changelog.md": "CHANGELOG.md"}
 SHIM = "iframe-worker.js"
+VERSION = "MIKE_DOCS_VERSION"
+"""Set by mike, which keeps a copy of the site for each version beside the others."""
 FETCHED = "https://unpkg.com/iframe-worker/shim"
 """What the theme would fetch for the search of a site that is opened as files; it is served from the site instead."""
 OUTSIDE = re.compile(r"\]\(\.\./([^)#]+)(#[^)]*)?\)")
@@ -21,11 +24,13 @@ NUMBERED = re.compile(r"\]\(#([\w-]+)-(\d+)\)")
 
 
 def on_config(config: Any) -> Any:  # noqa: ANN401 - MkDocs' own
-    """Put documents that have no place in the navigation at its end."""
+    """Put documents that have no place in the navigation at its end; offer other versions where there are some."""
     placed = set(re.findall(r"[\w-]+\.md", str(config.nav)))
     others = sorted(each.name for each in DOCS.glob("*.md") if each.name not in placed)
     if others:
         config.nav.append({"More": others})
+    if VERSION in os.environ:  # a copy that is built by itself has no others to choose from, and looks for none
+        config.extra["version"] = {"provider": "mike", "default": "latest"}
     return config
 
 

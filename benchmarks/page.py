@@ -1,9 +1,9 @@
 """How the page keeps up: N vehicles at 10 Hz in a headless browser; loading and seeking; what it costs the station.
 
-`python -m benchmarks.page [--vehicles N] [--seconds S] [--speedup X]`: a made-up flight is written as a station writes
-it, tick by tick, while a Chromium on the same machine shows it by software rendering. `--load`: a finished flight of
-`--seconds` is loaded and sought in instead. `--ticks`: a tick's processor time with and without. Playwright drives the
-browser: pip install '.[browser]'.
+`python -m benchmarks.page [--vehicles N] [--seconds S] [--speedup X] [--size WxH]`: a made-up flight is written as a
+station writes it, tick by tick, while a Chromium on the same machine shows it by software rendering. `--load`: a
+finished flight of `--seconds` is loaded and sought in instead. `--ticks`: a tick's processor time with and without.
+Playwright drives the browser: pip install '.[browser]'.
 """
 
 from __future__ import annotations
@@ -130,14 +130,16 @@ def browser(size: tuple[int, int]) -> Iterator[Any]:
         opened.close()
 
 
-def measure_live(directory: Path, vehicles: int, seconds: float, speedup: float) -> dict[str, float]:
+def measure_live(
+    directory: Path, vehicles: int, seconds: float, speedup: float, size: tuple[int, int] = (1280, 800)
+) -> dict[str, float]:
     """Return frames a second, and the browser's memory after a fifth of the time and at the end, MB."""
     found = dict[str, float]()
     with (directory / EVENTS).open("a") as locked, (directory / SPOOL).open("ab") as spool:
         lock(locked)
         spool.write(rows(vehicles, 0, 50).tobytes())
         spool.flush()
-        with viewer(directory) as address, browser((1280, 800)) as page:
+        with viewer(directory) as address, browser(size) as page:
             page.goto(address)
             page.wait_for_selector("#viewer[data-ready]")
             began, ticks, frames, settled = time.monotonic(), 50, 0, False
@@ -209,6 +211,7 @@ def main() -> None:
     parser.add_argument("--vehicles", type=int, default=100)
     parser.add_argument("--seconds", type=float, default=30.0, help="wall time; with --load: of the flight")
     parser.add_argument("--speedup", type=float, default=1.0)
+    parser.add_argument("--size", default="1280x800", help="of the browser's window, pixels")
     parser.add_argument("--load", action="store_true")
     parser.add_argument("--ticks", action="store_true", help="what a record that is looked at costs the station")
     given = parser.parse_args()
@@ -222,7 +225,8 @@ def main() -> None:
             finish(directory, given.vehicles, given.seconds)
             found = measure_load(directory)
         else:
-            found = measure_live(directory, given.vehicles, given.seconds, given.speedup)
+            width, _, height = given.size.partition("x")
+            found = measure_live(directory, given.vehicles, given.seconds, given.speedup, (int(width), int(height)))
     print(json.dumps({name: round(value, 3) for name, value in found.items()}))
 
 

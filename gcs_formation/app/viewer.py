@@ -27,6 +27,7 @@ from gcs_formation.app.order_socket import SOCKET, ask
 from gcs_formation.errors import RecordError
 from gcs_formation.view.access import Access, is_loopback
 from gcs_formation.view.listening import listening_socket
+from gcs_formation.view.tiles import Tiles
 
 NICE = 10
 """The viewer gives way to everything else on the machine: the station's ticks come first."""
@@ -72,7 +73,14 @@ class OrdersTo:
 class Viewing:
     """A viewer's process, from before the flight until it ends by itself."""
 
-    def __init__(self, listening: socket.socket, access: Access, directory: Path, plugins: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        listening: socket.socket,
+        access: Access,
+        directory: Path,
+        plugins: tuple[str, ...],
+        tiles: Tiles | None = None,
+    ) -> None:
         """Start it on a socket that listens; it serves when `begin` says that the record is open."""
         self._directory = directory
         command = [sys.executable, "-m", __name__]
@@ -87,7 +95,8 @@ class Viewing:
             start_new_session=True,  # Ctrl-C is for the flight; the viewer shows its end
         )
         self._write({"fd": keep, "host": access.address.host, "port": access.address.port, "token": access.token,
-                     "orders": access.orders, "plugins": list(plugins)})  # fmt: skip
+                     "orders": access.orders, "plugins": list(plugins),
+                     "tiles": None if tiles is None else tiles.address})  # fmt: skip
         listening.close()
 
     def begin(self) -> None:
@@ -134,7 +143,8 @@ def main() -> None:
     if not run:
         return  # the flight never began
     from gcs_formation.view.run import RunRecording  # noqa: PLC0415 - after the first line, so that nobody waits
-    from gcs_formation.view.server import Viewer, serve  # noqa: PLC0415
+    from gcs_formation.view.server import Viewer  # noqa: PLC0415
+    from gcs_formation.view.serving import serve  # noqa: PLC0415
 
     directory = Path(json.loads(run)["run"])
     try:
@@ -143,7 +153,8 @@ def main() -> None:
         return
     access = Access(Address(head["host"], head["port"]), orders=head["orders"], token=head["token"])
     with socket.socket(fileno=head["fd"]) as listening:
-        asyncio.run(serve(Viewer(recording, access, OrdersTo(directory)), listening, _over()))
+        tiles = None if head["tiles"] is None else Tiles.at(head["tiles"])
+        asyncio.run(serve(Viewer(recording, access, OrdersTo(directory), tiles), listening, _over()))
 
 
 if __name__ == "__main__":

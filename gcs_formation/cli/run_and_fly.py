@@ -29,7 +29,7 @@ from gcs_formation.app.run import rehearsal_text, rehearse
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli import OVERRIDES, PLUGINS
 from gcs_formation.cli.no_flight import load
-from gcs_formation.cli.view import VIEW, VIEW_ORDERS, WithView, viewing
+from gcs_formation.cli.view import TILES, VIEW, VIEW_ORDERS, WithView, viewing
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.record.run_directory import SCENARIO, recorded_in
 from gcs_formation.record.summary import Summary
@@ -103,6 +103,7 @@ def _options(command: Command) -> Command:
             ),
             VIEW,
             VIEW_ORDERS,
+            TILES,
             click.option("--quiet", is_flag=True, help="Say nothing but errors."),
             click.option("--json", "as_json", is_flag=True, help="The summary alone on standard output."),
         )
@@ -176,13 +177,13 @@ def _done(
     `given`: `seed`, `overrides`, `out`, `plugins`, and the fields of `RunOptions` by their names.
     """
     seed, overrides, out, plugins = (given.pop(name) for name in ("seed", "overrides", "out", "plugins"))
-    view, view_orders = given.pop("view"), given.pop("view_orders")
+    view, view_orders, tiles = (given.pop(name) for name in ("view", "view_orders", "tiles"))
     seeded = () if seed is None else (f"seed={seed}",)
     with Interrupts() as interrupts, ExitStack() as stack:
         loaded = load(scenario, (*overrides, *seeded), plugins)
         options = _run_options(out or default_directory(loaded.name), given)
         if view is not None:
-            viewer = viewing(view, options.out, plugins, orders=view_orders, to_stderr=as_json)
+            viewer = viewing(view, options.out, plugins, orders=view_orders, to_stderr=as_json, tiles=tiles)
             options = replace(options, recording=stack.enter_context(viewer).begin)
         for warning in () if quiet else never_reached(loaded, math.inf if options.until_s is None else options.until_s):
             tell(f"warning: {warning}", err=True)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from gcs_formation.app.viewer import Viewing
     from gcs_formation.view.access import Access
+    from gcs_formation.view.tiles import Tiles
 
 VIEW_EXAMPLES = examples(
     "gcs-formation view runs/quickstart           a flight that is over, or under way",
@@ -75,6 +76,34 @@ VIEW_ORDERS = click.option(
 )
 
 
+class TilesType(click.ParamType["Tiles"]):
+    """The address of a map's tiles."""
+
+    name = "url"
+
+    def convert(self, value: str | Tiles, param: click.Parameter | None, ctx: click.Context | None) -> Tiles:
+        """Parse it."""
+        from gcs_formation.view.tiles import TileError, Tiles  # noqa: PLC0415
+
+        if isinstance(value, Tiles):
+            return value
+        try:
+            return Tiles.at(value)
+        except TileError as error:
+            self.fail(str(error), param, ctx)
+
+
+TILES = click.option(
+    "--view-tiles",
+    "tiles",
+    type=TilesType(),
+    envvar="GCS_FORMATION_VIEW_TILES",
+    metavar="https://HOST/{z}/{x}/{y}.png?key=KEY",
+    show_envvar=True,
+    help="Tiles of a map beneath the plan, which the browser fetches; without it, none are.",
+)
+
+
 def require_installed() -> None:
     """Exit if what the page needs isn't installed."""
     from gcs_formation.app.viewer import lacking  # noqa: PLC0415
@@ -96,12 +125,14 @@ def listening(address: Address, *, orders: bool) -> tuple[socket, Access]:
         sys.exit(say(f"cannot serve the page on {address}: {why}; allowed: a free port", Status.COULD_NOT_GO_ON))
 
 
-def viewing(address: Address, directory: Path, plugins: tuple[str, ...], *, orders: bool, to_stderr: bool) -> Viewing:
+def viewing(
+    address: Address, directory: Path, plugins: tuple[str, ...], *, orders: bool, to_stderr: bool, tiles: Tiles | None
+) -> Viewing:
     """Start the viewer of a flight, and print where it is."""
     from gcs_formation.app.viewer import Viewing  # noqa: PLC0415
 
     served, access = listening(address, orders=orders)
-    started = Viewing(served, access, directory, plugins)
+    started = Viewing(served, access, directory, plugins, tiles)
     tell(f"view {access.url}", err=to_stderr)
     return started
 
@@ -110,8 +141,9 @@ def viewing(address: Address, directory: Path, plugins: tuple[str, ...], *, orde
 @click.argument("recording", type=click.Path(path_type=Path, exists=True))
 @click.option("--address", type=ADDRESS, default=ANYWHERE, help="HOST:PORT; default: here, on a free port.")
 @VIEW_ORDERS
+@TILES
 @PLUGINS
-def view(recording: Path, address: Address, view_orders: bool, plugins: tuple[str, ...]) -> None:
+def view(recording: Path, address: Address, view_orders: bool, tiles: Tiles | None, plugins: tuple[str, ...]) -> None:
     """Replay RECORDING in a browser: the directory of a run, also of one under way, or a MAVLink log (.tlog)."""
     import asyncio  # noqa: PLC0415
 
@@ -119,7 +151,8 @@ def view(recording: Path, address: Address, view_orders: bool, plugins: tuple[st
     from gcs_formation.app.viewer import OrdersTo  # noqa: PLC0415 - after it is known that everything is installed
     from gcs_formation.view.log import LogRecording  # noqa: PLC0415
     from gcs_formation.view.run import RunRecording  # noqa: PLC0415
-    from gcs_formation.view.server import Viewer, serve  # noqa: PLC0415
+    from gcs_formation.view.server import Viewer  # noqa: PLC0415
+    from gcs_formation.view.serving import serve  # noqa: PLC0415
 
     try:
         shown = RunRecording(recording, plugins) if recording.is_dir() else LogRecording(recording)
@@ -130,4 +163,4 @@ def view(recording: Path, address: Address, view_orders: bool, plugins: tuple[st
     tell(f"view {access.url}")
     tell("Ctrl-C ends it", err=True)
     with served:
-        asyncio.run(serve(Viewer(shown, access, orders), served))
+        asyncio.run(serve(Viewer(shown, access, orders, tiles), served))

@@ -16,6 +16,7 @@ from gcs_formation.errors import RecordError
 from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
 from gcs_formation.vehicle.px4 import Px4
 from gcs_formation.view.recording import COLUMN, Rows, State, Times
+from gcs_formation.view.scene import degrees
 from gcs_formation.view.seen_in_frames import FrameReader, of
 
 STEP_S = 0.2
@@ -59,6 +60,7 @@ class LogRecording:
         except OSError as error:
             raise RecordError(f"cannot read {path}: {error.strerror or error}; {ALLOWED}") from error
         reader.finish()
+        self._origin = reader.origin
         systems = sorted(system for system, seen in reader.seen.items() if seen.autopilot)
         if not systems:
             raise RecordError(f"found no vehicle's heartbeat in {path}; {ALLOWED}")
@@ -95,8 +97,8 @@ class LogRecording:
         return self._rows[ticks]
 
     def scene(self) -> Mapping[str, Any]:
-        """Return the log's name; nothing else is known of it."""
-        return {"name": self._path.name}
+        """Return the log's name, and where positions count from; nothing else is known of it."""
+        return {"name": self._path.name, **({} if self._origin is None else {"origin": degrees(self._origin)})}
 
     def poll(self, wall_s: float) -> None:
         """Do nothing: a log is read once."""

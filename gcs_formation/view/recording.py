@@ -25,7 +25,9 @@ LINK = ("age_s", "delay_s", "up_s", "down_s", "jitter_s", "margin_used")
 FLAGS = ("active", "leads", "yielding", "airborne")
 SEEN = ("loss", "rate_down_kbps", "rate_up_kbps", "battery", "armed")
 """What only frames tell: share lost from vehicle to ground, kbit/s each way, battery left (0 to 1), whether armed."""
-COLUMNS = (*STATE, *SETPOINT, *SLOT, *ERROR, *LINK, *FLAGS, *SEEN)
+RADIO = ("radio_rssi", "radio_remrssi", "radio_noise", "radio_remnoise", "radio_txbuf_percent")
+"""What the radio at our end last reported by RADIO_STATUS of a vehicle's link: levels in its own unit, free buffer."""
+COLUMNS = (*STATE, *SETPOINT, *SLOT, *ERROR, *LINK, *FLAGS, *SEEN, *RADIO)
 COLUMN = {name: index for index, name in enumerate(COLUMNS)}
 MOST_ROWS = 60_000
 """Rows, a vehicle's at a tick, in one answer."""
@@ -142,7 +144,10 @@ def _vehicle(row: npt.NDArray[np.float32] | None) -> dict[str, Any]:
         **{name: of(name) for name in (*STATE, *SETPOINT)},
         "error_m": [of(name) for name in ERROR],
         **{f"{name}_ms": of(f"{name}_s", 1e3) for name in ("delay", "up", "down", "jitter")},
-        **{name: of(name) for name in ("age_s", "margin_used", "loss", "rate_down_kbps", "rate_up_kbps", "battery")},
+        **{
+            name: of(name)
+            for name in ("age_s", "margin_used", "loss", "rate_down_kbps", "rate_up_kbps", "battery", *RADIO)
+        },
         **{name: None if row is None else bool(row[COLUMN[name]] > 0) for name in (*FLAGS, "armed")},
     }
 

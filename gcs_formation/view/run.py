@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from gcs_formation.phases import OVER, Phase
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES, TLOG, recorded_in
 from gcs_formation.record.timeseries import PHASES, spools
 from gcs_formation.view.log import name_of_mode
-from gcs_formation.view.recording import COLUMN, COLUMNS, SEEN, STATE, Rows, State, Times
+from gcs_formation.view.recording import COLUMN, COLUMNS, RADIO, SEEN, STATE, Rows, State, Times
 from gcs_formation.view.scene import scene
 from gcs_formation.view.seen_in_frames import FrameReader, of
 from gcs_formation.view.tick_rows import SeriesTicks, SpoolTicks
@@ -35,6 +35,7 @@ MOST_EVENTS = 100_000
 FRESH_S = 5.0
 """Where the law knows no state yet, a vehicle is where it said within this time."""
 SEEN_COLUMNS = [COLUMN[name] for name in SEEN]
+RADIO_COLUMNS = [COLUMN[name] for name in RADIO]
 CONNECTING = float(PHASES.index(Phase.CONNECTING.value))
 NONE = Times(np.empty(0), np.empty(0), np.empty(0))
 
@@ -67,7 +68,9 @@ class RunRecording:
         self._events, self._events_at = list[dict[str, Any]](), 0
         self._parts: list[SpoolTicks | SeriesTicks] = []
         self._log_at, self._log_done = 0, False
-        self._frames = FrameReader(STEP_S, name_of_mode, self._scenario.origin.geodetic)
+        self._frames = FrameReader(
+            STEP_S, name_of_mode, self._scenario.origin.geodetic, _by_radio(self._scenario), copies=True
+        )
         self._seen_s, self._seen = np.empty(0), np.empty((0, len(self._order), len(COLUMNS)), dtype=np.float32)
         self._early = 0
         """How many points of what frames tell come before the first tick: until then vehicles are where they say."""
@@ -125,6 +128,8 @@ class RunRecording:
             tail = rows[later]
             seen = self._seen[last]
             tail[:, :, SEEN_COLUMNS] = seen[:, :, SEEN_COLUMNS]
+            recorded = tail[:, :, RADIO_COLUMNS]
+            tail[:, :, RADIO_COLUMNS] = np.where(np.isnan(recorded), seen[:, :, RADIO_COLUMNS], recorded)
             unknown = np.isnan(tail[:, :, 0]) & (seen[:, :, COLUMN["age_s"]] < FRESH_S)
             tail[unknown, : len(STATE)] = seen[unknown, : len(STATE)]
             rows[later] = tail
@@ -203,6 +208,15 @@ class RunRecording:
         seen_s = self._seen_s[:early]
         before = Times(seen_s, np.full(early, np.nan), np.full(early, CONNECTING))
         self._times = Times(*(np.concatenate(each) for each in zip(before, *parts, strict=True)))
+
+
+def _by_radio(scenario: Scenario) -> Collection[int] | None:
+    """Return of whom a radio's report in the log is: nobody is known of several radios until the flight is over."""
+    radios = scenario.channel_members()
+    if len(radios) == 1:
+        return {vehicle.vehicle_id.system for vehicle in radios[0][1]}
+    shared = not radios and len({vehicle.endpoint for vehicle in scenario.vehicles}) == 1
+    return None if shared else ()
 
 
 def _has_line(path: Path) -> bool:

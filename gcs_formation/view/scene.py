@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from flight_model.arrays import Array
+from flight_model.earth import GeodeticOrigin
 from flight_model.path import PathError
 from formation_scenario import Scenario
+from gcs_formation.budget.traffic import BYTES_PER_KBIT, USABLE, rates_of
 from gcs_formation.stability import scenario_delay_margin
 
 POINTS = 600
@@ -35,6 +38,8 @@ def scene(scenario: Scenario) -> dict[str, Any]:
         "speed_mps": scenario.path.begin_mps,
         "separation_m": safety.separation_m,
         "avoidance_m": safety.avoidance.distance_m,
+        "origin": degrees(scenario.origin.geodetic),
+        "radios": list(_radios(scenario)),
         "delay_margin_s": _finite(scenario_delay_margin(scenario)),
         "path": [] if points is None else rounded(points),
         "waypoints": rounded(np.array(scenario.path.waypoints_m)),
@@ -42,6 +47,25 @@ def scene(scenario: Scenario) -> dict[str, Any]:
         "heights": [None, None] if fence is None else [_finite(each) for each in fence.heights_m],
         "ground": None if points is None else ground(scenario, points[:, :2].min(axis=0), points[:, :2].max(axis=0)),
     }
+
+
+def degrees(origin: GeodeticOrigin) -> list[float]:
+    """Return latitude and longitude of where positions count from, degrees: to lay a map beneath them."""
+    return [float(np.rad2deg(each)) for each in (origin.lat_rad, origin.lon_rad)]
+
+
+def _radios(scenario: Scenario) -> Iterator[dict[str, Any]]:
+    """Yield the radios whose rate the scenario says: who shares it, kbit/s each way, and the share that may be used."""
+    for index, vehicles in scenario.channel_members():
+        rates = rates_of(scenario.links.channels[index])
+        if rates is not None and vehicles:
+            yield {
+                "vehicles": [str(vehicle.vehicle_id) for vehicle in vehicles],
+                "up_kbps": round(rates.up / BYTES_PER_KBIT, 3),
+                "down_kbps": round(rates.down / BYTES_PER_KBIT, 3),
+                "half_duplex": rates.half_duplex,
+                "usable": USABLE,
+            }
 
 
 def _path(scenario: Scenario) -> Array | None:

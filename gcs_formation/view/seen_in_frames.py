@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +12,16 @@ import numpy as np
 from airlink import mavlink as m
 from airlink.frame import HEADER_V1, HEADER_V2, StreamParser, frame_length, message_id_of
 from airlink.messages.payload import MARKER_V2
-from airlink.messages.system import HEARTBEAT, STATUSTEXT, TIMESYNC, Heartbeat, Statustext, Timesync
+from airlink.messages.system import (
+    HEARTBEAT,
+    RADIO_STATUS,
+    STATUSTEXT,
+    TIMESYNC,
+    Heartbeat,
+    RadioStatus,
+    Statustext,
+    Timesync,
+)
 from airlink.messages.telemetry import (
     BATTERY_STATUS,
     GLOBAL_POSITION_INT,
@@ -25,7 +34,7 @@ from airlink.messages.telemetry import (
 )
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.view.recording import COLUMN, COLUMNS, Rows
+from gcs_formation.view.recording import COLUMN, COLUMNS, RADIO, Rows
 
 STAMP = 8
 """Bytes of a frame's stamp: microseconds since 1970, big-endian."""
@@ -41,11 +50,14 @@ MOST_VEHICLES = 1000
 KINDS = (HEARTBEAT, SYS_STATUS, STATUSTEXT, TIMESYNC, GLOBAL_POSITION_INT, VFR_HUD, BATTERY_STATUS)
 READ = frozenset(kind.message_id for kind in KINDS)
 """Frames that are read; of others only the header is."""
-TARGET = {20: 2, 21: 0, 23: 4, 66: 2, 75: 30, 76: 30, 84: 50, 86: 50}
+TARGET = {20: 2, 21: 0, 23: 4, 66: 2, 75: 30, 76: 30, 84: 50, 86: 50, 111: 16}
 """Where in the payload of what ground stations often send the target system is, by message id."""
 GROUND_STATIONS = (m.MAV_TYPE_GCS, m.MAV_TYPE_ONBOARD_CONTROLLER, m.MAV_TYPE_ANTENNA_TRACKER)
 NameOfMode = Callable[[Heartbeat], str]
 BITS, KILO = 8, 1e3
+RADIO_STALE_S = 5.0
+"""A radio reports about once a second; older reports say nothing about now."""
+UNKNOWN_LEVEL = 255
 SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
 EARLIEST_US, LATEST_US = 0, 2**62
 
@@ -63,8 +75,8 @@ class _Seen:
     frames: int = 0
     lost: int = 0
     bytes_down: int = 0
-    bytes_up: int = 0
-    rates: list[tuple[float, int, int]] = field(default_factory=list[tuple[float, int, int]])
+    bytes_up: float = 0.0
+    rates: list[tuple[float, int, float]] = field(default_factory=list[tuple[float, int, float]])
     heard_s: float = -math.inf
     place_s: float = -math.inf
     mode: str = ""
@@ -75,8 +87,23 @@ class _Seen:
 class FrameReader:
     """Reads a log's bytes as they come; keeps a row for each vehicle at each point of a grid of time."""
 
-    def __init__(self, step_s: float, name_of_mode: NameOfMode, origin: GeodeticOrigin | None = None) -> None:
-        """Sample every `step_s`; positions count from `origin`, or from the first position."""
+    def __init__(
+        self,
+        step_s: float,
+        name_of_mode: NameOfMode,
+        origin: GeodeticOrigin | None = None,
+        by_radio: Collection[int] | None = None,
+        *,
+        copies: bool = False,
+    ) -> None:
+        """Sample every `step_s`; positions count from `origin`, or from the first position.
+
+        `copies`: the log has a copy for each vehicle of what is sent to all of them, as ours do.
+
+        A radio's report doesn't say of whom it is: it is taken to be of the systems in `by_radio`, None: of all.
+        """
+        self._copies = copies
+        self._by_radio, self._radio, self._radio_s = by_radio, list[float](), -math.inf
         self._step_s, self._name_of_mode, self._origin = step_s, name_of_mode, origin
         self._pending, self._astray = b"", False
         self._begin_us: int | None = None
@@ -152,6 +179,9 @@ class FrameReader:
         version_2 = raw[0] == MARKER_V2
         system, component, sequence = (raw[5], raw[6], raw[4]) if version_2 else (raw[3], raw[4], raw[2])
         message_id = message_id_of(raw)
+        if message_id == RADIO_STATUS.message_id:
+            self._reported(raw, at_s)
+            return
         seen = self.seen.get(system)
         if seen is None:
             if message_id != HEARTBEAT.message_id or len(self.seen) >= MOST_VEHICLES:
@@ -186,9 +216,19 @@ class FrameReader:
                         del self._asked[next(iter(self._asked))]
         place = TARGET.get(message_id)
         target = 0 if place is None else _byte(raw, place)
-        for system, seen in self.seen.items():
-            if seen.autopilot and target in {0, system}:
-                seen.bytes_up += len(raw)
+        reached = [seen for system, seen in self.seen.items() if seen.autopilot and target in {0, system}]
+        for seen in reached:
+            seen.bytes_up += len(raw) / len(reached) if self._copies else len(raw)
+
+    def _reported(self, raw: bytes, at_s: float) -> None:
+        """Keep what a radio says; it is neither a vehicle's frame nor one for a vehicle."""
+        for frame in StreamParser().feed(raw):
+            if isinstance(frame.message, RadioStatus):
+                said = frame.message
+                levels = (said.rssi, said.remrssi, said.noise, said.remnoise)
+                self._radio = [math.nan if each == UNKNOWN_LEVEL else float(each) for each in levels]
+                self._radio.append(float(min(said.txbuf, 100)))
+                self._radio_s = at_s
 
     def _message(self, system: int, seen: _Seen, message: object, at_s: float) -> None:
         row = seen.row
@@ -254,7 +294,9 @@ class FrameReader:
         snapshot = dict[int, list[float]]()
         for system, seen in self.seen.items():
             if seen.autopilot:
-                snapshot[system] = self._sampled(seen, at_s)
+                snapshot[system] = row = self._sampled(seen, at_s)
+                if at_s - self._radio_s < RADIO_STALE_S and (self._by_radio is None or system in self._by_radio):
+                    row[COLUMN[RADIO[0]] : COLUMN[RADIO[-1]] + 1] = self._radio
         self.times_s.append(at_s)
         self.snapshots.append(snapshot)
 

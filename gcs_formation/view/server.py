@@ -1,33 +1,33 @@
-"""Serves the page of a recording: a shell around it, on sockets."""
+"""The page's application: what a browser may ask of a recording and of the flight, and what it is answered."""
 
 from __future__ import annotations
 
 import asyncio
 import base64
 import json
-import socket
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from functools import partial
 from html import escape
-from importlib.resources import files
-from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
-import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp
 
 from formation_scenario.orders import Answer, OrderError, read_order
 from gcs_formation.errors import NothingRunningError, RecordError
 from gcs_formation.view.access import COOKIE, Access
+from gcs_formation.view.asked import number, small_object
+from gcs_formation.view.guard import Guard
 from gcs_formation.view.recording import Recording, chosen, described, packed, state_at
+from gcs_formation.view.served_files import served_files
+from gcs_formation.view.tiles import Tiles
 
 Result = TypeVar("Result")
 
@@ -49,23 +49,6 @@ class Orders(Protocol):
         ...
 
 
-TYPES = {
-    ".html": "text/html; charset=utf-8",
-    ".js": "text/javascript; charset=utf-8",
-    ".css": "text/css; charset=utf-8",
-    ".svg": "image/svg+xml",
-}
-# 'unsafe-eval' is for those who drive the page by Playwright, whose waits evaluate text; nothing here does.
-HEADERS = {
-    "Content-Security-Policy": (
-        "default-src 'none'; script-src 'self' 'unsafe-eval'; style-src 'self'; img-src 'self' data:; "
-        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-    ),
-    "X-Content-Type-Options": "nosniff",
-    "Referrer-Policy": "no-referrer",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Cache-Control": "no-store",
-}
 VEHICLES = b"<!-- vehicles -->"
 """Where the page names the vehicles, until its scripts show them."""
 POLL_S = 0.1
@@ -76,8 +59,6 @@ MOST_STREAMED = 10
 """Ticks in a message of the stream; what a browser missed beyond that is left out."""
 MOST_EVENTS = 500
 MOST_STREAMS = 32
-MOST_BODY = 2000
-MOST_HEADER = 16_384
 STAYS_S = 10.0
 """How long a viewer of a flight that is over stays after its last browser."""
 FIRST_S = 15.0
@@ -85,63 +66,18 @@ FIRST_S = 15.0
 NEVER = -1.0
 
 
-class Part(NamedTuple):
-    """A file of the page."""
-
-    data: bytes
-    kind: str
-
-
-def static_parts() -> dict[str, Part]:
-    """Return the page's files by their addresses: nothing else is ever served."""
-    root, found = files("gcs_formation.view") / "static", dict[str, Part]()
-    for folder, prefix in ((root, ""), (root / "vendor", "vendor/")):
-        for each in folder.iterdir():
-            kind = TYPES.get(Path(each.name).suffix)
-            if kind is not None and each.is_file():
-                found[prefix + each.name] = Part(each.read_bytes(), kind)
-    return found
-
-
-class Guard:
-    """Refuses requests that `Access` doesn't allow, and adds the headers of every answer."""
-
-    def __init__(self, app: ASGIApp, access: Access) -> None:
-        """Wrap an application."""
-        self._app, self._access = app, access
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request."""
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
-        headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
-        query = scope["query_string"].decode("latin-1")
-        refused = self._access.refusal(scope["method"], headers, query)
-
-        async def with_headers(message: Any) -> None:  # noqa: ANN401 - as ASGI has it
-            if message["type"] == "http.response.start":
-                own = [(name.lower().encode(), value.encode()) for name, value in HEADERS.items()]
-                message["headers"] = [*message["headers"], *own]
-            await send(message)
-
-        if refused is not None:
-            status, reason = refused
-            await JSONResponse({"error": reason}, status)(scope, receive, with_headers)
-            return
-        await self._app(scope, receive, with_headers)
-
-
 class Viewer:
     """One recording, the browsers that look at it, and the way of orders to the flight."""
 
-    def __init__(self, recording: Recording, access: Access, orders: Orders | None = None) -> None:
-        """Serve a recording; `orders` reach its flight, None where there is none."""
-        self.recording, self.access, self._give = recording, access, orders
+    def __init__(
+        self, recording: Recording, access: Access, orders: Orders | None = None, tiles: Tiles | None = None
+    ) -> None:
+        """Serve a recording; `orders` reach its flight, None where there is none; `tiles`: a map beneath the plan."""
+        self.recording, self.access, self._give, self._tiles = recording, access, orders, tiles
         self._reader = ThreadPoolExecutor(1, "recording")
         """Everything that reads the recording is done in one thread, and never in the one that serves."""
         self._ordering = ThreadPoolExecutor(1, "orders")
-        self._parts = static_parts()
+        self._parts = served_files()
         self.failure: str | None = None
         self.closing = False
         """Whether it is about to end: browsers are told, so that they don't ask again."""
@@ -162,7 +98,8 @@ class Viewer:
             Route("/api/order", self._order, methods=["POST"]),
             Route("/api/link", self._link, methods=["POST"]),
         ]
-        return Guard(Starlette(routes=routes, lifespan=self._lifespan), self.access)
+        images = "" if self._tiles is None else self._tiles.origin
+        return Guard(Starlette(routes=routes, lifespan=self._lifespan), self.access, images)
 
     @property
     def is_left(self) -> bool:
@@ -213,18 +150,19 @@ class Viewer:
 
     def _described(self) -> dict[str, Any]:
         orders = self._give is not None and self.access.orders and self._give.available
-        return described(self.recording) | {"orders": orders, "failure": self.failure}
+        tiles = None if self._tiles is None else self._tiles.address
+        return described(self.recording) | {"orders": orders, "failure": self.failure, "tiles": tiles}
 
     async def _state(self, request: Request) -> Response:
         at_s: float | None = None
         if "at" in request.query_params:
-            at_s = _number(request.query_params["at"])
+            at_s = number(request.query_params["at"])
             if at_s is None:
                 return JSONResponse({"error": "at: found no number; allowed: seconds since the run's clock began"}, 400)
         return JSONResponse(await self._read(lambda: state_at(self.recording, at_s)))
 
     async def _ticks(self, request: Request) -> Response:
-        asked = {name: _number(request.query_params.get(name, "")) for name in ("from", "to", "rows", "from_s", "to_s")}
+        asked = {name: number(request.query_params.get(name, "")) for name in ("from", "to", "rows", "from_s", "to_s")}
 
         def read() -> bytes:
             times_s = self.recording.times.time_s
@@ -241,7 +179,7 @@ class Viewer:
         return Response(await self._read(read), media_type="application/octet-stream")
 
     async def _events(self, request: Request) -> Response:
-        after = int(min(max(_number(request.query_params.get("after", "")) or 0, 0), 1e9))
+        after = int(min(max(number(request.query_params.get("after", "")) or 0, 0), 1e9))
         found = list(self.recording.events[after : after + MOST_EVENTS])
         return JSONResponse({"events": found, "next": after + len(found), "total": len(self.recording.events)})
 
@@ -278,7 +216,7 @@ class Viewer:
         return packed(self.recording, chosen(end, vehicles, begin, end, MOST_STREAMED * vehicles))
 
     async def _order(self, request: Request) -> Response:
-        given = await _body(request)
+        given = await small_object(request)
         text = given.get("order") if given is not None else None
         if not isinstance(text, str):
             return JSONResponse({"error": 'found no order; allowed: {"order": "shape line", "check": true}'}, 400)
@@ -291,7 +229,7 @@ class Viewer:
         return await self._given(line, {"ends": ends})
 
     async def _link(self, request: Request) -> Response:
-        given = await _body(request)
+        given = await small_object(request)
         if given is None:
             return JSONResponse({"error": 'found no link; allowed: {"vehicles": [2], "delay_ms": 300}'}, 400)
         return await self._given(f"link {json.dumps(given, separators=(',', ':'))}", {})
@@ -309,61 +247,3 @@ class Viewer:
 
 def _message(kind: str, data: str) -> str:
     return f"event: {kind}\ndata: {data}\n\n"
-
-
-def _number(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if np.isfinite(value) else None
-
-
-async def _body(request: Request) -> dict[str, Any] | None:
-    """Return a small JSON object that a request carries; None if it carries something else."""
-    if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
-        return None
-    data = b""
-    async for chunk in request.stream():
-        data += chunk
-        if len(data) > MOST_BODY:
-            return None
-    try:
-        found = json.loads(data)
-    except (ValueError, RecursionError):
-        return None
-    return found if isinstance(found, dict) else None
-
-
-async def serve(viewer: Viewer, listening: socket.socket, is_over: Callable[[], bool] | None = None) -> None:
-    """Serve until a signal ends it, or, with `is_over`, until the flight is over and no browser looks on."""
-    config = uvicorn.Config(
-        viewer.app(),
-        log_level="critical",
-        access_log=False,
-        server_header=False,
-        date_header=False,
-        proxy_headers=False,
-        ws="none",
-        http="h11",
-        loop="asyncio",
-        limit_concurrency=128,
-        timeout_keep_alive=5,
-        timeout_graceful_shutdown=2,
-        h11_max_incomplete_event_size=MOST_HEADER,
-    )
-    server = uvicorn.Server(config)
-    watching = asyncio.create_task(_watch(server, viewer, is_over))
-    try:
-        await server.serve(sockets=[listening])
-    finally:
-        watching.cancel()
-
-
-async def _watch(server: uvicorn.Server, viewer: Viewer, is_over: Callable[[], bool] | None) -> None:
-    """End the server when the flight is over and no browser looks on; tell browsers when it ends."""
-    while not server.should_exit:
-        if is_over is not None and is_over() and viewer.is_left:
-            server.should_exit = True
-        await asyncio.sleep(POLL_S)
-    viewer.closing = True

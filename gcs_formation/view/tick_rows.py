@@ -17,7 +17,7 @@ from formation_scenario.fields import Frame
 from formation_scenario.slot_frame import axis_rad
 from gcs_formation.record.timeseries import ERROR, LAW_ERROR, PHASES, TRUTH, VIRTUAL_LEADER
 from gcs_formation.record.timeseries import SLOT as SLOT_FRU
-from gcs_formation.view.recording import COLUMN, COLUMNS, FLAGS, LINK, PLACE, SETPOINT, SLOT, STATE, Rows, Times
+from gcs_formation.view.recording import COLUMN, COLUMNS, FLAGS, LINK, PLACE, RADIO, SETPOINT, SLOT, STATE, Rows, Times
 
 NUMBER_BYTES = 8
 MOST_VALUES = 200e6
@@ -33,6 +33,9 @@ def as_rows(columns: Mapping[str, Array], frame: Frame) -> Rows:
     rows = np.full((*first.shape, len(COLUMNS)), np.nan, dtype=np.float32)
     for name in DIRECT:
         rows[:, :, COLUMN[name]] = columns[TRUE.get(name, name)] if TRUE.get(name) in columns else columns[name]
+    for name in RADIO:
+        if name in columns:
+            rows[:, :, COLUMN[name]] = columns[name]
     for name, law in zip(ERROR, LAW_ERROR, strict=True):
         rows[:, :, COLUMN[name]] = columns[name] if name in columns else columns[law]
     for name, values in zip(SLOT, _slots(columns, frame), strict=True):
@@ -110,7 +113,18 @@ class SeriesTicks:
         """
         file = pq.ParquetFile(path)
         known = set(file.schema_arrow.names)
-        wanted = {*DIRECT, *ERROR, *LAW_ERROR, *SLOT_FRU, *TRUE.values(), *VIRTUAL_LEADER, *TIMES, "network", "vehicle"}
+        wanted = {
+            *DIRECT,
+            *RADIO,
+            *ERROR,
+            *LAW_ERROR,
+            *SLOT_FRU,
+            *TRUE.values(),
+            *VIRTUAL_LEADER,
+            *TIMES,
+            "network",
+            "vehicle",
+        }
         count, ticks, rows = len(order), list[Times](), list[Rows]()
         every = 1 + int(file.metadata.num_rows * len(COLUMNS) / MOST_VALUES)
         left: dict[str, Array] = {}

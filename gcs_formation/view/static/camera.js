@@ -8,15 +8,16 @@ class PlanCamera {
     this.following = true;
     this.fitted = false;
     this.pointers = new Map();
+    this.size = sizeOf(canvas);
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     canvas.addEventListener("pointerdown", (event) => this.down(event));
     canvas.addEventListener("pointermove", (event) => this.move(event));
     for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => this.pointers.delete(event.pointerId));
   }
 
-  get width() { return this.canvas.clientWidth; }
+  get width() { return this.size.width; }
 
-  get height() { return this.canvas.clientHeight; }
+  get height() { return this.size.height; }
 
   x(east) { return this.width / 2 + (east - this.east) * this.scale; }
 

@@ -42,6 +42,13 @@ function element(name, attributes = {}, ...children) {
   return found;
 }
 
+// An element's width and height, kept up to date: asking at every frame would lay the page out again.
+function sizeOf(node) {
+  const size = { width: node.clientWidth, height: node.clientHeight };
+  new ResizeObserver(() => { size.width = node.clientWidth; size.height = node.clientHeight; }).observe(node);
+  return size;
+}
+
 function say(node, text) { if (node.textContent !== text) node.textContent = text; }
 
 function number(value, digits = 1, unit = "") {

@@ -3,7 +3,7 @@
 const PREDICTED_S = 10;
 const REDRAWN_MS = 500;
 const CROWD = 30; // of more vehicles only the leader's and the selected one's future is drawn
-const SLOW_MS = 45, FAST_MS = 18; // a slow machine draws the plan at fewer pixels
+const SLOW_MS = 40, FAST_MS = 18, SETTLES_MS = 1500; // a slow machine draws the plan at fewer pixels
 const OVER = 1.6; // size of the layer beneath, relative to what is seen: so following needs no redrawing
 
 class Plan {
@@ -15,8 +15,11 @@ class Plan {
     this.drawn = null;
     this.camera = new PlanCamera(this.canvas, () => { this.drawn = null; });
     this.ground = null;
+    this.tiles = new Tiles(store.meta, () => { this.drawn = null; });
     this.quality = 1;
     this.frame_ms = 25;
+    this.adapts = 0; // when it next looks whether to draw at other pixels
+    this.patience_ms = SETTLES_MS;
   }
 
   get visible() { return !this.canvas.hidden; }
@@ -26,7 +29,7 @@ class Plan {
   resize() {
     this.adapt();
     const ratio = Math.min(2, window.devicePixelRatio || 1) * this.quality;
-    const width = Math.round(this.canvas.clientWidth * ratio), height = Math.round(this.canvas.clientHeight * ratio);
+    const width = Math.round(this.camera.width * ratio), height = Math.round(this.camera.height * ratio);
     if (this.canvas.width !== width || this.canvas.height !== height) {
       this.canvas.width = width; this.canvas.height = height;
       this.drawn = null;
@@ -34,15 +37,22 @@ class Plan {
     return ratio;
   }
 
-  // Draw at fewer pixels if frames take long, at more again if they don't.
+  // Draw at half the pixels each way if frames take long: whole pixels, which are enlarged without being mixed, since
+  // mixing costs a browser without a graphics processor more than the drawing. Going back is tried, ever more seldom.
   adapt() {
     const now = performance.now();
     if (this.before && now - this.before < 500) this.frame_ms += 0.05 * (now - this.before - this.frame_ms);
     this.before = now;
-    if (this.adapted && now - this.adapted < 1500) return;
-    this.adapted = now;
-    if (this.frame_ms > SLOW_MS && this.quality > 0.6) this.quality *= 0.75;
-    else if (this.frame_ms < FAST_MS && this.quality < 1) this.quality = Math.min(1, this.quality / 0.75);
+    if (now < this.adapts) return;
+    if (this.frame_ms > SLOW_MS && this.quality === 1) {
+      this.quality = 0.5;
+      this.patience_ms *= 2;
+      this.adapts = now + this.patience_ms;
+    } else if (this.frame_ms < FAST_MS && this.quality < 1) {
+      this.quality = 1;
+      this.adapts = now + SETTLES_MS;
+    }
+    this.canvas.classList.toggle("coarse", this.quality < 1);
   }
 
   fitFormation(places) {
@@ -71,7 +81,7 @@ class Plan {
   }
 
   draw(view) {
-    const ratio = this.resize(), context = this.canvas.getContext("2d"), camera = this.camera;
+    const ratio = this.resize(), context = this.canvas.getContext("2d", { alpha: false }), camera = this.camera;
     if (!this.canvas.width) return;
     if (!camera.fitted && view.places.some(([north]) => Number.isFinite(north))) this.fitFormation(view.places);
     camera.follow(...view.centre);
@@ -98,10 +108,14 @@ class Plan {
     const ticks = this.store.overview, last = ticks.before(view.time_s);
     const ends = this.store.vehicles.map((_, v) => (last < 0 ? [NaN, NaN] : [...ticks.values.subarray(last * ticks.width + v * this.store.width, last * ticks.width + v * this.store.width + 2)]));
     this.drawn = { east: camera.east, north: camera.north, scale: camera.scale, dark: view.colours.dark, at: now, time: view.time_s, ends };
-    const context = this.layer.getContext("2d");
+    const context = this.layer.getContext("2d", { alpha: false });
+    context.fillStyle = view.colours.paper;
+    context.fillRect(0, 0, this.layer.width, this.layer.height);
     context.setTransform(ratio, 0, 0, ratio, this.layer.width / 2, this.layer.height / 2);
     const at = ([north, east]) => [(east - camera.east) * camera.scale, (camera.north - north) * camera.scale];
+    const reach = { north: this.layer.height / ratio / 2 / camera.scale, east: this.layer.width / ratio / 2 / camera.scale };
     this.terrain(context, at, view);
+    this.tiles.draw(context, at, { north: [camera.north - reach.north, camera.north + reach.north], east: [camera.east - reach.east, camera.east + reach.east] }, camera.scale * ratio);
     this.grid(context, at, view, ratio);
     const scene = this.store.meta.scene;
     for (const area of scene.fence || []) {

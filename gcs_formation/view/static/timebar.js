@@ -18,6 +18,7 @@ class TimeBar {
     this.marks = element("canvas", { class: "marks", "aria-hidden": "true" });
     this.text = element("output", { class: "time" });
     place.append(this.play, back, on, this.speed, element("div", { class: "slide" }, this.marks, this.slider), this.text, this.live);
+    this.size = sizeOf(this.marks);
   }
 
   timeOf(step) { return this.store.first_s + (step / STEPS) * (this.store.last_s - this.store.first_s); }
@@ -36,12 +37,12 @@ class TimeBar {
     this.live.hidden = !clock.isLive();
     this.live.setAttribute("aria-pressed", String(clock.following));
     if (document.activeElement !== this.slider || clock.playing) this.slider.value = String(span > 0 ? Math.round(((view.time_s - store.first_s) / span) * STEPS) : 0);
-    const key = `${store.events.length} ${Math.round(span)} ${this.marks.clientWidth} ${view.colours.dark}`;
+    const key = `${store.events.length} ${Math.round(span)} ${this.size.width} ${view.colours.dark}`;
     if (key !== this.key) { this.key = key; this.drawMarks(view); }
   }
 
   drawMarks(view) {
-    const { store } = this, width = this.marks.clientWidth, height = this.marks.clientHeight, context = this.marks.getContext("2d");
+    const { store } = this, { width, height } = this.size, context = this.marks.getContext("2d");
     this.marks.width = width; this.marks.height = height;
     const span = store.last_s - store.first_s;
     if (!(span > 0)) return;

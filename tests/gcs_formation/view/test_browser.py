@@ -5,7 +5,10 @@ Where either is missing these tests are left out, and the summary says so: pip i
 
 from __future__ import annotations
 
+import base64
 import json
+import math
+import re
 import shutil
 import signal
 import subprocess
@@ -17,6 +20,8 @@ from typing import Any
 
 import pytest
 
+from airlink.frame import FrameWriter
+from airlink.messages.system import Heartbeat, Statustext
 from tests.flights.conftest import scenario
 from tests.gcs_formation.view.conftest import Flown
 
@@ -32,6 +37,10 @@ pytestmark = [
     pytest.mark.browser,
     pytest.mark.skipif(CHROMIUM is None, reason="the page in a browser: found no Chromium"),
 ]
+PNG = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
+)
+"""A picture of one pixel."""
 WAIT_MS = 60_000
 """For what takes a second on a machine with nothing else to do."""
 
@@ -112,6 +121,87 @@ def test_a_finished_flight_is_shown_replayed_and_sought_in(flown: Flown, tab: An
         tab.wait_for_selector("canvas.space")
         tab.click('[data-tab="events"]')
         assert "phase: flying" in tab.inner_text(".events")
+
+
+def test_nothing_needs_text_to_be_evaluated(flown: Flown, tab: Any) -> None:
+    """The policy forbids it: a refusal would be an error in the console, which fails the test."""
+    with started("view", str(flown.finished)) as (_, address):
+        policy = tab.goto(address).headers["content-security-policy"]
+        assert "unsafe" not in policy
+        tab.wait_for_selector("#viewer[data-ready]")
+        for name in ("links", "events", "orders", "vehicles"):
+            tab.click(f'[data-tab="{name}"]')
+        tab.keyboard.press("3")
+        tab.wait_for_selector("canvas.space")
+        tab.wait_for_timeout(300)
+
+
+def test_tiles_are_fetched_from_the_given_server_alone_and_only_if_it_is_given(flown: Flown, tab: Any) -> None:
+    asked = list[str]()
+    tab.route("**/tile/**", lambda route: (asked.append(route.request.url), route.fulfill(body=PNG)))
+    with started("view", str(flown.finished)) as (_, address):
+        tab.goto(address)
+        tab.wait_for_selector("#viewer[data-ready]")
+        tab.wait_for_timeout(500)
+        assert asked == []
+    tiles = "http://127.0.0.1:9/tile/{z}/{x}/{y}.png?key=K"
+    with started("view", str(flown.finished), "--view-tiles", tiles) as (_, address):
+        tab.goto(address)
+        with tab.expect_request("**/tile/**"):
+            tab.wait_for_selector("#viewer[data-ready]")
+        tab.wait_for_timeout(500)
+    numbers = [re.fullmatch(r"http://127\.0\.0\.1:9/tile/(\d+)/(\d+)/(\d+)\.png\?key=K", url) for url in asked]
+    assert all(numbers)
+    zoom, x, y = (int(each) for each in numbers[0].groups())
+    # The scenario's origin, 35 degrees north and 125 east, by the formula of the projection; 600 m of a plan around it.
+    at_x, at_y = 2**zoom * (125 / 360 + 0.5), 2**zoom * (1 - math.asinh(math.tan(math.radians(35))) / math.pi) / 2
+    assert math.hypot(x + 0.5 - at_x, y + 0.5 - at_y) < 8
+
+
+def test_texts_of_vehicles_scenarios_and_logs_are_text(tab: Any, tmp_path: Path) -> None:
+    """A mode, a text and a file's name that are HTML: shown as they are, and nothing of them becomes an element."""
+    shown = "<img src=x onerror=alert(1)><script>alert(2)</script>"
+    vehicle, file = FrameWriter(7, 1), tmp_path / "<b onclick=alert(3)>.tlog"
+    frames = [
+        vehicle.encode(Heartbeat(1, 3, 128, 15)),
+        vehicle.encode(Statustext(2, shown[:50], 1, 0)),
+        vehicle.encode(Statustext(2, shown[50:], 1, 1)),
+    ]
+    file.write_bytes(b"".join((10**15 + 10**6 * i).to_bytes(8, "big") + raw for i, raw in enumerate(frames)))
+    with started("view", str(file)) as (_, address):
+        tab.goto(address)
+        tab.wait_for_selector("#viewer[data-ready]")
+        assert tab.inner_text("h1") == file.name
+        tab.wait_for_function("text => document.querySelector('.card .text').textContent === text", arg=shown)
+        tab.click('[data-tab="events"]')
+        assert shown in tab.inner_text(".events")
+        assert tab.query_selector_all("#viewer :is(img, script, b[onclick])") == []
+
+
+def test_telemetry_that_is_not_believed_is_marked_on_its_card_until_it_is_again(flown: Flown, tab: Any, tmp_path: Path):
+    run = tmp_path / "doubted"
+    shutil.copytree(flown.finished, run)
+    with (run / "events.jsonl").open("a") as events:
+        for t_s, healthy in ((2.0, False), (4.0, True)):
+            line = {
+                "t_s": t_s,
+                "kind": "health",
+                "text": "…",
+                "vehicle": "2",
+                "quantity": "heading",
+                "healthy": healthy,
+            }
+            events.write(json.dumps(line) + "\n")
+    with started("view", str(run)) as (_, address):
+        tab.goto(address)
+        tab.wait_for_selector("#viewer[data-ready]")
+        mark = tab.locator('[data-vehicle="2"] .doubt')
+        tab.evaluate("gcsView.clock.playing = false; gcsView.clock.seek(3)")
+        tab.wait_for_function("() => /heading/.test(document.querySelector('[data-vehicle=\"2\"] .doubt').textContent)")
+        assert tab.inner_text('[data-vehicle="3"] .doubt') == ""
+        tab.evaluate("gcsView.clock.seek(4.5)")
+        tab.wait_for_function("() => document.querySelector('[data-vehicle=\"2\"] .doubt').textContent === ''")
+        assert mark.count() == 1
 
 
 def test_a_log_of_anybody_is_shown(flown: Flown, tab: Any) -> None:

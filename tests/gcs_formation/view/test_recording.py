@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from airlink.frame import FrameWriter
-from airlink.messages.system import Heartbeat, Timesync
+from airlink.messages.system import Heartbeat, RadioStatus, Timesync
 from gcs_formation.errors import RecordError
 from gcs_formation.record.timeseries import read_parquet
 from gcs_formation.view.log import LogRecording
@@ -185,3 +185,32 @@ def test_round_trips_are_read_from_the_frames(tmp_path: Path) -> None:
     found = state_at(log, None)["vehicles"]["7"]["delay_ms"]
     assert not math.isnan(found)
     assert found == pytest.approx(150.0, abs=0.01)
+
+
+def test_what_radios_report_is_read_from_the_frames_and_is_no_traffic_to_vehicles(tmp_path: Path) -> None:
+    """A radio has no heartbeat. Its levels are there for 5 s; 255 is unknown."""
+    radio, vehicle = FrameWriter(51, 68), FrameWriter(7, 1)
+    frames = [(0, vehicle.encode(Heartbeat(1, 3, 128, 15)))]
+    frames += [(1_000_000, radio.encode(RadioStatus(180, 170, 60, 40, 255, 0, 0)))]
+    frames += [(at * 1_000_000, vehicle.encode(Heartbeat(1, 3, 128, 15))) for at in (2, 4, 9)]
+    file = tmp_path / "radio.tlog"
+    file.write_bytes(b"".join((10**15 + at).to_bytes(8, "big") + raw for at, raw in frames))
+    log = LogRecording(file)
+    found = state_at(log, 3.0)["vehicles"]["7"]
+    assert [found[f"radio_{name}"] for name in ("rssi", "remrssi", "noise", "txbuf_percent")] == [180, 170, 40, 60]
+    assert found["radio_remnoise"] is None
+    assert found["rate_up_kbps"] == 0.0
+    assert state_at(log, 9.0)["vehicles"]["7"]["radio_rssi"] is None
+
+
+def test_a_request_for_a_clock_counts_for_its_vehicle_alone(tmp_path: Path) -> None:
+    station, frames = FrameWriter(255, 190), list[tuple[int, bytes]]()
+    vehicles = {system: FrameWriter(system, 1) for system in (7, 8)}
+    for at in range(4):
+        frames += [(at * 1_000_000, each.encode(Heartbeat(1, 3, 128, 15))) for each in vehicles.values()]
+        frames.append((at * 1_000_000 + 1, station.encode(Timesync(0, at + 1, 7, 1))))
+    file = tmp_path / "asked.tlog"
+    file.write_bytes(b"".join((10**15 + at).to_bytes(8, "big") + raw for at, raw in frames))
+    found = state_at(LogRecording(file), None)["vehicles"]
+    assert found["7"]["rate_up_kbps"] > 0.0
+    assert found["8"]["rate_up_kbps"] == 0.0

@@ -14,9 +14,11 @@ from starlette.types import ASGIApp
 from airlink.endpoint import Address
 from formation_scenario.orders import Answer
 from gcs_formation.view.access import Access
+from gcs_formation.view.asked import MOST_BODY
 from gcs_formation.view.log import LogRecording
 from gcs_formation.view.run import RunRecording
-from gcs_formation.view.server import MOST_BODY, Viewer, static_parts
+from gcs_formation.view.served_files import served_files
+from gcs_formation.view.server import Viewer
 from tests.gcs_formation.view.conftest import Flown
 
 HERE = "http://127.0.0.1:8000"
@@ -122,7 +124,7 @@ def test_the_page_and_all_its_parts_are_served_from_here(page: Browser) -> None:
     assert answer.headers["content-type"].startswith("text/html")
     assert "//" not in answer.text
     assert [f'data-vehicle="{name}"' in answer.text for name in "123"] == [True] * 3  # before its scripts run, too
-    for name in static_parts():
+    for name in served_files():
         assert page.get(f"/static/{name}").status_code == 200
     assert "default-src 'none'" in answer.headers["content-security-policy"]
     assert answer.headers["x-content-type-options"] == "nosniff"
