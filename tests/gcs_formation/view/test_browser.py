@@ -150,9 +150,10 @@ def test_tiles_are_fetched_from_the_given_server_alone_and_only_if_it_is_given(f
         with tab.expect_request("**/tile/**"):
             tab.wait_for_selector("#viewer[data-ready]")
         tab.wait_for_timeout(500)
-    numbers = [re.fullmatch(r"http://127\.0\.0\.1:9/tile/(\d+)/(\d+)/(\d+)\.png\?key=K", url) for url in asked]
-    assert all(numbers)
-    zoom, x, y = (int(each) for each in numbers[0].groups())
+    form = re.compile(r"http://127\.0\.0\.1:9/tile/(\d+)/(\d+)/(\d+)\.png\?key=K")
+    numbers = [tuple(map(int, found.groups())) for found in map(form.fullmatch, asked) if found is not None]
+    assert len(numbers) == len(asked)
+    zoom, x, y = numbers[0]
     # The scenario's origin, 35 degrees north and 125 east, by the formula of the projection; 600 m of a plan around it.
     at_x, at_y = 2**zoom * (125 / 360 + 0.5), 2**zoom * (1 - math.asinh(math.tan(math.radians(35))) / math.pi) / 2
     assert math.hypot(x + 0.5 - at_x, y + 0.5 - at_y) < 8

@@ -192,4 +192,4 @@ def _status(viewer: Viewer, path: bytes) -> object:
 
 
 def _headers(viewer: Viewer, path: bytes) -> dict[str, str]:
-    return dict(_started(viewer, path)["headers"])  # type: ignore[call-overload,no-any-return]
+    return dict(_started(viewer, path)["headers"])  # type: ignore[call-overload]
