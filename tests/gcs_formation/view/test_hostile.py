@@ -165,7 +165,7 @@ def test_only_the_origin_of_tiles_joins_the_policy(flown: Flown) -> None:
     ]
     assert "//" not in policies[0]
     assert policies[1] == policies[0].replace("data:", "data: https://map.example:8443")
-    assert "unsafe" not in policies[1]
+    assert "unsafe-inline" not in policies[1]
 
 
 def _started(viewer: Viewer, path: bytes) -> dict[str, object]:
