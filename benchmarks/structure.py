@@ -66,6 +66,17 @@ def circle(modules: dict[str, ast.Module]) -> list[str] | None:
     return None
 
 
+def closure(root: str, trees: dict[str, ast.Module]) -> set[str]:
+    """Return the modules that importing `root` imports, itself among them, packages that hold them left out."""
+    names, found, waiting = set(trees), set[str](), [root]
+    while waiting:
+        name = waiting.pop()
+        if name in names and name not in found:
+            found.add(name)
+            waiting += imported(trees[name], names)
+    return found
+
+
 class Traced(Station):
     """A station that lists the files that run, from the first position datagram on the path to the end of a tick."""
 
@@ -122,6 +133,9 @@ def main() -> None:
     print(f"\nlines of a function, median: {median((f.end_lineno or 0) - f.lineno + 1 for f in functions):g}")
     closed = circle(trees)
     print(f"circle of imports: {' -> '.join(closed or ['none'])}")
+    closed_over = closure("gcs_formation.station", trees)
+    lines = sum(len(everything[name].splitlines()) for name in closed_over if WRITTEN not in everything[name])
+    print(f"imported by the station, without features: {len(closed_over)} modules, {lines} lines but for written ones")
     files = way()
     own = [file for file in files if file.startswith("gcs_formation")]
     print(

@@ -49,25 +49,21 @@ class Station(Engine):
         `utc_at_0_s` is UTC at instant 0, s since 1970, if the machine's clock is set to it; `caution`: checks before
         the first command; `resumed`: the flight to resume; `signing`: the links' keys, if any has one.
         """
+        self._recorder, self._out, self._next_tick = recorder, list[Datagram](), Instant(0)
+        self.frames_refused = 0
+        """Number of valid frames that weren't accepted as any vehicle's."""
         parts = Parts(scenario, recorder, self._note, self._send_all, utc_at_0_s, caution, resumed, signing)
-        self.cycle, self.scenario, self.controller, self.course = (
-            parts.cycle,
-            parts.scenario,
-            parts.controller,
-            parts.course,
-        )
+        self.scenario, self.cycle = parts.scenario, parts.cycle
+        self.controller, self.course = parts.controller, parts.course
         self.flight, self.vehicles, self.networks = self.course.flight, parts.vehicles, parts.networks
         self.preflight, self.orders, self.budget = parts.preflight, parts.orders, parts.budget
         self.signatures, self.radio_reports = parts.signatures, parts.radio_reports
-        self.frames_refused = 0
-        """Number of valid frames that weren't accepted as any vehicle's."""
         self._endpoints, self._receiver, self._senders = parts.endpoints, parts.receiver, parts.senders
-        self._recorder, self._membership, self._flood = recorder, parts.membership, parts.flood
+        self._membership, self._flood = parts.membership, parts.flood
         self._dispatch, self._heartbeats = parts.dispatch, parts.heartbeats
         # A socket is one of MAVLink's channels, and frames are numbered by channel (guide, "Packet Serialization").
         self._channels = [FrameWriter(*scenario.station.ids) for _ in self._endpoints]
         self._each, self._period_s = list(self.vehicles.values()), 1.0 / scenario.law.rate_hz
-        self._out, self._next_tick = list[Datagram](), Instant(0)
         loaded = features()
         self.features = tuple(loaded)
         """Names of the features that it flies with."""

@@ -7,37 +7,30 @@ the record.
 from __future__ import annotations
 
 import json
-import math
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator
 from contextlib import closing, contextmanager, suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
 
-from airlink import mavlink as m
 from airlink.cli import rare_garbage_collection, same_modules
 from airlink.clock import Clock, Instant, RealClock, VirtualClock, seconds_between
 from airlink.driver import Driver
 from airlink.endpoint import Address, ComponentId, Endpoint, PortError, VehicleId
 from airlink.engine import Engine, MemoryNetwork
 from airlink.forwarding import Forward, Forwarding, Remote
-from airlink.messages import Message
-from airlink.messages.command import CommandInt, CommandLong
 from airlink.signing.signed_links import VerifyingReceiver
 from airlink.transports.udp import resolved
-from flight_model.arrays import beside
-from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario
 from formation_scenario.extensions import LINK, ExtensionError
 from formation_scenario.fields import refused
 from formation_scenario.scripted import ScriptedOrder
 from formation_scenario.simulated import Place
-from formation_scenario.slot_assignment import columns, slot_schedule
-from formation_scenario.slot_frame import axis_rad
+from gcs_formation.app.dry_run import rehearsed
 from gcs_formation.app.link_processes import UNKNOWN
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
@@ -48,9 +41,6 @@ from gcs_formation.record.run_directory import PORT, RECORDING, SCENARIO, SUMMAR
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.unfinished import epoch_us, from_ports, read_past, recorded_speedup
 from gcs_formation.recorder import Detail, Event
-from gcs_formation.station import Station
-from gcs_formation.vehicle.autopilot_family import Autopilot, Command
-from gcs_formation.vehicle.vehicle import Vehicle
 from sim_vehicles.config import fleet_config, stand_ins
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.truth import TruthError, TruthRecord, TruthWriter
@@ -59,9 +49,6 @@ IMPORTED_AHEAD = ("airlink.installed", "importlib.metadata", "scipy.optimize", "
 """Only some flights need these, but a tick that first has to import them would be late by a second."""
 END_S = 5.0
 """Wall time that the emulators get to exit by themselves, s."""
-PARAMETERS = ("param1", "param2", "param3", "param4")
-SETPOINTS = "setpoints"
-"""`when` of messages that are sent at every tick; their values are those of the slot at the path's start."""
 
 
 def run(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
@@ -406,94 +393,3 @@ def taken_up(scenario: Scenario, options: RunOptions) -> tuple[RealClock, Resump
     resumed = read_past(options.out, scenario, now, retake=options.retake)
     behind_s = seconds_between(now, resumed.at)
     return (RealClock.at(resumed.at, options.speedup) if behind_s > 0.0 else clock), resumed, behind_s
-
-
-def rehearsed(station: Station) -> dict[str, Any]:
-    """Return what `--dry-run --json` prints: each vehicle's state, its parameters' findings and the messages."""
-    places = first_setpoints(station.scenario)
-    return {
-        "rate_hz": station.scenario.law.rate_hz,
-        "dry_run": [
-            {
-                "vehicle": str(identity),
-                "family": vehicle.autopilot.family,
-                "mode": vehicle.autopilot.mode_name(vehicle.telemetry),
-                "armed": vehicle.telemetry.armed,
-                "airborne": vehicle.airborne,
-                "parameters": list(station.preflight.warnings.get(identity, ())),
-                "messages": list(_messages(vehicle, *places[str(identity)])),
-            }
-            for identity, vehicle in station.vehicles.items()
-        ],
-    }
-
-
-def rehearsal_text(report: dict[str, Any]) -> str:
-    """Return the same as text, with all digits of degrees in 1e-7."""
-    lines: list[str] = []
-    for each in report["dry_run"]:
-        where, armed = "in the air" if each["airborne"] else "on the ground", "armed" if each["armed"] else "disarmed"
-        lines.append(f"vehicle {each['vehicle']} ({each['family']}): {each['mode']}, {armed}, {where}")
-        lines.extend(f"  parameters: {text}" for text in each["parameters"])
-        for message in each["messages"]:
-            when = f"setpoints, {report['rate_hz']:g} a second" if message["when"] == SETPOINTS else message["when"]
-            given = {name: "unset" if value is None else f"{value:.10g}" for name, value in message["values"].items()}
-            values = ", ".join(f"{name} {value}" for name, value in given.items())
-            what = f"{message['message']} {message['command']}".rstrip()
-            lines.append(f"  {when}: {what}: {values or 'all 0'}")
-    return "\n".join([*lines, "nobody was commanded; heartbeats and requests for telemetry and parameters were sent"])
-
-
-def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, FlightState]]:
-    """Return each vehicle's setpoint when the leader is at the path's start, and its state in its slot there."""
-    start, found = scenario.leader_path.at(0.0), dict[str, tuple[Setpoint, FlightState]]()
-    axis = axis_rad(scenario.formation.frame, start.course_rad, start.course_rad)
-    for vehicle, place_m in zip(columns(scenario), slot_schedule(scenario)[0].places_m.tolist(), strict=True):
-        if vehicle is not None:
-            forward_m, right_m, up_m = place_m
-            north_m, east_m = beside(start.north_m, start.east_m, axis, forward_m, right_m)
-            speed_mps, psi_rad, height_m = scenario.path.begin_mps, start.course_rad, start.height_m + up_m
-            where = FlightState(float(north_m), float(east_m), height_m, 0.0, speed_mps, psi_rad, 0.0, 0.0)
-            found[str(vehicle.vehicle_id)] = Setpoint(speed_mps, psi_rad, height_m), where
-    return found
-
-
-def _messages(vehicle: Vehicle, setpoint: Setpoint, where: FlightState) -> Iterator[dict[str, Any]]:
-    autopilot, seen = vehicle.autopilot, vehicle.telemetry
-    for step in autopilot.start_up(vehicle.rates_hz):
-        if step.acts(seen) and not step.done(seen):
-            yield from (_commanded("start", command, autopilot) for command in step.commands(seen))
-    for message in autopilot.setpoint(setpoint, where):
-        if isinstance(message, CommandLong | CommandInt):
-            yield _commanded(SETPOINTS, message, autopilot)
-        else:
-            yield _sent(message)
-    yield from (_commanded("end", command, autopilot) for command in autopilot.loiter(setpoint.height_m, seen))
-
-
-def _commanded(when: str, command: Command, autopilot: Autopilot) -> dict[str, Any]:
-    places = ("x", "y", "z", "frame") if isinstance(command, CommandInt) else ("param5", "param6", "param7")
-    given = [name for name in (*PARAMETERS, *places) if getattr(command, name)]
-    shown = max((PARAMETERS.index(name) + 1 for name in given if name in PARAMETERS), default=0)
-    names = (*PARAMETERS[:shown], *(name for name in given if name not in PARAMETERS))
-    mode, named = autopilot.mode_asked(command), m.name_of("MAV_CMD", command.command)
-    if mode is not None:
-        named = f"{named} ({autopilot.mode_names[mode]})"
-    return {
-        "when": when,
-        "message": "COMMAND_INT" if isinstance(command, CommandInt) else "COMMAND_LONG",
-        "command": named,
-        "values": {name: _rounded(getattr(command, name)) for name in names},
-    }
-
-
-def _sent(message: Message) -> dict[str, Any]:
-    """Return a setpoint that isn't a command: its non-zero values in SI units."""
-    values: dict[str, float] = message.values()
-    fields = {name: _rounded(value) for name, value in values.items() if value and not name.startswith("target")}
-    return {"when": SETPOINTS, "message": message.kind().name, "command": "", "values": fields}
-
-
-def _rounded(value: float) -> float | None:
-    """Return a value for JSON; None for NaN, which leaves a field to the vehicle."""
-    return None if math.isnan(value) else round(float(value), 4)

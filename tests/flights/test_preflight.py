@@ -15,8 +15,8 @@ from airlink.frame import HEADER_V2, FrameWriter, StreamParser
 from airlink.messages.command import CommandInt, CommandLong, ParamSet
 from airlink.messages.system import Timesync
 from flight_model.earth import GeodeticOrigin
+from gcs_formation.app.dry_run import rehearsal_text, rehearsed
 from gcs_formation.app.operator_at_terminal import question
-from gcs_formation.app.run import rehearsal_text, rehearsed
 from gcs_formation.mission.starting import PreFlightOptions
 from gcs_formation.phases import Phase
 from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from formation_scenario import load_scenario
-from gcs_formation.app.run import rehearsal_text, rehearsed
+from gcs_formation.app.dry_run import rehearsal_text, rehearsed
 from gcs_formation.from_scenario import planned
 
 PX4 = Path(__file__).parents[3] / "configs" / "px4.yaml"
