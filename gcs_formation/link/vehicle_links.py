@@ -120,6 +120,7 @@ class Link:
         requests = trips.requests - self.unanswered(now)  # a run that isn't answered may be the link's end
         counts = [float(sequence.received), float(sequence.lost), float(requests), float(self.clock.samples)]
         if self.failing(now):
+            counts[2] = float(trips.requests)
             self._looked, self._counts = now, counts
             return
         kept = 0.0 if self._looked == NEVER else math.exp(-max(0.0, seconds_between(self._looked, now)) / MEMORY_S)
