@@ -17,11 +17,18 @@ from airlink.radio.settings import RADIO
 from airlink.radio.shared_radio import SharedRadio
 from airlink.random_streams import random_stream
 
+LinkId = tuple[VehicleId, int]
+"""A vehicle, and which of its links, from 1."""
 Schedule = Callable[[VehicleId, Instant], tuple[Impairment, Impairment]]
 """Returns the impairments of a vehicle's uplink and downlink at an instant."""
+FurtherSchedule = Callable[[VehicleId, Instant, int], tuple[Impairment, Impairment]]
+"""Returns those of a vehicle's link with a number from 2."""
+Numbers = Mapping[tuple[VehicleId, int], int]
+"""Which of its links a vehicle has at a socket, where that isn't the first."""
 Radios = Mapping[VehicleId, SharedRadio[Datagram]]
 """The radio by which each vehicle is reached, if it is one for several."""
 NO_RADIOS: Final[Radios] = MappingProxyType({})
+NO_NUMBERS: Final[Numbers] = MappingProxyType({})
 
 
 class ImpairedEngine(Engine):
@@ -29,7 +36,8 @@ class ImpairedEngine(Engine):
 
     A datagram's sender is identified by the system id of its first frame and the network of its socket, once a valid
     frame has come from its address; its receiver by the address from which that vehicle was last heard. Datagrams from
-    or to unknown vehicles pass unimpaired. What goes to or comes from a vehicle with a radio passes that first.
+    or to unknown vehicles pass unimpaired. What goes to or comes from a vehicle with a radio passes that first, on its
+    first link.
     """
 
     def __init__(
@@ -39,15 +47,21 @@ class ImpairedEngine(Engine):
         schedule: Schedule,
         seed: int,
         radios: Radios = NO_RADIOS,
+        numbers: Numbers = NO_NUMBERS,
+        further: FurtherSchedule | None = None,
     ) -> None:
-        """Wrap `engine`, whose socket s belongs to network `network_of_socket[s]`; links follow `schedule`."""
+        """Wrap `engine`, whose socket s belongs to network `network_of_socket[s]`; links follow `schedule`.
+
+        Where a vehicle has several links, the later ones are at the sockets in `numbers`, and follow `further`.
+        """
+        self._numbers, self._further = numbers, further
         self._engine = engine
         self._network_of_socket = network_of_socket
         self._schedule = schedule
         self._seed = seed
         self._radio_of = dict(radios)
         self._radios = list({id(radio): radio for radio in radios.values()}.values())
-        self._channels: dict[VehicleId, tuple[Channel, Channel]] = {}
+        self._channels: dict[LinkId, tuple[Channel, Channel]] = {}
         self._vehicle_at = OrderedDict[tuple[int, Address], VehicleId]()
         self._under_way = DelayQueue[tuple[Direction, Datagram]]()
         self._outbox: list[Datagram] = []
@@ -120,9 +134,9 @@ class ImpairedEngine(Engine):
         """Tell the engine."""
         self._engine.left_unread(octets)
 
-    def statistics(self, vehicle: VehicleId) -> tuple[ChannelStatistics, ChannelStatistics]:
-        """Return a vehicle's statistics so far, of uplink and downlink; zeros if it was never heard from."""
-        uplink, downlink = self._channels_of(vehicle)
+    def statistics(self, vehicle: VehicleId, number: int = 1) -> tuple[ChannelStatistics, ChannelStatistics]:
+        """Return the statistics so far of a vehicle's link, up and down; zeros if it was never heard from there."""
+        uplink, downlink = self._channels_of(vehicle, number)
         return uplink.statistics, downlink.statistics
 
     def _move_to(self, now: Instant) -> None:
@@ -158,7 +172,7 @@ class ImpairedEngine(Engine):
     def _takes_radio(self, vehicle: VehicleId, direction: Direction, datagram: Datagram) -> bool:
         """Give a datagram to the vehicle's radio; return False if it has none."""
         radio = self._radio_of.get(vehicle)
-        if radio is None:
+        if radio is None or (vehicle, datagram.socket) in self._numbers:
             return False
         self._move_radio_to(radio, self._now)
         if not radio.offer(direction, vehicle, len(datagram.data), datagram, self._now):
@@ -186,20 +200,28 @@ class ImpairedEngine(Engine):
         report = radio.ground_report()
         found = list[Datagram]()
         for (socket, peer), vehicle in self._vehicle_at.items():
-            if self._radio_of.get(vehicle) is radio:
+            if self._radio_of.get(vehicle) is radio and (vehicle, socket) not in self._numbers:
                 found.append(Datagram(socket, peer, report))
                 self._outbox.append(Datagram(socket, peer, radio.vehicle_report(vehicle)))
         return found
 
     def _pass_on(self, vehicle: VehicleId, direction: Direction, datagram: Datagram) -> list[Instant]:
-        impairment = self._schedule(vehicle, self._now)[direction]
-        return self._channels_of(vehicle)[direction].pass_on(len(datagram.data), self._now, impairment)
+        number = self._numbers.get((vehicle, datagram.socket), 1) if self._numbers else 1
+        if number == 1 or self._further is None:
+            impairment = self._schedule(vehicle, self._now)[direction]
+        else:
+            impairment = self._further(vehicle, self._now, number)[direction]
+        return self._channels_of(vehicle, number)[direction].pass_on(len(datagram.data), self._now, impairment)
 
-    def _channels_of(self, vehicle: VehicleId) -> tuple[Channel, Channel]:
-        channels = self._channels.get(vehicle)
+    def _channels_of(self, vehicle: VehicleId, number: int = 1) -> tuple[Channel, Channel]:
+        channels = self._channels.get((vehicle, number))
         if channels is None:
-            uplink, downlink = (Channel(random_stream(self._seed, "links", *vehicle, way)) for way in Direction)
-            channels = self._channels[vehicle] = (uplink, downlink)
+            key = [*vehicle] if number == 1 else [*vehicle, number]
+            uplink, downlink = (
+                Channel(random_stream(self._seed, "links" if number == 1 else "further links", *key, way))
+                for way in Direction
+            )
+            channels = self._channels[vehicle, number] = (uplink, downlink)
         return channels
 
 

@@ -165,11 +165,16 @@ def _delay_and_noise(scenario: Scenario) -> DelayAndNoise:
 
 
 def design_delay_s(scenario: Scenario) -> float:
-    """Return the links' delay each way that gains are designed for, s: half the longest configured round trip."""
+    """Return the links' delay each way that gains are designed for, s: half the longest configured round trip.
+
+    Of several links of a vehicle the quickest counts, which it flies by.
+    """
     round_trips_ms = (
-        step.uplink.delay_ms + step.downlink.delay_ms
+        min(
+            max(step.uplink.delay_ms + step.downlink.delay_ms for step in scenario.link_steps(vehicle, 1 + place))
+            for place in range(len(vehicle.endpoints))
+        )
         for vehicle in scenario.vehicles
-        for step in scenario.link_steps(vehicle)
     )
     return max(*round_trips_ms, 2.0 * scenario.law.design_delay_ms) / 2e3
 

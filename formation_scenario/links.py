@@ -13,6 +13,7 @@ from formation_scenario.channels import Channel
 from formation_scenario.fields import (
     MAX_NUMBER,
     OF_AN_EXTENSION,
+    WHOLE,
     Allowed,
     AtMost,
     Flag,
@@ -120,6 +121,12 @@ class ImpairmentPatch(Keys):
     parameters: OwnKeys = _patch("parameters")
 
 
+LinkNumber = Annotated[int, Field(strict=True, ge=1, le=4), WHOLE, Allowed("a whole number from 1 to 4")]
+WHICH_LINK: Final[Any] = key(
+    None, "which of the vehicles' links, where they have several: 1 is the first of `endpoint`", 2, derived="all"
+)
+
+
 class DefaultLink(Impairment):
     """Both directions of every link, and the differences of each direction."""
 
@@ -133,6 +140,7 @@ class DefaultLink(Impairment):
 class LinkChange(ImpairmentPatch, Timed):
     """A change of some vehicles' links: keys for both directions, then those for each direction."""
 
+    link: LinkNumber | None = WHICH_LINK
     uplink: Later[ImpairmentPatch] | None = key(None, "differences of the way from the ground station to the vehicle")
     downlink: Later[ImpairmentPatch] | None = key(None, "differences of the way from the vehicle to the ground station")
 

@@ -521,32 +521,51 @@ class Scenario(Keys):
     def _recorded(self) -> dict[Trace, RecordedDelays]:
         return {}
 
-    def link_steps(self, vehicle: Vehicle) -> tuple[LinkStep, ...]:
-        """Return the states of one vehicle's whole link in time order, the first at 0 s, with its channel's air."""
-        channel = self._channel_of.get(vehicle.vehicle_id)
-        steps = self.own_link_steps(vehicle)
+    def link_steps(self, vehicle: Vehicle, number: int = 1) -> tuple[LinkStep, ...]:
+        """Return the states of a vehicle's whole link in time order, the first at 0 s, with its channel's air.
+
+        `number`: which of its links; only the first has a channel.
+        """
+        channel = self._channel_of.get(vehicle.vehicle_id) if number == 1 else None
+        steps = self.own_link_steps(vehicle, number)
         return steps if channel is None else through_air(steps, self.links.channels[channel])
+
+    def all_link_steps(self, vehicle: Vehicle) -> list[LinkStep]:
+        """Return the states of all links of a vehicle."""
+        return [step for number in range(1, 1 + len(vehicle.endpoints)) for step in self.link_steps(vehicle, number)]
+
+    def each_link(self) -> Iterator[tuple[Vehicle, int]]:
+        """Yield each vehicle with the number of each of its links, from 1."""
+        for vehicle in self.vehicles:
+            yield from ((vehicle, number) for number in range(1, 1 + len(vehicle.endpoints)))
+
+    @property
+    def has_several_links(self) -> bool:
+        """Whether any vehicle has more than one link."""
+        return any(len(vehicle.endpoints) > 1 for vehicle in self.vehicles)
 
     @cached_property
     def _channel_of(self) -> dict[VehicleId, int]:
         return {each.vehicle_id: index for index, vehicles in self.channel_members() for each in vehicles}
 
-    def own_link_steps(self, vehicle: Vehicle) -> tuple[LinkStep, ...]:
-        """Return the states of one vehicle's own link in time order, the first at 0 s."""
-        return self._link_steps[vehicle.vehicle_id]
+    def own_link_steps(self, vehicle: Vehicle, number: int = 1) -> tuple[LinkStep, ...]:
+        """Return the states of one of a vehicle's own links in time order, the first at 0 s."""
+        return self._link_steps[vehicle.vehicle_id, number]
 
     @cached_property
-    def _link_steps(self) -> dict[VehicleId, tuple[LinkStep, ...]]:
-        """The states of each vehicle's link; vehicles with the same changes share them."""
-        changes = {vehicle.vehicle_id: list[int]() for vehicle in self.vehicles}
+    def _link_steps(self) -> dict[tuple[VehicleId, int], tuple[LinkStep, ...]]:
+        """The states of each vehicle's links, which are numbered from 1; links with the same changes share them."""
+        changes = {(vehicle.vehicle_id, number): list[int]() for vehicle, number in self.each_link()}
         for index, change in enumerate(self.links.changes):
             for vehicle in self.selected(change.vehicles):
-                changes[vehicle.vehicle_id].append(index)
+                for number in range(1, 1 + len(vehicle.endpoints)):
+                    if change.link is None or change.link == number:
+                        changes[vehicle.vehicle_id, number].append(index)
         found = dict[tuple[int, ...], tuple[LinkStep, ...]]()
         for indexes in map(tuple, changes.values()):
             if indexes not in found:
                 found[indexes] = link_steps(self.links, (self.links.changes[each] for each in indexes))
-        return {identity: found[tuple(indexes)] for identity, indexes in changes.items()}
+        return {place: found[tuple(indexes)] for place, indexes in changes.items()}
 
 
 def graph_adjacency(name: str, count: int) -> Array:

@@ -225,8 +225,9 @@ def _link_groups(scenario: Scenario) -> Iterator[tuple[KeyPath, Impairment | Imp
 def bursts(scenario: Scenario) -> Iterator[Finding]:
     """Yield bursts of losses too short for the share that is lost."""
     refused: set[KeyPath] = set()
-    for vehicle in scenario.vehicles:
-        for path, step in zip(_step_places(scenario, vehicle), scenario.own_link_steps(vehicle), strict=True):
+    for vehicle, number in scenario.each_link():
+        steps = scenario.own_link_steps(vehicle, number)
+        for path, step in zip(_step_places(scenario, vehicle, number), steps, strict=True):
             for way, link in (("uplink", step.uplink), ("downlink", step.downlink)):
                 least = least_mean_burst(link.loss)
                 if link.mean_burst is not None and link.mean_burst < least and path not in refused:
@@ -237,11 +238,12 @@ def bursts(scenario: Scenario) -> Iterator[Finding]:
                     yield (*path, "mean_burst"), found, allowed
 
 
-def _step_places(scenario: Scenario, vehicle: Vehicle) -> list[KeyPath]:
-    """Return where each of a vehicle's link steps is written; the last of several changes at the same time."""
+def _step_places(scenario: Scenario, vehicle: Vehicle, number: int) -> list[KeyPath]:
+    """Return where each step of a vehicle's link is written; the last of several changes at the same time."""
     places: dict[float, KeyPath] = {0.0: ("links", "default")}
     for index, change in enumerate(scenario.links.changes):
-        if change.vehicles == "all" or any(ref in change.vehicles for ref in vehicle.refs):
+        whose = change.vehicles == "all" or any(ref in change.vehicles for ref in vehicle.refs)
+        if whose and change.link in (None, number):
             places[change.at_s] = ("links", "changes", index)
     return [places[at_s] for at_s in sorted(places)]
 
@@ -441,6 +443,7 @@ RULES = (
     vehicle_rules.identities,
     vehicle_rules.roles,
     vehicle_rules.endpoints,
+    vehicle_rules.several_links,
     vehicle_rules.signing,
     vehicle_rules.speeds,
     vehicle_rules.climbing,

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias, cast
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from formation_scenario.fields import WHOLE, Allowed, Keys, NonNegative, VehicleSelection, key
-from formation_scenario.links import Impairment, ImpairmentPatch, patched
+from formation_scenario.links import WHICH_LINK, Impairment, ImpairmentPatch, LinkNumber, patched
 from formation_scenario.orders import ALLOWED, EXAMPLES, PlannedOrder, known_order
 from formation_scenario.surroundings import Disturbance, Fault
 
@@ -21,13 +21,14 @@ class ScriptedLink(ImpairmentPatch):
     """A change of some vehicles' links: keys for both directions, then those for each direction."""
 
     vehicles: VehicleSelection = key("all", "whose: all, or a list of ids", [2])
+    link: LinkNumber | None = WHICH_LINK
     uplink: ImpairmentPatch | None = key(None, "differences of the way from the ground station to the vehicle")
     downlink: ImpairmentPatch | None = key(None, "differences of the way from the vehicle to the ground station")
 
     @property
     def changes_nothing(self) -> bool:
         """Whether no key is given."""
-        given = self.model_dump(exclude={"vehicles"}, exclude_none=True)
+        given = self.model_dump(exclude={"vehicles", "link"}, exclude_none=True)
         return all(value == {} for value in given.values())
 
 

@@ -50,14 +50,13 @@ def endpoints(scenario: Scenario) -> Iterator[Finding]:
     networks: dict[str, int] = {}
     emulated: dict[str, VehicleId] = {}
     refused: set[str] = set()
-    for index, vehicle in enumerate(scenario.vehicles):
-        if vehicle.endpoint in refused:
+    for path, vehicle, text in _each_link(scenario):
+        if text in refused:
             continue
-        path: KeyPath = ("vehicles", index, "endpoint")
         try:
-            endpoint = str(parse_endpoint(vehicle.endpoint))
+            endpoint = str(parse_endpoint(text))
         except EndpointError as error:
-            refused.add(vehicle.endpoint)
+            refused.add(text)
             found, _, allowed = str(error).partition("; allowed: ")
             yield path, found, allowed
             continue
@@ -72,14 +71,36 @@ def endpoints(scenario: Scenario) -> Iterator[Finding]:
                 yield path, found, "udpout:HOST:PORT of its own for each of them, or udpin:HOST:PORT"
 
 
+def _each_link(scenario: Scenario) -> Iterator[tuple[KeyPath, Vehicle, str]]:
+    """Yield the place, the vehicle and the endpoint of each link."""
+    for index, vehicle in enumerate(scenario.vehicles):
+        for place, text in enumerate(vehicle.endpoints):
+            path: KeyPath = ("vehicles", index, "endpoint")
+            yield path if isinstance(vehicle.endpoint, str) else (*path, place), vehicle, text
+
+
+def several_links(scenario: Scenario) -> Iterator[Finding]:
+    """Yield endpoints that a vehicle has twice, and changes of links that none of their vehicles has."""
+    for path, vehicle, text in _each_link(scenario):
+        place = path[-1]
+        if isinstance(place, int) and text in vehicle.endpoints[:place]:
+            yield path, f"found {text} twice", "another endpoint for each link of a vehicle"
+    for index, change in enumerate(scenario.links.changes):
+        most = max((len(each.endpoints) for each in scenario.selected(change.vehicles)), default=1)
+        if change.link is not None and change.link > most:
+            found = f"found {change.link}, where its vehicles have {most} link{'s' * (most > 1)} at most"
+            yield ("links", "changes", index, "link"), found, f"1 to {most}, the place in the vehicle's list `endpoint`"
+
+
 def signing(scenario: Scenario) -> Iterator[Finding]:
     """Yield vehicles that share an endpoint, which is one link, and are signed differently there."""
     first = dict[str, int]()
     for index, vehicle in enumerate(scenario.vehicles):
-        other = first.setdefault(vehicle.endpoint, index)
-        if scenario.signing_of(vehicle) != scenario.signing_of(scenario.vehicles[other]):
-            found = f"found another signing at {vehicle.endpoint} than vehicles.{other} has there"
-            yield ("vehicles", index, "signing"), found, "the same for all at one endpoint, which is one link"
+        for text in vehicle.endpoints:
+            other = first.setdefault(text, index)
+            if scenario.signing_of(vehicle) != scenario.signing_of(scenario.vehicles[other]):
+                found = f"found another signing at {text} than vehicles.{other} has there"
+                yield ("vehicles", index, "signing"), found, "the same for all at one endpoint, which is one link"
 
 
 def key_files(scenario: Scenario) -> Iterator[Finding]:

@@ -214,14 +214,21 @@ class OwnEmulator(Keys):
     parameters: OwnKeys = key(None, OF_AN_EXTENSION, {})
 
 
+MAX_LINKS: Final = 4
+Endpoints: TypeAlias = Annotated[
+    Text | Annotated[tuple[Text, ...], Field(min_length=1, max_length=MAX_LINKS)],
+    Allowed(f"an endpoint such as udpin:0.0.0.0:14552, or a list of up to {MAX_LINKS}, a link each"),
+]
+
+
 class VehicleCommon(Keys):
     """Keys of a vehicle in the list, and of a group `{count: N}`."""
 
     network: NetworkId = key(1, "MAVLink network; each has system ids 1 to 254 of its own", 2)
-    endpoint: Text = key(
+    endpoint: Endpoints = key(
         f"udpin:127.0.0.1:{BASE_PORT}",
         "where the ground station listens, udpin:HOST:PORT, or whom it sends to, udpout:HOST:PORT; or another kind of "
-        "[link](links.md)",
+        "[link](links.md). A list: [a link each](links.md#several-links-a-vehicle)",
         "udpin:0.0.0.0:14552",
         derived="udpin:127.0.0.1, one port a network: 14549 + network",
     )
@@ -251,6 +258,11 @@ class VehicleCommon(Keys):
     )
     clock: VehicleClock = VehicleClock()
     emulator: OwnEmulator | None = key(None, "emulators only: the autopilot to emulate, of an extension")
+
+    @property
+    def endpoints(self) -> tuple[str, ...]:
+        """The endpoint of each of its links, which are numbered from 1 in this order."""
+        return (self.endpoint,) if isinstance(self.endpoint, str) else self.endpoint
 
     @property
     def own_family(self) -> str | None:

@@ -251,7 +251,7 @@ def narrow_links(scenario: Scenario) -> frozenset[VehicleId]:
     limited = (
         each.vehicle_id
         for each in scenario.vehicles
-        if parse_endpoint(each.endpoint).kind == "serial"
+        if any(parse_endpoint(text).kind == "serial" for text in each.endpoints)
         or any(way.rate_kbps for step in scenario.link_steps(each) for way in (step.uplink, step.downlink))
     )
     return frozenset(behind_radios).union(limited)
@@ -266,7 +266,7 @@ def planned(scenario: Scenario) -> tuple[tuple[Endpoint, ...], tuple[int, ...], 
     texts = list(sockets(scenario))
     endpoints = tuple(parse_endpoint(text) for text in texts)
     vehicles = {
-        each.vehicle_id: _vehicle(each, column, texts.index(each.endpoint), endpoints, scenario)
+        each.vehicle_id: _vehicle(each, column, [texts.index(text) for text in each.endpoints], endpoints, scenario)
         for column, each in order.items()
     }
     return endpoints, tuple(each[0].network for each in sockets(scenario).values()), vehicles
@@ -277,15 +277,16 @@ def sockets(scenario: Scenario) -> dict[str, list[PlannedVehicle]]:
     found = dict[str, list[PlannedVehicle]]()
     for vehicle in columns(scenario):
         if vehicle is not None:
-            found.setdefault(vehicle.endpoint, []).append(vehicle)
+            for text in vehicle.endpoints:
+                found.setdefault(text, []).append(vehicle)
     return found
 
 
 def _vehicle(
-    planned: PlannedVehicle, column: int, socket: int, endpoints: tuple[Endpoint, ...], scenario: Scenario
+    planned: PlannedVehicle, column: int, own: list[int], endpoints: tuple[Endpoint, ...], scenario: Scenario
 ) -> Vehicle:
-    endpoint, telemetry = endpoints[socket], scenario.telemetry
-    connection = Connection(socket, endpoint.peer)
+    """Return a vehicle with a link at each of its `own` sockets."""
+    telemetry = scenario.telemetry
     autopilot = autopilot_for(planned, scenario)
     autopilot.station = scenario.station.ids
     check = None if autopilot.stands else AirspeedCheck(planned.model.speed_min_mps, planned.model.speed_max_mps)
@@ -293,7 +294,7 @@ def _vehicle(
         planned.vehicle_id,
         column,
         autopilot,
-        connection,
+        [Connection(socket, endpoints[socket].peer) for socket in own],
         telemetry.rate_hz,
         by_utc=telemetry.by_utc,
         airspeed_check=check,
@@ -301,5 +302,6 @@ def _vehicle(
     )
     entry = scenario.registered.get(telemetry.clock, DELAY_ESTIMATOR)
     if entry is not None:
-        vehicle.round_trips.own = OwnDelays(entry, telemetry.parameters or {}, planned.vehicle_id)
+        for link in vehicle.each_link:
+            link.round_trips.own = OwnDelays(entry, telemetry.parameters or {}, planned.vehicle_id)
     return vehicle

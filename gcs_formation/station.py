@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
@@ -20,6 +20,9 @@ from gcs_formation.core.feature import features
 from gcs_formation.core.parts import Parts
 from gcs_formation.core.stages import core_stages, ordered
 from gcs_formation.fleet.routing_and_dispatch import HEARTBEAT
+from gcs_formation.fleet.several_links import receivers
+from gcs_formation.link.link_health import Connection
+from gcs_formation.link.vehicle_links import Link
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import UNCHECKED, PreFlightOptions
 from gcs_formation.recorder import Detail, Event, Recorder, Tick
@@ -61,6 +64,7 @@ class Station(Engine):
         self._endpoints, self._receiver, self._senders = parts.endpoints, parts.receiver, parts.senders
         self._membership, self._flood = parts.membership, parts.flood
         self._dispatch, self._heartbeats = parts.dispatch, parts.heartbeats
+        self._several_links = parts.several_links
         # A socket is one of MAVLink's channels, and frames are numbered by channel (guide, "Packet Serialization").
         self._channels = [FrameWriter(*scenario.station.ids) for _ in self._endpoints]
         self._each, self._period_s = list(self.vehicles.values()), 1.0 / scenario.law.rate_hz
@@ -137,13 +141,14 @@ class Station(Engine):
                         vehicle.overlook(frame)
                     frame = frame.following
         finally:
+            self._several_links.see_by_those_in_use()
             self._recorder.frames(now, raws)
 
     def handle_timer(self, now: Instant) -> None:
         """Do what is due: TIMESYNC requests and delayed setpoints at any time, everything else at ticks."""
         if self._was_away(now):
             for vehicle in self._each:
-                vehicle.round_trips.forget_requests(now)
+                vehicle.forget_requests(now)
                 if seconds_between(self._next_tick, now) > ALONE_S:
                     vehicle.left_alone(now)
         if now >= self._heartbeats.next_probe:
@@ -172,9 +177,17 @@ class Station(Engine):
         """Whether any vehicle heard is commanded: by a step of its start-up, in the formation, or at the end."""
         return commands_anybody(self.cycle)
 
+    def each_link(self) -> Iterator[tuple[VehicleId, Link]]:
+        """Yield each vehicle's links."""
+        for identity, vehicle in self.vehicles.items():
+            yield from ((identity, link) for link in vehicle.each_link)
+
     def bad_frames(self, identity: VehicleId) -> int:
-        """Return the number of invalid frames from a vehicle's address."""
-        connection = self.vehicles[identity].connection
+        """Return the number of invalid frames from a vehicle's addresses."""
+        return sum([self.bad_frames_of(link.connection) for link in self.vehicles[identity].each_link])
+
+    def bad_frames_of(self, connection: Connection) -> int:
+        """Return the number of invalid frames from the address of a vehicle's link."""
         return self._receiver.counts(connection.socket, connection.peer).bad
 
     def received(self) -> ParserCounts:
@@ -205,6 +218,9 @@ class Station(Engine):
 
     def _note_link(self, vehicle: Vehicle, now: Instant) -> None:
         link = vehicle.connection
+        if vehicle.links is not None:
+            self._several_links.note_state(vehicle, link, now)
+            return
         self._note(now, "link", link.state.value, vehicle, {"peer": str(link.peer)})
 
     def _greetings(self, now: Instant) -> list[Datagram]:
@@ -245,11 +261,12 @@ class Station(Engine):
     def _send_all(self, messages: list[tuple[Vehicle, Message]], now: Instant) -> None:
         raws, datagrams, signing = list[bytes](), list[Datagram](), self.signatures.signing
         for vehicle, message in messages:
-            peer = vehicle.connection.peer
-            if peer is not None:
-                socket = vehicle.connection.socket
+            for link in vehicle.each_link if vehicle.links is None else receivers(vehicle, message):
+                peer, socket = link.connection.peer, link.connection.socket
+                if peer is None:
+                    continue
                 raw = self._channels[socket].encode(message)
-                vehicle.frames_out += 1
+                link.frames_out += 1
                 vehicle.bytes_out += len(raw)
                 raws.append(raw)
                 if signing is not None:

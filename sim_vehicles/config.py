@@ -70,6 +70,13 @@ class VehicleConfig:
     """Its own parameters, by name, where they differ from its firmware's defaults."""
     signing_key: SigningKey | None = None
     """The key that it has been set up with; None: it signs nothing, and refuses nothing."""
+    further_endpoints: tuple[Endpoint, ...] = ()
+    """Its own ends of its other links: each has the same telemetry, numbered by itself, and takes the same commands."""
+
+    @property
+    def endpoints(self) -> tuple[Endpoint, ...]:
+        """Its own end of each of its links."""
+        return (self.endpoint, *self.further_endpoints)
 
 
 @dataclass(frozen=True)
@@ -95,6 +102,12 @@ class FleetConfig:
     station_system: int = STATION_SYSTEM
     """System id of the ground station whose heartbeats hold off their failsafes."""
 
+    def sockets_of(self, index: int) -> tuple[int, ...]:
+        """Return the numbers of a vehicle's sockets, a link each; the first ones of all vehicles come first."""
+        further = [len(each.further_endpoints) for each in self.vehicles]
+        begin = len(self.vehicles) + sum(further[:index])
+        return (index, *range(begin, begin + further[index]))
+
 
 def stand_ins(scenario: Scenario) -> str:
     """Return in words which vehicles of a real autopilot family are emulated; "" if none is."""
@@ -114,7 +127,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
     vehicles = tuple(
         VehicleConfig(
             identity=vehicle.vehicle_id,
-            endpoint=parse_endpoint(vehicle.endpoint).opposite(),
+            endpoint=parse_endpoint(vehicle.endpoints[0]).opposite(),
             start=start,
             model=vehicle.true_model or vehicle.model,
             family=family_of(vehicle),
@@ -123,6 +136,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             navigation=vehicle.true_navigation or vehicle.navigation,
             **_own_family(vehicle, scenario),
             parameters=_parameters(vehicle.true_model or vehicle.model),
+            further_endpoints=tuple(parse_endpoint(text).opposite() for text in vehicle.endpoints[1:]),
             signing_key=_signing_key(vehicle, scenario),
         )
         for vehicle, start in zip(scenario.vehicles, start_states(scenario), strict=True)

@@ -20,7 +20,7 @@ TruthListener = Callable[[Instant, "Fleet"], None]
 
 
 class Fleet(Engine):
-    """Flies all vehicles; each has a socket of its own.
+    """Flies all vehicles; each has a socket of its own for each of its links.
 
     A cycle of the main loop moves the vehicles to its instant, handles what has arrived, so that replies are sent on
     the loop as a real autopilot's are, and sends what is due. A late timer catches up cycle by cycle. For autopilots
@@ -50,6 +50,9 @@ class Fleet(Engine):
             self._booted(each.own_family or FAMILIES[each.family], index, now)
             for index, each in enumerate(config.vehicles)
         ]
+        at = {socket: each for index, each in enumerate(self.vehicles) for socket in config.sockets_of(index)}
+        self._at_socket = [at[socket] for socket in range(len(at))]
+        """The vehicle of each socket."""
 
     def column(self, vehicle: VehicleId) -> int:
         """Return a vehicle's index."""
@@ -61,13 +64,15 @@ class Fleet(Engine):
         return self.environment.failures.first
 
     def endpoints(self) -> tuple[Endpoint, ...]:
-        """Return each vehicle's own end of its link."""
-        return tuple(vehicle.endpoint for vehicle in self.config.vehicles)
+        """Return each vehicle's own end of its link, then those of further links."""
+        vehicles = self.config.vehicles
+        further = (each for vehicle in vehicles for each in vehicle.further_endpoints)
+        return (*(vehicle.endpoint for vehicle in vehicles), *further)
 
     def receive(self, datagrams: list[Datagram], now: Instant) -> None:
         """Queue datagrams for their vehicles' next cycles."""
         for datagram in datagrams:
-            vehicle = self.vehicles[datagram.socket]
+            vehicle = self._at_socket[datagram.socket]
             try:
                 vehicle.receive(datagram, now)
             except Exception as error:  # a family from outside may raise anything; what ours raises goes on

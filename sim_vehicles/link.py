@@ -1,4 +1,4 @@
-"""One vehicle's end of its link: its peers, and conversion between datagrams, frames and messages."""
+"""One vehicle's ends of its links: its peers, and conversion between datagrams, frames and messages."""
 
 from __future__ import annotations
 
@@ -31,12 +31,20 @@ Altering = Callable[[Message, Instant], list[tuple[float, Message]]]
 _TIMESYNC: Final = m.MAVLINK_MSG_ID_TIMESYNC.to_bytes(3, "little")
 
 
+class End:
+    """One of the vehicle's sockets: a link of its own, as a serial port of an autopilot is."""
+
+    def __init__(self, socket: int, link_id: int, address: Address | None) -> None:
+        """Take the socket's number, the id of its signatures, and the address that it sends to; None: it listens."""
+        self.socket, self.link_id, self.address = socket, link_id, address
+
+
 class Peer:
     """A remote: its parser, the writer that numbers frames to it, and when it was last heard."""
 
-    def __init__(self, address: Address, system: int) -> None:
-        """Start with nothing heard from it; `system` is the vehicle's."""
-        self.address = address
+    def __init__(self, address: Address, end: End, system: int) -> None:
+        """Start with nothing heard from it at an `end` of the vehicle's; `system` is the vehicle's."""
+        self.address, self.end = address, end
         self.parser = StreamParser()
         self.writer = FrameWriter(system, AUTOPILOT)
         self.heard = UNHEARD
@@ -44,17 +52,17 @@ class Peer:
 
 
 class Link:
-    """Sends answers to the peer that asked, and everything else to all peers.
+    """Sends answers to the peer that asked, and everything else to all peers of all ends.
 
     An end that sends to an address has one peer, one that listens all those heard recently. Frames are numbered
     separately for each peer, so that a gap in the numbers is a loss on that peer's link.
     """
 
-    def __init__(self, socket: int, config: VehicleConfig, utc_at_0_us: int, *, locks: bool) -> None:
-        """Send on socket number `socket` of the engine, which takes the datagrams from the `outbox`.
+    def __init__(self, sockets: tuple[int, ...], config: VehicleConfig, utc_at_0_us: int, *, locks: bool) -> None:
+        """Send on these sockets of the engine, one for each endpoint, which takes the datagrams from the `outbox`.
 
         `utc_at_0_us`: UTC at instant 0, microseconds since 1970, by its GNSS receiver, for signatures; `locks`: only
-        the first sender is heard until the vehicle restarts.
+        the first sender at each end is heard until the vehicle restarts.
         """
         self.signed: SignedLink | None = None
         """What signs and judges frames; None without a key."""
@@ -62,10 +70,11 @@ class Link:
         if config.signing_key is not None:
             self.signed = SignedLink(Authentication(config.signing_key, utc_at_0_us))
         self._locks = locks
-        self._socket = socket
+        each = zip(sockets, config.endpoints, strict=True)
+        self._ends = [End(socket, link_id, endpoint.peer) for link_id, (socket, endpoint) in enumerate(each)]
+        self._listens = any(end.address is None for end in self._ends)
         self.outbox: list[Datagram] = []
         self._system = config.identity.system
-        self._fixed_address = config.endpoint.peer
         self._inbox: list[Datagram] = []
         self._peers: dict[Address, Peer] = {}
         """Peers by address, sorted by when they last sent."""
@@ -107,9 +116,12 @@ class Link:
         self._last: Peer | None = None
         self._last_address: Address | None = None
         """Sender of the last datagram, usually also the next one's."""
-        self._fixed: Peer | None = None
-        if self._fixed_address is not None:
-            self._fixed = self._peers[self._fixed_address] = Peer(self._fixed_address, self._system)
+        self._fixed: list[Peer] = []
+        """Whom the ends send to that have an address to send to."""
+        for end in self._ends:
+            if end.address is not None:
+                peer = self._peers[end.address] = Peer(end.address, end, self._system)
+                self._fixed.append(peer)
 
     @property
     def frames_bad(self) -> int:
@@ -164,7 +176,7 @@ class Link:
             if datagram.arrived > now:
                 self._inbox.append(datagram)
                 continue
-            peer = self._peer(datagram.peer)
+            peer = self._peer(datagram.peer, datagram.socket)
             if peer is None:
                 continue
             frame = self._admitted(peer.parser.first(datagram.data), peer, now)
@@ -228,42 +240,51 @@ class Link:
 
     def _send_to_all(self, message: Message, now: Instant) -> None:
         self._now = now
-        if self._fixed is not None:
-            self._send(self._fixed, message)
+        for peer in self._fixed:
+            self._send(peer, message)
+        if not self._listens:
             return
         for peer in self._heard:
-            if seconds_between(peer.heard, now) <= PEER_FORGOTTEN_S:
+            if peer.end.address is None and seconds_between(peer.heard, now) <= PEER_FORGOTTEN_S:
                 self._send(peer, message)
 
     def _send(self, peer: Peer, message: Message) -> None:
         raw = peer.writer.encode(message)
         if self.signed is not None:
-            raw = self.signed.seal(raw, self._now)
-        self.outbox.append(Datagram(self._socket, peer.address, raw))
+            raw = self.signed.authentication.sign(raw, peer.end.link_id, self._now)
+        self.outbox.append(Datagram(peer.end.socket, peer.address, raw))
 
-    def _peer(self, address: Address) -> Peer | None:
+    def _peer(self, address: Address, socket: int) -> Peer | None:
         """Return the sender of a datagram; None if it isn't heard."""
         if address is self._last_address:
             return self._last
         peer = self._peers.get(address)
-        if self._locks and self._heard and (peer is None or peer.heard == UNHEARD):
-            return None
+        if self._locks and (peer is None or peer.heard == UNHEARD):
+            for each in self._heard:
+                if each.end.socket == socket:
+                    return None
         if peer is None:
             if len(self._peers) >= MAX_PEERS:
                 self._forget_one()
-            peer = self._peers[address] = Peer(address, self._system)
+            peer = self._peers[address] = Peer(address, self._end(socket), self._system)
         elif len(self._peers) > 1:
             del self._peers[address]
             self._peers[address] = peer
         self._last, self._last_address = peer, address
         return peer
 
+    def _end(self, socket: int) -> End:
+        for end in self._ends:
+            if end.socket == socket:
+                return end
+        return self._ends[0]
+
     def _known(self, address: Address) -> Peer | None:
         return self._last if address is self._last_address else self._peers.get(address)
 
     def _forget_one(self) -> None:
         """Make room for a new peer: forget one that never sent a valid frame, else the one silent longest."""
-        known = [peer for peer in self._peers.values() if peer is not self._fixed]
+        known = [peer for peer in self._peers.values() if peer not in self._fixed]
         gone = next((peer for peer in known if peer.heard == UNHEARD), known[0])
         del self._peers[gone.address]
         self._dropped += gone.parser.counts.bad

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
+from airlink import mavlink as m
 from formation_scenario import Scenario, Vehicle
 from gcs_formation.budget.levels import LEVELS
-from gcs_formation.budget.traffic import USABLE, Flow, Rates, fitting_level, flows_of, rates_of
+from gcs_formation.budget.traffic import STEADY_PROBE_S, USABLE, Flow, Rates, fitting_level, flows_of, rates_of
+from gcs_formation.fleet.routing_and_dispatch import FAILOVER_PROBE_S
 from gcs_formation.from_scenario import autopilot_for
 
+ACK: Final = m.MAVLINK_MSG_ID_COMMAND_ACK
 SLOWER_HZ: Final = (20.0, 10.0, 8.0, 5.0, 4.0, 3.0, 2.0)
 """Rates of telemetry that are tried."""
 SLOWER_LAW_HZ: Final = (10.0, 5.0, 2.0, 1.0)
@@ -41,6 +44,11 @@ def budget_report(scenario: Scenario) -> dict[str, Any]:
             for vehicle in scenario.vehicles
             for flows in [_flows(scenario, (vehicle,))]
         },
+        "further_links": {
+            str(vehicle.vehicle_id): dict(zip(("up", "down"), _further(scenario, vehicle), strict=True))
+            for vehicle in scenario.vehicles
+            if len(vehicle.endpoints) > 1
+        },
         "channels": [
             {
                 "channel": each.number,
@@ -71,8 +79,29 @@ def budget_text(scenario: Scenario) -> Iterator[str]:
             parts = ", ".join(f"{flow.name} {flow.bytes_per_s:.0f}" for flow in those)
             total = sum(flow.bytes_per_s for flow in those)
             yield f"bytes a second in turns, vehicle {', '.join(who)}{each}, {direction} {total:.0f}: {parts}"
+    yield from _further_text(scenario)
     for budget in channel_budgets(scenario):
         yield from _channel_text(budget)
+
+
+def _further_text(scenario: Scenario) -> Iterator[str]:
+    """Yield what a link takes that isn't in use, of vehicles with several."""
+    alike = dict[tuple[float, float], list[str]]()
+    for vehicle in scenario.vehicles:
+        if len(vehicle.endpoints) > 1:
+            alike.setdefault(_further(scenario, vehicle), []).append(str(vehicle.vehicle_id))
+    for (up, down), who in alike.items():
+        yield f"and each further link of vehicle {', '.join(who)}: up {up:.0f}, down {down:.0f}"
+
+
+def _further(scenario: Scenario, vehicle: Vehicle) -> tuple[float, float]:
+    """Return the bytes a second up and down of a link that isn't in use: it is kept alive and measured."""
+    flows, more = _flows(scenario, (vehicle,)), STEADY_PROBE_S / FAILOVER_PROBE_S
+    probes = (m.MAVLINK_MSG_ID_TIMESYNC,)
+    up = sum(each.bytes_per_s for each in flows if each.up and each.message_id == m.MAVLINK_MSG_ID_HEARTBEAT)
+    down = sum(each.bytes_per_s for each in flows if not each.up and each.message_id not in (*probes, ACK))
+    asked = sum(each.bytes_per_s for each in flows if each.up and each.message_id in probes)
+    return up + more * asked, down + more * asked
 
 
 def _channel_text(budget: ChannelBudget) -> Iterator[str]:

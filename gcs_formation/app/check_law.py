@@ -85,7 +85,7 @@ def _uses(scenario: Scenario) -> Iterator[_Held]:
             continue
         for loop, loops in law_loops(scenario).get(vehicle.vehicle_id, {}).items():
             usage = Usage(loops, predicted=predicted)
-            for step in scenario.link_steps(vehicle):
+            for step in scenario.all_link_steps(vehicle):
                 delay = LoopDelay(loop_delay_s(*ways_s(scenario, step), *rates_hz), _scatter_s(step))
                 margin_s = usage.margin_s(delay.mean_s)
                 each = vehicle.vehicle_id, step.at_s, loop, delay.scatter_s, margin_s, delay.mean_s

@@ -6,14 +6,14 @@ import math
 from array import array
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from airlink.impaired_link import ImpairedEngine
+from airlink.impaired_link import ImpairedEngine, LinkId
 from airlink.impairment import UNIMPAIRED, Direction, Impairment, together
 from airlink.one_way_channel import ChannelStatistics
 from airlink.trace import Trace
@@ -83,18 +83,19 @@ class LinkSchedule:
         self._scenario, self._flight, self.seed = scenario, flight, scenario.seed
         self.radios = radios_of(scenario)
         self.processes = LinkProcesses(scenario)
-        self._steps: dict[VehicleId, Steps] = {
-            vehicle.vehicle_id: scenario.own_link_steps(vehicle) for vehicle in scenario.vehicles
+        self._steps: dict[LinkId, Steps] = {
+            (vehicle.vehicle_id, number): scenario.own_link_steps(vehicle, number)
+            for vehicle, number in scenario.each_link()
         }
         self._known = Translations(scenario, self.processes)
-        self._links = dict[VehicleId, Translated]()
+        self._links = dict[LinkId, Translated]()
         self.clear = True
         """Whether no link has been, is or will be impaired."""
         self._translate()
 
-    def both_ways(self, vehicle: VehicleId, now: Instant) -> Both:
-        """Return the impairments of a vehicle's uplink and downlink."""
-        links = self._links.get(vehicle)
+    def both_ways(self, vehicle: VehicleId, now: Instant, number: int = 1) -> Both:
+        """Return the impairments of the uplink and the downlink of a vehicle's link."""
+        links = self._links.get((vehicle, number))
         if links is None:
             return UNIMPAIRED, UNIMPAIRED
         mission_s = self._flight.mission_time_s(now)
@@ -109,14 +110,15 @@ class LinkSchedule:
             ScenarioError: losses come in bursts that are too short for their share.
         """
         became = dict[Steps, Steps]()  # vehicles whose links change alike share their steps
-        selected = [each.vehicle_id for each in self._scenario.selected(change.vehicles)]
-        for vehicle in selected:
-            steps = self._steps[vehicle]
+        vehicles = {each.vehicle_id for each in self._scenario.selected(change.vehicles)}
+        selected = [each for each in self._steps if each[0] in vehicles and change.link in (None, each[1])]
+        for link in selected:
+            steps = self._steps[link]
             if steps not in became:
                 became[steps] = _changed(steps, change)
-                _require_bursts(vehicle, became[steps])
-        for vehicle in selected:
-            self._steps[vehicle] = became[self._steps[vehicle]]
+                _require_bursts(link[0], became[steps])
+        for link in selected:
+            self._steps[link] = became[self._steps[link]]
         self._translate()
         return any(was != now for was, now in became.items())
 
@@ -142,31 +144,30 @@ class Translations:
     def __init__(self, scenario: Scenario, processes: LinkProcesses) -> None:
         """Start with none of `scenario`'s; `processes` makes those of extensions."""
         self._scenario, self._processes = scenario, processes
-        self._links = dict[tuple[Steps, VehicleId | None], Translated]()
+        self._links = dict[tuple[Steps, LinkId | None], Translated]()
         self._traces = dict[RecordedTrace, Trace]()
 
-    def of(self, steps_of: Mapping[VehicleId, Steps]) -> dict[VehicleId, Translated]:
-        """Return each vehicle's translated link; vehicles with the same steps share it, others are forgotten."""
-        known = dict[tuple[Steps, VehicleId | None], Translated]()
-        found = dict[VehicleId, Translated]()
-        for vehicle, steps in steps_of.items():
-            place = steps, vehicle if any(step.uplink.process or step.downlink.process for step in steps) else None
+    def of(self, steps_of: Mapping[LinkId, Steps]) -> dict[LinkId, Translated]:
+        """Return each translated link; links with the same steps share one, others are forgotten."""
+        known = dict[tuple[Steps, LinkId | None], Translated]()
+        found = dict[LinkId, Translated]()
+        for link, steps in steps_of.items():
+            place = steps, link if any(step.uplink.process or step.downlink.process for step in steps) else None
             if place not in known:
-                known[place] = self._links[place] if place in self._links else self._translated(vehicle, steps)
-            found[vehicle] = known[place]
+                known[place] = self._links[place] if place in self._links else self._translated(link, steps)
+            found[link] = known[place]
         self._links = known
         return found
 
-    def _translated(self, vehicle: VehicleId, steps: Steps) -> Translated:
+    def _translated(self, link: LinkId, steps: Steps) -> Translated:
         up, down = Direction.UPLINK, Direction.DOWNLINK
         ways = [
-            (self._impairment(vehicle, up, step.uplink), self._impairment(vehicle, down, step.downlink))
-            for step in steps
+            (self._impairment(link, up, step.uplink), self._impairment(link, down, step.downlink)) for step in steps
         ]
         return Translated([step.at_s for step in steps[1:]], ways)
 
-    def _impairment(self, vehicle: VehicleId, way: Direction, planned: PlannedImpairment) -> Impairment:
-        process, recording = self._processes.of(vehicle, way, planned), planned.recording
+    def _impairment(self, link: LinkId, way: Direction, planned: PlannedImpairment) -> Impairment:
+        process, recording = self._processes.of(link[0], way, planned, link[1]), planned.recording
         if recording is not None:
             process = together(self._trace(recording), process)
         return Impairment(
@@ -222,10 +223,13 @@ def wrapped(station: Station, schedule: LinkSchedule) -> ImpairedEngine | None:
     """Return the station wrapped in links, which know whom it talks to; None if nothing impairs them."""
     if schedule.clear and not schedule.radios:
         return None
-    links = ImpairedEngine(station, station.networks, schedule.both_ways, schedule.seed, schedule.radios)
-    for identity, vehicle in station.vehicles.items():
-        if vehicle.connection.peer is not None:
-            links.expect(vehicle.connection.socket, vehicle.connection.peer, identity)
+    each = [(identity, link) for identity, vehicle in station.vehicles.items() for link in vehicle.each_link]
+    numbers = {(identity, link.connection.socket): link.number for identity, link in each if link.number > 1}
+    schedules = schedule.both_ways, schedule.seed, schedule.radios, numbers, schedule.both_ways
+    links = ImpairedEngine(station, station.networks, *schedules)
+    for identity, link in each:
+        if link.connection.peer is not None:
+            links.expect(link.connection.socket, link.connection.peer, identity)
     return links
 
 
@@ -236,14 +240,27 @@ def injected(statistics: tuple[ChannelStatistics, ChannelStatistics]) -> tuple[f
     return up_s, down_s, up.loss, down.loss
 
 
+NOTHING_SENT: Final = [(0.0, 0)] * 2
+
+
 class InjectedDelays:
     """Delays that were injected into each link, for every tick."""
 
-    def __init__(self, vehicles: Iterable[VehicleId], links: ImpairedEngine | None, otherwise_s: float) -> None:
-        """Read the statistics of `links`. Without links every delay is `otherwise_s`: 0, or NaN if not known."""
+    def __init__(
+        self,
+        vehicles: Iterable[VehicleId],
+        links: ImpairedEngine | None,
+        otherwise_s: float,
+        in_use: Callable[[VehicleId], int] = lambda _: 1,
+    ) -> None:
+        """Read the statistics of `links`. Without links every delay is `otherwise_s`: 0, or NaN if not known.
+
+        `in_use` returns the number of a vehicle's link in use.
+        """
+        self._in_use = in_use
         self._links, self._otherwise_s = links, otherwise_s
-        self._sums: dict[VehicleId, list[tuple[float, int]]] = {vehicle: [(0.0, 0)] * 2 for vehicle in vehicles}
-        self._series_s = {vehicle: array("d") for vehicle in self._sums}
+        self._sums = dict[LinkId, list[tuple[float, int]]]()
+        self._series_s = {vehicle: array("d") for vehicle in vehicles}
         self._ticks = 0
 
     def begin(self, links: ImpairedEngine) -> None:
@@ -264,7 +281,7 @@ class InjectedDelays:
 
         `ticks`: T, including those before a resumption.
         """
-        series_s = {vehicle: np.full((ticks, 2), math.nan) for vehicle in self._sums}
+        series_s = {vehicle: np.full((ticks, 2), math.nan) for vehicle in self._series_s}
         for vehicle, each_s in series_s.items():
             known_s = np.array(self._series_s[vehicle]).reshape(-1, 2)
             each_s[ticks - self._ticks : ticks - len(known_s)] = self._otherwise_s
@@ -272,8 +289,10 @@ class InjectedDelays:
         return series_s
 
     def _since_last_s(self, vehicle: VehicleId, links: ImpairedEngine) -> tuple[float, float]:
-        sums = [(way.total_delay_s, way.delivered) for way in links.statistics(vehicle)]
-        apart = [(now[0] - was[0], now[1] - was[1]) for now, was in zip(sums, self._sums[vehicle], strict=True)]
-        self._sums[vehicle] = sums
+        link = vehicle, self._in_use(vehicle)
+        sums = [(way.total_delay_s, way.delivered) for way in links.statistics(*link)]
+        before = self._sums.get(link, NOTHING_SENT)
+        apart = [(now[0] - was[0], now[1] - was[1]) for now, was in zip(sums, before, strict=True)]
+        self._sums[link] = sums
         up_s, down_s = (total_s / delivered if delivered else math.nan for total_s, delivered in apart)
         return up_s, down_s

@@ -34,7 +34,7 @@ class LinkProcesses:
         """Make none before it is asked for."""
         self._scenario = scenario
         self._station = Place(*(scenario.links.station_m or (0.0, 0.0, 0.0)))
-        self._made = dict[tuple[str, str, VehicleId, Direction], Callable[[int, Instant], float | None]]()
+        self._made = dict[tuple[str, str, VehicleId, int, Direction], Callable[[int, Instant], float | None]]()
         self.places: Places = lambda _: UNKNOWN
         self.failure: str | None = None
         """What failed, with file and line; a process that failed changes nothing."""
@@ -44,24 +44,27 @@ class LinkProcesses:
         """Whether any link has one."""
         return bool(self._made)
 
-    def of(self, vehicle: VehicleId, way: Direction, link: Impairment) -> Callable[[int, Instant], float | None] | None:
-        """Return what delays and loses datagrams of one direction of a link; None if nothing does."""
+    def of(
+        self, vehicle: VehicleId, way: Direction, link: Impairment, number: int = 1
+    ) -> Callable[[int, Instant], float | None] | None:
+        """Return what delays and loses datagrams of one direction of a vehicle's link; None if nothing does."""
         entry = self._scenario.registered.get(link.process, LINK)
         if entry is None:
             return None
         keys = dict(link.parameters or {})
-        place = entry.name, json.dumps(keys, sort_keys=True), vehicle, way
+        place = entry.name, json.dumps(keys, sort_keys=True), vehicle, number, way
         try:
             if place not in self._made:
-                process: LinkProcess = made(entry, keys, **self._given(vehicle, way))
+                process: LinkProcess = made(entry, keys, **self._given(vehicle, way, number))
                 self._made[place] = partial(self._carry, entry, process, vehicle)
         except RunAbortedError as error:
             self.failure = self.failure or f"the {error}"
             return None
         return self._made[place]
 
-    def _given(self, vehicle: VehicleId, way: Direction) -> dict[str, Any]:
-        random = random_stream(self._scenario.seed, "link process", *vehicle, way)
+    def _given(self, vehicle: VehicleId, way: Direction, number: int) -> dict[str, Any]:
+        further = () if number == 1 else (number,)
+        random = random_stream(self._scenario.seed, "link process", *vehicle, way, *further)
         uplink = way is Direction.UPLINK
         return {"vehicle": vehicle_name(vehicle), "uplink": uplink, "random": random, "ground_m": self._ground_m}
 

@@ -100,7 +100,7 @@ def commanded_steps(scenario: Scenario) -> list[LinkStep]:
     mutual = law_kind(scenario).mutual
     following = {} if mutual else planned_slots(scenario)
     flown = (vehicle for vehicle in scenario.vehicles if mutual or vehicle.vehicle_id in following)
-    return [step for vehicle in flown for step in scenario.link_steps(vehicle)]
+    return [step for vehicle in flown for step in scenario.all_link_steps(vehicle)]
 
 
 def _mean_ages(step: LinkStep) -> tuple[float, float]:

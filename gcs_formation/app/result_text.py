@@ -261,9 +261,11 @@ def _groups(station: Station) -> list[ColumnGroup]:
     places = [(str(identity), *_cells(own, 2)) for identity, own in zip(vehicles, errors, strict=True)]
     used = [station.cycle.findings.margin_used[each.column] for each in vehicles.values()]
     ways = [_cells([1e3 * way_s for way_s in each.round_trips.ways_s], 0) for each in vehicles.values()]
+    several = [ColumnGroup(("links ms",), [(_links(each),) for each in vehicles.values()], keep=2)]
     return [
         ColumnGroup(("vehicle", "x", "y", "z"), places, keep=5),
         ColumnGroup(("one-way ms",), [_cells([v.clock.one_way_s * 1e3], 0) for v in vehicles.values()], keep=2),
+        *(several if any(each.links for each in vehicles.values()) else ()),
         ColumnGroup(("up", "down"), ways, keep=1),
         ColumnGroup(
             ("loss",), [(f"{station.cycle.findings.losses[each].whole_loss:.1%}",) for each in vehicles], keep=0
@@ -271,6 +273,16 @@ def _groups(station: Station) -> list[ColumnGroup]:
         ColumnGroup(("margin used",), [(f"{each:.0%}" if math.isfinite(each) else "–",) for each in used], keep=3),
         ColumnGroup(("state",), [(_state(station, vehicle),) for vehicle in vehicles.values()], keep=4),
     ]
+
+
+def _links(vehicle: Vehicle) -> str:
+    """Return the one-way delay of each of a vehicle's links, ms, with a star on the one in use."""
+    links = vehicle.links
+    if links is None:
+        return ""
+    delays_ms = [_cells([1e3 * link.clock.one_way_s], 0)[0] for link in links.each]
+    each = zip(links.each, delays_ms, strict=True)
+    return " ".join(f"{delay}*" if link is links.in_use else delay for link, delay in each)
 
 
 def _state(station: Station, vehicle: Vehicle) -> str:

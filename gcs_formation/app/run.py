@@ -376,8 +376,8 @@ def clock_behind(options: RunOptions, behind_s: float) -> str:
 
 def resolve_peers(session: Session) -> None:
     """Replace host names of vehicles' addresses by IP addresses, because answers come from these."""
-    for vehicle in session.station.vehicles.values():
-        link = vehicle.connection
+    for _, each in session.station.each_link():
+        link = each.connection
         if session.station.endpoints()[link.socket].kind == "udpout" and link.peer is not None:
             link.peer = resolved(Endpoint("udpout", link.peer)).address
 

@@ -6,6 +6,8 @@ import json
 import math
 import sys
 from collections.abc import Callable, Collection
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,7 @@ from formation_scenario.extensions import ExtensionError
 from formation_scenario.orders import Answer
 from formation_scenario.simulated import Place
 from formation_scenario.slot_assignment import column_ids
+from gcs_formation.app.link_figures import of_one_link, of_several_links, with_each_link
 from gcs_formation.app.link_injection import (
     InjectedDelays,
     InjectedFaults,
@@ -41,6 +44,7 @@ from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.extend.in_flight import Sinks, sinks
 from gcs_formation.link.link_health import LOST_AFTER_S
 from gcs_formation.link.radio_reports import RadioReport
+from gcs_formation.link.vehicle_links import Link
 from gcs_formation.mission.resumption import Resumption
 from gcs_formation.mission.starting import PreFlightOptions
 from gcs_formation.phases import Phase
@@ -52,6 +56,7 @@ from gcs_formation.record.link_verdicts import LinkFigures
 from gcs_formation.record.radio import figures as radio_figures
 from gcs_formation.record.radio import with_radio
 from gcs_formation.record.run_directory import FLUSH_S, RECORDING, SPOOL, TIMESERIES, RunDirectory
+from gcs_formation.record.several_links import with_several_links
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import Spool, spools, write_parquet
 from gcs_formation.record.unfinished import recorded_events
@@ -187,7 +192,7 @@ class Session:
         self.script = Script(scenario, self.station, self.recorder, (schedule, self._impair), repeats=resumed is None)
         self._links = wrapped(self.station, schedule)
         self.engine: Engine = self._links or self.station
-        self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if emulated else math.nan)
+        self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if emulated else math.nan, self._number)
         self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
         self._spent, self._began_at, self._resumed = Stopwatch(), self.station.flight.since, resumed
         self._shown_s, self._next_look = 0.0, Instant(0)
@@ -368,7 +373,9 @@ class Session:
         rows, gathering = Spool(spool), FlightBuilder(self.scenario)
         injected_s = self._injected.series_s(rows.ticks)
         radios = [self._radio_reports(each.vehicle_id) for each in self.scenario.vehicles]
-        passing = gathering.passing(with_radio(tables(rows.blocks(), self.scenario, truth, injected_s), radios))
+        blocks = with_radio(tables(rows.blocks(), self.scenario, truth, injected_s), radios)
+        links = [of_several_links(self.station.vehicles[each.vehicle_id]) for each in self.scenario.vehicles]
+        passing = gathering.passing(with_several_links(blocks, links))
         if self.options.record in {"full", "series"}:
             write_parquet(self.recorder.path / TIMESERIES, passing)
         else:
@@ -424,6 +431,11 @@ class Session:
         known = seconds_between(heard, self._ended) >= LOST_AFTER_S and self.station.flight.path_began is not None
         return self.station.flight.mission_time_s(heard) if known else math.inf
 
+    def _number(self, identity: VehicleId) -> int:
+        """Return the number of a vehicle's link in use."""
+        links = self.station.vehicles[identity].links
+        return 1 if links is None else links.in_use.number
+
     def _radio_reports(self, identity: VehicleId) -> list[RadioReport]:
         return self.station.radio_reports.all_of(self.station.vehicles[identity].connection)
 
@@ -432,26 +444,28 @@ class Session:
         due_to_s, began = self._due_to_s(identity), self.station.flight.path_began
         due = after(began, due_to_s) if began is not None and math.isfinite(due_to_s) else self._ended
         vehicle.end_silence(min(self._ended, due))
-        uninjected = (0.0, 0.0, 0.0, 0.0) if self.emulated else None
-        probes = np.frombuffer(vehicle.round_trips.delays.getvalue(), "<f8").reshape(-1, 4).copy()
-        if not self._keeps_utc and vehicle.round_trips.own is None:
-            probes[:, 2:] = np.nan  # a UTC error that all vehicles share would show up in the split
-        return LinkFigures(
-            delays_s=probes[:, 1:],
-            delay_times_s=(probes[:, 0] - began) / NANOSECONDS if began is not None else np.full(len(probes), np.nan),
+        knows_ways = self._keeps_utc or vehicle.round_trips.own is not None
+        one_link = partial(self._one_link, identity, knows_ways=knows_ways)
+        whole = replace(
+            one_link(vehicle.each_link[0]),
             measured_loss=self.station.cycle.findings.losses[identity].whole_loss,
             frames_in=vehicle.frames_in,
             frames_out=vehicle.frames_out,
             frames_bad=self.station.bad_frames(identity),
             frames_implausible=vehicle.telemetry.implausible,
-            frames_duplicate=vehicle.history.copies,
-            frames_late=vehicle.history.late,
+            frames_duplicate=sum(int(link.history.copies) for link in vehicle.each_link),
+            frames_late=sum(int(link.history.late) for link in vehicle.each_link),
             **self._authentication(identity),
-            injected=injected(self._links.statistics(identity)) if self._links else uninjected,
             due_to_s=due_to_s,
             heard_to_s=self._heard_to_s(identity),
             radio=radio_figures(self._radio_reports(identity)),
         )
+        return with_each_link(whole, vehicle, one_link, self.station, self._ended)
+
+    def _one_link(self, identity: VehicleId, link: Link, *, knows_ways: bool) -> LinkFigures:
+        uninjected = (0.0, 0.0, 0.0, 0.0) if self.emulated else None
+        what = injected(self._links.statistics(identity, link.number)) if self._links else uninjected
+        return of_one_link(link, self.station, what, knows_ways=knows_ways)
 
     def _authentication(self, identity: VehicleId) -> dict[str, Any]:
         """Return whether all frames taken as a vehicle's were signed with its link's key, and how many weren't."""

@@ -35,12 +35,19 @@ class FlightSigning:
         """Why timestamps can't be kept any more."""
         each = list(sockets(scenario).values())
         if any(scenario.signing_of(vehicle) for vehicle in scenario.vehicles):
-            links = [self._link(scenario, vehicles[0], utc_at_0_us, keeps=keeps) for vehicles in each]
+            firsts = {vehicle.endpoints[0] for vehicle in scenario.vehicles}
+            ids = (0 if text in firsts else 1 + place for place, text in enumerate(sockets(scenario)))
+            links = [
+                self._link(scenario, vehicles[0], link_id, utc_at_0_us, keeps=keeps)
+                for vehicles, link_id in zip(each, ids, strict=True)
+            ]
             self.links: SignedLinks | None = SignedLinks(links, _reserved(scenario, each))
         else:
             self.links = None
 
-    def _link(self, scenario: Scenario, vehicle: Vehicle, utc_at_0_us: int, *, keeps: bool) -> SignedLink | None:
+    def _link(
+        self, scenario: Scenario, vehicle: Vehicle, link_id: int, utc_at_0_us: int, *, keeps: bool
+    ) -> SignedLink | None:
         signing = scenario.signing_of(vehicle)
         if signing is None or signing.file is None:
             return None
@@ -48,7 +55,7 @@ class FlightSigning:
             state = self._state(signing.file, utc_at_0_us, keeps=keeps)
         except KeyFileError as error:
             raise refused("links.default.signing.key_file", str(error), ALLOWED) from error
-        return SignedLink(state, takes_unsigned=signing.unsigned == "accept")
+        return SignedLink(state, link_id=link_id, takes_unsigned=signing.unsigned == "accept")
 
     def _state(self, file: Path, utc_at_0_us: int, *, keeps: bool) -> Authentication:
         key = read_key(file)

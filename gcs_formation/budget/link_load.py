@@ -45,7 +45,7 @@ class LinkLoad:
 
     def __init__(self, vehicle: Vehicle) -> None:
         """Start with nothing known."""
-        self._vehicle = vehicle
+        self._vehicle, self._sequence = vehicle, vehicle.sequence
         self._looks = deque[Counts](maxlen=WINDOW + 1)
         self._shortest_s = math.inf
         """The shortest round trip so far."""
@@ -61,6 +61,10 @@ class LinkLoad:
     def look(self, now: Instant, free_percent: float | None) -> None:
         """Take what has been counted; to be called once a second."""
         vehicle, sequence = self._vehicle, self._vehicle.sequence
+        if self._sequence is not sequence:  # another link is in use
+            self._sequence = sequence
+            self.settle()
+            self.forget()
         self.free_percent = free_percent
         self._low = self._low + 1 if free_percent is not None and free_percent <= LOW_PERCENT else 0
         shortest_s = vehicle.round_trips.shortest_s(after(now, -RECENT_S), FEWEST)

@@ -8,6 +8,7 @@ from airlink.clock import Instant
 from airlink.messages import Message
 from formation_scenario import Scenario
 from gcs_formation.core.cycle import Cycle, Stage
+from gcs_formation.fleet.several_links import SeveralLinks
 from gcs_formation.mission.resumption import WAIT_S, Takeover
 from gcs_formation.mission.starting import PreFlight, Starting
 from gcs_formation.phases import Cause, Phase
@@ -19,13 +20,14 @@ class Links(Stage):
 
     name = "links"
 
-    def __init__(self, note_link: Callable[[Vehicle, Instant], None]) -> None:
-        """Take what records the state of a link."""
-        self._note_link = note_link
+    def __init__(self, note_link: Callable[[Vehicle, Instant], None], several: SeveralLinks) -> None:
+        """Take what records the state of a link, and what chooses between several of a vehicle."""
+        self._note_link, self._several = note_link, several
 
     def run(self, cycle: Cycle) -> None:
         """Check each, and record what has changed."""
         now = cycle.now
+        self._several.watch(now)
         for vehicle in cycle.each:
             link = vehicle.connection
             if not link.in_order(now) and link.check(now, vehicle.sequence.loss):

@@ -13,6 +13,7 @@ from gcs_formation.controller import FormationController
 from gcs_formation.core.cycle import Cycle, Send
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.routing_and_dispatch import Dispatch, FloodWatch, HeartbeatScheduler, Senders
+from gcs_formation.fleet.several_links import SeveralLinks
 from gcs_formation.fleet.signature_watch import SignatureWatch
 from gcs_formation.from_scenario import as_known, narrow_links, planned
 from gcs_formation.link.radio_reports import RadioReports
@@ -59,13 +60,15 @@ class Parts:
         self.senders = Senders(self.vehicles, self.networks, flight, note, fail, scenario.station.ids)
         self.flood = FloodWatch(note)
         self.signatures = SignatureWatch(signing, self.receiver, self.networks, *fleet)
-        self.radio_reports = RadioReports((each.connection for each in self.vehicles.values()), self.signatures.is_open)
+        connections = [link.connection for each in self.vehicles.values() for link in each.each_link]
+        self.radio_reports = RadioReports(connections, self.signatures.is_open)
         self.takeover = Takeover(resumed, *fleet)
         together = scenario.hovers and not scenario.start.in_air and resumed is None
         self.starting = Starting(
             self.vehicles, self.endpoints, flight, self.preflight, self.takeover, note, fail, together=together
         )
         self.orders = Orders(scenario, self.course, self.reconfiguration, note)
+        self.several_links = SeveralLinks(*fleet)
         self.heartbeats = HeartbeatScheduler(*fleet, narrow, self.radio_reports)
         self.budget = link_budget(stated, *fleet, self.radio_reports, self.heartbeats)
 

@@ -50,7 +50,7 @@ def core_stages(
         Strangers(strangers),
         Heartbeats(parts.heartbeats, dispatch),
         # Who is there, and ready.
-        Links(note_link),
+        Links(note_link, parts.several_links),
         Restarts(cycle),
         Start(parts.preflight, parts.starting),
         Begin(parts.scenario, parts.preflight, parts.starting, parts.takeover),

@@ -69,7 +69,7 @@ class Senders:
         self._strangers: set[VehicleId] = set()
         self._namesakes: set[ComponentId] = set()
         """Other senders with our system id that have been reported."""
-        self._connections = [vehicle.connection for vehicle in vehicles.values()]
+        self._connections = [link.connection for vehicle in vehicles.values() for link in vehicle.each_link]
         self._peers, self._peers_at = frozenset[Address](), NEVER
 
     def peers(self, tick: Instant) -> frozenset[Address]:
@@ -80,7 +80,10 @@ class Senders:
         return self._peers
 
     def sender(self, frame: Frame, datagram: Datagram, now: Instant) -> Vehicle | None:
-        """Return the vehicle whose autopilot sent a frame, None for another sender; its `history` tells news."""
+        """Return the vehicle whose autopilot sent a frame, None for another sender; its `history` tells news.
+
+        One with several links is then seen by that on which the frame came.
+        """
         socket, message = datagram.socket, frame.message
         vehicle = self._vehicles[socket][frame.system]
         if vehicle is None:
@@ -88,6 +91,8 @@ class Senders:
             return None
         if frame.component != AUTOPILOT or (isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT):
             return None  # from a device that isn't an autopilot, such as a companion computer
+        if vehicle.links is not None:
+            vehicle.see(vehicle.links.at(socket))
         connection, history = vehicle.connection, vehicle.history
         bound = connection.state is not LinkState.SEARCHING
         elsewhere = bound and (socket != connection.socket or datagram.peer != connection.peer)
@@ -186,6 +191,8 @@ UNGUIDED_S: Final = 2.0
 HEARTBEAT_S: Final = 1.0
 HEARTBEAT: Final = Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
 PROBE_S: Final = 0.25
+FAILOVER_PROBE_S: Final = 0.2
+"""Period of requests on each of several links, by which one that dies is found within a second."""
 GOLDEN: Final = (math.sqrt(5) - 1) / 2
 OFTEN_PROBE_S: Final = 0.1
 """Period of requests to a vehicle whose clock is still uncertain by jitter: the uncertainty goes with its root."""
@@ -421,7 +428,7 @@ class HeartbeatScheduler:
 
         When a vehicle is due depends on its own link alone, so that a change of one link leaves the others as they are.
         """
-        heard = [each for each in self._vehicles.values() if each.connection.state is not LinkState.SEARCHING]
+        heard = [each for each in self._vehicles.values() if _is_heard(each)]
         asked = [each for each in heard if now >= self._due.get(each.identity, self._next_common)]
         if now >= self._next_common:
             self._next_common = _next_probe(now, PROBE_S)
@@ -438,6 +445,9 @@ class HeartbeatScheduler:
         often on the way up as on the way down (RFC 2330, 11.1: "Poisson sampling").
         """
         period_s, irregular = self._slower.get(vehicle.identity, (PROBE_S, False))
+        if vehicle.links is not None and not irregular:
+            often = vehicle.links.doubtful(now) or self._pays(vehicle, now)
+            return _next_probe(now, OFTEN_PROBE_S if often else FAILOVER_PROBE_S)
         if irregular:
             share = (seconds_between(Instant(0), now) / period_s * GOLDEN + vehicle.column * SPREAD) % 1.0
             return after(now, period_s * (0.5 + share))
@@ -448,6 +458,13 @@ class HeartbeatScheduler:
         if not vehicle.clock.wants_more or vehicle.identity in self._narrow or vehicle.sequence.loss >= MAX_LOSS:
             return False
         return self._radios is None or self._radios.of(vehicle.connection, now) is None
+
+
+def _is_heard(vehicle: Vehicle) -> bool:
+    """Return whether a vehicle was ever heard, on any link."""
+    if vehicle.links is None:
+        return vehicle.connection.state is not LinkState.SEARCHING
+    return any(link.connection.state is not LinkState.SEARCHING for link in vehicle.each_link)
 
 
 def _next_probe(now: Instant, period_s: float) -> Instant:

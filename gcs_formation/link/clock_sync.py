@@ -266,6 +266,19 @@ class ClockSync:
         self._base_s = sample_s
         self._forget_edges()
 
+    def continue_from(self, other: ClockSync, now: Instant) -> None:
+        """Map stamps as another link's clock does, which is the same: the difference is an unequal split of the delays.
+
+        It decays as a split that was found by a step.
+        """
+        apart_s = self._used.predict(now) - other._used.predict(now)
+        self.split_s = within(other.split_s + apart_s, -self.one_way_s, self.one_way_s)
+
+    @property
+    def asked(self) -> Instant:
+        """When the newest answered request was sent."""
+        return self._asked
+
     def to_instant(self, vehicle_time_s: float) -> Instant:
         """Return our instant for a vehicle's time since boot, s."""
         return self._used.to_instant(vehicle_time_s + self.split_s)

@@ -320,6 +320,10 @@ class JitterMeter:
         self._sent_s, self._arrived = math.nan, Instant(0)
         """Stamp and arrival of the last sample; NaN before the first."""
 
+    def forget(self) -> None:
+        """Start without a sample again: the clock of the stamps is another."""
+        self.jitter_s, self._sent_s = math.nan, math.nan
+
     def observe(self, stamp_s: float, arrived: Instant, drift: float) -> None:
         """Take a sample: its stamp on the vehicle's clock, which gains `drift` seconds a second, and its arrival."""
         if not math.isnan(self._sent_s):

@@ -313,6 +313,10 @@ class RoundTrips:
         down, s, NaN while the split is unknown."""
         self._answered = NEVER
         """Arrival of the newest answer to any message."""
+        self.answered_to = Instant(0)
+        """When the newest answered request was sent."""
+        self.requests = 0
+        """Number of requests so far."""
         self._pending = list[Instant]()
         """Send times of the unanswered requests, oldest first."""
         self._recent_s = deque[float](maxlen=STEADY_TRIPS)
@@ -325,9 +329,23 @@ class RoundTrips:
         Routers pass on what names its target, and on a shared line nobody else answers.
         """
         self._pending.append(now)
+        self.requests += 1
         if len(self._pending) > MAX_PENDING:
             self._pending.pop(0)
         return Timesync(0, now, system, AUTOPILOT if system else 0)
+
+    def overdue(self, usual_s: float, now: Instant) -> int:
+        """Return how many of the newest requests in a row should have been answered, within `usual_s`, and weren't."""
+        due, since, count = after(now, -usual_s), self.clock.asked, 0
+        if self._answered != NEVER:
+            since = max(since, after(self._answered, -usual_s))
+        for place in range(len(self._pending) - 1, -1, -1):
+            sent = self._pending[place]
+            if sent <= since:
+                break
+            if sent <= due:
+                count += 1
+        return count
 
     @property
     def steady(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 from flight_model.arrays import Array
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.expectation import WINDOWED
+from formation_scenario.links import LinkStep
 from gcs_formation.record.verdict import Verdict, weighed
 
 UNANSWERED_S = 10.0
@@ -50,6 +51,10 @@ class LinkFigures:
     """Mission time of its last frame if it was silent at the flight's end; infinite if it wasn't."""
     radio: Mapping[str, Any] | None = None
     """What the radio by which it is reached reported (`record.radio`); None without reports."""
+    probed_ns: Array = field(default_factory=lambda: np.empty(0))
+    """(P,) when each request was answered, ns."""
+    each: tuple[Any, ...] = ()
+    """Each of its links (`record.several_links.OneLink`) if it has several; the figures above are of the one in use."""
 
     def answered_to_s(self, end_s: float) -> float:
         """Return the mission time of the last answered request before `end_s`; infinite if that isn't long before."""
@@ -63,8 +68,12 @@ class LinkFigures:
 
 
 def is_out(scenario: Scenario, vehicle: Vehicle, at_s: float, *, either: bool = False) -> bool:
-    """Return whether by the scenario nothing comes down a vehicle's link, or passes `either` way, at a mission time."""
-    steps = scenario.link_steps(vehicle)
+    """Return whether by the scenario nothing comes down any of a vehicle's links, or passes `either` way."""
+    numbers = range(1, 1 + len(vehicle.endpoints))
+    return all(_is_out(scenario.link_steps(vehicle, number), at_s, either=either) for number in numbers)
+
+
+def _is_out(steps: Sequence[LinkStep], at_s: float, *, either: bool) -> bool:
     step = ([each for each in steps if each.at_s <= at_s] or steps[:1])[-1]  # at_s is NaN before the path
     ways = (step.downlink, step.uplink) if either else (step.downlink,)
     return any(way.outage or way.loss == 1.0 or step.at_s + way.delay_ms / 1e3 > at_s for way in ways)

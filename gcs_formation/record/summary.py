@@ -185,6 +185,7 @@ def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
         "refused": dict(link.refused),
         "heard_to_s": figures.if_finite(min(link.due_to_s, link.heard_to_s)),
         **({} if link.radio is None else {"radio": dict(link.radio)}),
+        **({"each": [one.to_dict() for one in link.each]} if link.each else {}),
     }
 
 

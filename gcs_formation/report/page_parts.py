@@ -243,6 +243,9 @@ def links(summary: Mapping[str, Any]) -> str:
         "injected loss up", "down", "measured loss",
         "frames in", "out", "bad",
     ]  # fmt: skip
+    each = [
+        (f"{name}, link {one['link']}", one) for name, link in summary["links"].items() for one in link.get("each", ())
+    ]
     rows = [
         [
             name,
@@ -252,7 +255,7 @@ def links(summary: Mapping[str, Any]) -> str:
             *(_share(link.get(key)) for key in ("injected_loss_up", "injected_loss", "measured_loss")),
             *(_count(link[key]) for key in ("frames_in", "frames_out", "frames_bad")),
         ]
-        for name, link in summary["links"].items()
+        for name, link in (*summary["links"].items(), *each)
     ]
     return table(heads, rows)
 

@@ -243,6 +243,8 @@ def _words(event: Mapping[str, Any]) -> str | None:
     match event.get("kind"), event.get("text"):
         case "link", "lost":
             return f"link lost ({event.get('vehicle', '?')})"
+        case "link_choice", _:
+            return f"link {event.get('link', '?')} ({event.get('vehicle', '?')})"
         case "leader", _:
             return f"leader {event.get('vehicle', '?')}"
         case "order", text if event.get("accepted"):

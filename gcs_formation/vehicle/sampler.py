@@ -44,6 +44,10 @@ class Sampler:
         self.refused = False
         """Whether the newest position was rejected: it isn't recent, or attitude and airspeed are of another time."""
 
+    def see(self, round_trips: RoundTrips, source_binding: SourceBinding) -> None:
+        """Map stamps by what is known on another of the vehicle's links from now on."""
+        self._round_trips, self._source_binding = round_trips, source_binding
+
     def new(self, now: Instant, *, flew: bool, leads: bool = False) -> Sample | None:
         """Return the newest sample, once; None while the vehicle's clock is unknown.
 

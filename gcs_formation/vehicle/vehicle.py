@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from enum import Enum
 from typing import Final
 
@@ -19,10 +20,12 @@ from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import Attitude, GlobalPositionInt
 from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.estimation.airspeed import AirspeedCheck
+from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.frame_history import TURN_S, FrameHistory
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
+from gcs_formation.link.vehicle_links import Link, Links, links_by
 from gcs_formation.vehicle.autopilot_family import Autopilot, Command, StartUpStep
 from gcs_formation.vehicle.command_delivery import (
     GAP_S,
@@ -75,14 +78,28 @@ CIRCLING: Final = (Member.HOLDING, Member.RETURNING)
 
 
 class Vehicle:
-    """All state of one vehicle. It takes frames and encodes messages; the station transports them."""
+    """All state of one vehicle. It takes frames and encodes messages; the station transports them.
+
+    Where it is heard, and what is measured there, is that of the link in use; while a frame is taken, of the link on
+    which it came.
+    """
+
+    connection: Connection
+    round_trips: RoundTrips
+    clock: ClockSync
+    source_binding: SourceBinding
+    """Decides which of several senders with its id is the vehicle."""
+    history: FrameHistory
+    """Tells its news from copies and late frames."""
+    jitter: JitterMeter
+    sequence: SequenceTracker
 
     def __init__(
         self,
         identity: VehicleId,
         column: int,
         autopilot: Autopilot,
-        connection: Connection,
+        connection: Connection | Sequence[Connection],
         telemetry_rate_hz: float,
         *,
         by_utc: bool = False,
@@ -92,22 +109,25 @@ class Vehicle:
         """Start with a vehicle not heard yet; `by_utc`: its stamps are mapped by UTC once that is known.
 
         An `airspeed_check` decides whether a fixed wing's airspeeds are plausible. Acknowledgements of setpoints may
-        come `setpoint_gap_s` late.
+        come `setpoint_gap_s` late. Of several connections each is a link of its own.
         """
-        self.identity, self.column = identity, column
+        self.identity, self.column, self.autopilot = identity, column, autopilot
         """Its id, and its index in every list of a tick."""
-        self.autopilot, self.connection = autopilot, connection
-        self.setpoints, self.limits = SetpointDelivery(autopilot, setpoint_gap_s), SendingLimits()
+        connections = [connection] if isinstance(connection, Connection) else connection
+        self.each_link = links_by(connections, autopilot.loop_s, by_utc=by_utc)
+        self.links = Links(self.each_link) if len(self.each_link) > 1 else None
+        """Which of them is in use; None if it has but one."""
+        self._see(self.each_link[0])
+        self.setpoints, self.limits, self.commands = (
+            SetpointDelivery(autopilot, setpoint_gap_s),
+            SendingLimits(),
+            CommandQueue(),
+        )
         self.stands_after_s, self.returns_after_s = autopilot.stands_after_s, autopilot.returns_after_s
         """Defaults of its autopilot family."""
         self.telemetry = Telemetry(autopilot.origin, autopilot.stands)
-        self.round_trips = RoundTrips(autopilot.loop_s, by_utc=by_utc)
-        self.clock = self.round_trips.clock
-        self.source_binding, self.history = SourceBinding(connection, self.clock), FrameHistory(self.clock)
-        """Decides which of several senders with its id is the vehicle; tells its news from copies and late frames."""
         self.sampler = Sampler(self.telemetry, autopilot, self.round_trips, self.source_binding, airspeed_check)
         """Turns its telemetry into samples of its present state."""
-        self.jitter, self.sequence, self.commands = JitterMeter(), SequenceTracker(), CommandQueue()
         self.messages_in = vec[i64]([0] * len(KINDS))
         """Number of messages received of each kind, indexed by `kind.place`."""
         self.unknown_in: dict[int, int] = {}  # number of messages of other kinds, by their ids
@@ -118,12 +138,11 @@ class Vehicle:
         self.start_up = self._started_afresh()
         # holds_at_m: the height at which it was last commanded to loiter while the others fly on; unfit: why its
         # telemetry can't be flown by in the formation, empty if it can
-        self.member, self.holds_at_m, self.frames_out, self.unfit = Member.STARTING, math.nan, 0, ""
+        self.member, self.holds_at_m, self.unfit = Member.STARTING, math.nan, ""
         self.bytes_in = self.bytes_out = 0
         self.effects, self.pilots_choice, self.take_off = EffectWatch(), PilotsChoice(), TakeOff()
-        self.restarts, self._flew_before, self._probed_ns = 0, False, 0
-        """Number of restarts of its clock; whether it may have been flying at the last one; when its newest answered
-        TIMESYNC request was sent."""
+        self.restarts, self._flew_before = 0, False
+        """Number of restarts of its clock; whether it may have been flying at the last one."""
         self.alone_at = LONG_AGO
         """When its failsafe last had reason to act, by the lack of setpoints, heartbeats or a link."""
 
@@ -138,13 +157,23 @@ class Vehicle:
         ready = self.start_up.finished and self.pilots_choice.mode is None
         return ready and self.autopilot.takes_setpoints(self.telemetry)
 
+    def see(self, link: Link) -> None:
+        """See it by one of its links: the one on which a frame came, or the one in use."""
+        if link.connection is not self.connection:
+            self._see(link)
+            self.sampler.see(link.round_trips, link.source_binding)
+
+    def _see(self, link: Link) -> None:
+        self.connection, self.round_trips, self.clock = link.connection, link.round_trips, link.clock
+        self.source_binding, self.history = link.source_binding, link.history
+        self.jitter, self.sequence = link.jitter, link.sequence
+
     def take(self, frame: Frame, now: Instant, *, timed: bool = True) -> bool:
         """Take a frame of this vehicle's autopilot; return whether the link's state changed.
 
         `timed`: it was read on arrival; a frame that waited in our queue doesn't tell the link's delay.
         """
         message, sequence = frame.message, self.sequence
-        self._count(frame)
         if message is not None and self.history.copies_come(now) and not math.isnan(message.boot_s()):
             sequence.return_to(frame.sequence)
         if self.history.may_be_copy and not sequence.may_follow(frame.sequence, now, self.connection.last_heard):
@@ -155,6 +184,9 @@ class Vehicle:
         turned_s = self.source_binding.turned_s
         if turned_s and isinstance(message, (GlobalPositionInt, Attitude, SystemTime)):
             message.time_boot_s += turned_s
+        if self.links is not None and self._is_old_or_unproven(frame, self.links, now, timed=timed):
+            return changed
+        self._count(frame)
         if isinstance(message, GlobalPositionInt):
             self._take_position(message, now, timed)
         elif isinstance(message, CommandAck):
@@ -170,6 +202,19 @@ class Vehicle:
         elif message is not None:
             self.telemetry.take(message)
         return changed
+
+    def _is_old_or_unproven(self, frame: Frame, links: Links, now: Instant, *, timed: bool) -> bool:
+        """Return whether a frame is no news, as one that another link has brought before; what it measures is taken."""
+        message, link = frame.message, links.at(self.connection.socket)
+        self.sequence.silence = None  # how long the vehicle sent is known: other links may have brought it
+        if isinstance(message, Timesync) or links.is_news(frame, link):
+            return False
+        self.bytes_in += len(frame.raw)
+        if isinstance(message, GlobalPositionInt) and timed:
+            self.jitter.observe(message.time_boot_s, now, self.clock.drift)
+        elif isinstance(message, SystemTime):
+            self._take_utc(message)
+        return True
 
     def _count(self, frame: Frame) -> None:
         self.bytes_in += len(frame.raw)
@@ -188,7 +233,12 @@ class Vehicle:
     @property
     def frames_in(self) -> int:
         """Number of frames received from it."""
-        return self.sequence.received + self.sequence.repeated
+        return sum([int(each.sequence.received + each.sequence.repeated) for each in self.each_link])
+
+    @property
+    def frames_out(self) -> int:
+        """Number of frames sent to it."""
+        return sum([each.frames_out for each in self.each_link])
 
     def leave_to_pilot(self, now: Instant) -> None:
         """Send nothing more until its pilot has put it into the guided mode."""
@@ -290,6 +340,8 @@ class Vehicle:
 
         `where` is the vehicle's state when the setpoint takes effect. What it holds from then on is in `setpoints`.
         """
+        if self.links is not None and at < self.links.drains_until:
+            self.forget_setpoints()  # those sent before, on a slower link, may come after these
         round_trip_s = 0.0 if math.isnan(self.clock.one_way_s) else 2.0 * self.clock.one_way_s
         messages = self.setpoints.messages(setpoint, where, at, round_trip_s, self.stands_after_s)
         if self.setpoint_channels:
@@ -312,9 +364,18 @@ class Vehicle:
         return request
 
     def probe(self, now: Instant) -> Message:
-        """Return a TIMESYNC request, and count it."""
-        self.sequence.asked += 1
-        return self.round_trips.request(now, self.identity.system)
+        """Return a TIMESYNC request, which goes out on each of its links, and count it."""
+        for link in self.each_link[1:]:
+            link.sequence.asked += 1
+            link.round_trips.request(now, self.identity.system)
+        first = self.each_link[0]
+        first.sequence.asked += 1
+        return first.round_trips.request(now, self.identity.system)
+
+    def forget_requests(self, now: Instant) -> None:
+        """Drop pending TIMESYNC requests, whose answers have waited here."""
+        for link in self.each_link:
+            link.round_trips.forget_requests(now)
 
     def _take_position(self, message: GlobalPositionInt, now: Instant, timed: bool) -> None:
         motion, sequence = self.telemetry.motion, self.sequence
@@ -345,6 +406,12 @@ class Vehicle:
         elif self.member is Member.FLYING:
             self.pilots_choice.see(message.custom_mode, self.autopilot.guided_mode, self.telemetry)
 
+    def _is_of_other_link(self, ack: CommandAck) -> bool:
+        """Return whether an acknowledgement is of a request that went out on every link, and not by the one in use."""
+        links = self.links
+        elsewhere = links is not None and self.connection is not links.in_use.connection
+        return elsewhere and ack.command == m.MAV_CMD_SET_MESSAGE_INTERVAL
+
     def _mode_is_missing(self) -> bool:
         """Return whether an awaited change of mode hasn't happened, although it may have been acknowledged early."""
         command = self.commands.under_way
@@ -361,31 +428,45 @@ class Vehicle:
         if not self.round_trips.is_answer(answer):
             return
         self.round_trips.hear(now)
-        overtaken = self.history.copies_come(now) and answer.ts1_ns < self._probed_ns
-        self._probed_ns = max(self._probed_ns, answer.ts1_ns)
+        trips = self.round_trips
+        overtaken = self.history.copies_come(now) and answer.ts1_ns < trips.answered_to
+        trips.answered_to = max(trips.answered_to, Instant(answer.ts1_ns))
         if not timed or overtaken:  # while copies come, one overtaken is the copy of an answer that was lost
             return
         if not 0 < answer.tc1_ns <= CLOCK_LIMIT_NS:
             self.telemetry.implausible += 1
         elif self.source_binding.believes(answer.tc1_ns / NANOSECONDS, now) and self.round_trips.measure(answer, now):
-            self._restart()
+            self._begin_again()
         elif self.clock.samples == 1 and answer.tc1_ns > TURN_S * NANOSECONDS:
-            self.jitter = JitterMeter()  # the first answer shows that earlier stamps had wrapped
+            self.jitter.forget()  # the first answer shows that earlier stamps had wrapped
 
-    def _restart(self) -> None:
+    def _begin_again(self) -> None:
+        """Take note that its clock has begun anew: each link shows that, the one in use counts."""
+        if self.links is None or self.connection is self.links.in_use.connection:
+            self.restart()
+        else:
+            self._forget_numbers()
+
+    def restart(self) -> None:
         """Start afresh after the vehicle's clock has restarted: earlier knowledge of it is void."""
         self.restarts += 1
         self._flew_before = self.may_fly
         self.telemetry.forget()
-        self.source_binding.refused_stamp_s = math.nan
-        self.sequence.restart()
-        self.history.restart()
+        self._forget_numbers()
+        if self.links is not None:
+            self.links.restart()
         self.effects = EffectWatch()
         self.take_off = TakeOff()
-        self.jitter = JitterMeter()
         self.forget_setpoints()
         self.rates_hz = self.start_up_hz
         self.start_up = self._started_afresh()
+
+    def _forget_numbers(self) -> None:
+        """Forget what a restart makes void of the link by which it is seen."""
+        self.source_binding.refused_stamp_s = math.nan
+        self.sequence.restart()
+        self.history.restart()
+        self.jitter.forget()
 
     def end_start_up_with(self, step: StartUpStep) -> None:
         """Add a last step to its start-up, and to that after each restart."""
@@ -402,6 +483,8 @@ class Vehicle:
             return
         self.sequence.answers += 1
         self.round_trips.hear(now)
+        if self._is_of_other_link(ack):
+            return
         if self.commands.outcome is Outcome.WAITING:
             accepted = self.commands.acknowledge(ack, now, early=self._mode_is_missing())
             effect = self.autopilot.effect(accepted) if accepted is not None else None

@@ -120,7 +120,7 @@ class Autopilot(ABC):
         self.body, self.environment = body, environment
         self.parameters = self.make_parameters()
         self.pilot = self.make_pilot()
-        self.link = Link(index, self.config, fleet.utc_at_0_us, locks=self.locks)
+        self.link = Link(fleet.sockets_of(index), self.config, fleet.utc_at_0_us, locks=self.locks)
         start, origin = self.config.start, self.origin
         self.missions = Missions(home_of(start, origin), stored=self.stores_missions)
         self.sender: Address = self.config.endpoint.address

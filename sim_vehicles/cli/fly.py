@@ -81,7 +81,8 @@ Their timeouts are the longest that the families allow, so that a station may be
     "ends",
     multiple=True,
     metavar="ID=ENDPOINT",
-    help="A vehicle's own end, where it isn't the scenario's other one; all=ENDPOINT: everyone's. Repeatable.",
+    help="A vehicle's own end, where it isn't the scenario's other one; all=ENDPOINT: everyone's. Repeatable; "
+    "twice for one: two links.",
 )
 @click.option("--ready", "ready_s", type=SECONDS, metavar="SECONDS", help="From boot until armable.  [default: 3]")
 @click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Times faster than real time.")
@@ -138,7 +139,7 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, prepared: bool,
     recording = TruthWriter(truth, len(config.vehicles), at_once=given["at_once"]) if truth else None
     with recording or nullcontext():
         begun = clock.now()
-        vehicles = tuple(replace(each, endpoint=resolved(each.endpoint)) for each in config.vehicles)
+        vehicles = tuple(_resolved(each) for each in config.vehicles)
         fleet = Fleet(replace(config, vehicles=vehicles, utc_at_0_us=clock.utc_at_0_us), begun, recording)
         for vehicle in fleet.vehicles if prepared else ():
             vehicle.parameters.prepare(PREPARED)
@@ -163,6 +164,15 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, prepared: bool,
     if extensions.over():
         fail(str(fleet.failure), Status.COULD_NOT_GO_ON)
     return Status.INTERRUPTED if signals and signals[-1] == signal.SIGINT else Status.FINE
+
+
+def _resolved(vehicle: VehicleConfig) -> VehicleConfig:
+    """Return a vehicle whose endpoints have IP addresses in place of names."""
+    return _with_ends(vehicle, [resolved(each) for each in vehicle.endpoints])
+
+
+def _with_ends(vehicle: VehicleConfig, ends: list[Endpoint]) -> VehicleConfig:
+    return replace(vehicle, endpoint=ends[0], further_endpoints=tuple(ends[1:]))
 
 
 class ExtensionWatch:
@@ -247,7 +257,11 @@ def _chosen(vehicles: tuple[VehicleConfig, ...], ids: str) -> tuple[VehicleConfi
 
 
 def _ended(vehicles: tuple[VehicleConfig, ...], ends: tuple[str, ...]) -> tuple[VehicleConfig, ...]:
-    """Return the vehicles with their own ends of links as texts like "2=serial:/dev/ttyUSB0:57600" give them."""
+    """Return the vehicles with their own ends of links as texts like "2=serial:/dev/ttyUSB0:57600" give them.
+
+    Several for one vehicle are its links, in their order.
+    """
+    given_ends = dict[str, list[Endpoint]]()
     found, known = {str(each.identity): each for each in vehicles}, ", ".join(str(each.identity) for each in vehicles)
     for text in ends:
         name, given, end = text.partition("=")
@@ -257,8 +271,11 @@ def _ended(vehicles: tuple[VehicleConfig, ...], ends: tuple[str, ...]) -> tuple[
             endpoint = parse_endpoint(end)
         except EndpointError as error:
             fail(f"--endpoint: {error}")
-        for each in found if name == "all" else (name,):
-            found[each] = replace(found[each], endpoint=endpoint)
+        given_ends.setdefault(name, []).append(endpoint)
+    for name, each in found.items():
+        own = given_ends.get(name) or given_ends.get("all")
+        if own:
+            found[name] = _with_ends(each, own)
     return tuple(found.values())
 
 
@@ -279,7 +296,10 @@ def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:
 
 
 def _line(vehicle: VehicleConfig) -> str:
-    if vehicle.endpoint.kind == "serial":
-        return f"vehicle {vehicle.identity} is at {vehicle.endpoint}"
-    what = "listens at" if vehicle.endpoint.peer is None else "sends to"
-    return f"vehicle {vehicle.identity} {what} {vehicle.endpoint.address}"
+    return f"vehicle {vehicle.identity} {' and '.join(_end(each) for each in vehicle.endpoints)}"
+
+
+def _end(endpoint: Endpoint) -> str:
+    if endpoint.kind == "serial":
+        return f"is at {endpoint}"
+    return f"{'listens at' if endpoint.peer is None else 'sends to'} {endpoint.address}"

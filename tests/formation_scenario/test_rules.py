@@ -18,6 +18,19 @@ from formation_scenario.source import read_text
             ["vehicles.1.endpoint=udpout:127.0.0.1:9", "vehicles.2.endpoint=udpout:127.0.0.1:9"],
             "vehicles.2.endpoint: found udpout:127.0.0.1:9 for vehicles 2 and 3: both emulators listen there; udpout:",
         ),
+        (
+            ["vehicles.1.endpoint=[udpin:127.0.0.1:14560, udpin:127.0.0.1:14560]"],
+            "vehicles.1.endpoint.1: found udpin:127.0.0.1:14560 twice; another endpoint for each link of a vehicle",
+        ),
+        (
+            ["vehicles.1.endpoint=[udpin:127.0.0.1:14560, ble:1]"],
+            "vehicles.1.endpoint.1: connection string 'ble:1': found 'ble'; udpin:HOST:PORT, udpout:HOST:PORT",
+        ),
+        (["vehicles.1.endpoint=[]"], "vehicles.1.endpoint: found []"),
+        (
+            ["links.changes=[{at_s: 1, link: 2, loss: 1}]"],
+            "links.changes.0.link: found 2, where its vehicles have 1 link at most; 1 to 1, the place in the",
+        ),
         (["vehicles.1.network=2", "vehicles.1.endpoint=udp:127.0.0.1:14550"], "for networks 1 and 2"),
         (
             ["vehicles.1.model.speed_min_mps=30"],

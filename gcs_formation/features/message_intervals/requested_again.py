@@ -19,7 +19,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.messages import KINDS
-from gcs_formation.link.link_health import LinkState
+from gcs_formation.link.link_health import LinkState, SequenceTracker
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -55,8 +55,9 @@ class MessageCounts:
 class RequestedMessages:
     """The messages requested from one vehicle, and those that arrived."""
 
-    def __init__(self, rates_hz: Mapping[int, float]) -> None:
-        """Keep counts for as long as the rarest message needs."""
+    def __init__(self, rates_hz: Mapping[int, float], sequence: SequenceTracker) -> None:
+        """Keep counts for as long as the rarest message needs; `sequence`: of the link in use."""
+        self.sequence = sequence
         self.missing: tuple[int, ...] = ()
         self.refused = False
         self.next_request = self.last_look = Instant(0)
@@ -118,7 +119,7 @@ class MessageIntervals:
 
     def __init__(self, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
         """Watch `vehicles`."""
-        self._streams = [(each, RequestedMessages(each.rates_hz)) for each in vehicles.values()]
+        self._streams = [(each, RequestedMessages(each.rates_hz, each.sequence)) for each in vehicles.values()]
         self._note = note
         self._next_look = Instant(0)
 
@@ -131,8 +132,9 @@ class MessageIntervals:
             if not vehicle.start_up.asked_for_telemetry or not vehicle.connection.talks:
                 streams.looks.clear()
             elif vehicle.commands.outcome is not Outcome.WAITING:
-                if streams.expected_hz is not vehicle.rates_hz:
+                if streams.expected_hz is not vehicle.rates_hz or streams.sequence is not vehicle.sequence:
                     streams.expect(vehicle.rates_hz)
+                    streams.sequence = vehicle.sequence
                 self._judge(vehicle, streams, now)
 
     def _judge(self, vehicle: Vehicle, streams: RequestedMessages, now: Instant) -> None:

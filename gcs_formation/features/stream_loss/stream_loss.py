@@ -39,6 +39,7 @@ class StreamLoss(FrameLoss):
     def __init__(self, vehicle: Vehicle) -> None:
         """Start with nothing requested."""
         super().__init__(vehicle)
+        self._sequence = vehicle.sequence
         self._expect(vehicle.rates_hz)
         self._due, self._came = 0.0, 0.0
         """How many messages should have come in all windows that tell, and how many did."""
@@ -54,6 +55,8 @@ class StreamLoss(FrameLoss):
     def watch(self) -> None:
         """Judge a window that is over, and begin the next if the messages have been requested, also since a restart."""
         vehicle = self.vehicle
+        if self._sequence is not vehicle.sequence:  # another link is in use
+            self._sequence, self._counts = vehicle.sequence, []
         if not vehicle.start_up.asked_for_telemetry:
             self._counts = []
             return

@@ -32,7 +32,7 @@ def vehicle(identity: VehicleId, jitter_s: float, loss: float) -> Any:
 
     heard = SimpleNamespace(state=LinkState.CONNECTED)
     return SimpleNamespace(
-        identity=identity, clock=clock, connection=heard, probe=probe, sequence=SimpleNamespace(loss=loss)
+        identity=identity, links=None, clock=clock, connection=heard, probe=probe, sequence=SimpleNamespace(loss=loss)
     )
 
 

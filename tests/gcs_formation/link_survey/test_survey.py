@@ -42,7 +42,9 @@ class Surveyed:
 
     def __init__(self, seconds: float = 240.0, load_kbps: float | None = None, **keys: Any) -> None:
         planned = load_scenario(scenario(**{"vehicles": {"count": 3}, **keys}))
-        ports = [parse_endpoint(each) for each in dict.fromkeys(each.endpoint for each in planned.vehicles)]
+        ports = [
+            parse_endpoint(each) for each in dict.fromkeys(text for each in planned.vehicles for text in each.endpoints)
+        ]
         self.survey = LinkSurvey(ports, after(Instant(0), seconds), 10.0, load_kbps)
         networks = [NETWORK] * len(ports)
         self.impaired = ImpairedEngine(self.survey, networks, lambda vehicle, _: LINKS[vehicle.system], 1)

@@ -1,0 +1,78 @@
+"""Vehicles with several links: which link is in use, who speaks there, and what goes out on which."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from airlink import mavlink as m
+from airlink.clock import Instant
+from airlink.endpoint import VehicleId
+from airlink.messages import Message
+from airlink.messages.command import CommandLong
+from airlink.messages.system import Heartbeat, Timesync
+from gcs_formation.link.link_health import Connection, LinkState
+from gcs_formation.link.vehicle_links import Link, is_one_clock
+from gcs_formation.recorder import Note
+from gcs_formation.vehicle.vehicle import Vehicle
+
+OTHERS: Final = "another sender has its system id there, whose clock is another's; what it sends is ignored"
+
+
+class SeveralLinks:
+    """Watches the links of the vehicles that have more than one."""
+
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
+        """Watch those of `vehicles`."""
+        self._each = [(vehicle, vehicle.links) for vehicle in vehicles.values() if vehicle.links is not None]
+        self._note = note
+
+    def see_by_those_in_use(self) -> None:
+        """See each vehicle by the link in use again, after frames that came on others."""
+        for vehicle, links in self._each:
+            vehicle.see(links.in_use)
+
+    def watch(self, now: Instant) -> None:
+        """Note what has become of the links that aren't in use, and choose which one is; called once a tick."""
+        for vehicle, links in self._each:
+            for link in links.each:
+                if link is not links.in_use:
+                    self._check(vehicle, link, now)
+            for link in links.compare_clocks(now):
+                details = {"peer": str(link.connection.peer)}
+                self._note(now, "duplicate", f"on link {link.number} {OTHERS}", vehicle, details)
+            before = links.in_use
+            text = links.choose(now)
+            if text:
+                self._switch(vehicle, before, links.in_use, text, now)
+
+    def _check(self, vehicle: Vehicle, link: Link, now: Instant) -> None:
+        connection = link.connection
+        if not connection.in_order(now) and connection.check(now, link.sequence.loss):
+            self.note_state(vehicle, connection, now)
+
+    def note_state(self, vehicle: Vehicle, connection: Connection, now: Instant) -> None:
+        """Record the state of one of its links."""
+        number = next(link.number for link in vehicle.each_link if link.connection is connection)
+        text = f"{connection.state.value} (link {number})"
+        self._note(now, "link", text, vehicle, {"peer": str(connection.peer), "link": number})
+
+    def _switch(self, vehicle: Vehicle, before: Link, link: Link, text: str, now: Instant) -> None:
+        self._note(now, "link_choice", text, vehicle, {"link": link.number})
+        vehicle.see(link)
+        vehicle.forget_setpoints()
+        if before.connection.state is LinkState.LOST and not is_one_clock(before.clock, link.clock, now):
+            vehicle.restart()
+
+
+def receivers(vehicle: Vehicle, message: Message) -> list[Link]:
+    """Return the links on which a message to a vehicle goes out, of those where it was heard or has an address.
+
+    What keeps links alive and measures them goes out on all, and so does the request for a message's rate, which an
+    autopilot takes for the link on which it comes.
+    """
+    links = vehicle.links
+    if links is None:
+        return vehicle.each_link
+    rate = isinstance(message, CommandLong) and message.command == m.MAV_CMD_SET_MESSAGE_INTERVAL
+    return links.each if rate or isinstance(message, (Heartbeat, Timesync)) else [links.in_use]
