@@ -58,6 +58,7 @@ from gcs_formation.record.unfinished import recorded_events
 from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
+from gcs_formation.telemetry_health.series import with_health
 
 MOST_DIGITS = 5
 LOOK_S = 1.0
@@ -368,13 +369,15 @@ class Session:
         rows, gathering = Spool(spool), FlightBuilder(self.scenario)
         injected_s = self._injected.series_s(rows.ticks)
         radios = [self._radio_reports(each.vehicle_id) for each in self.scenario.vehicles]
-        passing = gathering.passing(with_radio(tables(rows.blocks(), self.scenario, truth, injected_s), radios))
+        events, ended_s = recorded_events(self.recorder.path)[0], self._ended / NANOSECONDS
+        reported = with_radio(tables(rows.blocks(), self.scenario, truth, injected_s), radios)
+        vehicles = [str(each.vehicle_id) for each in self.scenario.vehicles]
+        passing = gathering.passing(with_health(reported, events, vehicles))
         if self.options.record in {"full", "series"}:
             write_parquet(self.recorder.path / TIMESERIES, passing)
         else:
             for _ in passing:
                 pass
-        events, ended_s = recorded_events(self.recorder.path)[0], self._ended / NANOSECONDS
         flight, course = gathering.flight(), self.station.course
         if course.failure is None and flight.truth:
             course.failure = down_at_end(flight)
