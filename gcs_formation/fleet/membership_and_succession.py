@@ -217,7 +217,7 @@ class Membership:
         """Send the commands of a new membership; `revokes`: an earlier command to loiter may still arrive."""
         autopilot = vehicle.autopilot
         if vehicle.member is Member.HOLDING:
-            vehicle.holds_at_m = self._holding_height_m(vehicle, now)
+            vehicle.holds_at_m, vehicle.holds_from = self._holding_height_m(vehicle, now), now
             vehicle.commands.begin(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now, insist=True)
         elif vehicle.member is Member.RETURNING or (vehicle.member is Member.FLYING and revokes):
             vehicle.commands.begin((autopilot.set_mode(autopilot.guided_mode),), now, insist=True)

@@ -77,6 +77,9 @@ CIRCLING: Final = (Member.HOLDING, Member.RETURNING)
 class Vehicle:
     """All state of one vehicle. It takes frames and encodes messages; the station transports them."""
 
+    holds_from: Instant = LONG_AGO
+    """When it was last commanded to loiter while the others fly on."""
+
     def __init__(
         self,
         identity: VehicleId,
