@@ -103,6 +103,13 @@ class FrameWriter:
         return frame.getvalue()
 
 
+def reframed(frame: Frame, message: Message) -> bytes:
+    """Return another message in place of a frame's, from the same component with the same number, unsigned."""
+    writer = FrameWriter(frame.system, frame.component)
+    writer._sequence = u8(frame.sequence)
+    return writer.encode(message, frame.version)
+
+
 @dataclass
 class ParserCounts:
     """Statistics of a parser."""

@@ -32,6 +32,11 @@ class Pieces:
         self._rest = data[at:]
         return found
 
+    @property
+    def rest(self) -> bytes:
+        """What isn't complete yet."""
+        return self._rest
+
     @staticmethod
     def _end(data: bytes, at: int) -> int:
         """Return where what begins at a place ends; beyond the data if that isn't there yet."""

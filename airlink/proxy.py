@@ -7,6 +7,7 @@ import selectors
 import socket
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import count
 from typing import Final, Self
 
@@ -21,6 +22,7 @@ from airlink.one_way_channel import Channel, ChannelStatistics
 from airlink.radio.settings import RadioSettings
 from airlink.radio.shared_radio import SharedRadio
 from airlink.random_streams import random_stream
+from airlink.telemetry_faults.passing import AlteredStream, LinkFault
 from airlink.transports.opening import open_transport
 from airlink.transports.transport import Transport
 from airlink.transports.udp import DRAIN_LIMIT, Inbox, family_of, resolved
@@ -47,6 +49,8 @@ class Relay:
 
     record: DelayRecord | None = None
     """Takes the delays of all datagrams."""
+    faults: tuple[LinkFault, ...] = ()
+    """Of the telemetry that passes."""
 
     def __init__(self, seed: int, radio: RadioSettings | None = None) -> None:
         """Start with unimpaired links; remote r has the random numbers of vehicle r + 1 on network 1."""
@@ -55,9 +59,42 @@ class Relay:
         self._seed = seed
         self._channels: dict[tuple[int, Direction], Channel] = {}
         self._forgotten = {way: ChannelStatistics() for way in Direction}
+        self._altered, self._began = dict[int, AlteredStream](), Instant(-1)
+        self._newest = Instant(0)
+        self._late = DelayQueue[Passage]()
+        """What a fault sends later."""
         self.under_way = DelayQueue[Passage]()
 
     def accept(self, passage: Passage, now: Instant) -> None:
+        """Put a datagram, altered by the faults of telemetry, into the radio if there is one, else into its channel."""
+        remote, direction, data = passage
+        self._newest = now
+        if direction is Direction.UPLINK:
+            self._carry(passage, now)
+            return
+        self._began = now if self._began < 0 else self._began
+        if not self.faults:
+            self._carry(passage, now)
+            return
+        for later_s, altered in self._stream(remote).pass_on(data, self.faults, self._began, now):
+            if later_s > 0.0:
+                self._late.push(after(now, later_s), (remote, direction, altered))
+            else:
+                self._carry((remote, direction, altered), now)
+
+    @property
+    def elapsed_s(self) -> float:
+        """Time from the first datagram from any vehicle to the newest datagram, s; 0 before."""
+        return 0.0 if self._began < 0 else seconds_between(self._began, self._newest)
+
+    def _stream(self, remote: int) -> AlteredStream:
+        known = self._altered.get(remote)
+        if known is None:
+            draws = partial(random_stream, self._seed, "telemetry faults", remote + 1)
+            known = self._altered[remote] = AlteredStream(draws)
+        return known
+
+    def _carry(self, passage: Passage, now: Instant) -> None:
         """Put a datagram into the radio, if there is one, or else into its channel."""
         remote, direction, data = passage
         channel = self._channel(remote, direction)
@@ -76,11 +113,13 @@ class Relay:
 
     def next_timer(self) -> Instant | None:
         """Return when the next datagram is due or the radio has something to do; None if never."""
-        timers = [self.under_way.next(), None if self.radio is None else self.radio.next_timer()]
+        timers = [self.under_way.next(), self._late.next(), None if self.radio is None else self.radio.next_timer()]
         return min((each for each in timers if each is not None), default=None)
 
     def pop_due(self, now: Instant) -> list[Passage]:
         """Remove and return the datagrams that arrive by now, and what the radio's ends report."""
+        for passage in self._late.pop_due(now):
+            self._carry(passage, now)
         if self.radio is not None:
             self._move_radio_to(self.radio, now)
         due = self.under_way.pop_due(now)
@@ -125,6 +164,8 @@ class Relay:
         """Remove a remote, whose number isn't used again; its statistics are kept."""
         if self.radio is not None:
             self.radio.forget(_vehicle(remote))
+        self._altered.pop(remote, None)
+        self._late.drop(lambda _, passage: passage[0] == remote)
         for way, total in self._forgotten.items():
             channel = self._channels.pop((remote, way), None)
             if channel is not None:

@@ -26,6 +26,9 @@ GiveUp = Callable[[str, Instant], None]
 class VehicleLink:
     """The link to one vehicle at a tick."""
 
+    brakes: int | None = None
+    """Instant at which a multirotor was commanded to stop, None if it wasn't."""
+
     def __init__(self, now: Instant) -> None:
         """Start with the link of a virtual leader: no delay, always heard."""
         self.ready = False

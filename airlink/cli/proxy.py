@@ -12,19 +12,21 @@ from typing import IO, Any, Final, NamedTuple
 
 import click
 
-from airlink.cli import SEED, SIGNALS, Command, Status, fail, radio_option, version_option
+from airlink.cli import SEED, SIGNALS, Command, Status, fail, fault_option, radio_option, version_option
 from airlink.delay_record import DelayRecord
 from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
 from airlink.impairment import Direction, Impairment
 from airlink.proxy import Proxy, Relay
 from airlink.radio.settings import RadioSettings
+from airlink.telemetry_faults.passing import FaultError, LinkFault
 
 LONGEST_LINE: Final = 4096
 EXAMPLES: Final = """\b
 Every option that takes a VALUE is there for one direction too: --uplink-delay-ms
 (to the vehicle), --downlink-loss (from it), ...
 While it runs, lines on standard input change what is set: delay-ms 300,
-downlink loss 0.1, outage on.
+downlink loss 0.1, outage on, fault quantity=position,effect=freeze,for_s=20,
+fault none.
 
 \b
 An ENDPOINT is udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT,
@@ -36,6 +38,8 @@ Examples:
       --delay-ms 200 --jitter-ms 20 --downlink-loss 0.02
   airlink-proxy --listen tcp:127.0.0.1:5760 --to tcpin:127.0.0.1:5790 --delay-ms 100
   airlink-proxy --listen serial:/dev/ttyUSB0:57600 --to udpout:127.0.0.1:14550
+  airlink-proxy --listen udpin:127.0.0.1:14650 --to udpout:127.0.0.1:14550 \\
+      --fault quantity=height,effect=offset,amount=-20,vehicles=[3],at_s=60
 """
 
 
@@ -75,6 +79,7 @@ class Key(NamedTuple):
 MOST_MS: Final = 600_000.0
 LEAST_KBPS: Final = 1e-3
 """1 bit/s: the longest datagram takes a week."""
+FAULT: Final = "fault"
 SWITCH: Final = {"on": True, "off": False}
 NAMES: Final = {name: name for name in ("normal", "uniform", "pareto")}
 BURST: Final = "mean number of datagrams lost in a row, none: each on its own"
@@ -141,16 +146,21 @@ class Console:
                 click.echo(self._answer(line.decode("utf-8", "replace").strip()))
 
     def _answer(self, line: str) -> str:
+        word, _, rest = line.partition(" ")
         try:
-            apply_line(self._relay.impairments, line)
-        except ImpairmentError as error:
+            if word == FAULT:
+                self._relay.faults = fault_option.changed(self._relay.faults, rest.strip(), self._relay.elapsed_s)
+            else:
+                apply_line(self._relay.impairments, line)
+        except (ImpairmentError, FaultError) as error:
             return f"error: {error}"
         return settings(self._relay)
 
 
 def settings(relay: Relay) -> str:
-    """Return the settings, one line for each direction, and one for the radio if there is one."""
+    """Return the settings: one line for each direction, and for the radio and each fault if there are any."""
     lines = [f"{way.name.lower()}: {described(relay.impairments[way])}" for way in Direction]
+    lines += map(fault_option.described, relay.faults)
     return "\n".join(lines if relay.radio is None else [radio_option.described(relay.radio.settings), *lines])
 
 
@@ -183,6 +193,13 @@ def _radio(_context: click.Context, _parameter: click.Parameter, text: str | Non
     try:
         return None if text is None else radio_option.parse_radio(text)
     except ImpairmentError as error:
+        raise click.BadParameter(str(error)) from error
+
+
+def _faults(_context: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]) -> tuple[LinkFault, ...]:
+    try:
+        return tuple(map(fault_option.parse_fault, texts))
+    except FaultError as error:
         raise click.BadParameter(str(error)) from error
 
 
@@ -223,6 +240,15 @@ def _set(relay: Relay, options: dict[str, str | None]) -> None:
     help="one radio that all vehicles share, as links.channels of a scenario: sik_915, or rate_kbps=57.6,duplex=half",
 )
 @click.option(
+    "--fault",
+    "faults",
+    metavar="KEYS",
+    callback=_faults,
+    multiple=True,
+    help="alter the telemetry that passes, as faults of a scenario do: "
+    "quantity=position,effect=freeze,vehicles=[3],at_s=30,for_s=20; at_s is from the first datagram on",
+)
+@click.option(
     "--record",
     "recorded",
     metavar="FILE",
@@ -235,6 +261,7 @@ def main(
     listen: Endpoint,
     to: Endpoint,
     radio: RadioSettings | None,
+    faults: tuple[LinkFault, ...],
     recorded: IO[str] | None,
     seed: int,
     **options: str | None,
@@ -243,6 +270,7 @@ def main(
     for number in SIGNALS:
         signal.signal(number, signal.default_int_handler)  # a shell's background jobs ignore SIGINT
     relay = Relay(seed, radio)
+    relay.faults = faults
     _set(relay, options)
     try:
         with Proxy(listen, to, relay) as proxy, _recording(relay, recorded):

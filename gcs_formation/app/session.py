@@ -63,6 +63,7 @@ from gcs_formation.record.unfinished import recorded_events
 from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
+from gcs_formation.telemetry_health.series import with_health
 
 MOST_DIGITS = 5
 LOOK_S = 1.0
@@ -373,15 +374,16 @@ class Session:
         rows, gathering = Spool(spool), FlightBuilder(self.scenario)
         injected_s = self._injected.series_s(rows.ticks)
         radios = [self._radio_reports(each.vehicle_id) for each in self.scenario.vehicles]
+        events, ended_s = recorded_events(self.recorder.path)[0], self._ended / NANOSECONDS
         blocks = with_radio(tables(rows.blocks(), self.scenario, truth, injected_s), radios)
         links = [of_several_links(self.station.vehicles[each.vehicle_id]) for each in self.scenario.vehicles]
-        passing = gathering.passing(with_several_links(blocks, links))
+        vehicles = [str(each.vehicle_id) for each in self.scenario.vehicles]
+        passing = gathering.passing(with_health(with_several_links(blocks, links), events, vehicles))
         if self.options.record in {"full", "series"}:
             write_parquet(self.recorder.path / TIMESERIES, passing)
         else:
             for _ in passing:
                 pass
-        events, ended_s = recorded_events(self.recorder.path)[0], self._ended / NANOSECONDS
         flight, course = gathering.flight(), self.station.course
         if course.failure is None and flight.truth:
             course.failure = down_at_end(flight)

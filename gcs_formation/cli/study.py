@@ -164,12 +164,20 @@ def _said(outcome: StudyOutcome, out: Path) -> Iterator[str]:
 @click.option("--count", type=WholeNumber(1), default=100, show_default=True, help="How many flights.")
 @click.option("--seed", type=SEED, default=1, show_default=True, help="Seed of the first; then one more.")
 @click.option("--jobs", type=WholeNumber(1), default=os.cpu_count() or 1, help="Flights at a time; default: cores.")
+@click.option("--telemetry", is_flag=True, help="faults of telemetry in place of others and of outages")
 @click.option("--hard", is_flag=True, help="Longer trouble, faster flights, stronger wind: three times the time.")
 @click.option("--out", type=OUT, help="Keep the record of the one flight here (--count 1).")
 @click.option("--overwrite", is_flag=True, help="Replace an earlier run in --out.")
 @PLUGINS
 def stress(
-    count: int, seed: int, jobs: int, hard: bool, out: Path | None, overwrite: bool, plugins: tuple[str, ...]
+    count: int,
+    seed: int,
+    jobs: int,
+    hard: bool,
+    telemetry: bool,
+    out: Path | None,
+    overwrite: bool,
+    plugins: tuple[str, ...],
 ) -> None:
     """Fly seeded random scenarios under the virtual clock and check invariants.
 
@@ -187,14 +195,18 @@ def stress(
             out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         fail(f"cannot write {out}: {error.strerror}; allowed: a directory that can be written")
-    severity, named = "hard" if hard else "usual", "".join(f" --plugin {file}" for file in plugins)
+    if hard and telemetry:
+        fail("--telemetry: found --hard too; allowed: one of them")
+    severity, named = "usual", "".join(f" --plugin {file}" for file in plugins)
+    if hard or telemetry:
+        severity = "hard" if hard else "telemetry"
     plan = _stress_plan(severity, seed, count, plugins)
     try:
         with interruptible(), StudyProgress(quiet=False) as progress:
             rows: Iterable[Row] = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
             if out is not None:  # the one flight, its record kept
                 rows = [fly(refly_task(next(plan.begin()), plan.study, {}, out))]
-            wrong = _name_broken(rows, f"{'stress --hard' if hard else 'stress'}{named}")
+            wrong = _name_broken(rows, f"stress{'' if severity == 'usual' else f' --{severity}'}{named}")
     except RunAbortedError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
     except KeyboardInterrupt:

@@ -11,7 +11,7 @@ from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from gcs_formation.estimation.estimator import StateEstimator
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
-from gcs_formation.fleet.circle_heights import GroundFloor, loiter_heights
+from gcs_formation.fleet.circle_heights import GroundFloor, loiter_heights, may_meet
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.command_delivery import Outcome
@@ -217,7 +217,7 @@ class Membership:
         """Send the commands of a new membership; `revokes`: an earlier command to loiter may still arrive."""
         autopilot = vehicle.autopilot
         if vehicle.member is Member.HOLDING:
-            vehicle.holds_at_m = self._holding_height_m(vehicle, now)
+            vehicle.holds_at_m, vehicle.holds_from = self._holding_height_m(vehicle, now), now
             vehicle.commands.begin(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now, insist=True)
         elif vehicle.member is Member.RETURNING or (vehicle.member is Member.FLYING and revokes):
             vehicle.commands.begin((autopilot.set_mode(autopilot.guided_mode),), now, insist=True)
@@ -239,7 +239,16 @@ class Membership:
         if now != self._floor_at:
             top = self._ground.highest((place.north_m, place.east_m) for place in places.values())
             self._floor_at, self._floor_m = now, top.height_m
-        return loiter_heights(places, self._floor_m)[vehicle.identity]
+        # Those that loiter already keep the heights that they were commanded to, wherever they are on their way there.
+        kept_m = {
+            i: each.holds_at_m
+            for i, each in self._vehicles.items()
+            if i in places and each is not vehicle and each.member is Member.HOLDING and not math.isnan(each.holds_at_m)
+        }
+        own = places.get(vehicle.identity)
+        taken = [(kept_m[i], kept_m[i]) for i in kept_m if own is not None and may_meet(own, places[i])]
+        free = {i: place for i, place in places.items() if i not in kept_m}
+        return loiter_heights(free, self._floor_m, taken)[vehicle.identity]
 
 
 class Candidate(NamedTuple):

@@ -242,6 +242,8 @@ class Dispatch:
             if may_loiter or not link.ready:
                 link.circling, link.flies_home_m = vehicle.circles, vehicle.flies_home_m
                 link.holds_at_m = math.nan if vehicle.member is Member.PARTED else vehicle.holds_at_m
+                if vehicle.autopilot.stands and vehicle.member is Member.HOLDING:
+                    link.brakes = vehicle.holds_from
             link.heard = vehicle.round_trips.heard_at(now)
             link.lag_s = clock.loop_s / 2
             link.disobeying = may_loiter or disobeying[vehicle.column]

@@ -16,10 +16,12 @@ from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
+from gcs_formation.telemetry_health import before_take_off
 from gcs_formation.vehicle.autopilot_family import StartUpStep
 from gcs_formation.vehicle.checks import Finding, ParameterReader, place_findings
 from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.startup import StartUp
+from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 IN_ORDER = "in order"
@@ -68,6 +70,9 @@ class PreFlight:
                 checks = autopilot.checks(planned.model, scenario.path)
                 self._readers[planned.vehicle_id] = ParameterReader(planned.id, checks, autopilot.parameter)
         self._scenario, self._placed = scenario, set[VehicleId]()
+        self._least_mps = {each.vehicle_id: each.model.speed_min_mps for each in scenario.vehicles}
+        self._first = dict[VehicleId, ReportedMotion]()
+        """Each vehicle's first position."""
         self._judged = set[VehicleId]()
         self._refused, self._gave_up = list[str](), False
         """What prevents the take-off, in words, and whether that has ended the run."""
@@ -130,12 +135,21 @@ class PreFlight:
         self._record(vehicle, [each._replace(refuses=each.refuses and not flies) for each in findings], now)
 
     def _report_place(self, vehicle: Vehicle, now: Instant) -> None:
-        """Record whether a vehicle is at the scenario's field, once it is ready and so knows its home."""
+        """Record whether a vehicle is at the scenario's field, once it is ready and so knows its home.
+
+        What its telemetry says otherwise is examined then, too.
+        """
         motion = vehicle.telemetry.motion
-        if motion is None or not _is_ready(vehicle.start_up):
+        if motion is None:
+            return
+        first = self._first.setdefault(vehicle.identity, motion)
+        if not _is_ready(vehicle.start_up):
             return
         self._placed.add(vehicle.identity)
-        findings = place_findings(motion, self._scenario, flies=vehicle.airborne)
+        flies, seen = vehicle.airborne, vehicle.telemetry
+        findings = place_findings(motion, self._scenario, flies=flies)
+        least_mps = self._least_mps[vehicle.identity]
+        findings += before_take_off.findings(vehicle.autopilot, seen, least_mps, first, flies=flies)
         if findings:
             self._record(vehicle, findings, now)
 
@@ -277,7 +291,8 @@ def _lacks(vehicle: Vehicle, now: Instant) -> str:
     if unknown:
         return f" ({unknown})"
     untold = [name for name, told in (("position", seen.motion), ("attitude", seen.attitude)) if told is None]
-    return f" (it has told no {' and no '.join(untold)})" if untold else ""
+    why = [f": {seen.position_refused}"] if seen.motion is None and seen.position_refused else []
+    return f" (it has told no {' and no '.join(untold)}{''.join(why)})" if untold else ""
 
 
 def _result(vehicle: Vehicle) -> str:

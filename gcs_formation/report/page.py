@@ -31,6 +31,7 @@ from gcs_formation.report.loop_figures import gains, has_gains, latency, separat
 from gcs_formation.report.page_parts import document, figure
 from gcs_formation.report.plan_figures import plan, trajectory
 from gcs_formation.report.style import FORMATS, print_style, save
+from gcs_formation.report.telemetry_health import has_alarms, telemetry_health
 from gcs_formation.view import static_file
 from gcs_formation.view.recording import Times
 from gcs_formation.view.scene import scene
@@ -55,6 +56,7 @@ PLATES: dict[Callable[[RunData], Figure], Callable[[RunData], bool]] = {
     gains: has_gains,
     separation: always,
     latency: always,
+    telemetry_health: has_alarms,
 }
 """What draws each figure, and the condition on which a run has anything to show in it."""
 

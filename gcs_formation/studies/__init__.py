@@ -145,7 +145,7 @@ class Study(Keys):
     base: Annotated[str | dict[str, Any], Allowed("a scenario's file, relative to the study's, or its keys")] = key(
         {}, "the scenario: a file, relative to the study's, or its keys"
     )
-    random: Literal["usual", "hard"] | None = key(
+    random: Literal["usual", "hard", "telemetry"] | None = key(
         None,
         "instead of `base`: every flight's scenario is drawn from its seed, as `gcs-formation stress` and "
         "`stress --hard` do",

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
+from airlink.telemetry_faults import EFFECTS, NEEDS_AMOUNT, QUANTITIES, refusal
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.extensions import FAULT, Registry
 from formation_scenario.surroundings import PASSING
@@ -22,6 +24,8 @@ ASSEMBLY_S = 7.0
 FIRST_TROUBLE_S = 5.0
 LEG_M = 600.0
 MOST_DRAWS = 100
+ALL_SHARE = 0.2
+"""Share of faults of telemetry that are every vehicle's."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,8 @@ class Severity:
     """Share of flights that begin on the ground."""
     fault_share: float = 0.35
     outage_share: float = 0.25
+    telemetry_share: float = 0.0
+    """Share of flights with faults of telemetry, in place of other faults."""
 
     @property
     def calm_from_s(self) -> float:
@@ -68,7 +74,18 @@ HARD = Severity(
     fault_share=0.5,
     outage_share=0.4,
 )
-SEVERITIES = {"usual": USUAL, "hard": HARD}
+TELEMETRY = replace(USUAL, outage_share=0.0, telemetry_share=1.0)
+SEVERITIES = {"usual": USUAL, "hard": HARD, "telemetry": TELEMETRY}
+AMOUNTS: Mapping[str, Mapping[str, tuple[float, float]]] = {
+    "position": {"offset": (2.0, 150.0), "drift": (1.0, 10.0), "noise": (1.0, 12.0), "scale": (0.3, 2.0)},
+    "velocity": {"offset": (1.0, 15.0), "drift": (0.5, 3.0), "noise": (0.2, 4.0), "scale": (0.2, 2.0)},
+    "height": {"offset": (2.0, 60.0), "drift": (1.0, 5.0), "noise": (0.5, 6.0), "scale": (0.3, 2.0)},
+    "airspeed": {"offset": (2.0, 12.0), "drift": (0.5, 3.0), "noise": (0.5, 4.0), "scale": (0.3, 2.0)},
+    "attitude": {"offset": (0.1, 3.0), "drift": (0.02, 0.5), "noise": (0.02, 0.5), "scale": (0.3, 2.0)},
+    "stamps": {"offset": (0.2, 3.0), "drift": (0.02, 0.3), "noise": (0.01, 0.3), "scale": (0.8, 1.2)},
+}
+"""Amounts of drawn faults of telemetry, in their units."""
+LATE_S = (0.2, 3.0)
 
 
 def draw(seed: int, severity: Severity = USUAL, registry: Registry | None = None) -> Scenario:
@@ -94,8 +111,9 @@ def _scenario(rng: np.random.Generator, seed: int, severity: Severity, registry:
     more_s = severity.rejoin_s if faults or outages else severity.change_s if formation.get("changes") else 0.0
     duration_s = FIRST_TROUBLE_S + severity.trouble_s + severity.calm_s + more_s
     speed_mps = float(rng.uniform(20.0, severity.fastest_mps))
+    kinds = [f"-{name}" for name, each in SEVERITIES.items() if each is severity and each is not USUAL]
     return {
-        "name": f"stress-{seed}" if severity is USUAL else f"stress-hard-{seed}",
+        "name": f"stress{''.join(kinds)}-{seed}",
         "seed": seed,
         "duration_s": duration_s,
         "start": _start(rng, severity),
@@ -200,6 +218,8 @@ def _disturbances(rng: np.random.Generator, severity: Severity, count: int) -> l
 
 def _faults(rng: np.random.Generator, severity: Severity, count: int, registry: Registry) -> list[Keys]:
     """Return one fault of one vehicle, which may be the leader, or none."""
+    if severity.telemetry_share:
+        return _telemetry_faults(rng, severity, count)
     if rng.random() > severity.fault_share:
         return []
     own = {each.name: each.made.lasts for each in registry.of(FAULT) if each.works_by_defaults}
@@ -210,6 +230,33 @@ def _faults(rng: np.random.Generator, severity: Severity, count: int, registry: 
         else {}
     )
     return [{"at_s": at_s, "vehicles": [_vehicle(rng, count)], "kind": kind, **ends}]
+
+
+def _telemetry_faults(rng: np.random.Generator, severity: Severity, count: int) -> list[Keys]:
+    """Return one or two faults of telemetry, which end: of one vehicle, or of all."""
+    if rng.random() > severity.telemetry_share:
+        return []
+    return [_telemetry_fault(rng, severity, count) for _ in range(int(rng.integers(1, 3)))]
+
+
+def _telemetry_fault(rng: np.random.Generator, severity: Severity, count: int) -> Keys:
+    quantity = _one_of(rng, *QUANTITIES)
+    amounts = AMOUNTS.get(quantity, {})
+    effect = _one_of(
+        rng, *(each for each in EFFECTS if refusal(quantity, each, 1.0 if each in NEEDS_AMOUNT else None) is None)
+    )
+    low, high = LATE_S if effect == "late" else amounts.get(effect, (0.0, 0.0))
+    sign = _one_of(rng, -1.0, 1.0) if effect in ("offset", "drift") else 1.0
+    amount: Keys = {"amount": sign * float(rng.uniform(low, high))} if effect in NEEDS_AMOUNT else {}
+    return {
+        "at_s": _trouble_at(rng, severity),
+        "for_s": float(rng.uniform(1.0, severity.longest_spell_s)),
+        "vehicles": "all" if rng.random() < ALL_SHARE else [_vehicle(rng, count)],
+        "kind": "telemetry",
+        "quantity": quantity,
+        "effect": effect,
+        **amount,
+    }
 
 
 def _trouble_at(rng: np.random.Generator, severity: Severity) -> float:

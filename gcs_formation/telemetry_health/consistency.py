@@ -49,6 +49,10 @@ RETURNS_S: Final = 3.0
 ALPHA: Final = 0.4
 BETA: Final = 0.1
 """Gains of the alpha-beta filter; together critically damped at some 4 samples."""
+SCATTER_M: Final = 5.0
+SCATTER_LIMIT: Final = 9.0
+"""Noise of more than this standard deviation is said, m: less than it a GNSS receiver has, and what else is wrong isn't
+found beside more. A sample adds up to this multiple of its square."""
 POSITION: Final = 0
 VELOCITY: Final = 1
 
@@ -73,6 +77,8 @@ class Axis:
         """How far it has moved since the sample before, m."""
         self.noise_m2 = 0.0
         """Variance of the position's noise by what samples gain one after the other, m²."""
+        self.scatter_m2 = 0.0
+        """The same, with a limit on what one sample adds: an outlier is no noise."""
         self.gain_m = 0.0
         """What it gained on the velocities last, m."""
         self.excess_m = 0.0
@@ -102,6 +108,9 @@ class Axis:
         self.moved_m = moved_m
         # What noise adds to one sample it takes from the next.
         self.noise_m2 += share * (0.0 - gained_m * self.gain_m - self.noise_m2)
+        product_m2 = 0.0 - gained_m * self.gain_m
+        product_m2 = min(max(product_m2, -SCATTER_LIMIT * SCATTER_M * SCATTER_M), SCATTER_LIMIT * SCATTER_M * SCATTER_M)
+        self.scatter_m2 += share * (product_m2 - self.scatter_m2)
         self.gain_m = gained_m
         return gained_m
 
@@ -159,6 +168,10 @@ class Consistency:
         self._unchanged = [0, 0]
         """How many samples in a row had the same position, and the same velocity."""
         self._agrees_s = 0.0
+        self.scatters = False
+        """Whether its position scatters too much."""
+        self.scatter_m = 0.0
+        """By how much it did when that was found, its standard deviation, m."""
 
     @property
     def displaced_m(self) -> float:
@@ -244,9 +257,12 @@ class Consistency:
                 axis.offset_m -= gained_m
         self._unchanged[POSITION] = self._unchanged[POSITION] + 1 if same_position else 0
         self._unchanged[VELOCITY] = self._unchanged[VELOCITY] + 1 if same_rate else 0
+        self._watch_scatter()
         short, long = self._shares(elapsed_s, variances)
         share = max(short, long)
-        self._agrees_s = self._agrees_s + elapsed_s if share < AGREES_SHARE else 0.0
+        # A frozen position agrees with the velocity of a vehicle that has stopped, and is still not where it is.
+        frozen = self.wrong == POSITION and same_position and len(self.axes) > 1 and self.displaced_m > SHORT_M
+        self._agrees_s = self._agrees_s + elapsed_s if share < AGREES_SHARE and not frozen else 0.0
         self._begin()
         if not self._begun:
             return
@@ -255,6 +271,16 @@ class Consistency:
             self._disbelieve()
         elif self.wrong is not None and self._agrees_s >= RETURNS_S:
             self._believe(variances[0])
+
+    def _watch_scatter(self) -> None:
+        most_m2 = 0.0
+        for axis in self.axes:
+            most_m2 = max(most_m2, axis.scatter_m2)
+        bound_m2 = SCATTER_M * SCATTER_M
+        if self.scatters:
+            self.scatters = most_m2 > bound_m2 / 4.0
+        elif most_m2 > bound_m2 and self._samples > 2 * FEWEST:
+            self.scatters, self.scatter_m = True, math.sqrt(most_m2)
 
     def _shares(self, elapsed_s: float, variances: tuple[float, float]) -> tuple[float, float]:
         """Return which shares the two sums have of their bounds."""

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+import math
+from collections.abc import Mapping, Sequence
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel
+from flight_model.slot import UNKNOWN, Triple
 from gcs_formation.estimation.estimator import Sample, VehicleFilter
+from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.recorder import Note
-from gcs_formation.telemetry_health.vehicle_health import VehicleHealth
-from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.telemetry_health.vehicle_health import Commanded, VehicleHealth
+from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 
 class TelemetryHealth:
@@ -21,16 +25,24 @@ class TelemetryHealth:
         vehicles: Mapping[VehicleId, Vehicle],
         filters: list[VehicleFilter],
         models: list[AutopilotModel],
+        history: SetpointHistory,
         note: Note,
+        apart_m: float,
     ) -> None:
-        """Watch `vehicles`; `filters` have their noise, and the wind at each, `models` their limits, by column."""
+        """Watch `vehicles`; by column `filters` have their noise, and the wind at each, `models` their limits.
+
+        `history`: the setpoints sent; `apart_m`: distance over the ground at which vehicles are safe from one another.
+        """
         self._each = {each.column: VehicleHealth(each, models[each.column]) for each in vehicles.values()}
-        self._filters, self._note = filters, note
+        self._filters, self._history, self._note = filters, history, note
+        self._apart_m = apart_m
+        self.slots_m: Sequence[Triple] = ()
+        """The slots commanded last, forward, right and up of the leader, whose own is NaN."""
 
     def examine(
         self, column: int, sample: Sample | None, commanded_m: float, now: Instant, *, leads: bool
     ) -> Sample | None:
-        """Return what a column's newest sample says, as far as it can be true; it is commanded to a height or NaN.
+        """Return what a column's newest sample says, as far as it can be true; it is commanded to a height, or NaN.
 
         A vehicle whose position can't be known well enough is `unfit` for the formation. An event says which quantity
         isn't believed, by which evidence, and later that it is again.
@@ -38,11 +50,25 @@ class TelemetryHealth:
         health = self._each[column]
         vehicle = health.vehicle
         if sample is not None:
-            sample = health.examine(sample, self._filters[column], commanded_m, now, leads=leads)
+            moves = vehicle.telemetry.stands and not math.isnan(commanded_m)
+            acting = self._history.commanded(sample.stamp, column) if moves else UNKNOWN
+            commanded = Commanded(commanded_m, acting, stops=vehicle.member is Member.HOLDING)
+            sample = health.examine(sample, self._filters[column], commanded, now, leads=leads)
+            if health.height_unknown:
+                health.stacked = self._stacked()
+            if health.scatters:
+                health.others_scatter = any(each.scatters for each in self._each.values() if each is not health)
             vehicle.unfit = health.unfit
         for quantity, healthy, text in health.changes(now):
             self._note(now, "health", text, vehicle, {"quantity": quantity, "healthy": healthy})
         return sample
+
+    def _stacked(self) -> bool:
+        """Return whether any two slots are within the safe distance of each other over the ground."""
+        known = [slot for slot in self.slots_m if not math.isnan(slot[0])]
+        known += [(0.0, 0.0, 0.0)] if len(known) < len(self.slots_m) else []
+        pairs = itertools.combinations(known, 2)
+        return any(math.hypot(one[0] - other[0], one[1] - other[1]) < self._apart_m for one, other in pairs)
 
     def forget(self, column: int) -> None:
         """Reset what is known of a vehicle that has restarted."""

@@ -7,7 +7,9 @@ from typing import Final
 
 from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, within
+from flight_model.slot import Triple
 from gcs_formation.estimation.estimator import Sample, VehicleFilter
+from gcs_formation.telemetry_health.commanded_velocity import CommandedVelocity
 from gcs_formation.telemetry_health.consistency import POSITION, VELOCITY, Consistency
 from gcs_formation.telemetry_health.heading_and_airspeed import AirspeedJumps, HeadingCheck
 from gcs_formation.telemetry_health.timing import JITTERS, LATE_S, Timing
@@ -28,6 +30,20 @@ HORIZONTAL: Final = ("position", "velocity")
 VERTICAL: Final = ("height", "velocity")
 
 
+class Commanded:
+    """What a vehicle is commanded to do."""
+
+    def __init__(self, height_m: float, acting: Triple, *, stops: bool) -> None:
+        """Take it.
+
+        Args:
+            height_m: commanded last, NaN if none is.
+            acting: of a multirotor: speed, heading and height that act at its newest sample, NaN if none do.
+            stops: whether it was commanded to loiter.
+        """
+        self.height_m, self.acting, self.stops = height_m, acting, stops
+
+
 class VehicleHealth:
     """One vehicle's position and height, each with its rate, its heading, and the stamps of all these."""
 
@@ -38,6 +54,10 @@ class VehicleHealth:
         """The quantities that aren't believed, in which words that was said and when, and when they last weren't."""
         self.begin()
 
+    stacked: bool = False
+    """Whether some slots are separated by their heights alone; else a height that is only known by its climb rate is no
+    reason to leave: the others are to the side."""
+
     def begin(self) -> None:
         """Reset, as after a restart."""
         model = self._model
@@ -45,12 +65,12 @@ class VehicleHealth:
         self._up = Consistency(1, FASTER * model.climb_max_mps + RISES_MPS)
         self._heading, self._timing = HeadingCheck(model.turn_rate_max_rps), Timing()
         self._airspeed, self._wind = AirspeedJumps(model.accel_max_mps2), (UNKNOWN, UNKNOWN)
+        self._commanded = CommandedVelocity(model)
 
-    def examine(self, sample: Sample, known: VehicleFilter, commanded_m: float, now: Instant, *, leads: bool) -> Sample:
-        """Return what is to be flown by: the sample itself, or a copy without what can't be true.
-
-        `commanded_m`: the height commanded last, NaN if none is.
-        """
+    def examine(
+        self, sample: Sample, known: VehicleFilter, commanded: Commanded, now: Instant, *, leads: bool
+    ) -> Sample:
+        """Return what is to be flown by: the sample itself, or a copy without what can't be true."""
         vehicle, noise = self.vehicle, known.noise.by_quantity
         longest_s = vehicle.clock.one_way_s + LATE_S + JITTERS * vehicle.jitter.jitter_s
         north_m, east_m, up_m = vehicle.telemetry.displaced_m
@@ -70,10 +90,12 @@ class VehicleHealth:
             airspeed_mps = self._airspeed.take(own, airspeed_mps, math.sqrt(noise[4]), read=read)
             heading_rad = self._heading.take(own, heading_rad, *velocity_mps, math.sqrt(noise[5]))
             witness = self._by_air(airspeed_mps, heading_rad, known.state)
+        else:
+            witness = self._commanded.take(own, commanded.acting, velocity_mps, stops=commanded.stops)
         across_variances, up_variances = (noise[0], noise[2]), (noise[1], noise[3])
         across = self._across.take(own, list(place_m), list(velocity_mps), witness, across_variances)
         self._up.doubts_velocity = self._across.wrong == VELOCITY
-        climb_mps = self._climb_mps(commanded_m - height_m - self._up.axes[0].offset_m)
+        climb_mps = self._climb_mps(commanded.height_m - height_m - self._up.axes[0].offset_m)
         up = self._up.take(own, [height_m], [sample.climb_mps], [climb_mps], up_variances)
         as_told = airspeed_mps == sample.airspeed_mps and heading_rad == sample.heading_rad and stamp == sample.stamp
         if as_told and not across and not up and vehicle.telemetry.displaced_m == (0.0, 0.0, 0.0):
@@ -117,14 +139,29 @@ class VehicleHealth:
             airspeed_ratio=sample.airspeed_ratio,
         )
 
+    others_scatter: bool = False
+    """Whether another vehicle's position scatters, too: two such ones can't be kept apart."""
+
+    @property
+    def scatters(self) -> bool:
+        """Whether its position scatters."""
+        return self._across.scatters
+
+    @property
+    def height_unknown(self) -> bool:
+        """Whether its height is known by its climb rate alone."""
+        return self._up.wrong == POSITION
+
     @property
     def unfit(self) -> str:
         """Return why the vehicle can't fly in the formation; empty if it can."""
         for found, (quantity, _) in ((self._across, HORIZONTAL), (self._up, VERTICAL)):
-            if found.wrong == POSITION and found.lasts:
+            if found.wrong == POSITION and found.lasts and (quantity == HORIZONTAL[0] or self.stacked):
                 return f"its {quantity} doesn't move by its velocity"
             if found.wrong is None and found.displaced_m > DISPLACED_MOST_M:
                 return f"its {quantity} has jumped by {found.displaced_m:.0f} m"
+        if self.scatters and self.others_scatter and self.vehicle.telemetry.stands:  # it stops where it truly is
+            return "its position scatters, and another's"
         if self._timing.standing:
             return "the stamps of its positions stand still"
         return f"its positions come {self._timing.late_s:.1f} s late" if self._timing.late_s else ""
@@ -160,6 +197,8 @@ class VehicleHealth:
                 found[names[each.wrong]] = f"{words}: {names[each.wrong]} not believed, {instead}"
             elif each.displaced_m > 0.0:
                 found[names[0]] = f"its {names[0]} has jumped by {each.displaced_m:.1f} m: taken to be where it was"
+            elif each.scatters:
+                found[names[0]] = f"its {names[0]} scatters by {each.scatter_m:.0f} m or more: smoothed"
         if self._heading.frozen:
             found["attitude"] = "its heading doesn't turn with its course: turned with it"
         elif self._heading.offset_rad != 0.0:

@@ -148,6 +148,8 @@ class Autopilot(ABC):
     """Whether a fixed wing is commanded by course over ground instead of heading."""
     approach_m: ClassVar[float] = 0.0
     """Height above home at which the approach of `land` begins, m."""
+    mounting_parameter: ClassVar[str] = "AHRS_ORIENTATION"
+    """Parameter that says how the autopilot is mounted in its aircraft."""
     failsafe_words: ClassVar[tuple[str, ...]] = ("failsafe",)
     """Words of which one is in the STATUSTEXT that reports a failsafe's action."""
 

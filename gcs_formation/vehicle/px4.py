@@ -101,6 +101,7 @@ class Px4(Autopilot, ABC):
     loiter_mode = LOITER
     home_mode = RTL
     slow_messages = (*Autopilot.slow_messages, m.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
+    mounting_parameter = "SENS_BOARD_ROT"
     failsafe_words = ("failsafe", "lost")
     """As in "Offboard control signal lost" and "GCS connection lost"."""
     types: ClassVar[frozenset[int]]

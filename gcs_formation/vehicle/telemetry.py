@@ -105,6 +105,10 @@ class Telemetry:
     landed_state: int = m.MAV_LANDED_STATE_UNDEFINED
     home_m: tuple[float, float] | None = None
     """Its home north and east of the origin, m; None while unknown."""
+    home_height_m: float = math.nan
+    """Height of its home above the origin by HOME_POSITION, m; NaN while unknown."""
+    position_refused: str = ""
+    """Why no position has been taken yet, where one was reported: the field's name and value."""
     implausible: int = 0
     """Messages dropped because an aircraft can't have sent such values."""
     not_finite: str = ""
@@ -139,7 +143,10 @@ class Telemetry:
         elif isinstance(message, ExtendedSysState):
             self.landed_state = message.landed_state
         elif isinstance(message, HomePosition):
-            self.home_m = self.origin.to_ned(message.latitude_rad, message.longitude_rad, message.altitude_m)[:2]
+            north_m, east_m, down_m = self.origin.to_ned(
+                message.latitude_rad, message.longitude_rad, message.altitude_m
+            )
+            self.home_m, self.home_height_m = (north_m, east_m), -down_m
         elif isinstance(message, Statustext):
             self.take_text(message)
 
@@ -157,6 +164,8 @@ class Telemetry:
         if not _is_position(message):
             no_fix_yet = message.lat_rad == message.lon_rad == 0.0 and self.motion is None
             self.implausible += not no_fix_yet
+            if self.motion is None:
+                self.position_refused = _why_no_position(message)
             return
         north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
         stamp_s = message.time_boot_s
@@ -196,7 +205,7 @@ class Telemetry:
             self._without_attitude, self._attitude_told_s = 0, message.time_boot_s
             return
         self.implausible += 1
-        self.not_finite = _first_not_finite(message)
+        self.not_finite = _first_not_finite(message) or _first_impossible(message)
         usable = _usable(message, self.hud_heading_rad)
         if usable is not None:
             self.attitude = usable
@@ -239,6 +248,7 @@ class Telemetry:
         self.airspeed_mps = self.airspeed_stamp_s = self.hud_heading_rad = math.nan
         self.ekf_flags = self.sensors_healthy = 0
         self.landed_state, self.home_m = m.MAV_LANDED_STATE_UNDEFINED, None
+        self.home_height_m, self.position_refused = math.nan, ""
 
     @property
     def boots(self) -> bool:
@@ -322,7 +332,33 @@ def _first_not_finite(message: Message) -> str:
     """Return which field of a message isn't finite, and its value; empty if all are."""
     values = message.values().items()
     name, value = next(((name, value) for name, value in values if not math.isfinite(value)), ("", 0.0))
-    return f"{message.kind().name}'s {name} is {'NaN' if math.isnan(value) else 'infinite'}" if name else ""
+    told = "NaN" if math.isnan(value) else "infinite"
+    return f"{message.kind().name}'s {name.rpartition('_')[0]} is {told}" if name else ""
+
+
+def _first_impossible(message: Attitude) -> str:
+    """Return which field of an attitude is beyond what any aircraft has, and its value."""
+    for name, value in message.values().items():
+        limit = TURN_LIMIT_RPS if "speed" in name else ANGLE_LIMIT_RAD
+        if name != "time_boot_s" and abs(value) > limit:
+            unit = "rad/s" if "speed" in name else "rad"
+            return f"ATTITUDE's {name.rpartition('_')[0]} is {value:g} {unit}"
+    return ""
+
+
+def _why_no_position(message: GlobalPositionInt) -> str:
+    """Return in words which field of a position can't be used."""
+    if message.lat_rad == message.lon_rad == 0.0:
+        return "GLOBAL_POSITION_INT's lat and lon are 0: it has no fix, or nothing fills them"
+    found = _first_not_finite(message)
+    if found:
+        return found
+    fields = {"lat": message.lat_rad, "lon": message.lon_rad, "alt": message.alt_m}
+    ranges = {"lat": QUARTER_RAD, "lon": HALF_TURN_RAD, "alt": ALTITUDE_LIMIT_M}
+    name = next((each for each, value in fields.items() if abs(value) > ranges[each]), "relative_alt")
+    value = fields.get(name, message.relative_alt_m)
+    told = f"{value:.0f} m" if name.endswith("alt") else f"{math.degrees(value):.0f} degrees"
+    return f"GLOBAL_POSITION_INT's {name} is {told}"
 
 
 def _printable(text: str) -> str:

@@ -94,6 +94,9 @@ class Vehicle:
     jitter: JitterMeter
     sequence: SequenceTracker
 
+    holds_from: Instant = LONG_AGO
+    """When it was last commanded to loiter while the others fly on."""
+
     def __init__(
         self,
         identity: VehicleId,

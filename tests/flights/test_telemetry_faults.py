@@ -21,8 +21,8 @@ SCENARIO = {
 def fly(tmp_path):
     """Return a flight with one fault of telemetry: its summary, and its events after the fault began."""
 
-    def flown(vehicles, quantity, effect, amount=None, **keys):
-        fault = {"at_s": AT_S, "vehicles": vehicles, "kind": "telemetry", "quantity": quantity, "effect": effect}
+    def flown(who, quantity, effect, amount=None, **keys):
+        fault = {"at_s": AT_S, "vehicles": who, "kind": "telemetry", "quantity": quantity, "effect": effect}
         fault |= {} if amount is None else {"amount": amount}
         summary = run(SCENARIO | {"faults": [fault]} | keys, clock="virtual", out=tmp_path / "run").to_dict()
         events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
@@ -88,6 +88,39 @@ def test_a_vehicle_comes_back_once_it_is_consistent_again(fly):
     _, events = fly([3], "position", "duplicate", faults=[fault])
     assert [each["text"] for each in events if each["kind"] == "member"][-1] == "flying in formation"
     assert health(events)[-1] == ("3", "position", True)
+
+
+COPTERS = {
+    "vehicles": [
+        {"id": i, "role": "follower" if i > 1 else "leader", "autopilot": "arducopter", "model": "arducopter"}
+        for i in (1, 2, 3, 4)
+    ],
+    "formation": {"shape": "diamond", "spacing_m": 20},
+    "path": {"speed_mps": 5, "waypoints_m": [[0, 0, 60], [500, 0, 60]]},
+}
+
+
+@pytest.mark.parametrize(("effect", "amount"), [("scale", 0.5), ("sign", None)])
+def test_a_multirotors_velocity_is_compared_with_what_was_commanded(fly, effect, amount):
+    summary, events = fly([1], "velocity", effect, amount, **COPTERS)
+    assert health(events) == [("1", "velocity", False)]
+    assert all(each["kind"] != "member" for each in events)
+    assert summary["safety"]["min_separation_m"] > 20.0
+
+
+def test_a_multirotor_that_brakes_without_a_position_is_kept_clear_of(fly):
+    summary, events = fly([1], "position", "missing", duration_s=22.0, **COPTERS)
+    assert any("leads the formation" in each["text"] for each in events)
+    assert summary["safety"]["min_separation_m"] > 10.0
+
+
+@pytest.mark.parametrize(("slot_m", "leaves"), [([-30, 30, 0], False), ([-32, 0, 40], True)])
+def test_a_height_known_by_its_climb_rate_is_flown_with_unless_slots_lie_above_one_another(fly, slot_m, leaves):
+    slots = {2: [-30, 0, 0], 3: slot_m, 4: [-70, 0, 0]}
+    formation = {"shape": "custom", "slots_m": slots}
+    _, events = fly([3], "height", "drift", 3.0, formation=formation, duration_s=14.0)
+    assert health(events)[0] == ("3", "height", False)
+    assert any(each["kind"] == "member" for each in events) is leaves
 
 
 def test_a_flight_without_faults_has_no_event_of_health(fly):

@@ -40,6 +40,12 @@ SET_OFF: Final = (0.0, 1 / 3, 2 / 3, 1.0)
 """Assumed times of its departure for home, as shares of the time in which it may depart."""
 
 
+BLIND_NS: Final = 3 * NANOSECONDS // 2
+"""A vehicle that is commanded to stop and has told no position for so long stops where it isn't seen."""
+BRAKES_NS: Final = (0, NANOSECONDS, 2 * NANOSECONDS)
+"""How much later than the link's delay the command may reach it: it is repeated until it is acknowledged."""
+
+
 class Place(NamedTuple):
     """A position that a vehicle may have if it doesn't respond."""
 
@@ -49,6 +55,8 @@ class Place(NamedTuple):
     sets_off: int | None = None
     """Instant from which it flies home; None: it doesn't."""
     home_m: tuple[float, float] = (math.nan, math.nan)
+    held: Triple = UNKNOWN
+    """Setpoint by which it flies on until it stands."""
 
 
 class Unresponsive:
@@ -118,7 +126,8 @@ class Unresponsive:
 
     def _places(self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]) -> list[Place]:
         """Return the possible positions; `seen`: when states were measured, which show departures before that."""
-        found = [Place(each, None) for each in members if self._disobeying[each] or self._held[each]]
+        found = [Place(each, None, held=self._held_by(each)) for each in members if self._may_not_respond(each)]
+        found += self._braking(members, now, links, seen)
         for column in members:
             link, left = links[column], self._left[column]
             if self._held[column] is None or math.isinf(link.stands_after_s):
@@ -128,11 +137,31 @@ class Unresponsive:
                 continue
             for told in (link.heard,) if left is None else (link.heard, left):
                 stands = told + after_ns
-                found.append(Place(column, stands))
+                held = self._held_by(column)
+                found.append(Place(column, stands, held=held))
                 first, last = max(stands, int(seen[column])), told + round(link.returns_after_s * NANOSECONDS)
                 if home_m is not None and first <= last:
                     over_ns = min(max(now, first), last) - first
-                    found += [Place(column, stands, first + round(share * over_ns), home_m) for share in SET_OFF]
+                    found += [Place(column, stands, first + round(share * over_ns), home_m, held) for share in SET_OFF]
+        return found
+
+    def _may_not_respond(self, column: int) -> bool:
+        return self._disobeying[column] or self._held[column] is not None
+
+    def _held_by(self, column: int) -> Triple:
+        return self._held[column] or UNKNOWN
+
+    def _braking(self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]) -> list[Place]:
+        """Return where multirotors stop that were commanded to, and say no position since."""
+        found = list[Place]()
+        for column in members:
+            brakes = links[column].brakes
+            if brakes is None or now - seen[column] < BLIND_NS:
+                continue
+            begins, held = brakes + round(links[column].on_its_way_s * NANOSECONDS), int(seen[column])
+            found += [
+                Place(column, begins + later_ns, held=self._history.commanded(held, column)) for later_ns in BRAKES_NS
+            ]
         return found
 
     def _flies(self, state: FlightState, place: Place, begin: int, at: int) -> tuple[Triple, float] | None:
@@ -143,7 +172,7 @@ class Unresponsive:
         model, stands, sets_off = self._models[place.column], place.stands, place.sets_off
         stands = at if stands is None else min(max(stands, begin), at)
         sets_off = at if sets_off is None else min(max(sets_off, begin), at)
-        speed_mps, heading_rad, height_m = self._held[place.column] or UNKNOWN
+        speed_mps, heading_rad, height_m = place.held
         speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
         advance(state, model, speed_mps, heading_rad, height_m, max(stands - begin, 0) / NANOSECONDS)
         if place.stands is None:

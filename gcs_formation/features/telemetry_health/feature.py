@@ -10,7 +10,14 @@ from gcs_formation.telemetry_health.monitor import TelemetryHealth
 
 def _stages(cycle: Cycle) -> list[Stage]:
     controller = cycle.controller
-    health = TelemetryHealth(cycle.vehicles, controller.estimator.filters, controller.models, cycle.note)
+    health = TelemetryHealth(
+        cycle.vehicles,
+        controller.estimator.filters,
+        controller.models,
+        controller.history,
+        cycle.note,
+        cycle.scenario.safety.separation_m,
+    )
     return [RestartForgotten(health), Examined(health)]
 
 

@@ -24,6 +24,8 @@ class Examined(Stage):
     def run(self, cycle: Cycle) -> None:
         """Examine each."""
         leader, commanded, samples = cycle.controller.plan.leader, cycle.last_tick, cycle.samples
+        if commanded is not None and not commanded.slots_left:
+            self._health.slots_m = commanded.slots_m
         for vehicle in cycle.each:
             column = vehicle.column
             height_m = math.nan if commanded is None or not commanded.active[column] else commanded.setpoints[column][2]

@@ -325,6 +325,15 @@ def test_without_a_leader_its_followers_loiter_at_heights_of_their_own() -> None
     assert abs(formation.follower.holds_at_m - 100.0) >= 15.0 - 1e-6
 
 
+def test_one_that_loiters_keeps_its_height_and_the_next_gets_another_though_that_one_is_not_there_yet() -> None:
+    formation = Formation()
+    leader = formation.vehicles[LEADER]
+    leader.member, leader.holds_at_m = Member.HOLDING, 108.0  # it is at 100 m, on its way up
+    leader.unfit = formation.follower.unfit = "its stamps stand still"
+    assert formation.judge(1.0) is Member.HOLDING
+    assert formation.follower.holds_at_m == pytest.approx(123.0)
+
+
 def test_while_the_station_connects_followers_need_no_leader_and_nobody_needs_telemetry_that_was_never_there() -> None:
     formation = Formation()
     formation.reports(MANUAL, LEADER)

@@ -244,9 +244,13 @@ def some_events(scenario: Scenario) -> list[dict[str, Any]]:
         (43.0, "statustext", "<b>EKF</b> & </script>", last),
         (100.0, "leader", "leads the formation", "3"),
     ]
+    doubted = {"kind": "health", "text": "its height has jumped", "vehicle": last, "quantity": "height"}
     return [
-        {"schema": 1, "t_s": at_s, "kind": kind, "text": text} | ({"vehicle": vehicle} if vehicle else {})
-        for at_s, kind, text, vehicle in happened
+        *(
+            {"schema": 1, "t_s": at_s, "kind": kind, "text": text} | ({"vehicle": vehicle} if vehicle else {})
+            for at_s, kind, text, vehicle in happened
+        ),
+        {"schema": 1, "t_s": 110.0, **doubted, "healthy": False},
     ]
 
 

@@ -8,6 +8,7 @@ from typing import Literal, get_args
 import pytest
 from click.testing import CliRunner
 
+from airlink.telemetry_faults import QUANTITIES
 from formation_scenario import Scenario, dump_scenario
 from formation_scenario.surroundings import FaultKind
 from gcs_formation.cli import main
@@ -15,7 +16,7 @@ from gcs_formation.errors import RunAbortedError
 from gcs_formation.studies import INVARIANTS, Study, flight
 from gcs_formation.studies.flight import Task, fly
 from gcs_formation.studies.plan import Planned
-from gcs_formation.studies.random_scenarios import HARD, draw
+from gcs_formation.studies.random_scenarios import HARD, TELEMETRY, draw
 
 SEEDS_EACH = 2
 
@@ -44,6 +45,14 @@ def test_seeds_cover_what_may_happen() -> None:
     assert len({each.formation.shape for each in scenarios}) == 9
     assert any(change.outage for each in scenarios for change in each.links.changes)
     assert any(not each.start.in_air for each in scenarios)
+
+
+def test_faults_of_telemetry_are_drawn_where_asked_for() -> None:
+    faults = [fault for seed in range(40) for fault in draw(seed, TELEMETRY).faults]
+    assert {each.kind for each in faults} == {"telemetry"}
+    assert {each.quantity for each in faults} == set(QUANTITIES)
+    assert len({each.effect for each in faults}) > 8
+    assert all(each.for_s is not None for each in faults)
 
 
 def test_a_vehicle_that_its_pilot_takes_is_heard(scenarios: list[Scenario]) -> None:

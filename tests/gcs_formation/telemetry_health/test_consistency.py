@@ -58,6 +58,37 @@ def test_true_telemetry_is_believed_for_half_an_hour(sigma_m, sigma_mps):
     assert Turning(sigma_m=sigma_m, sigma_mps=sigma_mps).fly(1800.0) is None
 
 
+def test_noise_that_hides_what_else_is_wrong_is_said_and_an_outlier_is_no_noise():
+    flown = Turning(sigma_m=2.0, sigma_mps=0.3)
+    flown.fly(10.0)
+    flown.fly(0.1, place_of=lambda place, _s: [place[0] + 200.0, place[1]])
+    flown.fly(10.0)
+    assert not flown.checked.scatters
+    flown.sigmas = 10.0, 0.3
+    flown.fly(3.0)
+    assert flown.checked.scatters
+    flown.sigmas = 1.0, 0.3
+    flown.fly(10.0)
+    assert not flown.checked.scatters
+
+
+def test_one_that_has_stopped_is_not_believed_to_be_where_its_frozen_position_was():
+    axes, still = Consistency(2, FASTEST_MPS), [0.0, 0.0]
+    for number in range(1, 300):
+        time_s = number * STEP_S
+        speed_mps = max(0.0, 5.0 - max(0.0, time_s - 6.0))  # it brakes from 6 s on
+        place = [5.0 * min(time_s, 4.0), 0.0]  # and its position is frozen from 4 s on
+        axes.take(
+            1 + round(time_s * 1e9), place, [speed_mps, 0.0], still if not speed_mps else [speed_mps, 0.0], (0, 0)
+        )
+    assert axes.wrong == POSITION
+    assert axes.axes[0].flown_m == pytest.approx(5.0 * 6.0 + 12.5, abs=1.0)
+    for number in range(300, 340):  # it is told again, 2 m farther on
+        axes.take(1 + round(number * STEP_S * 1e9), [42.5 + 1e-3 * (number % 2), 0.0], still, still, (0, 0))
+    assert axes.wrong is None
+    assert axes.displaced_m == 0.0
+
+
 def test_a_frozen_position_is_found_at_once_and_carried_on_by_the_velocity():
     flown = Turning()
     flown.fly(5.0)

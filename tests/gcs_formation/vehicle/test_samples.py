@@ -94,7 +94,7 @@ def test_what_is_not_of_one_time_is_said_too_and_of_nothing_nothing_is_said(vehi
     turns(vehicle, 1.0, STAMP_S - APART_LIMIT_S - 0.1)
     assert vehicle.sampler.why_unknown(NOW) == "its position, attitude and airspeed aren't of one time"
     vehicle.telemetry.take(Attitude(STAMP_S, 0.0, 0.0, math.nan, 0.0, 0.0, 0.0))
-    assert vehicle.sampler.why_unknown(NOW) == "it tells no attitude: ATTITUDE's yaw_rad is NaN"
+    assert vehicle.sampler.why_unknown(NOW) == "it tells no attitude: ATTITUDE's yaw is NaN"
     vehicle.telemetry.airspeed_mps = math.nan
     assert vehicle.sampler.why_unknown(NOW) == "it has told no airspeed in VFR_HUD"
     vehicle.telemetry.motion = None

@@ -1,0 +1,58 @@
+"""Health by quantity and vehicle in a flight's time series: whether each was believed at each tick."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from airlink.telemetry_faults import QUANTITIES
+from flight_model.arrays import Array
+
+HEALTHY: Final = "healthy_"
+"""Begins the names of the columns; they are booleans."""
+
+
+def spells(events: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str], list[tuple[float, float]]]:
+    """Return from when until when each vehicle's quantities weren't believed, s; the last may have no end, infinite.
+
+    Args:
+        events: of a run, those of kind `health` among them.
+    """
+    found = dict[tuple[str, str], list[tuple[float, float]]]()
+    for event in events:
+        if event.get("kind") != "health":
+            continue
+        each = found.setdefault((str(event["vehicle"]), str(event["quantity"])), [])
+        lasts = bool(each) and each[-1][1] == np.inf
+        if event["healthy"] and lasts:
+            each[-1] = each[-1][0], float(event["t_s"])
+        elif not event["healthy"] and not lasts:
+            each.append((float(event["t_s"]), np.inf))
+    return found
+
+
+def with_health(
+    blocks: Iterator[dict[str, Array]], events: Iterable[Mapping[str, Any]], vehicles: Sequence[str]
+) -> Iterator[dict[str, Array]]:
+    """Yield a time series' blocks, each column (T, V), with `healthy_QUANTITY`: 1, or 0 while it wasn't believed.
+
+    Args:
+        blocks: with `t_s`.
+        events: of the run; without any of kind `health` the blocks stay as they are.
+        vehicles: the V vehicles, as events name them.
+    """
+    found = spells(events)
+    for block in blocks:
+        yield block | _columns(block["t_s"][:, 0], found, vehicles) if found else block
+
+
+def _columns(
+    time_s: Array, found: Mapping[tuple[str, str], list[tuple[float, float]]], vehicles: Sequence[str]
+) -> dict[str, Array]:
+    columns = {f"{HEALTHY}{each}": np.ones((time_s.size, len(vehicles))) for each in QUANTITIES}
+    for (vehicle, quantity), each in found.items():
+        for from_s, to_s in each:
+            columns[f"{HEALTHY}{quantity}"][(time_s >= from_s) & (time_s < to_s), vehicles.index(vehicle)] = 0.0
+    return columns

@@ -1,0 +1,41 @@
+"""Whether telemetry was believed, in the time series at each tick."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gcs_formation.telemetry_health.series import spells, with_health
+
+
+def health(t_s: float, vehicle: str, quantity: str, *, healthy: bool) -> dict[str, Any]:
+    return {"t_s": t_s, "kind": "health", "vehicle": vehicle, "quantity": quantity, "healthy": healthy, "text": ""}
+
+
+EVENTS = [
+    health(1.0, "2", "height", healthy=False),
+    {"t_s": 1.5, "kind": "member", "vehicle": "2", "text": ""},
+    health(2.0, "2", "height", healthy=False),  # the same, in other words
+    health(3.0, "2", "height", healthy=True),
+    health(4.0, "2", "height", healthy=False),
+    health(4.0, "1", "position", healthy=False),
+]
+
+
+def test_a_quantity_is_not_believed_from_its_event_to_the_one_that_says_so() -> None:
+    assert spells(EVENTS) == {("2", "height"): [(1.0, 3.0), (4.0, np.inf)], ("1", "position"): [(4.0, np.inf)]}
+
+
+def test_each_tick_says_which_quantities_of_each_vehicle_are_believed() -> None:
+    time_s = np.repeat([[0.5], [1.0], [2.9], [3.0], [4.5]], 2, axis=1)
+    (block,) = with_health(iter([{"t_s": time_s}]), EVENTS, ["1", "2"])
+    np.testing.assert_array_equal(block["healthy_height"][:, 1], [1, 0, 0, 1, 0])
+    np.testing.assert_array_equal(block["healthy_position"][:, 0], [1, 1, 1, 1, 0])
+    assert block["healthy_height"][:, 0].all()
+    assert block["healthy_velocity"].all()
+
+
+def test_without_an_alarm_the_series_stays_as_it_is() -> None:
+    (block,) = with_health(iter([{"t_s": np.zeros((3, 2))}]), EVENTS[1:2], ["1", "2"])
+    assert list(block) == ["t_s"]
