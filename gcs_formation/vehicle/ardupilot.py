@@ -34,6 +34,7 @@ from gcs_formation.vehicle.autopilot_family import (
     StartUpStep,
 )
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
+from gcs_formation.vehicle.mode_names import COPTER, PLANE
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
     MULTIROTOR_TYPES,
@@ -60,6 +61,9 @@ BEFORE_4_5: Final = {
 """The parameters of ArduPlane's envelope, in the order of `envelope_checks`: their names and units before 4.5."""
 PLANE_LEADS_AWAY = (1, 4, 5)
 """FS_LONG_ACTN: RTL, AUTO, AUTOLAND; 0 continues the flight, 2 glides, 3 releases a parachute."""
+PLANE_UNARMABLE: Final = frozenset({m.PLANE_MODE_RTL, m.PLANE_MODE_QLAND, m.PLANE_MODE_QRTL})
+"""Modes in which an ArduPlane can't be armed. Its failsafe leads to them on the ground too: 5 s after its boot, after
+the last heartbeat of another station, or while the radio is off."""
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 ABOVE_SEA: Final = m.MAV_FRAME_GLOBAL
 SPEED: Final = m.MAV_CMD_GUIDED_CHANGE_SPEED
@@ -122,10 +126,10 @@ class ArduPilot(Autopilot, ABC):
             "set mode GUIDED", lambda seen: seen.custom_mode == guided, lambda _: (self.set_mode(guided),)
         )
 
-    def _lacks_to_arm(self, seen: Telemetry) -> str:
+    def _lacks_estimates(self, seen: Telemetry) -> str:
         flags = m.flags_of("EKF_STATUS_FLAGS", EKF_READY & ~seen.ekf_flags)
         estimates = f"EKF_STATUS_REPORT: no {', '.join(flags)}" if seen.ekf_flags else "no EKF_STATUS_REPORT"
-        return "; ".join(filter(None, (estimates if flags else "", super()._lacks_to_arm(seen))))
+        return estimates if flags else super()._lacks_estimates(seen)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -144,16 +148,8 @@ class ArduPlane(ArduPilot):
     home_mode = m.PLANE_MODE_RTL
     approach_m = 55.0
     """Default of AUTOLAND_WP_ALT."""
-    mode_names: ClassVar = {
-        m.PLANE_MODE_MANUAL: "MANUAL",
-        m.PLANE_MODE_AUTO: "AUTO",
-        m.PLANE_MODE_RTL: "RTL",
-        m.PLANE_MODE_LOITER: "LOITER",
-        m.PLANE_MODE_TAKEOFF: "TAKEOFF",
-        m.PLANE_MODE_GUIDED: "GUIDED",
-        m.PLANE_MODE_INITIALIZING: "INITIALISING",
-        m.PLANE_MODE_AUTOLAND: "AUTOLAND",
-    }
+    mode_names: ClassVar = PLANE
+    unarmable_modes = PLANE_UNARMABLE
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is from an ArduPilot fixed wing or VTOL, or of generic type."""
@@ -163,7 +159,10 @@ class ArduPlane(ArduPilot):
         """Return the steps: streams, ready, take-off, GUIDED. In the air, those already done are skipped."""
         return (
             *self._asked_and_ready(rates_hz),
-            StartUpStep("set mode TAKEOFF", self._is_taking_off, self._to_take_off, takes_off=True),
+            StartUpStep(
+                "set mode TAKEOFF", self._is_taking_off, self._to_take_off, takes_off=True, lost=self._sent_home
+            ),
+            self._armable_step(),
             self._armed_step(),
             StartUpStep("waited for it to climb", self._has_climbed, timeout_s=90.0),
             self._guided_step(),
@@ -244,6 +243,10 @@ class ArduPlane(ArduPilot):
     def _to_take_off(self, _: Telemetry) -> tuple[Command, ...]:
         return (self.set_mode(m.PLANE_MODE_TAKEOFF),)
 
+    def _sent_home(self, seen: Telemetry) -> bool:
+        """Return whether its failsafe has changed its mode on the ground."""
+        return not seen.armed and seen.custom_mode in self.unarmable_modes
+
     def _has_climbed(self, seen: Telemetry) -> bool:
         if seen.custom_mode != m.PLANE_MODE_TAKEOFF and self.is_airborne(seen):
             return True
@@ -294,17 +297,7 @@ class ArduCopter(ArduPilot):
     stands_after_s = 3.0
     """GUID_TIMEOUT."""
     stands = True
-    mode_names: ClassVar = {
-        m.COPTER_MODE_STABILIZE: "STABILIZE",
-        m.COPTER_MODE_ALT_HOLD: "ALT_HOLD",
-        m.COPTER_MODE_AUTO: "AUTO",
-        m.COPTER_MODE_GUIDED: "GUIDED",
-        m.COPTER_MODE_LOITER: "LOITER",
-        m.COPTER_MODE_RTL: "RTL",
-        m.COPTER_MODE_LAND: "LAND",
-        m.COPTER_MODE_POSHOLD: "POSHOLD",
-        m.COPTER_MODE_BRAKE: "BRAKE",
-    }
+    mode_names: ClassVar = COPTER
 
     def __init__(
         self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float, lead: VelocityLead | None = None

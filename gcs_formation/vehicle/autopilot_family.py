@@ -34,6 +34,8 @@ STATION: Final = StationId().ids
 SLOW_RATE_HZ: Final = 2.0
 UTC_RATE_HZ: Final = 1.0
 NEVER_US: Final = -1
+READY_S: Final = 90.0
+"""Longest wait until a vehicle is ready to be armed."""
 ASKED_S: Final = 30.0
 """Longest wait for the answer to a request, 43 attempts. With a loss of half of all datagrams each way, some request
 fails in four starts of a million."""
@@ -85,6 +87,8 @@ class StartUpStep:
     """Whether to wait for each acknowledgement; `timeout_s` then applies to each command."""
     takes_off: bool = False
     """Whether its commands make the vehicle leave the ground."""
+    lost: Callable[[Telemetry], bool] = lambda _: False
+    """Returns whether a failsafe has undone it since, so that it is begun again."""
     lacks: Callable[[Telemetry], str] = lambda _: ""
     """Returns what `done` waits for, in words, if that isn't plain from the name."""
 
@@ -117,6 +121,8 @@ class Autopilot(ABC):
     """Mode in which its failsafe flies home."""
     guided_mode: ClassVar[int]
     mode_names: ClassVar[dict[int, str]]
+    unarmable_modes: ClassVar[frozenset[int]] = frozenset()
+    """Modes in which it may not be armable, however ready it is: another is set before that is waited for."""
     setpoint_commands: ClassVar[tuple[int, ...]]
     """Ids of the commands that carry airspeed, heading and height, each acknowledged; empty for a family whose
     setpoints are other messages, without acknowledgement."""
@@ -261,18 +267,34 @@ class Autopilot(ABC):
         return asks, self._ready_step()
 
     def _ready_step(self) -> StartUpStep:
-        """Return the step that waits until it would arm, or flies."""
+        """Return the step that waits until it would arm, but for its present mode, or flies."""
+
+        def lacks(seen: Telemetry) -> str:
+            by_mode = seen.custom_mode in self.unarmable_modes
+            return self._lacks_estimates(seen) if by_mode else self._lacks_to_arm(seen)
 
         def done(seen: Telemetry) -> bool:
-            return self.is_airborne(seen) or not self._lacks_to_arm(seen)
+            return self.is_airborne(seen) or not lacks(seen)
 
-        return StartUpStep("waited for it to be ready to arm", done, timeout_s=90.0, lacks=self._lacks_to_arm)
+        return StartUpStep("waited for it to be ready to arm", done, timeout_s=READY_S, lacks=lacks)
+
+    def _armable_step(self) -> StartUpStep:
+        """Return the step that waits until it would arm in the mode in which it takes off, or flies."""
+
+        def done(seen: Telemetry) -> bool:
+            return self.is_airborne(seen) or seen.armed or not self._lacks_to_arm(seen)
+
+        return StartUpStep("waited for it to be ready to arm", done, timeout_s=READY_S, lacks=self._lacks_to_arm)
+
+    def _lacks_estimates(self, seen: Telemetry) -> str:
+        """Return in words what its estimator lacks, as far as that is told by itself; "" if nothing."""
+        return "no heartbeat" if seen.heartbeat is None else ""
 
     def _lacks_to_arm(self, seen: Telemetry) -> str:
         """Return in words what it lacks to be armed, "" if nothing."""
-        if seen.heartbeat is None:
-            return "no heartbeat"
-        return "" if seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK else "SYS_STATUS: PREARM_CHECK not passed"
+        passes = seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK
+        unpassed = "" if passes or seen.heartbeat is None else "SYS_STATUS: PREARM_CHECK not passed"
+        return "; ".join(filter(None, (self._lacks_estimates(seen), unpassed)))
 
     def _armed_step(self) -> StartUpStep:
         return StartUpStep(

@@ -33,6 +33,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.autopilot_family import Autopilot, Command, Craft, StartUpStep
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
+from gcs_formation.vehicle.mode_names import AUTO, PX4, px4_mode
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
     MULTIROTOR_TYPES,
@@ -47,7 +48,6 @@ from gcs_formation.vehicle.velocity_setpoint import (
 
 LEADS_AWAY = (1, 2, 3)
 """NAV_DLL_ACT: hold, return, land; 0 does nothing, 5 and 6 stop the motor."""
-MAIN_AUTO = 4
 CHANGES_HZ = 50.0
 """Rate of CURRENT_MODE, sent on changes: a pilot's mode must be seen before the next setpoint overrides it."""
 OFF_THE_GROUND = (m.MAV_LANDED_STATE_IN_AIR, m.MAV_LANDED_STATE_TAKEOFF, m.MAV_LANDED_STATE_LANDING)
@@ -72,13 +72,11 @@ STAND = Setpoint(0.0, 0.0, 0.0)
 ANYWHERE = FlightState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def mode_number(main: int, sub: int = 0) -> int:
-    """Return the custom_mode of a main mode and a sub mode."""
-    return main << 16 | sub << 24
-
-
-TAKEOFF, LOITER, RTL = mode_number(MAIN_AUTO, 2), mode_number(MAIN_AUTO, 3), mode_number(MAIN_AUTO, 5)
-OFFBOARD = mode_number(6)
+TAKEOFF, LOITER, RTL = px4_mode(AUTO, 2), px4_mode(AUTO, 3), px4_mode(AUTO, 5)
+OFFBOARD = px4_mode(6)
+UNARMABLE = frozenset(PX4) - {TAKEOFF, LOITER}
+"""Modes in which a PX4 may not be armable: those of a pilot need a transmitter, OFFBOARD setpoints, others a mission;
+return and landing end a flight."""
 
 
 def heartbeats_lost(otherwise: str) -> Check:
@@ -107,19 +105,8 @@ class Px4(Autopilot, ABC):
     """MAV_TYPEs of the vehicles flown by these commands."""
     take_off_to_m: ClassVar[float]
     """Commanded take-off height above home, m."""
-    mode_names: ClassVar = {
-        mode_number(1): "MANUAL",
-        mode_number(2): "ALTITUDE",
-        mode_number(3): "POSITION",
-        mode_number(5): "ACRO",
-        OFFBOARD: "OFFBOARD",
-        mode_number(7): "STABILIZED",
-        TAKEOFF: "TAKEOFF",
-        LOITER: "HOLD",
-        mode_number(MAIN_AUTO, 4): "MISSION",
-        RTL: "RTL",
-        mode_number(MAIN_AUTO, 6): "LAND",
-    }
+    mode_names: ClassVar = PX4
+    unarmable_modes = UNARMABLE
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is from a PX4 of one of these `types`."""
@@ -138,6 +125,7 @@ class Px4(Autopilot, ABC):
             *self._asked_and_ready(rates_hz),
             *self._waits(),
             StartUpStep("told it to take off", self._is_taking_off, self._to_take_off, takes_off=True),
+            self._armable_step(),
             self._armed_step(),
             StartUpStep("waited for it to climb", self._has_climbed, timeout_s=120.0),
             StartUpStep(f"set mode {named}", self.takes_setpoints, lambda _: (self.set_mode(guided),)),
@@ -159,7 +147,7 @@ class Px4(Autopilot, ABC):
         """Return the main and sub mode that a command sets, as one number."""
         if command.command != m.MAV_CMD_DO_SET_MODE:
             return None
-        return mode_number(int(command.param2), int(command.param3))
+        return px4_mode(int(command.param2), int(command.param3))
 
     def set_mode(self, mode: int) -> Command:
         """Return MAV_CMD_DO_SET_MODE, with main mode and sub mode in separate fields."""

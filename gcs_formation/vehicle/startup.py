@@ -91,9 +91,13 @@ class StartUp:
     def advance(self, telemetry: Telemetry, commands: CommandQueue, now: Instant, *, may_act: bool = True) -> None:
         """Begin the next step when the current one is done; steps already done are passed at once.
 
-        Without `may_act` no step begins that changes what the vehicle does.
+        Without `may_act` no step begins that changes what the vehicle does. One that a failsafe has undone since is
+        begun again.
         """
         self.held = False
+        undone = self._undone(telemetry)
+        if undone is not None:
+            self._begin(undone, telemetry, commands, now)
         self._led = self._led or (self.acted and telemetry.custom_mode in self.modes)
         while not self.finished and (self.index < 0 or self._is_done(telemetry, commands)):
             following = self.steps[self.index + 1 : self.index + 2]
@@ -102,12 +106,24 @@ class StartUp:
                 self.held, self._began = True, now
                 return
             self.acted = self.acted or acts
-            self.index += 1
-            self._began = now
-            if not self.finished:
-                step = self.steps[self.index]
-                needed = step.every_command_acknowledged or not step.done(telemetry)
-                commands.begin(step.commands(telemetry) if needed else (), now)
+            self._begin(self.index + 1, telemetry, commands, now)
+
+    def _begin(self, index: int, telemetry: Telemetry, commands: CommandQueue, now: Instant) -> None:
+        """Begin a step, unless the last one is done."""
+        self.index, self._began = index, now
+        if not self.finished:
+            step = self.steps[index]
+            needed = step.every_command_acknowledged or not step.done(telemetry)
+            commands.begin(step.commands(telemetry) if needed else (), now)
+
+    def _undone(self, telemetry: Telemetry) -> int | None:
+        """Return the index of the first step that a failsafe has undone; None if there is none."""
+        if self.finished or telemetry.heartbeat is None:
+            return None
+        for index in range(max(self.index, 0)):
+            if self.steps[index].lost(telemetry):
+                return index
+        return None
 
     def failure(self, commands: CommandQueue, now: Instant) -> str | None:
         """Return why the start-up can't continue, None while it can."""

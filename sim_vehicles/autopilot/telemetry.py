@@ -83,9 +83,14 @@ def heartbeat(v: Autopilot) -> Message:
 def sys_status(v: Autopilot) -> Message:
     """Return SYS_STATUS; the pre-arm bit is healthy once the vehicle may be armed, the missing fence always."""
     working = SENSORS if v.estimate.received else SENSORS & ~RECEIVER
-    healthy = working | FENCE | (PREARM_CHECK if v.ready else 0)
+    healthy = working | FENCE | (PREARM_CHECK if _passes(v) else 0)
     known = SENSORS | PREARM_CHECK
     return SysStatus(known, known, healthy, LOAD_PERMILLE, BATTERY_V, BATTERY_A, BATTERY_PERCENT)
+
+
+def _passes(v: Autopilot) -> bool:
+    """Return whether its pre-arm checks pass, as they do for good once it is armed."""
+    return v.ready if v.pilot.condition.armed else v.armable
 
 
 def battery_status(_: Autopilot) -> Message:

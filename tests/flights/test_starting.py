@@ -278,7 +278,7 @@ def test_whoever_is_taken_over_by_its_pilot_as_it_climbs_is_left_to_it_until_it_
     taken_s = world.now_s
     world.run(30.0)
     assert taken.pilot.mode is Mode.FBWA
-    assert world.words("abandoned") == ["taken over in mode 5 before it was ready: left to its pilot"]
+    assert world.words("abandoned") == ["taken over in FBWA before it was ready: left to its pilot"]
     assert world.times_s("abandoned", number)[0] - taken_s < 1.0 + LAG_S, "a heartbeat shows it"
     assert world.times_s("ready", number) == []
     assert world.station.course.failure is None
