@@ -133,6 +133,13 @@ class Vehicle(Autopilot):
         wake = min(wake, self.disarm_at)
         self.wake = min(wake, self.pilot.silent_at)
 
+    def lose_station(self) -> None:
+        """Do what its failsafe does when the ground station's heartbeats have stopped: in the air, change the mode."""
+        mode = self.failsafe.trigger()
+        if mode is not None and self.pilot.airborne:
+            self.say(CRITICAL, f"GCS Failsafe On: {mode.name}")
+            self.enter(mode)
+
     def _report(self) -> None:
         """Say why it can't be armed, if so."""
         self.report_at = after(self.now, REPORT_S)

@@ -51,7 +51,7 @@ from gcs_formation.record.limits_by_truth import Truth
 from gcs_formation.record.link_verdicts import LinkFigures
 from gcs_formation.record.radio import figures as radio_figures
 from gcs_formation.record.radio import with_radio
-from gcs_formation.record.run_directory import FLUSH_S, RECORDING, SPOOL, TIMESERIES, RunDirectory
+from gcs_formation.record.run_directory import FLUSH_S, GOES_ON, RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import Spool, spools, write_parquet
 from gcs_formation.record.unfinished import recorded_events
@@ -171,7 +171,7 @@ class Session:
         began_us, resumed = begun or (clock.utc_at_0_us, None)
         self.recorder = _opened(scenario, options, began_us, resume=resumed is not None)
         read = not emulated and resumed is None
-        caution = PreFlightOptions(parameters=read, confirm=options.confirm, rehearse=options.dry_run)
+        caution = PreFlightOptions(read, options.confirm, options.dry_run, options.take)
         self._keeps_utc = emulated if (given := scenario.telemetry.station_utc) is None else given
         utc_s = began_us / MICROSECONDS if self._keeps_utc else None
         self.station = TimedStation(
@@ -181,7 +181,7 @@ class Session:
             details = {"speedup": options.speedup}
             self.recorder.event(Event(Instant(0), RECORDING, f"with --speedup {options.speedup:g}", None, details))
         if resumed is not None:
-            self.recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
+            self.recorder.event(Event(resumed.at, RECORDING, GOES_ON, None, {"epoch_us": began_us}))
         schedule = LinkSchedule(scenario, self.station.flight)
         self.link_processes, schedule.processes.places = schedule.processes, self._reported
         self.script = Script(scenario, self.station, self.recorder, (schedule, self._impair), repeats=resumed is None)
@@ -305,7 +305,8 @@ class Session:
         if self.recorder.failure is not None:
             raise RecordingError(self.recorder.failure)
         failure = None if course.failure is None else course.failure + self._hurry()
-        resumable = not (self.emulated or course.flown) and bool(Spool(self.recorder.path / SPOOL).ticks)
+        begun = self._resumed is not None or bool(Spool(self.recorder.path / SPOOL).ticks)
+        resumable = begun and not (self.emulated or course.flown)
         if failure is not None and resumable:  # by `fly --resume`, from what is recorded
             raise RunAbortedError(failure)
         try:

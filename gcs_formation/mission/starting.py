@@ -23,6 +23,7 @@ from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 IN_ORDER = "in order"
+TAKE = "; --take takes it over, --confirm asks"
 TOGETHER_S = 600.0
 """Longest wait for the other vehicles; each one's own steps end or fail sooner."""
 CONNECT_LIMIT_S = 30.0
@@ -39,6 +40,8 @@ class PreFlightOptions:
     """Whether to wait for the operator's confirmation when all vehicles are ready."""
     rehearse: bool = False
     """Whether the run ends at that point."""
+    take: bool = False
+    """Whether vehicles that fly already under somebody's command are taken over without a question."""
 
 
 UNCHECKED = PreFlightOptions()
@@ -68,6 +71,9 @@ class PreFlight:
                 checks = autopilot.checks(planned.model, scenario.path)
                 self._readers[planned.vehicle_id] = ParameterReader(planned.id, checks, autopilot.parameter)
         self._scenario, self._placed = scenario, set[VehicleId]()
+        emulated = (each.vehicle_id for each in scenario.vehicles if each.autopilot == "emulator")
+        self._nobodys = frozenset(emulated if scenario.start.in_air else ())
+        """Vehicles that begin in the air, and so fly under nobody's command."""
         self._judged = set[VehicleId]()
         self._refused, self._gave_up = list[str](), False
         """What prevents the take-off, in words, and whether that has ended the run."""
@@ -76,7 +82,21 @@ class PreFlight:
 
     def watch(self) -> None:
         """Allow commands, for good, once all vehicles are connected, ready and checked, and the operator confirms."""
-        self.passed = self.passed or (self._confirmed and self._checked and self._ready)
+        self.passed = self.passed or (
+            self._confirmed and self._checked and self._ready and (self._may_take or not self.flown_by_others)
+        )
+
+    @property
+    def flown_by_others(self) -> list[tuple[Vehicle, str]]:
+        """Vehicles that fly already, and so under somebody's command, and their modes."""
+        if not self._caution.parameters:
+            return []
+        flying = (each for each in self.vehicles.values() if each.airborne and each.identity not in self._nobodys)
+        return [(each, each.autopilot.mode_name(each.telemetry)) for each in flying if not each.start_up.acted]
+
+    @property
+    def _may_take(self) -> bool:
+        return self._caution.take or self._caution.confirm or self._caution.rehearse
 
     @property
     def awaits_word(self) -> bool:
@@ -113,10 +133,18 @@ class PreFlight:
                 self._judge(vehicle, reader, now)
             else:
                 found += [(vehicle, request) for request in reader.requests(now)]
-        if self._refused and len(self._judged) == len(self._readers) and not self._gave_up:
-            self._gave_up = True  # only now: whoever mends one vehicle's parameters wants to know of all others'
-            self._give_up("; ".join(self._refused), now)
+        if len(self._judged) == len(self._readers) and not (self.passed or self._gave_up):
+            refused = [*self._refused, *self._unasked()]
+            self._gave_up = bool(refused)  # only now: whoever mends one vehicle's parameters wants to know of all
+            if refused:
+                self._give_up("; ".join(refused), now)
         return found
+
+    def _unasked(self) -> list[str]:
+        """Return in words which vehicles would be taken from whoever flies them, unasked."""
+        if self._may_take:
+            return []
+        return [f"vehicle {each.identity} {_flies(mode)}{TAKE}" for each, mode in self.flown_by_others]
 
     def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
@@ -136,6 +164,7 @@ class PreFlight:
             return
         self._placed.add(vehicle.identity)
         findings = place_findings(motion, self._scenario, flies=vehicle.airborne)
+        findings += [Finding(_flies(mode)) for each, mode in self.flown_by_others if each is vehicle]
         if findings:
             self._record(vehicle, findings, now)
 
@@ -244,6 +273,10 @@ class Starting:
         elif not vehicle.start_up.abandoned:
             vehicle.start_up.abandoned = True
             self._note(now, "abandoned", text, vehicle)
+
+
+def _flies(mode: str) -> str:
+    return f"flies already, in {mode}: under somebody's command"
 
 
 def _is_ready(start_up: StartUp) -> bool:

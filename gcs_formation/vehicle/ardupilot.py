@@ -35,6 +35,7 @@ from gcs_formation.vehicle.autopilot_family import (
 )
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.mode_names import COPTER, PLANE
+from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
     MULTIROTOR_TYPES,
@@ -64,6 +65,22 @@ PLANE_LEADS_AWAY = (1, 4, 5)
 PLANE_UNARMABLE: Final = frozenset({m.PLANE_MODE_RTL, m.PLANE_MODE_QLAND, m.PLANE_MODE_QRTL})
 """Modes in which an ArduPlane can't be armed. Its failsafe leads to them on the ground too: 5 s after its boot, after
 the last heartbeat of another station, or while the radio is off."""
+PLANE_LEADS_TO: Final = {
+    2: frozenset({m.PLANE_MODE_FLY_BY_WIRE_A}),
+    4: frozenset({m.PLANE_MODE_AUTO, m.PLANE_MODE_RTL}),
+    5: frozenset({m.PLANE_MODE_AUTOLAND, m.PLANE_MODE_RTL}),
+}
+"""FS_LONG_ACTN: the modes to which it may lead; others are RTL."""
+COPTER_LEADS_TO: Final = {
+    5: frozenset({m.COPTER_MODE_LAND}),
+    7: frozenset({m.COPTER_MODE_BRAKE, m.COPTER_MODE_LAND}),
+}
+"""FS_GCS_ENABLE: the same; others are ways home."""
+COPTER_HOMEWARD: Final = frozenset(
+    {m.COPTER_MODE_RTL, m.COPTER_MODE_SMART_RTL, m.COPTER_MODE_AUTO_RTL, m.COPTER_MODE_LAND}
+)
+TIMEOUT_S: Final = 5.0
+"""Default of FS_LONG_TIMEOUT and FS_GCS_TIMEOUT."""
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 ABOVE_SEA: Final = m.MAV_FRAME_GLOBAL
 SPEED: Final = m.MAV_CMD_GUIDED_CHANGE_SPEED
@@ -149,6 +166,7 @@ class ArduPlane(ArduPilot):
     approach_m = 55.0
     """Default of AUTOLAND_WP_ALT."""
     mode_names: ClassVar = PLANE
+    failsafe_parameters = ("FS_GCS_ENABL", "FS_LONG_ACTN", "FS_LONG_TIMEOUT")
     unarmable_modes = PLANE_UNARMABLE
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
@@ -193,6 +211,13 @@ class ArduPlane(ArduPilot):
             ),
             *(check.formerly(*BEFORE_4_5[check.names[0]]) for check in envelope),
         )
+
+    def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:
+        """Return its long failsafe, None if it is off."""
+        if values.get("FS_GCS_ENABL") not in FAILSAFE_BY_HEARTBEAT:
+            return None
+        modes = PLANE_LEADS_TO.get(int(values.get("FS_LONG_ACTN", 1)), frozenset({m.PLANE_MODE_RTL}))
+        return OwnFailsafe(values.get("FS_LONG_TIMEOUT", TIMEOUT_S), modes)
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return speed, altitude above sea level and heading, in this order.
@@ -298,6 +323,7 @@ class ArduCopter(ArduPilot):
     """GUID_TIMEOUT."""
     stands = True
     mode_names: ClassVar = COPTER
+    failsafe_parameters = ("FS_GCS_ENABLE", "FS_GCS_TIMEOUT")
 
     def __init__(
         self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float, lead: VelocityLead | None = None
@@ -365,6 +391,13 @@ class ArduCopter(ArduPilot):
                 lambda value: value <= lowest_m(path),
             ),
         )
+
+    def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:
+        """Return its failsafe, None if it is off."""
+        action = int(values.get("FS_GCS_ENABLE", 0))
+        if not action:
+            return None
+        return OwnFailsafe(values.get("FS_GCS_TIMEOUT", TIMEOUT_S), COPTER_LEADS_TO.get(action, COPTER_HOMEWARD))
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw while it moves.

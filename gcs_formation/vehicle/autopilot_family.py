@@ -25,6 +25,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.checks import Check
+from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
 from gcs_formation.vehicle.telemetry import Telemetry
 
 NO_MODE: Final = -1
@@ -120,6 +121,8 @@ class Autopilot(ABC):
     home_mode: ClassVar[int]
     """Mode in which its failsafe flies home."""
     guided_mode: ClassVar[int]
+    failsafe_parameters: ClassVar[tuple[str, ...]] = ()
+    """The parameters that say what it does when the ground station is silent."""
     mode_names: ClassVar[dict[int, str]]
     unarmable_modes: ClassVar[frozenset[int]] = frozenset()
     """Modes in which it may not be armable, however ready it is: another is set before that is waited for."""
@@ -365,6 +368,10 @@ class Autopilot(ABC):
     @abstractmethod
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return the parameter checks to make before a vehicle with this `model` flies the path."""
+
+    def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:  # noqa: ARG002 - for families that have one
+        """Return its failsafe by the values of `failsafe_parameters` that are known; None if it has none."""
+        return None
 
     def parameter(self, reported: ParamValue) -> float:
         """Return a parameter's value from its PARAM_VALUE."""

@@ -88,6 +88,11 @@ class Check:
         return Finding(f"{found[0]}: found {found[1]:g}; allowed: {self.allowed}", self.refuses(found[1]))
 
 
+def only_read(name: str) -> Check:
+    """Return the check of a parameter that is read for its value alone."""
+    return Check((name,), "any", lambda _: True)
+
+
 def lowest_m(path: PathPlan) -> float:
     """Return the height of a path's lowest waypoint above the origin, m."""
     return min(height_m for _, _, height_m in path.waypoints_m)
@@ -203,6 +208,11 @@ class ParameterReader:
             self._values[message.param_id] = self._value_of(message)
             if not any(self._tries[name] for name in self._missing()):
                 self._next = now
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """What has been read, by name."""
+        return self._values
 
     def findings(self) -> list[Finding]:
         """Return what isn't allowed, and what could not be read."""

@@ -34,6 +34,7 @@ from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.autopilot_family import Autopilot, Command, Craft, StartUpStep
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
 from gcs_formation.vehicle.mode_names import AUTO, PX4, px4_mode
+from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
     MULTIROTOR_TYPES,
@@ -64,6 +65,8 @@ that takes off before it reaches the field's altitude dives into the ground. Obs
 DEFAULT_SPEED = -1.0
 PATIENCE_S = 0.5
 """Least COM_OF_LOSS_T: a shorter timeout would trigger on a few lost setpoints."""
+LINK_LOSS_S, STREAM_LOSS_S = 10.0, 1.0
+"""Defaults of COM_DL_LOSS_T and COM_OF_LOSS_T."""
 CUTS_MOTORS = (6, 7)
 """COM_OBL_RC_ACT: terminate, disarm."""
 WITHOUT_STICKS = (0, 3, 4, 5)
@@ -74,6 +77,11 @@ ANYWHERE = FlightState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 TAKEOFF, LOITER, RTL = px4_mode(AUTO, 2), px4_mode(AUTO, 3), px4_mode(AUTO, 5)
 OFFBOARD = px4_mode(6)
+LAND = px4_mode(AUTO, 6)
+LEADS_TO = {1: frozenset({LOITER}), 2: frozenset({LOITER, RTL}), 3: frozenset({LOITER, LAND})}
+"""NAV_DLL_ACT: the modes to which it leads, by a hold."""
+STREAM_LEADS_TO = {4: frozenset({LOITER, LAND}), 5: frozenset({LOITER})}
+"""COM_OBL_RC_ACT: the same; without a transmitter others are a hold and RTL."""
 UNARMABLE = frozenset(PX4) - {TAKEOFF, LOITER}
 """Modes in which a PX4 may not be armable: those of a pilot need a transmitter, OFFBOARD setpoints, others a mission;
 return and landing end a flight."""
@@ -106,11 +114,17 @@ class Px4(Autopilot, ABC):
     take_off_to_m: ClassVar[float]
     """Commanded take-off height above home, m."""
     mode_names: ClassVar = PX4
+    failsafe_parameters: ClassVar[tuple[str, ...]] = ("NAV_DLL_ACT", "COM_DL_LOSS_T")
     unarmable_modes = UNARMABLE
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is from a PX4 of one of these `types`."""
         return heartbeat.autopilot == m.MAV_AUTOPILOT_PX4 and heartbeat.type in self.types
+
+    def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:
+        """Return its failsafe for lost heartbeats, None if it is off."""
+        modes = LEADS_TO.get(int(values.get("NAV_DLL_ACT", 0)))
+        return None if modes is None else OwnFailsafe(values.get("COM_DL_LOSS_T", LINK_LOSS_S), modes)
 
     def parameter(self, reported: ParamValue) -> float:
         """Return a parameter's value: PX4 sends an integer's bytes in the float field."""
@@ -341,6 +355,7 @@ class Px4Copter(Px4):
     returns_after_s = 6.0
     """COM_OF_LOSS_T plus COM_FAIL_ACT_T, during which some versions hold first."""
     stands = True
+    failsafe_parameters = ("NAV_DLL_ACT", "COM_DL_LOSS_T", "COM_OBL_RC_ACT", "COM_OF_LOSS_T")
     acknowledges_early = True
     """DO_SET_MODE is acknowledged twice, the first time always with ACCEPTED."""
 
@@ -359,6 +374,15 @@ class Px4Copter(Px4):
     def forget_setpoints(self) -> None:
         """Restart the lead compensation."""
         self._lead.forget()
+
+    def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:
+        """Return its failsafe for lost setpoints, which acts sooner than that for lost heartbeats, or both."""
+        action, by_heartbeats = values.get("COM_OBL_RC_ACT"), super().own_failsafe(values)
+        if action is None or action in CUTS_MOTORS:
+            return by_heartbeats
+        modes = STREAM_LEADS_TO.get(int(action), frozenset({LOITER, RTL}))
+        more = frozenset[int]() if by_heartbeats is None else by_heartbeats.modes
+        return OwnFailsafe(values.get("COM_OF_LOSS_T", STREAM_LOSS_S), modes | more)
 
     def stand_in(self) -> tuple[Message, ...]:
         """Return a setpoint of zero velocity."""

@@ -303,10 +303,6 @@ class Autopilot(ABC):
         """Do what is due by now in its mode; called in every cycle."""
 
     @abstractmethod
-    def lose_station(self) -> None:
-        """Do what its failsafe does when the ground station's heartbeats have stopped, in the air and on the ground."""
-
-    @abstractmethod
     def landed(self) -> None:
         """Prepare to disarm: it has touched down."""
 

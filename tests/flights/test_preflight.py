@@ -15,6 +15,7 @@ from airlink.frame import HEADER_V2, FrameWriter, StreamParser
 from airlink.messages.command import CommandInt, CommandLong, ParamSet
 from airlink.messages.system import Timesync
 from flight_model.earth import GeodeticOrigin
+from formation_scenario.surroundings import Fault
 from gcs_formation.app.dry_run import rehearsal_text, rehearsed
 from gcs_formation.app.operator_at_terminal import question
 from gcs_formation.mission.starting import PreFlightOptions
@@ -127,6 +128,66 @@ def test_of_a_vehicle_that_flies_already_the_same_is_told_and_it_is_taken_over()
     assert any("AIRSPEED_MAX: found 20" in told for told in world.words("parameters"))
     assert world.station.course.failure is None
     assert len(world.times_s("ready")) == 2
+
+
+def already_flown(caution: PreFlightOptions) -> World:
+    """Return two vehicles, of which a pilot flies the second in LOITER; a scenario says that they begin on the ground."""
+    world = World(Listening, caution, **GROUND)
+    flown = world.vehicle(2)
+    flown.pilot.condition = Condition.FLYING
+    flown.body.state.height_m, flown.body.state.airspeed_mps = 80.0, 22.0
+    flown.pilot.enter(Mode.LOITER, flown.body.motion)
+    return world
+
+
+def test_who_flies_already_under_somebodys_command_is_named_and_not_taken_unasked() -> None:
+    world = already_flown(READ)
+    world.run(30.0)
+    assert world.station.flight.phase is Phase.FAILED
+    said = "vehicle 2 flies already, in LOITER: under somebody's command; --take takes it over, --confirm asks"
+    assert world.station.course.failure == said
+    assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+    assert world.vehicle(2).pilot.mode is Mode.LOITER
+
+
+def test_with_take_who_flies_already_is_named_and_taken_over() -> None:
+    world = already_flown(PreFlightOptions(parameters=True, take=True))
+    world.run(12.0)
+    assert world.station.course.failure is None
+    assert world.vehicle(2).pilot.mode is Mode.GUIDED
+    assert world.times_s("parameters", 2, "flies already, in LOITER: under somebody's command")
+
+
+def test_with_confirm_the_question_names_who_flies_already() -> None:
+    world = already_flown(PreFlightOptions(parameters=True, confirm=True))
+    world.run(12.0)
+    assert world.vehicle(2).pilot.mode is Mode.LOITER
+    assert "take over 1 (vehicle 2 from LOITER, under somebody's command)" in question(world.station.preflight)
+    world.station.preflight.confirm()
+    world.run(3.0)
+    assert world.vehicle(2).pilot.mode is Mode.GUIDED
+
+
+def test_a_dry_run_names_who_flies_already_and_goes_on() -> None:
+    world = already_flown(PreFlightOptions(parameters=True, rehearse=True))
+    world.run(30.0)
+    assert world.station.preflight.rehearsed
+    assert any("flies already, in LOITER" in text for text in world.station.preflight.warnings.popitem()[1])
+
+
+def test_whoever_takes_off_by_its_pilot_while_the_others_are_waited_for_is_not_taken_either() -> None:
+    world = World(Listening, READ, **GROUND)
+    pilots, waits = world.vehicle(2), world.vehicle(1)
+    waits.inject(Fault(at_s=0.0, kind="freeze"), world.clock.now(), ends=False)
+    world.run(5.0)
+    pilots.enter(Mode.TAKEOFF)
+    pilots.arm(force=True)
+    world.network.run(lambda: pilots.pilot.airborne)
+    waits.inject(Fault(at_s=0.0, kind="freeze"), world.clock.now(), ends=True)
+    world.run(25.0)
+    assert world.station.course.failure
+    assert world.station.course.failure.startswith("vehicle 2 flies already, in TAKEOFF")
+    assert not waits.pilot.condition.armed
 
 
 @pytest.mark.parametrize("in_air", [False, True])
