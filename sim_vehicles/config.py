@@ -68,6 +68,8 @@ class VehicleConfig:
     """Its keys, typed by its own model."""
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     """Its own parameters, by name, where they differ from its firmware's defaults."""
+    set_up: bool = False
+    """Whether the scenario gives some of them itself."""
     signing_key: SigningKey | None = None
     """The key that it has been set up with; None: it signs nothing, and refuses nothing."""
 
@@ -123,6 +125,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             navigation=vehicle.true_navigation or vehicle.navigation,
             **_own_family(vehicle, scenario),
             parameters=_parameters(vehicle),
+            set_up=vehicle.autopilot_parameters is not None,
             signing_key=_signing_key(vehicle, scenario),
         )
         for vehicle, start in zip(scenario.vehicles, start_states(scenario), strict=True)

@@ -29,6 +29,8 @@ TAKEN, LEFT, TO_PILOT = "taken over", "left as it is", "left to its pilot"
 """How events say what became of a vehicle."""
 TAKE = "; --take takes it"
 TAKES = "; --take takes those in the air"
+ON_THE_GROUND = "on the ground"
+START_ANEW = "; fly it from its start, by its scenario"
 BEHIND_M = 100.0
 BEYOND = 1.5
 """Largest ground speed that the leader may have had with the wind, as a multiple of the path's speed."""
@@ -96,7 +98,7 @@ class Found(NamedTuple):
 def why_left(known: RecordedVehicle, resumed: Resumption, found: Found) -> str | None:
     """Return in words why a vehicle is left alone, None if it is taken over."""
     if not found.airborne:
-        return "on the ground"
+        return ON_THE_GROUND
     as_left = found.mode == known.mode and not known.parted
     sent = found.by_failsafe and not known.parted
     if found.guided or (sent and not as_left):
@@ -240,7 +242,8 @@ class Takeover:
                 found.setdefault(reason, []).append(str(identity))
         others = any(reason.endswith(TAKE) for reason in self._left.values())
         each = "; ".join(f"vehicle {', '.join(who)}: {reason}" for reason, who in found.items())
-        return (each or "none got ready") + (TAKES if others else "")
+        grounded = list(found) == [ON_THE_GROUND]
+        return (each or "none got ready") + (TAKES if others else START_ANEW if grounded else "")
 
     def _silent(self) -> list[tuple[VehicleId, Vehicle]]:
         searching = LinkState.SEARCHING
