@@ -229,7 +229,7 @@ def _known(identity: VehicleId, last: Mapping[str, Any], events: Events) -> Reco
 
 
 def _is_parted(events: Events, identity: VehicleId) -> bool:
-    """Return whether a vehicle had left the formation, or was left to its pilot, when last anything was said of that."""
+    """Return whether a vehicle had left the formation, or was left to its pilot, when that was last said."""
     kinds = ("member", "takeover", "abandoned")
     own = (event for event in reversed(events) if event["kind"] in kinds and event.get("vehicle") == str(identity))
     said = next((str(event["text"]) for event in own), "")

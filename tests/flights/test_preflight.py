@@ -131,7 +131,7 @@ def test_of_a_vehicle_that_flies_already_the_same_is_told_and_it_is_taken_over()
 
 
 def already_flown(caution: PreFlightOptions) -> World:
-    """Return two vehicles, of which a pilot flies the second in LOITER; a scenario says that they begin on the ground."""
+    """Return two vehicles on the ground by their scenario, of which a pilot flies the second in LOITER."""
     world = World(Listening, caution, **GROUND)
     flown = world.vehicle(2)
     flown.pilot.condition = Condition.FLYING

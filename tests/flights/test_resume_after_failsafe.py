@@ -12,7 +12,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import after
 from gcs_formation.phases import Phase
-from sim_vehicles.autopilot.modes_and_failsafe import Mode
+from sim_vehicles.autopilot.modes_and_failsafe import FlightMode, Mode
 from tests.flights.in_memory import World
 from tests.flights.test_resume import Killed, killed
 
@@ -85,7 +85,7 @@ def kill(flight: Killed, seconds: float) -> None:
     world.network.run(lambda: world.clock.now() >= until)
 
 
-def modes(world: World) -> set[Mode]:
+def modes(world: World) -> set[FlightMode]:
     return {each.pilot.mode for each in world.fleet.vehicles}
 
 
