@@ -67,6 +67,9 @@ class Start(Stage):
         now = cycle.now
         cycle.send(self._preflight.requests(now) + self._takeover.failsafes.requests(now), now)
         self._preflight.watch()
+        vehicles = self._preflight.limits.take_news()
+        if vehicles is not None:
+            cycle.reconfiguration.plan_with(vehicles)
         self._starting.advance(now)
         if self._preflight.rehearsed:
             cycle.course.end_rehearsal(now)

@@ -13,6 +13,7 @@ from airlink.messages.system import Heartbeat
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from gcs_formation.link.link_health import LinkState
+from gcs_formation.mission.read_limits import Bound, ReadLimits
 from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
@@ -57,8 +58,10 @@ class PreFlight:
         caution: PreFlightOptions,
         note: Note,
         give_up: GiveUp,
+        bound: Bound,
     ) -> None:
-        """Prepare to read the parameters of `vehicles`, if `caution` asks for it."""
+        """Prepare to read the parameters of `vehicles`, if `caution` asks for it; `bound` applies their limits."""
+        self.limits = ReadLimits(scenario, bound)
         self.vehicles, self._caution = vehicles, caution
         self._note, self._give_up = note, give_up
         self._confirmed = not (caution.confirm or caution.rehearse)
@@ -134,11 +137,16 @@ class PreFlight:
             else:
                 found += [(vehicle, request) for request in reader.requests(now)]
         if len(self._judged) == len(self._readers) and not (self.passed or self._gave_up):
-            refused = [*self._refused, *self._unasked()]
+            refused = [*self._refused, *self._unasked(), *self._beyond_limits()]
             self._gave_up = bool(refused)  # only now: whoever mends one vehicle's parameters wants to know of all
             if refused:
                 self._give_up("; ".join(refused), now)
         return found
+
+    def _beyond_limits(self) -> list[str]:
+        """Return in words what can't be flown within the limits that vehicles tell, unless one flies already."""
+        grounded = not any(each.airborne for each in self.vehicles.values())
+        return self.limits.unflyable() if grounded and not self._refused else []
 
     def _unasked(self) -> list[str]:
         """Return in words which vehicles would be taken from whoever flies them, unasked."""
@@ -154,6 +162,7 @@ class PreFlight:
     def _judge(self, vehicle: Vehicle, reader: ParameterReader, now: Instant) -> None:
         """Record the findings. Those that prevent a take-off are warnings for a vehicle already in flight."""
         findings, flies = reader.findings(), vehicle.airborne
+        self.limits.take(vehicle, reader.bounds())
         self._judged.add(vehicle.identity)
         self._record(vehicle, [each._replace(refuses=each.refuses and not flies) for each in findings], now)
 

@@ -290,6 +290,7 @@ def _renamed(
     allowed: Callable[[str, float], str],
     holds: Callable[[float], bool],
     refuses: Callable[[float], bool] = lambda _: False,
+    bounds: str = "",
 ) -> Check:
     """Return the check of a parameter that 4.7.0 renamed and converted from centimetres to metres.
 
@@ -299,11 +300,18 @@ def _renamed(
         allowed: the allowed values in words, from a unit and its length in metres.
         holds: whether a value in metres is allowed.
         refuses: whether it prevents the take-off of all vehicles.
+        bounds: the key of the model that it bounds, if any.
     """
     older = Check(
-        names[1:], allowed(f"c{unit}", CM), lambda value: holds(value * CM), lambda value: refuses(value * CM)
+        names[1:],
+        allowed(f"c{unit}", CM),
+        lambda value: holds(value * CM),
+        lambda value: refuses(value * CM),
+        bounds=(lambda value: (bounds, value * CM)) if bounds else None,
     )
-    return Check(names[:1], allowed(unit, 1.0), holds, refuses, older)
+    return Check(
+        names[:1], allowed(unit, 1.0), holds, refuses, older, bounds=(lambda value: (bounds, value)) if bounds else None
+    )
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -374,12 +382,14 @@ class ArduCopter(ArduPilot):
                 ),
                 lambda value: value >= fastest,
                 lambda value: value < speed,
+                "speed_max_mps",
             ),
             _renamed(
                 ("WP_ACC", "WPNAV_ACCEL"),
                 "m/s²",
                 lambda unit, size_m: f"{model.accel_max_mps2 / size_m:g} {unit} or more, its model's accel_max_mps2",
                 lambda value: value >= model.accel_max_mps2,
+                bounds="accel_max_mps2",
             ),
             _renamed(
                 ("RTL_ALT_M", "RTL_ALT"),

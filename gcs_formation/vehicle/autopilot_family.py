@@ -15,7 +15,7 @@ from airlink.endpoint import ComponentId
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.autopilot_model import FlightState, Setpoint, within
 from flight_model.earth import GeodeticOrigin
 from flight_model.slot import Triple
 from formation_scenario.orders import End
@@ -179,6 +179,8 @@ class Autopilot(ABC):
         self.airspeed_scale = airspeed_scale
         self.station: ComponentId = STATION
         """The ground station's ids: vehicles answer to them, and its heartbeats hold off their failsafe."""
+        self._bounds_mps: tuple[float, float] | None = None
+        """Lowest and highest airspeed to command by its own parameters, None where these allow the model's."""
 
     @classmethod
     def of(cls, craft: Craft) -> Autopilot:
@@ -336,7 +338,14 @@ class Autopilot(ABC):
     @property
     def speeds_mps(self) -> tuple[float, float] | None:
         """Lowest and highest true airspeed within reach soon, m/s; None if these are its model's limits."""
-        return None if self.airspeed_scale is None else self.airspeed_scale.speeds_mps
+        return self._bounds_mps if self.airspeed_scale is None else self.airspeed_scale.speeds_mps
+
+    def bound_speeds(self, slowest_mps: float, fastest_mps: float) -> None:
+        """Command no airspeeds beyond these, as told: the vehicle's parameters refuse or cut off others."""
+        if self.airspeed_scale is None:
+            self._bounds_mps = slowest_mps, fastest_mps
+        else:
+            self.airspeed_scale.bound(slowest_mps, fastest_mps)
 
     def true_airspeed(self, told_mps: float) -> float:
         """Return the true airspeed of one that it reports, m/s."""
@@ -344,7 +353,10 @@ class Autopilot(ABC):
 
     def airspeed_to_tell(self, true_mps: float) -> float:
         """Return the airspeed to command for a true airspeed, m/s."""
-        return true_mps if self.airspeed_scale is None else self.airspeed_scale.reading(true_mps)
+        if self.airspeed_scale is not None:
+            return self.airspeed_scale.reading(true_mps)
+        bounds_mps = self._bounds_mps
+        return true_mps if bounds_mps is None else within(true_mps, bounds_mps[0], bounds_mps[1])
 
     @abstractmethod
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:

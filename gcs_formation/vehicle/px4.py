@@ -410,6 +410,7 @@ class Px4Copter(Px4):
                 f"{fastest:g} m/s or more, its model's speed_max_mps; it flies no faster",
                 lambda value: value >= fastest,
                 lambda value: value < speed,
+                bounds=lambda value: ("speed_max_mps", value),
             ),
             Check(
                 ("RTL_RETURN_ALT",),

@@ -130,6 +130,48 @@ def test_of_a_vehicle_that_flies_already_the_same_is_told_and_it_is_taken_over()
     assert len(world.times_s("ready")) == 2
 
 
+class Speeds(Listening):
+    """Records the airspeeds that the second vehicle is commanded."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self.speeds_mps: list[float] = []
+
+    def take(self, datagram: Datagram, now: Instant) -> None:
+        messages = (frame.message for frame in StreamParser().feed(datagram.data) if datagram.socket == 1)
+        commands = (each for each in messages if isinstance(each, CommandInt))
+        speed = m.MAV_CMD_GUIDED_CHANGE_SPEED
+        self.speeds_mps += [each.param2 for each in commands if each.command == speed]
+        super().take(datagram, now)
+
+
+def test_airspeeds_that_a_vehicle_tells_bound_what_it_is_commanded() -> None:
+    """Its model flies 28 m/s; it was commanded 27 m/s for 527 s, all of them FAILED."""
+    vehicles = [{"id": 1, "role": "leader"}, {"id": 2, "autopilot_parameters": {"AIRSPEED_MAX": 24}}]
+    world = World(Speeds, READ, vehicles=vehicles)
+    world.fly_to(1.0)
+    answer = world.station.orders.take("speed 27", world.clock.now())
+    assert not answer.accepted
+    assert "24 m/s" in answer.text
+    assert world.station.orders.take("speed 23.9", world.clock.now()).accepted
+    world.run(15.0)
+    assert isinstance(world.between, Speeds)
+    assert 23.0 < max(world.between.speeds_mps) <= 24.0
+    assert world.times_s("disobeys") == []
+
+
+def test_a_bend_that_needs_more_than_a_vehicle_tells_is_refused_before_the_take_off_with_the_key_to_change() -> None:
+    bend = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [1500, 0, 100], [2500, 800, 100], [2500, 2500, 100]]}
+    aside = {"shape": "custom", "slots_m": {2: [0, -60, 0]}, "frame": "leader_heading"}
+    vehicles = [{"id": 1, "role": "leader"}, {"id": 2, "autopilot_parameters": {"AIRSPEED_MAX": 23}}]
+    world = World(Listening, READ, vehicles=vehicles, start={"in_air": False}, path=bend, formation=aside)
+    world.run(30.0)
+    failure = world.station.course.failure or ""
+    assert failure.startswith("what vehicles tell (vehicle 2: AIRSPEED_MAX 23) isn't enough for path.waypoints_m.2")
+    assert "23 m/s" in failure.partition("allowed: ")[2]
+    assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+
+
 def already_flown(caution: PreFlightOptions) -> World:
     """Return two vehicles on the ground by their scenario, of which a pilot flies the second in LOITER."""
     world = World(Listening, caution, **GROUND)
