@@ -89,13 +89,11 @@ class ClockSync:
         """Innovations of the samples of these round trips: sample minus prediction."""
         self.split_s: float = 0.0
         """Excess of the uplink delay over half the round trip, as estimated from steps."""
-        self._sorted = vec[float]([0.0] * WINDOW)
-        self._edges = DelayEdges(loop_s)
+        self._sorted, self._edges = vec[float]([0.0] * WINDOW), DelayEdges(loop_s)
         self._base_s: float = 0.0
         """The first sample, which is subtracted from the delays whose edges are found."""
-        self._farthest_s: float = 0.0
-        self._farthest_at = Instant(0)
-        """The largest sample since the clock began, and when it was taken."""
+        # _farthest_s, _farthest_at: the largest sample since the clock began, and when it was taken
+        self._farthest_s, self._farthest_at = 0.0, Instant(0)
         self._by_edges = False
         """Whether the crystal's line is that of the delays' edges."""
 
