@@ -27,6 +27,8 @@ IN_ORDER = "in order"
 TAKE = "; --take takes it over, --confirm asks"
 TOGETHER_S = 600.0
 """Longest wait for the other vehicles; each one's own steps end or fail sooner."""
+WAITS_S = 10.0
+"""A vehicle that takes longer than this to get ready is reported, with what it lacks."""
 CONNECT_LIMIT_S = 30.0
 """Longest wait for every vehicle's first heartbeat."""
 
@@ -61,7 +63,7 @@ class PreFlight:
         bound: Bound,
     ) -> None:
         """Prepare to read the parameters of `vehicles`, if `caution` asks for it; `bound` applies their limits."""
-        self.limits = ReadLimits(scenario, bound)
+        self.limits, self.boot_timeout_s = ReadLimits(scenario, bound), scenario.start.boot_timeout_s
         self.vehicles, self._caution = vehicles, caution
         self._note, self._give_up = note, give_up
         self._confirmed = not (caution.confirm or caution.rehearse)
@@ -206,6 +208,8 @@ class Starting:
         With `together`, those that are ready hover until all are, so that none is led past others still climbing.
         """
         self._preflight, self._takeover = preflight, takeover
+        self._lacking = dict[VehicleId, str]()
+        """What each vehicle was last said to lack."""
         self._vehicles, self._each = vehicles, list(vehicles.values())
         self._endpoints = endpoints
         self._flight = flight
@@ -268,12 +272,22 @@ class Starting:
         if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
             vehicle.leave_to_pilot(now)
             self._note(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
-        reason = vehicle.start_up.failure(vehicle.commands, now)
+        vehicle.start_up.watch(vehicle.telemetry, now)
+        reason = vehicle.start_up.failure(vehicle.commands, now, self._preflight.boot_timeout_s)
         if reason:
             answered = f"{_result(vehicle)}{_lacks(vehicle, now)}{vehicle.telemetry.last_words}"
             self._abandon(vehicle, f"vehicle {vehicle.identity}: {reason}{answered}", now)
+        elif vehicle.start_up.waited_s(now) > WAITS_S:
+            self._say_what_it_lacks(vehicle, now)
         elif vehicle.start_up.finished:
             self._note(now, "ready", "in the air and following setpoints", vehicle)
+
+    def _say_what_it_lacks(self, vehicle: Vehicle, now: Instant) -> None:
+        """Record what a vehicle is waited for that takes long to get ready, once for each thing."""
+        lacks = _lacks(vehicle, now)
+        if lacks and lacks != self._lacking.get(vehicle.identity):
+            self._lacking[vehicle.identity] = lacks
+            self._note(now, "waits", f"not ready yet{lacks}{vehicle.telemetry.last_words}", vehicle)
 
     def _abandon(self, vehicle: Vehicle, text: str, now: Instant) -> None:
         """End the run because a vehicle can't be started; on the path, continue without the vehicle instead."""
@@ -318,6 +332,8 @@ def _lacks(vehicle: Vehicle, now: Instant) -> str:
     unknown = vehicle.sampler.why_unknown(now) if acknowledged else None
     if unknown:
         return f" ({unknown})"
+    if seen.unfixed:
+        return " (it has no position fix)"
     untold = [name for name, told in (("position", seen.motion), ("attitude", seen.attitude)) if told is None]
     return f" (it has told no {' and no '.join(untold)})" if untold else ""
 

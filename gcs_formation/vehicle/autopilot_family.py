@@ -36,7 +36,7 @@ SLOW_RATE_HZ: Final = 2.0
 UTC_RATE_HZ: Final = 1.0
 NEVER_US: Final = -1
 READY_S: Final = 90.0
-"""Longest wait until a vehicle is ready to be armed."""
+"""Longest wait for a vehicle that gets ready to be armed without progress."""
 ASKED_S: Final = 30.0
 """Longest wait for the answer to a request, 43 attempts. With a loss of half of all datagrams each way, some request
 fails in four starts of a million."""
@@ -88,6 +88,8 @@ class StartUpStep:
     """Whether to wait for each acknowledgement; `timeout_s` then applies to each command."""
     takes_off: bool = False
     """Whether its commands make the vehicle leave the ground."""
+    slow: bool = False
+    """Whether it is waited for longer than `timeout_s` as long as the vehicle makes progress."""
     lost: Callable[[Telemetry], bool] = lambda _: False
     """Returns whether a failsafe has undone it since, so that it is begun again."""
     lacks: Callable[[Telemetry], str] = lambda _: ""
@@ -267,7 +269,12 @@ class Autopilot(ABC):
     def _asked_and_ready(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, StartUpStep]:
         """Return the first two steps: telemetry streams, ready to arm."""
         asks = StartUpStep(
-            "asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), ASKED_S, True
+            "asked for telemetry",
+            lambda seen: seen.complete,
+            lambda _: self.requests(rates_hz),
+            ASKED_S,
+            True,
+            slow=True,
         )
         return asks, self._ready_step()
 
@@ -281,7 +288,7 @@ class Autopilot(ABC):
         def done(seen: Telemetry) -> bool:
             return self.is_airborne(seen) or not lacks(seen)
 
-        return StartUpStep("waited for it to be ready to arm", done, timeout_s=READY_S, lacks=lacks)
+        return StartUpStep("waited for it to be ready to arm", done, timeout_s=READY_S, slow=True, lacks=lacks)
 
     def _armable_step(self) -> StartUpStep:
         """Return the step that waits until it would arm in the mode in which it takes off, or flies."""
@@ -289,7 +296,9 @@ class Autopilot(ABC):
         def done(seen: Telemetry) -> bool:
             return self.is_airborne(seen) or seen.armed or not self._lacks_to_arm(seen)
 
-        return StartUpStep("waited for it to be ready to arm", done, timeout_s=READY_S, lacks=self._lacks_to_arm)
+        return StartUpStep(
+            "waited for it to be ready to arm", done, timeout_s=READY_S, slow=True, lacks=self._lacks_to_arm
+        )
 
     def _lacks_estimates(self, seen: Telemetry) -> str:
         """Return in words what its estimator lacks, as far as that is told by itself; "" if nothing."""

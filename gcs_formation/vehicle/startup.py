@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from airlink.clock import Instant, seconds_between
@@ -12,6 +12,11 @@ from gcs_formation.vehicle.command_delivery import CommandQueue, Outcome
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 
 UP_M: Final = 5.0
+SLOWEST_S: Final = 600.0
+FIX_S: Final = 90.0
+"""Longest wait for a position fix without progress."""
+SOON_S: Final = 10.0
+"""Progress within this time from a step's beginning isn't mentioned."""
 
 
 @dataclass
@@ -52,6 +57,13 @@ class StartUp:
     _led: bool = False
     """Whether the vehicle has been in one of `modes` since `acted`."""
     _began: Instant = Instant(0)
+    _progress: tuple[object, ...] = ()
+    _progressed: Instant = Instant(0)
+    """What shows the vehicle's progress, and when it last changed."""
+    _said: set[str] = field(default_factory=set[str])
+    """What the vehicle has said."""
+    waits_for_fix: bool = False
+    """Whether it has no position fix yet."""
 
     @property
     def finished(self) -> bool:
@@ -125,17 +137,40 @@ class StartUp:
                 return index
         return None
 
-    def failure(self, commands: CommandQueue, now: Instant) -> str | None:
-        """Return why the start-up can't continue, None while it can."""
+    def watch(self, telemetry: Telemetry, now: Instant) -> None:
+        """Note whether the vehicle makes progress in getting ready, or says what it hasn't said before."""
+        progress, words = telemetry.progress(), telemetry.last_words
+        if progress != self._progress or words not in self._said:
+            self._progress, self._progressed = progress, now
+            self._said.add(words)
+        self.waits_for_fix = telemetry.unfixed
+
+    def waited_s(self, now: Instant) -> float:
+        """Return for how long the present step has been waited for, if that may take long; 0 for other steps."""
+        slow = 0 <= self.index < len(self.steps) and self.steps[self.index].slow and not self.held
+        return seconds_between(self._began, now) if slow else 0.0
+
+    def failure(self, commands: CommandQueue, now: Instant, longest_s: float = SLOWEST_S) -> str | None:
+        """Return why the start-up can't continue, None while it can.
+
+        A step that may take long is waited for as long as the vehicle makes progress, `longest_s` at most.
+        """
         if self.finished or self.index < 0:
             return None
         if commands.outcome is Outcome.REFUSED:
             return f"refused when we {self.doing}"
         step = self.steps[self.index]
         began = max(self._began, commands.since) if step.every_command_acknowledged else self._began
-        if seconds_between(began, now) > step.timeout_s:
-            return f"not done within {step.timeout_s:.0f} s after we {self.doing}"
-        return None
+        patience_s = max(step.timeout_s, FIX_S if step.slow and self.waits_for_fix else 0.0)
+        since = max(began, self._progressed) if step.slow and commands.outcome is not Outcome.WAITING else began
+        waited_s = seconds_between(began, now)
+        if waited_s > longest_s and step.slow:
+            return f"not done within {longest_s:.0f} s after we {self.doing}"
+        if seconds_between(since, now) <= patience_s:
+            return None
+        if seconds_between(began, since) < SOON_S:
+            return f"not done within {patience_s:.0f} s after we {self.doing}"
+        return f"without progress for {patience_s:.0f} s, {waited_s:.0f} s after we {self.doing}"
 
     def _is_done(self, telemetry: Telemetry, commands: CommandQueue) -> bool:
         step = self.steps[self.index]

@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 from airlink import mavlink as m
+from airlink.clock import seconds_between
 from airlink.messages import EKF_READY, Message
 from airlink.messages.system import AutopilotVersion, Heartbeat, SystemTime
 from airlink.messages.telemetry import (
@@ -40,6 +41,14 @@ SENSORS: Final = (
     | m.MAV_SYS_STATUS_SENSOR_BATTERY
 )
 EKF_STARTING: Final = 1024
+SLOW_S: Final = 10.0
+ALIGNS: Final[tuple[tuple[float, int], ...]] = (
+    (0.2, m.ESTIMATOR_ATTITUDE),
+    (0.4, m.ESTIMATOR_VELOCITY_VERT | m.ESTIMATOR_POS_VERT_ABS),
+    (0.6, m.ESTIMATOR_VELOCITY_HORIZ),
+    (0.8, m.ESTIMATOR_POS_HORIZ_REL),
+)
+"""From which share of the time to get ready on an estimator that takes longer than `SLOW_S` has which estimates."""
 LOAD_PERMILLE: Final = 200
 CRUISE_THROTTLE_PERCENT: Final = 50
 BATTERY_V: Final = 12.4
@@ -190,8 +199,16 @@ def wind(v: Autopilot) -> Message:
 def ekf_status_report(v: Autopilot) -> Message:
     """Return EKF_STATUS_REPORT: which estimates are valid, and their innovation ratios."""
     estimate = v.estimate
-    flags, ratios = EKF_READY & ~estimate.unknown if v.ready else EKF_STARTING, estimate.ratios
+    flags, ratios = EKF_READY & ~estimate.unknown if v.ready else _aligned(v), estimate.ratios
     return EkfStatusReport(flags, ratios.velocity, ratios.horizontal, ratios.height, ratios.compass, 0.0)
+
+
+def _aligned(v: Autopilot) -> int:
+    """Return which estimates are valid before it is ready: one that takes long finds them one after the other."""
+    share, flags = seconds_between(v.clock.booted, v.now) / v.fleet.ready_s, EKF_STARTING
+    for at, found in ALIGNS if v.fleet.ready_s > SLOW_S else ():
+        flags = flags | found if share >= at else flags
+    return flags
 
 
 def home_position(v: Autopilot) -> Message:

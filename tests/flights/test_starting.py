@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from gcs_formation.guidance.leader_guidance import SETTLE_S
 from gcs_formation.mission.course import GETS_ON_S
 from gcs_formation.phases import Phase
 from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
+from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import Between, World
 
 LAG_S = 0.2
@@ -147,6 +149,42 @@ def test_half_of_all_datagrams_lost_each_way_keep_nobody_from_starting(seed: int
         lambda: world.station.flight.ended or all(each.start_up.finished for each in world.station.vehicles.values())
     )
     assert world.station.course.failure is None
+
+
+def slow_boot(ready_s: float, **start: Any) -> World:
+    """Return vehicles whose estimators take long."""
+    world = World(**ON_THE_GROUND | {"start": {"in_air": False} | start, "vehicles": {"count": 2}})
+    world.fleet = Fleet(replace(world.config, ready_s=ready_s))
+    assert isinstance(world.between, Between)
+    world.between.fleet = world.fleet
+    return world
+
+
+def test_a_vehicle_that_takes_long_to_get_ready_is_waited_for_with_a_line_for_each_thing_that_it_lacks() -> None:
+    """Its estimator finds something more every 24 s, and is ready later than one without progress is waited for."""
+    world = slow_boot(120.0)
+    world.network.run(lambda: world.station.flight.ended or world.vehicle(1).pilot.airborne)
+    assert world.station.course.failure is None
+    said = [event.text for event in world.notes.events if event.kind == "waits" and str(event.vehicle) == "1"]
+    missing = [text.partition(";")[0].count("EKF_") - 1 for text in said]
+    assert missing[:5] == [8, 7, 5, 4, 3]
+    assert said[4].startswith("not ready yet (EKF_STATUS_REPORT: no EKF_POS_HORIZ_ABS, EKF_PRED_POS_HORIZ_REL")
+
+
+@pytest.mark.parametrize(
+    ("ready_s", "start", "words"),
+    [
+        (1000.0, {}, "without progress for 90 s"),
+        (200.0, {"boot_timeout_s": 100}, "not done within 100 s after we waited for it to be ready to arm"),
+    ],
+)
+def test_one_that_makes_no_progress_or_takes_longer_than_the_scenario_allows_ends_the_run(
+    ready_s: float, start: dict[str, Any], words: str
+) -> None:
+    world = slow_boot(ready_s, **start)
+    world.run(700.0)
+    assert words in (world.station.course.failure or "")
+    assert "EKF_STATUS_REPORT: no " in (world.station.course.failure or "")
 
 
 def test_nobody_takes_off_for_a_formation_of_which_one_never_answers() -> None:
