@@ -64,6 +64,8 @@ LOOK_S = 1.0
 """Time between looks at the ground truth of silent vehicles, s."""
 PROGRESS_S = 0.25
 """Wall time between updates of the progress, s."""
+REMINDER_S = 20.0
+"""Wall time between lines that say what is waited for, in a log."""
 WATCHED_FLUSH_S = 0.09
 """Wall time between writes of the record while somebody may look on: at 10 Hz each tick is written at once."""
 HURRY = 10.0
@@ -190,7 +192,7 @@ class Session:
         self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if emulated else math.nan)
         self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
         self._spent, self._began_at, self._resumed = Stopwatch(), self.station.flight.since, resumed
-        self._shown_s, self._next_look = 0.0, Instant(0)
+        self._shown_s, self._reminded_s, self._next_look = 0.0, 0.0, Instant(0)
         self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if options.confirm else None
         self.recorder.tell_events_to(self._heard)
@@ -244,14 +246,19 @@ class Session:
             self._orders.poll()
         if self._confirmation is not None:
             self._confirmation.poll(self.clock.now())
-        wall_s = self._spent.wall_s
-        if wall_s - self._shown_s > PROGRESS_S:
-            self._shown_s = wall_s
-            self.progress.show(self.station)
+        self._show_progress(self._spent.wall_s)
         if not (self.station.flight.ended or left):
             return False
         self._left_at = self._left_at or self.clock.now()
         return True
+
+    def _show_progress(self, wall_s: float) -> None:
+        if wall_s - self._shown_s > PROGRESS_S:
+            self._shown_s = wall_s
+            self.progress.show(self.station)
+        if wall_s - self._reminded_s > REMINDER_S:
+            self._reminded_s = wall_s
+            self.progress.remind(self.station, self.clock.now())
 
     def _heed_extensions(self) -> None:
         """Fail if an extension of the emulated vehicles or of the links has failed."""

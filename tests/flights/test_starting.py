@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from airlink.clock import Instant
 from airlink.engine import Datagram
 from airlink.frame import HEADER_V2
 from flight_model.arrays import wrap
+from gcs_formation.app.progress import Progress
 from gcs_formation.guidance.leader_guidance import SETTLE_S
 from gcs_formation.mission.course import GETS_ON_S
 from gcs_formation.phases import Phase
@@ -234,6 +236,28 @@ def test_who_is_back_in_its_slot_by_the_next_pass_is_not_said_to_be_out_of_it_fo
     (assembling_s,), (begun_s,) = world.times_s("phase", text="assembling"), world.times_s("phase", text="flying")
     assert begun_s > assembling_s + ASSEMBLING["start"]["timeout_s"] + 10.0
     assert (world.times_s("unassembled"), world.station.course.assembled) == ([], True)
+
+
+def test_a_log_says_what_an_assembly_waits_for_and_for_how_long() -> None:
+    world, log = World(**ON_THE_GROUND), StringIO()
+    world.run(10.0)
+    Progress(log).remind(world.station, world.clock.now())
+    assert log.getvalue() == "start +   10.0 s  connecting: vehicle 1, 2, 3: waited for it to climb\n"
+    world.network.run(lambda: bool(world.times_s("phase", text="assembling")))
+    world.run(5.0)
+    log.seek(0)
+    log.truncate()
+    Progress(log).remind(world.station, world.clock.now())
+    words = log.getvalue()
+    assert " s  assembling: the leader is at the start of its path in " in words
+    left_s = float(words.rpartition(" in ")[2].removesuffix(" s at least\n"))
+    said_s = world.now_s
+    world.network.run(lambda: bool(world.times_s("phase", text="flying")))
+    assert left_s <= world.now_s - said_s + 5.0
+    log.seek(0)
+    log.truncate()
+    Progress(log).remind(world.station, world.clock.now())
+    assert not log.getvalue()
 
 
 def test_a_leader_whose_telemetry_is_too_old_is_said_to_be_missed_for_that() -> None:
