@@ -256,8 +256,8 @@ class SetpointChannel:
         self._refused = NEVER
         """Start of the current series of refusals; the last of them, and the heartbeat count at the first."""
         self._refused_to, self._heartbeats = Instant(0), 0
-        self._refusals = 0
-        """Refusals since what was sent last was news."""
+        self._refusals, self._gave_up = 0, False
+        """Refusals since what was sent last was news; whether one was given up for them since the last acceptance."""
         self.held: CommandInt | None = None
         """The last setpoint sent; None if the vehicle may hold another."""
         self._sent, self._acknowledged_to = Instant(0), Instant(0)
@@ -281,7 +281,7 @@ class SetpointChannel:
         """Send the next setpoint even if unchanged: the vehicle may have received others meanwhile."""
         if self._refused != NEVER:
             self._waiting = NEVER  # a refusal was an answer
-        self.held, self._refused, self._refusals = None, NEVER, 0
+        self.held, self._refused, self._refusals, self._gave_up = None, NEVER, 0, False
 
     def retry(self) -> None:
         """Send again what has been refused: the vehicle's mode has changed."""
@@ -293,17 +293,21 @@ class SetpointChannel:
             self._refused, self._heartbeats = now, heartbeats
         self.result, self._refused_to, self.accepted = result, now, False
         self._refusals += 1
+        self._gave_up = self._gave_up or self._refusals >= REFUSALS_ALIKE
 
-    def is_refused(self, heartbeats: int) -> bool:
-        """Return whether setpoints are refused, with `heartbeats` received so far."""
+    def is_refused(self, heartbeats: int, now: Instant) -> bool:
+        """Return whether setpoints are refused, with `heartbeats` received so far.
+
+        One that isn't sent again counts as refused from then on.
+        """
         if self._refused == NEVER or heartbeats < self._heartbeats + REFUSED_HEARTBEATS:
             return False
-        lasting = seconds_between(self._refused, self._refused_to) >= REFUSED_S
-        return lasting or self._refusals >= REFUSALS_ALIKE
+        to = now if self._gave_up else self._refused_to
+        return seconds_between(self._refused, to) >= REFUSED_S
 
     def acknowledged(self, now: Instant) -> None:
         """Record an acceptance: it answers what was sent about a round trip ago, if nothing was lost."""
-        self._refused, self.accepted = NEVER, True
+        self._refused, self._refusals, self._gave_up, self.accepted = NEVER, 0, False, True
         if self._since == NEVER or self._is_late(now):
             self._since = now
         self._acknowledged_to = after(now, -QUICKEST * self._round_trip_s)

@@ -205,9 +205,12 @@ def ekf_status_report(v: Autopilot) -> Message:
 
 def _aligned(v: Autopilot) -> int:
     """Return which estimates are valid before it is ready: one that takes long finds them one after the other."""
-    share, flags = seconds_between(v.clock.booted, v.now) / v.fleet.ready_s, EKF_STARTING
-    for at, found in ALIGNS if v.fleet.ready_s > SLOW_S else ():
-        flags = flags | found if share >= at else flags
+    ready_s, flags = v.fleet.ready_s, EKF_STARTING
+    if ready_s > SLOW_S:
+        share = seconds_between(v.clock.booted, v.now) / ready_s
+        for at, found in ALIGNS:
+            if share >= at:
+                flags |= found
     return flags
 
 

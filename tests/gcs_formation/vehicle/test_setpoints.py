@@ -220,5 +220,5 @@ def test_refusals_of_another_ground_stations_commands_are_not_ours(whom: tuple[i
         for command in told.tick():
             told.acknowledge(command)
         told.acknowledge(m.MAV_CMD_GUIDED_CHANGE_SPEED, m.MAV_RESULT_DENIED, whom)
-    assert not any(channel.is_refused(99) for channel in told.vehicle.setpoint_channels)
+    assert not any(channel.is_refused(99, told.now) for channel in told.vehicle.setpoint_channels)
     assert all(channel.accepted for channel in told.vehicle.setpoint_channels)
