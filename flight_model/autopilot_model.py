@@ -131,6 +131,11 @@ class AutopilotModel:
             return
         self.speed_min_mps, self.speed_max_mps, self._held = slowest_mps, fastest_mps, None
 
+    def bound(self, accel_max_mps2: float, turn_rate_max_rps: float) -> None:
+        """Lower the limits of acceleration and turn rate to these, if they are higher."""
+        self.accel_max_mps2 = min(self.accel_max_mps2, accel_max_mps2)
+        self.turn_rate_max_rps, self._held = min(self.turn_rate_max_rps, turn_rate_max_rps), None
+
     def _hold(self, time_s: float) -> AutopilotModel:
         return AutopilotModel(
             -time_s / math.expm1(-time_s / self.tau_v_s),

@@ -26,6 +26,7 @@ from pydantic_core import CoreSchema, PydanticCustomError
 from pydantic_core.core_schema import (
     definitions_schema,
     dict_schema,
+    float_schema,
     literal_schema,
     no_info_after_validator_function,
     no_info_plain_validator_function,
@@ -90,7 +91,7 @@ class Open(Allowed):
 
 
 class _HashedKeys(dict[str, Any]):
-    """An extension's own keys, which have been checked; a group of keys that has them can be in a set.
+    """Own keys of an extension or an autopilot that have been checked; a group of keys with them can be in a set.
 
     Nobody changes it once it is read, so that its hash holds, which a dict's type says it hasn't.
     """
@@ -155,6 +156,21 @@ OwnKeys: TypeAlias = Annotated[
     ),
 ]
 """Own keys, or None."""
+AutopilotParameters: TypeAlias = Annotated[
+    Mapping[str, float] | None,
+    _Written(
+        "a mapping of numbers by the parameters' names, in capitals and at most 16 letters long",
+        no_info_after_validator_function(
+            _HashedKeys,
+            dict_schema(
+                str_schema(strict=True, pattern="^[A-Z][A-Z0-9_]{0,15}$"),
+                float_schema(strict=True, allow_inf_nan=False, ge=-MAX_NUMBER, le=MAX_NUMBER),
+            ),
+        ),
+        {"type": "object", "additionalProperties": {"type": "number"}},
+    ),
+]
+"""Values of an autopilot's parameters, or None."""
 Word: TypeAlias = Annotated[str | None, _Written("text", str_schema(strict=True), {"type": "string"})]
 """A word, or None."""
 OF_AN_EXTENSION = "the own keys of what an extension registers by that name"

@@ -120,6 +120,12 @@ class Start(Keys):
         derived="10 in the air, 60 from the ground; with a fence at most, as far as all have room to turn away from it",
     )
     tolerance_m: Positive = key(3.0, "a follower this near its slot counts as assembled, m", 5)
+    boot_timeout_s: Seconds = key(
+        600.0,
+        "longest wait for a vehicle that gets ready (position fix, estimator, heat), s; for one that makes no progress "
+        "meanwhile it is 90 s",
+        1200,
+    )
     timeout_s: Seconds = key(
         300.0,
         "longest wait for take-off and assembly, s; after it the path begins when the leader next passes its start",

@@ -16,6 +16,7 @@ from formation_scenario.fields import (
     OF_AN_EXTENSION,
     WHOLE,
     Allowed,
+    AutopilotParameters,
     Flag,
     Fraction,
     Keys,
@@ -258,6 +259,13 @@ class VehicleCommon(Keys):
     )
     clock: VehicleClock = VehicleClock()
     emulator: OwnEmulator | None = key(None, "emulators only: the autopilot to emulate, of an extension")
+    autopilot_parameters: AutopilotParameters = key(
+        None,
+        "emulators only: parameters with which its autopilot is switched on, such as its failsafes', by their names; "
+        "they go before those of its model's file",
+        {"FS_GCS_ENABL": 1, "FS_LONG_ACTN": 1},
+        derived="the firmware's own, and those of `model.parameters`",
+    )
 
     @property
     def endpoints(self) -> tuple[str, ...]:

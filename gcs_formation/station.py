@@ -61,6 +61,7 @@ class Station(Engine):
         self.flight, self.vehicles, self.networks = self.course.flight, parts.vehicles, parts.networks
         self.preflight, self.orders, self.budget = parts.preflight, parts.orders, parts.budget
         self.signatures, self.radio_reports = parts.signatures, parts.radio_reports
+        self._failsafes = parts.takeover.failsafes
         self._endpoints, self._receiver, self._senders = parts.endpoints, parts.receiver, parts.senders
         self._membership, self._flood = parts.membership, parts.flood
         self._dispatch, self._heartbeats = parts.dispatch, parts.heartbeats
@@ -240,6 +241,7 @@ class Station(Engine):
             self._note_link(vehicle, now)
         if isinstance(message, ParamValue):
             self.preflight.take(vehicle, message, now)
+            self._failsafes.take(vehicle, message, now)
 
     def _take_other(self, frame: Frame, datagram: Datagram, now: Instant) -> None:
         """Take a frame that is no vehicle's."""

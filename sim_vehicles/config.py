@@ -68,6 +68,8 @@ class VehicleConfig:
     """Its keys, typed by its own model."""
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     """Its own parameters, by name, where they differ from its firmware's defaults."""
+    set_up: bool = False
+    """Whether the scenario gives some of them itself."""
     signing_key: SigningKey | None = None
     """The key that it has been set up with; None: it signs nothing, and refuses nothing."""
     further_endpoints: tuple[Endpoint, ...] = ()
@@ -135,7 +137,8 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             clock=vehicle.clock,
             navigation=vehicle.true_navigation or vehicle.navigation,
             **_own_family(vehicle, scenario),
-            parameters=_parameters(vehicle.true_model or vehicle.model),
+            parameters=_parameters(vehicle),
+            set_up=vehicle.autopilot_parameters is not None,
             further_endpoints=tuple(parse_endpoint(text).opposite() for text in vehicle.endpoints[1:]),
             signing_key=_signing_key(vehicle, scenario),
         )
@@ -162,12 +165,14 @@ def _own_family(vehicle: Vehicle, scenario: Scenario) -> dict[str, Any]:
     return {"own_family": entry, "own_keys": entry.keys_model.model_validate_json(json.dumps(keys))}
 
 
-def _parameters(model: VehicleModel) -> Mapping[str, Parameter]:
-    if not isinstance(model.parameters, str):
+def _parameters(vehicle: Vehicle) -> Mapping[str, Parameter]:
+    model, given = vehicle.true_model or vehicle.model, vehicle.autopilot_parameters
+    if given is None and not isinstance(model.parameters, str):
         return {}
-    from formation_scenario.parameter_files import read_parameters  # noqa: PLC0415 - few models name one
+    from formation_scenario.parameter_files import Parameter, read_parameters  # noqa: PLC0415 - few name one
 
-    return read_parameters(Path(model.parameters)).parameters
+    of_file = read_parameters(Path(model.parameters)).parameters if isinstance(model.parameters, str) else {}
+    return {**of_file, **{name: Parameter(value, 0) for name, value in (given or {}).items()}}
 
 
 def _signing_key(vehicle: Vehicle, scenario: Scenario) -> SigningKey | None:

@@ -42,7 +42,7 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
     GroundStationFailsafe,
     select,
 )
-from sim_vehicles.autopilot.parameters import ParameterKind, ParameterServer, floating
+from sim_vehicles.autopilot.parameters import SYSTEM_NAMES, ParameterKind, ParameterServer, as_in_file, floating
 from sim_vehicles.autopilot.streams import UNASKED_NS
 from sim_vehicles.board_clock import delayed
 from sim_vehicles.config import FleetConfig, VehicleConfig
@@ -183,12 +183,15 @@ class Copter(Vehicle):
     handlers = HANDLERS
     armed_text = "Arming motors"
     disarmed_text = "Disarming motors"
+    failsafe_off_text = "GCS Failsafe Cleared"
+    reports_unarmable = True
     flier: CopterPilot
     """Its pilot, typed as a CopterPilot."""
 
     def make_parameters(self) -> ParameterServer:
         """Return ArduCopter's parameters."""
-        return ParameterServer(copter_parameters(self.config, self.fleet))
+        kinds = copter_parameters(self.config, self.fleet)
+        return ParameterServer(as_in_file(kinds, self.config.parameters, SYSTEM_NAMES))
 
     def make_pilot(self) -> CopterPilot:
         """Return who flies a multirotor."""
@@ -198,6 +201,29 @@ class Copter(Vehicle):
     def make_failsafe(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""
         return GroundStationFailsafe(self.parameters, COPTER_FAILSAFE)
+
+    @property
+    def armable(self) -> bool:
+        """Whether it is ready, and the ground station is heard."""
+        return self.ready and not (self.failsafe.active and not self.pilot.condition.armed)
+
+    @property
+    def unarmable(self) -> str:
+        """Why it can't be armed: its failsafe, or its estimator."""
+        return "GCS failsafe on" if self.ready else super().unarmable
+
+    def lose_station(self) -> None:
+        """Begin the failsafe: in the air change the mode, armed on the ground disarm, disarmed only say so.
+
+        Source: ArduCopter, `failsafe_gcs_on_event`.
+        """
+        mode, armed = self.failsafe.trigger(), self.pilot.condition.armed
+        grounded = armed and not self.pilot.airborne
+        self.say(WARNING, "GCS Failsafe - Disarming" if grounded else "GCS Failsafe")
+        if grounded:
+            self.disarm(force=False)
+        elif armed and mode is not None:
+            self.enter(mode)
 
     def enter(self, mode: FlightMode) -> None:
         """Change to a mode, unless it is in it already, and report it at once; CIRCLE's centre is ahead of the nose."""
@@ -226,7 +252,7 @@ class Copter(Vehicle):
     def arm(self, *, force: bool) -> bool:
         """Arm, if the mode allows it; without a take-off it disarms by itself after DISARM_DELAY."""
         armed = super().arm(force=force)
-        if not armed and self.ready:
+        if not armed and self.armable:
             self.say(CRITICAL, f"Arm: {self.pilot.mode.name} mode not armable")
         if armed and not self.pilot.airborne:
             self.disarm_at = delayed(self.now, self.parameters["DISARM_DELAY"])

@@ -34,13 +34,22 @@ from sim_vehicles.autopilot.commands import (
 from sim_vehicles.autopilot.mission_flight import ON_CIRCLE, MissionFlight
 from sim_vehicles.autopilot.modes_and_failsafe import (
     LONG_FAILSAFE,
+    PLANE_NOT_ARMABLE,
     STRAIGHT_ON,
     FlightMode,
     GroundStationFailsafe,
     Mode,
+    long_action,
     select,
 )
-from sim_vehicles.autopilot.parameters import LOITER_RADIUS_M, ParameterKind, ParameterServer, as_in_file, floating
+from sim_vehicles.autopilot.parameters import (
+    LOITER_RADIUS_M,
+    SYSTEM_NAMES,
+    ParameterKind,
+    ParameterServer,
+    as_in_file,
+    floating,
+)
 from sim_vehicles.autopilot.pilot import PlanePilot
 from sim_vehicles.autopilot.streams import UNASKED
 from sim_vehicles.board_clock import delayed
@@ -60,7 +69,6 @@ OLDER_NAMES: Final = {
     "RTL_ALTITUDE": ("ALT_HOLD_RTL", 0.01),
 }
 """Names that parameters had before 4.5 to 4.7, and their units then, by the present names."""
-SYSTEM_NAMES: Final = ("MAV_SYSID", "SYSID_THISMAV")
 LEAST_LATERAL_MPS2: Final = 0.05
 """Replacement of a lateral acceleration of 0, with which ArduPlane hardly turns."""
 AIRSPEED: Final = m.SPEED_TYPE_AIRSPEED
@@ -185,6 +193,7 @@ class Plane(Vehicle):
     air_mode = Mode.GUIDED
     guided_mode = Mode.GUIDED
     by_hand = STRAIGHT_ON | {Mode.INITIALISING}
+    reports_unarmable = True
     handlers = HANDLERS
     flier: PlanePilot
     """Its pilot, typed as such."""
@@ -193,6 +202,8 @@ class Plane(Vehicle):
         """Boot at `now`."""
         self._arrives = False
         """Whether it is on its way to a place that it was told in GUIDED."""
+        self._pending: FlightMode | None = None
+        """The failsafe's mode, while a take-off's climb goes on."""
         super().__init__(index, fleet, body, environment, now)
         self._mission_flight = MissionFlight(self.missions, self.flier, self.parameters, self.origin)
 
@@ -206,8 +217,30 @@ class Plane(Vehicle):
         return self.flier
 
     def make_failsafe(self) -> GroundStationFailsafe:
-        """Return its long failsafe."""
-        return GroundStationFailsafe(self.parameters, LONG_FAILSAFE)
+        """Return its long failsafe, whose time runs from boot."""
+        return GroundStationFailsafe(self.parameters, LONG_FAILSAFE, self._up)
+
+    @property
+    def armable(self) -> bool:
+        """Whether it is ready, and armed already or in a mode that can be armed in."""
+        return self.ready and (self.pilot.condition.armed or self.pilot.mode not in PLANE_NOT_ARMABLE)
+
+    @property
+    def unarmable(self) -> str:
+        """Why it can't be armed: its mode, or its estimator."""
+        return f"{self.pilot.mode.name} mode not armable" if self.ready else super().unarmable
+
+    def lose_station(self) -> None:
+        """Begin the long failsafe: on the ground too, but in the climb of a take-off only after that, unless it glides.
+
+        Source: ArduPlane, `failsafe_long_on_event`.
+        """
+        self.failsafe.trigger()
+        mode, climbs = long_action(self.pilot.mode, self.failsafe.action), self.flier.climbing_out
+        self._pending = mode if climbs and mode is not Mode.FBWA else None
+        if mode is not None and self._pending is None:
+            self.enter(mode)
+        self.say(WARNING, f"GCS Failsafe On: {self.pilot.mode.name}")
 
     @property
     def flies_mission(self) -> bool:
@@ -219,6 +252,7 @@ class Plane(Vehicle):
         if mode is Mode.AUTO and not self.missions.flyable:
             mode = Mode.RTL
         if mode is not self.pilot.mode:
+            self._pending = None
             if self.pilot.mode is Mode.AUTO:
                 self._mission_flight.pause()
             self.pilot.enter(mode, self.body.motion)
@@ -302,7 +336,11 @@ class Plane(Vehicle):
             self._mission_flight.resume()
 
     def follow_time(self) -> None:
-        """Continue a mission, and report the arrival at a place."""
+        """Continue a mission, report the arrival at a place, and end a take-off during which the failsafe began."""
+        if self._pending is not None and not self.flier.climbing_out:
+            pending, self._pending = self._pending, None
+            if self.failsafe.active:
+                self.enter(pending)
         if self._arrives and self.flier.to_go(self.body.motion)[1] < ON_CIRCLE * self.flier.radius_m:
             self._arrives = False
             self.broadcast(MissionItemReached(0))

@@ -14,7 +14,7 @@ from airlink.clock import NEVER, Instant, after
 from airlink.messages.system import Statustext
 from sim_vehicles.airframe.motion import Vector
 from sim_vehicles.autopilot import commands, px4_services
-from sim_vehicles.autopilot.autopilot import CRITICAL, INFO, GivenCommand, Setpoint
+from sim_vehicles.autopilot.autopilot import CRITICAL, INFO, WARNING, GivenCommand, Setpoint
 from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, UNSUPPORTED, CommandHandlers, to_mode
 from sim_vehicles.autopilot.modes_and_failsafe import (
     PX4_BY_STICKS,
@@ -130,6 +130,7 @@ class Px4(Vehicle):
     by_hand = PX4_BY_STICKS
     armed_text = "Armed by external command"
     disarmed_text = "Disarmed"
+    failsafe_off_text = "GCS connection regained"
     handlers: ClassVar[CommandHandlers[Any]] = HANDLERS
     flown: ClassVar[Mapping[Px4Mode, FlightMode]]
     """Its modes, and for each the mode of ArduPilot that its pilot flies."""
@@ -177,7 +178,23 @@ class Px4(Vehicle):
     def armable(self) -> bool:
         """Whether it is ready, and its mode can be armed in: its inputs are there, and it doesn't end a flight."""
         lacks = not self.fresh if self._mode is Px4Mode.OFFBOARD else self._mode in PX4_BY_STICKS and not self.sticks
-        return self.ready and not lacks and self._mode not in PX4_NOT_ARMABLE
+        return self.ready and not lacks and self._mode not in PX4_NOT_ARMABLE and not self._misses_station
+
+    @property
+    def _misses_station(self) -> bool:
+        """Whether no ground station is heard, though NAV_DLL_ACT is to act on that."""
+        failsafe = self.failsafe
+        return isinstance(failsafe, px4_services.LinkLoss) and failsafe.lost(self.now)
+
+    def lose_station(self) -> None:
+        """Act while it is armed, on the ground too: hold, then NAV_DLL_ACT. Disarmed it only can't be armed.
+
+        Source: PX4, `Failsafe::checkStateAndMode`, `RcAndDataLinkChecks`.
+        """
+        mode = self.failsafe.trigger()
+        if mode is not None and self.pilot.condition.armed:
+            self.say(CRITICAL, "GCS connection lost, failsafe")
+            self.enter(mode)
 
     @property
     def in_failsafe(self) -> bool:
@@ -212,6 +229,8 @@ class Px4(Vehicle):
     def arm(self, *, force: bool) -> bool:
         """Arm, and take off if that is its mode; refused while it isn't armable."""
         if not force and not self.armable:
+            if self._misses_station:
+                self.say(WARNING, "Preflight Fail: No connection to the GCS")
             self.say(CRITICAL, "Arming denied: Resolve system health failures first")
             return False
         if self.pilot.condition.armed:

@@ -23,6 +23,9 @@ from sim_vehicles.config import FleetConfig
 
 INITIALISING_S: Final = 1.0
 TIMESYNC_S: Final = 10.0
+FIRST_REPORT_S: Final = 15.0
+REPORT_S: Final = 30.0
+"""When after boot, and then how often, an ArduPilot says why it can't be armed (`AP_Arming::update`)."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -87,10 +90,10 @@ class Vehicle(Autopilot):
         if now >= self.disarm_at:
             self.disarm_at = NEVER
             self.disarm(force=False)
-        safe_mode = self.failsafe.due_mode(now)
-        if safe_mode is not None and self.pilot.airborne:
-            self.say(CRITICAL, "Failsafe. Long event on: GCS")
-            self.enter(safe_mode)
+        if now >= self.failsafe.deadline():
+            self.lose_station()
+        if now >= self.report_at:
+            self._report()
         self.follow_time()
         return True
 
@@ -125,9 +128,23 @@ class Vehicle(Autopilot):
         wake = min(wake, self.link.next_arrival)
         wake = min(wake, self.link.next_late)
         wake = min(wake, self.failsafe.deadline())
+        wake = min(wake, self.report_at)
         wake = min(wake, self.missions.next_due())
         wake = min(wake, self.disarm_at)
         self.wake = min(wake, self.pilot.silent_at)
+
+    def lose_station(self) -> None:
+        """Do what its failsafe does when the ground station's heartbeats have stopped: in the air, change the mode."""
+        mode = self.failsafe.trigger()
+        if mode is not None and self.pilot.airborne:
+            self.say(CRITICAL, f"GCS Failsafe On: {mode.name}")
+            self.enter(mode)
+
+    def _report(self) -> None:
+        """Say why it can't be armed, if so."""
+        self.report_at = after(self.now, REPORT_S)
+        if not (self.armable or self.pilot.condition.armed):
+            self.say(CRITICAL, f"PreArm: {self.unarmable}")
 
     def _boot(self, now: Instant, clock_offset_s: float) -> None:
         """Power up: only parameters, mission items and the motion are kept."""
@@ -140,6 +157,7 @@ class Vehicle(Autopilot):
         self._up = after(now, INITIALISING_S)
         self._next_timesync = after(now, TIMESYNC_S) if self.asks_time else NEVER
         self.disarm_at = NEVER
+        self.report_at = after(now, FIRST_REPORT_S) if self.reports_unarmable else NEVER
         self.streams = Streams(now, self.unasked, self.builders)
         self.failsafe = self.make_failsafe()
         self.link.restart()

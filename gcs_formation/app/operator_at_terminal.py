@@ -57,8 +57,8 @@ class RunOptions:
     """`fly` only: whether the run ends before the first command."""
     resume: bool = False
     """`fly` only: whether the unfinished run in `out` is continued."""
-    retake: bool = False
-    """With `resume`: whether vehicles that are returning home are taken over too."""
+    take: bool = False
+    """`fly` only: whether vehicles are taken over too that fly under somebody else's command."""
     forward: tuple[Forward, ...] = ()
     """Second ground stations that see the vehicles, and may command them; under the real clock alone."""
     recording: Callable[[], None] | None = None
@@ -166,6 +166,8 @@ def question(gate: PreFlight) -> str:
     are = f"{counted(count, 'vehicle')} {'is' if count == 1 else 'are'}"
     state = f"{are} connected, ready and checked ({sum(map(bool, gate.warnings.values()))} with warnings)"
     what = f"arm {count - flying} and take off" + (f", take over {flying}" if flying else "")
+    others = ", ".join(f"vehicle {vehicle.identity} from {mode}" for vehicle, mode in gate.flown_by_others)
+    what += f" ({others}, under somebody's command)" if others else ""
     return f"{state}. Type yes to {what}; anything else ends the run"
 
 

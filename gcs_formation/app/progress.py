@@ -12,9 +12,10 @@ from typing import TextIO
 import numpy as np
 
 from airlink.cli import counted
-from airlink.clock import NANOSECONDS
+from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from gcs_formation.app import result_text
+from gcs_formation.app.waiting import waits_for
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.starting import IN_ORDER
 from gcs_formation.phases import Phase
@@ -46,6 +47,12 @@ class Progress:
 
     def show(self, station: Station) -> None:
         """Show the station's status, where there is a status line; called a few times a second."""
+
+    def remind(self, station: Station, now: Instant) -> None:
+        """Say what is waited for before the path begins; called where nothing may have been said for long."""
+        words = waits_for(station)
+        if words:
+            self.say(f"start + {now / NANOSECONDS:6.1f} s  {station.flight.phase.value}: {words}")
 
     def note(self, event: Event, mission_s: float) -> None:
         """Print an event if it is important; `mission_s` is NaN before the path has begun."""
@@ -97,6 +104,9 @@ class StatusLine(Progress):
             text = result_text.line(progress_parts(station), self._console.width - 1)
             self._live.update(self._text(text), refresh=True)
 
+    def remind(self, station: Station, now: Instant) -> None:
+        """Say nothing: the status line does."""
+
     def say(self, line: str) -> None:
         """Write a line above the status line."""
         with suppress(OSError):
@@ -128,7 +138,8 @@ def _where(station: Station) -> tuple[str, ...]:
         return (f"{phase.value}: {', '.join(doing)}", phase.value) if doing else (phase.value,)
     if phase is Phase.FLYING:
         return (f"t {tick.mission_time_s:.0f} of {station.scenario.duration_s:.0f} s", f"t {tick.mission_time_s:.0f} s")
-    return (f"{phase.value}, {tick.now / NANOSECONDS:.0f} s after the start", phase.value)
+    since, waits = f"{phase.value}, {tick.now / NANOSECONDS:.0f} s after the start", waits_for(station)
+    return (f"{since}: {waits}", since, phase.value) if waits else (since, phase.value)
 
 
 def _worst_error(station: Station) -> tuple[str, ...]:

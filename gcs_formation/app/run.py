@@ -390,6 +390,6 @@ def taken_up(scenario: Scenario, options: RunOptions) -> tuple[RealClock, Resump
     """
     clock = RealClock.from_utc(epoch_us(options.out), options.speedup)
     now = clock.now()
-    resumed = read_past(options.out, scenario, now, retake=options.retake)
+    resumed = read_past(options.out, scenario, now, take=options.take)
     behind_s = seconds_between(now, resumed.at)
     return (RealClock.at(resumed.at, options.speedup) if behind_s > 0.0 else clock), resumed, behind_s

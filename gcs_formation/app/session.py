@@ -55,7 +55,7 @@ from gcs_formation.record.limits_by_truth import Truth
 from gcs_formation.record.link_verdicts import LinkFigures
 from gcs_formation.record.radio import figures as radio_figures
 from gcs_formation.record.radio import with_radio
-from gcs_formation.record.run_directory import FLUSH_S, RECORDING, SPOOL, TIMESERIES, RunDirectory
+from gcs_formation.record.run_directory import FLUSH_S, GOES_ON, RECORDING, SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.several_links import with_several_links
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import Spool, spools, write_parquet
@@ -70,6 +70,8 @@ LOOK_S = 1.0
 """Time between looks at the ground truth of silent vehicles, s."""
 PROGRESS_S = 0.25
 """Wall time between updates of the progress, s."""
+REMINDER_S = 20.0
+"""Wall time between lines that say what is waited for, in a log."""
 WATCHED_FLUSH_S = 0.09
 """Wall time between writes of the record while somebody may look on: at 10 Hz each tick is written at once."""
 HURRY = 10.0
@@ -177,7 +179,7 @@ class Session:
         began_us, resumed = begun or (clock.utc_at_0_us, None)
         self.recorder = _opened(scenario, options, began_us, resume=resumed is not None)
         read = not emulated and resumed is None
-        caution = PreFlightOptions(parameters=read, confirm=options.confirm, rehearse=options.dry_run)
+        caution = PreFlightOptions(read, options.confirm, options.dry_run, options.take)
         self._keeps_utc = emulated if (given := scenario.telemetry.station_utc) is None else given
         utc_s = began_us / MICROSECONDS if self._keeps_utc else None
         self.station = TimedStation(
@@ -187,7 +189,7 @@ class Session:
             details = {"speedup": options.speedup}
             self.recorder.event(Event(Instant(0), RECORDING, f"with --speedup {options.speedup:g}", None, details))
         if resumed is not None:
-            self.recorder.event(Event(resumed.at, RECORDING, "goes on", None, {"epoch_us": began_us}))
+            self.recorder.event(Event(resumed.at, RECORDING, GOES_ON, None, {"epoch_us": began_us}))
         schedule = LinkSchedule(scenario, self.station.flight)
         self.link_processes, schedule.processes.places = schedule.processes, self._reported
         self.script = Script(scenario, self.station, self.recorder, (schedule, self._impair), repeats=resumed is None)
@@ -196,7 +198,7 @@ class Session:
         self._injected = InjectedDelays(self.station.vehicles, self._links, 0.0 if emulated else math.nan, self._number)
         self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
         self._spent, self._began_at, self._resumed = Stopwatch(), self.station.flight.since, resumed
-        self._shown_s, self._next_look = 0.0, Instant(0)
+        self._shown_s, self._reminded_s, self._next_look = 0.0, 0.0, Instant(0)
         self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if options.confirm else None
         self.recorder.tell_events_to(self._heard)
@@ -250,14 +252,19 @@ class Session:
             self._orders.poll()
         if self._confirmation is not None:
             self._confirmation.poll(self.clock.now())
-        wall_s = self._spent.wall_s
-        if wall_s - self._shown_s > PROGRESS_S:
-            self._shown_s = wall_s
-            self.progress.show(self.station)
+        self._show_progress(self._spent.wall_s)
         if not (self.station.flight.ended or left):
             return False
         self._left_at = self._left_at or self.clock.now()
         return True
+
+    def _show_progress(self, wall_s: float) -> None:
+        if wall_s - self._shown_s > PROGRESS_S:
+            self._shown_s = wall_s
+            self.progress.show(self.station)
+        if wall_s - self._reminded_s > REMINDER_S:
+            self._reminded_s = wall_s
+            self.progress.remind(self.station, self.clock.now())
 
     def _heed_extensions(self) -> None:
         """Fail if an extension of the emulated vehicles or of the links has failed."""
@@ -311,7 +318,8 @@ class Session:
         if self.recorder.failure is not None:
             raise RecordingError(self.recorder.failure)
         failure = None if course.failure is None else course.failure + self._hurry()
-        resumable = not (self.emulated or course.flown) and bool(Spool(self.recorder.path / SPOOL).ticks)
+        begun = self._resumed is not None or bool(Spool(self.recorder.path / SPOOL).ticks)
+        resumable = begun and not (self.emulated or course.flown)
         if failure is not None and resumable:  # by `fly --resume`, from what is recorded
             raise RunAbortedError(failure)
         try:

@@ -46,6 +46,7 @@ FLY_EXAMPLES = examples(
     "gcs-formation fly arduplane.yaml --dry-run                says what it would send, and arms nobody",
     "gcs-formation fly --resume runs/flown                     takes over what flies of a run that was killed",
     "gcs-formation fly arduplane.yaml --confirm                asks before anybody is armed",
+    "gcs-formation fly arduplane.yaml --take                   also those that somebody else flies",
 )
 IDENTIFY_EXAMPLES = examples(
     "gcs-formation identify arduplane.yaml --out skywalker.yaml   flies steps, then fits",
@@ -129,7 +130,9 @@ def run(**given: Any) -> None:
 @click.option("--dry-run", is_flag=True, help="Everything but commands: say what vehicles would be sent.")
 @click.option("--confirm", is_flag=True, help="Ask here before anybody is armed.")
 @click.option("--resume", type=OUT, metavar="RUN_DIR", help="Take over what flies of a run that was killed.")
-@click.option("--retake", is_flag=True, help="With --resume: also those that their failsafe sent home.")
+@click.option(
+    "--take", "--retake", "take", is_flag=True, help="Take over also those that fly under somebody's command."
+)
 def fly(**given: Any) -> None:
     """Fly SCENARIO with vehicles that are up already, at the scenario's endpoints."""
     _resume(given)
@@ -156,8 +159,6 @@ def _resume(given: dict[str, Any]) -> None:
     resumed: Path | None = given["resume"]
     given["resume"] = resumed is not None
     if resumed is None:
-        if given["retake"]:
-            fail("--retake: found without --resume; allowed: beside --resume RUN_DIR")
         if given["scenario"] is None:
             fail("found no SCENARIO; allowed: a scenario's file, or --resume RUN_DIR")
         return

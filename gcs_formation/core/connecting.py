@@ -60,15 +60,18 @@ class Start(Stage):
 
     name = "start"
 
-    def __init__(self, preflight: PreFlight, starting: Starting) -> None:
-        """Take both."""
-        self._preflight, self._starting = preflight, starting
+    def __init__(self, preflight: PreFlight, starting: Starting, takeover: Takeover) -> None:
+        """Take both, and what decides on vehicles of a flight that is resumed."""
+        self._preflight, self._starting, self._takeover = preflight, starting, takeover
 
     def run(self, cycle: Cycle) -> None:
         """Do what is due of both."""
         now = cycle.now
-        cycle.send(self._preflight.requests(now), now)
+        cycle.send(self._preflight.requests(now) + self._takeover.failsafes.requests(now), now)
         self._preflight.watch()
+        vehicles = self._preflight.limits.take_news()
+        if vehicles is not None:
+            cycle.reconfiguration.plan_with(vehicles)
         self._starting.advance(now)
         if self._preflight.rehearsed:
             cycle.course.end_rehearsal(now)
@@ -94,6 +97,8 @@ class Begin(Stage):
         leads, reason = self._has_leader(cycle, now) and self._preflight.passed, takeover.failure(now)
         if reason is not None:
             course.fail(reason, now, begun=takeover.took_any)
+        elif takeover.is_over(now):
+            course.move(Cause.CALLED_OFF, now)
         elif resumed is not None and resumed.ending:
             if takeover.settled(now) and (leads or takeover.waited(now, 2.0 * WAIT_S)):
                 if leads:

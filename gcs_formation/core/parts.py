@@ -50,7 +50,7 @@ class Parts:
         self.endpoints, self.networks, self.vehicles = planned(scenario)
         fleet: tuple[dict[VehicleId, Vehicle], Note] = (self.vehicles, note)
         self.membership, self.dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles)
-        self.preflight = PreFlight(scenario, self.vehicles, caution, note, self._fail)
+        self.preflight = PreFlight(scenario, self.vehicles, caution, note, self._fail, self.controller.bound)
         self.course = Course(scenario, self.controller, self.membership, self.dispatch, *fleet, self.preflight)
         self.reconfiguration = Reconfiguration(scenario, self.controller, *fleet)
         self.cycle = Cycle(

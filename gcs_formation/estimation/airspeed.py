@@ -155,6 +155,11 @@ class AirspeedScale:
         ratio = self._limits_ratio
         return self._slowest_mps * max(1.0, ratio), self._fastest_mps * min(1.0, ratio)
 
+    def bound(self, slowest_mps: float, fastest_mps: float) -> None:
+        """Narrow the limits of commanded readings: the vehicle has told its own."""
+        self._slowest_mps = max(self._slowest_mps, slowest_mps)
+        self._fastest_mps = min(self._fastest_mps, fastest_mps)
+
     def true(self, reading_mps: float) -> float:
         """Return the true airspeed of a reading."""
         return self.ratio * reading_mps

@@ -89,10 +89,11 @@ class ClockSync:
         """Innovations of the samples of these round trips: sample minus prediction."""
         self.split_s: float = 0.0
         """Excess of the uplink delay over half the round trip, as estimated from steps."""
-        self._sorted = vec[float]([0.0] * WINDOW)
-        self._edges = DelayEdges(loop_s)
+        self._sorted, self._edges = vec[float]([0.0] * WINDOW), DelayEdges(loop_s)
         self._base_s: float = 0.0
         """The first sample, which is subtracted from the delays whose edges are found."""
+        # _farthest_s, _farthest_at: the largest sample since the clock began, and when it was taken
+        self._farthest_s, self._farthest_at = 0.0, Instant(0)
         self._by_edges = False
         """Whether the crystal's line is that of the delays' edges."""
 
@@ -228,9 +229,10 @@ class ClockSync:
         self.one_way_s = max(0.0, (self._mean_s() - self.loop_s / 2) / 2)
         stepped = abs(off_s) > STEP_S + self.round_trip_s / 2
         # A clock that was paused (a suspended machine or simulator) is behind, hasn't gone back, and has run for longer
-        # than since the last answer. Any other clock that steps has restarted, or belongs to another vehicle.
+        # than since the last answer; one that then catches up isn't ahead of where it has been. Any other clock that
+        # steps has restarted, or belongs to another vehicle.
         restarted = stepped and (
-            off_s > 0.0
+            (off_s > 0.0 and sample_s > self._latest_s(middle))
             or vehicle_time_ns < self._shown_ns
             or vehicle_time_ns <= (received - self._asked) * (1.0 + INITIAL_DRIFT)
         )
@@ -251,6 +253,8 @@ class ClockSync:
             )
             self._judge(unknown - crystal)
             self._see_edges(sent, vehicle_time_ns, received)
+        if sample_s > self._farthest_s:
+            self._farthest_s, self._farthest_at = sample_s, middle
         # delays can't be negative: the split is at most half the round trip
         left_s = self.split_s * math.exp(-max(0.0, (sent - self._asked) / NANOSECONDS) / SPLIT_S)
         self.split_s = max(-self.one_way_s, min(self.one_way_s, left_s))
@@ -258,12 +262,18 @@ class ClockSync:
         self.samples += 1
         return restarted
 
+    def _latest_s(self, at: Instant) -> float:
+        """Return by how much the vehicle's clock may be ahead of ours if it has gained no more than it had lost."""
+        elapsed_s = max(0.0, (at - self._farthest_at) / NANOSECONDS)
+        return self._farthest_s + self.round_trip_s / 2 + INITIAL_DRIFT * elapsed_s
+
     def _begin(self, at: Instant, sample_s: float, variance: float) -> None:
         """Begin with the first sample of a clock."""
         self._crystal.begin(at, sample_s, variance)
         self._any_drift.begin(at, sample_s, variance)
         self._log_ratio, self._used, self.split_s = 0.0, self._crystal, 0.0
-        self._base_s = sample_s
+        self._base_s = self._farthest_s = sample_s
+        self._farthest_at = at
         self._forget_edges()
 
     def continue_from(self, other: ClockSync, now: Instant) -> None:

@@ -14,6 +14,7 @@ from flight_model.arrays import Mask
 from flight_model.autopilot_model import FlightState
 from flight_model.path import Route
 from formation_scenario import Scenario
+from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.expectation import GAP_S, LATE_PERIODS
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
@@ -110,6 +111,10 @@ class Reconfiguration:
         """Take the time by which what was planned begins late; up to a period it's on time, beyond `GAP_S` it isn't."""
         missed = late_s >= LATE_PERIODS / self._scenario.law.rate_hz
         self._late_s = late_s if missed and late_s <= GAP_S else 0.0
+
+    def plan_with(self, vehicles: tuple[PlannedVehicle, ...]) -> None:
+        """Judge changes and orders from now on by the scenario's vehicles with the limits that they have told."""
+        self._scenario = self._scenario.model_copy(update={"vehicles": vehicles})
 
     def resume(self, resumed: Resumption) -> None:
         """Resume an interrupted flight; on the path, each vehicle moves to its slot from where it is found."""

@@ -1,24 +1,36 @@
 """Resumes a flight after the ground station was killed: which vehicles are taken over, which leads, and where it is.
 
-No vehicle is armed or takes off. A vehicle that isn't as the flight had left it is under other control, and left alone.
+No vehicle is armed or takes off. A vehicle that isn't as the flight had left it is under other control, and left alone,
+unless its own failsafe explains its mode: its parameters say so, and it was without a station for long enough. Attempts
+may follow one another: one in which nobody was taken over leaves no trace in the flight's state.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
+from airlink.messages import Message
+from airlink.messages.command import ParamValue
 from flight_model.arrays import Array
 from formation_scenario.slot_assignment import Arrangement
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note
+from gcs_formation.vehicle.checks import ParameterReader, only_read
+from gcs_formation.vehicle.own_failsafe import OwnFailsafe
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 WAIT_S = 5.0
 """Longest wait for a vehicle that was flying when the record ended; then the others begin without it."""
-RETAKE = "; --retake takes it, if its failsafe sent it"
+TAKEN, LEFT, TO_PILOT = "taken over", "left as it is", "left to its pilot"
+"""How events say what became of a vehicle."""
+TAKE = "; --take takes it"
+TAKES = "; --take takes those in the air"
+ON_THE_GROUND = "on the ground"
+START_ANEW = "; fly it from its start, by its scenario"
 BEHIND_M = 100.0
 BEYOND = 1.5
 """Largest ground speed that the leader may have had with the wind, as a multiple of the path's speed."""
@@ -58,8 +70,10 @@ class Resumption:
     """Vehicles that could lead: the leader, then others by their distance from it; empty with a virtual leader."""
     ending: bool = False
     """Whether the flight was ending; vehicles that still follow setpoints are then led to their circles."""
-    retake: bool = False
-    """Whether vehicles flying home are taken over too, as their failsafe may have sent them."""
+    take: bool = False
+    """Whether vehicles are taken over too that fly under somebody else's command."""
+    silent_s: float = 0.0
+    """How long vehicles may have been without a ground station since the flight was last commanded, s."""
 
     @property
     def reach_m(self) -> tuple[float, float]:
@@ -68,24 +82,64 @@ class Resumption:
         return self.distance_m - BEHIND_M, self.distance_m + BEYOND * self.speed_mps * gone_s + BEHIND_M
 
 
-def why_left(
-    known: RecordedVehicle, resumed: Resumption, mode: str, *, airborne: bool, guided: bool, homeward: bool
-) -> str | None:
-    """Return in words why a vehicle found in a mode is left alone, None if it is taken over.
+class Found(NamedTuple):
+    """How a vehicle is found."""
 
-    `guided`: it follows setpoints; `homeward`: it is in its failsafe's mode.
-    """
-    if not airborne:
-        return "on the ground"
-    as_left = mode == known.mode and not known.parted
-    if guided or (not resumed.ending and (as_left or (homeward and resumed.retake and not known.parted))):
+    mode: str
+    airborne: bool
+    guided: bool
+    """Whether it follows setpoints."""
+    ended: bool = False
+    """Whether it is in a mode in which a flight ends."""
+    by_failsafe: bool = False
+    """Whether its own failsafe may have chosen its mode in the time without a ground station."""
+
+
+def why_left(known: RecordedVehicle, resumed: Resumption, found: Found) -> str | None:
+    """Return in words why a vehicle is left alone, None if it is taken over."""
+    if not found.airborne:
+        return ON_THE_GROUND
+    as_left = found.mode == known.mode and not known.parted
+    sent = found.by_failsafe and not known.parted
+    if found.guided or (sent and not as_left):
         return None
-    if resumed.ending:
-        return f"in {mode} at the flight's end"
+    if resumed.ending and (as_left or (found.ended and not resumed.take)):
+        return f"in {found.mode} at the flight's end"
+    if as_left or resumed.take:
+        return None
     if known.parted:
-        return f"in {mode}, its pilot's or its failsafe's already before"
-    home = RETAKE if homeward else ""
-    return f"in {mode}, and the flight had left it in {known.mode or 'an unknown mode'}{home}"
+        return f"in {found.mode}, its pilot's or its failsafe's already before{TAKE}"
+    return f"in {found.mode}, and the flight had left it in {known.mode or 'an unknown mode'}{TAKE}"
+
+
+class FailsafeReaders:
+    """Reads the failsafes' parameters of vehicles that are found in another mode than the flight had left them in."""
+
+    def __init__(self) -> None:
+        """Start with none to read."""
+        self._readers: dict[VehicleId, tuple[Vehicle, ParameterReader]] = {}
+
+    def failsafe(self, vehicle: Vehicle) -> tuple[bool, OwnFailsafe | None]:
+        """Return whether its parameters have been read, and its failsafe by them; begin to read them if need be."""
+        autopilot = vehicle.autopilot
+        if vehicle.identity not in self._readers:
+            checks = [only_read(name) for name in autopilot.failsafe_parameters]
+            reader = ParameterReader(vehicle.identity.system, checks, autopilot.parameter)
+            self._readers[vehicle.identity] = vehicle, reader
+        reader = self._readers[vehicle.identity][1]
+        return reader.complete, autopilot.own_failsafe(reader.values) if reader.complete else None
+
+    def requests(self, now: Instant) -> list[tuple[Vehicle, Message]]:
+        """Return the parameter requests to send now."""
+        found = list[tuple[Vehicle, Message]]()
+        for vehicle, reader in self._readers.values():
+            found += [(vehicle, request) for request in reader.requests(now)]
+        return found
+
+    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+        """Take a parameter reported by a vehicle."""
+        if vehicle.identity in self._readers:
+            self._readers[vehicle.identity][1].take(message, now)
 
 
 class Takeover:
@@ -96,6 +150,7 @@ class Takeover:
         self.resumed, self._vehicles, self._note = resumed, vehicles, note
         self._decided, self._left = set[VehicleId](), dict[VehicleId, str]()
         """Vehicles decided on; those left alone, with the reason."""
+        self.failsafes = FailsafeReaders()
 
     def waits_for(self, now: Instant) -> list[Vehicle] | None:
         """Return the silent vehicles that are waited for; None if this is a start, which waits for all vehicles."""
@@ -112,21 +167,31 @@ class Takeover:
             return True
         if not (vehicle.start_up.asked_for_telemetry and seen.complete and seen.heartbeat):
             return False
+        found = self._found(vehicle, resumed)
+        if found is None:
+            return False
         self._decided.add(vehicle.identity)
-        autopilot, mode = vehicle.autopilot, vehicle.autopilot.mode_name(seen)
-        reason = why_left(
-            resumed.vehicles[vehicle.identity],
-            resumed,
-            mode,
-            airborne=autopilot.is_airborne(seen),
-            guided=autopilot.takes_setpoints(seen),
-            homeward=seen.custom_mode == autopilot.home_mode,
-        )
+        reason = why_left(resumed.vehicles[vehicle.identity], resumed, found)
         if reason is not None:
             self._left[vehicle.identity] = reason
             vehicle.leave_to_pilot(now)
-        self._note(now, "takeover", f"left as it is: {reason}" if reason else f"taken over in {mode}", vehicle)
+        taken = f"{TAKEN} in {found.mode}{', sent there by its failsafe' if found.by_failsafe else ''}"
+        self._note(now, "takeover", f"{LEFT}: {reason}" if reason else taken, vehicle)
         return True
+
+    def _found(self, vehicle: Vehicle, resumed: Resumption) -> Found | None:
+        """Return how a vehicle is found; None while its failsafe's parameters aren't read that may explain its mode."""
+        autopilot, seen, known = vehicle.autopilot, vehicle.telemetry, resumed.vehicles[vehicle.identity]
+        ends = (autopilot.loiter_mode, autopilot.home_mode)
+        mode, airborne = autopilot.mode_name(seen), autopilot.is_airborne(seen)
+        found = Found(mode, airborne, autopilot.takes_setpoints(seen), seen.custom_mode in ends)
+        if not airborne or found.guided or known.parted or mode == known.mode:
+            return found
+        read, failsafe = self.failsafes.failsafe(vehicle)
+        if not read:
+            return None
+        sent = failsafe is not None and failsafe.led_to(seen.custom_mode, resumed.silent_s)
+        return found._replace(by_failsafe=sent)
 
     def leader(self, now: Instant) -> VehicleId | None:
         """Return the vehicle to lead: the former leader or, after a wait, the nearest to it that follows setpoints."""
@@ -153,7 +218,7 @@ class Takeover:
 
     def failure(self, now: Instant) -> str | None:
         """Return why there is nothing to take over, None while there is or may be."""
-        if self.resumed is None or not self.settled(now):
+        if self.resumed is None or not self.settled(now) or self.is_over(now):
             return None
         taken = [vehicle for i, vehicle in self._vehicles.items() if i in self._decided and not vehicle.is_left]
         if not taken:
@@ -162,16 +227,23 @@ class Takeover:
             return "a virtual leader flies amid all vehicles, and not all can be taken over"
         return None
 
+    def is_over(self, now: Instant) -> bool:
+        """Return whether nothing is left to do: the flight was at its end, and nobody follows setpoints any more."""
+        if self.resumed is None or not self.resumed.ending or not self._decided:
+            return False
+        return not self.took_any and self.settled(now)
+
     def _why_nobody(self) -> str:
-        """Return why vehicles were left alone, and how to take over those that may have been sent home."""
+        """Return why vehicles were left alone, and how to take over those in the air."""
         found = dict[str, list[str]]()
         for identity in self._vehicles:
             if identity in self._decided:
-                reason = self._left.get(identity, "taken by its pilot since").removesuffix(RETAKE)
+                reason = self._left.get(identity, "taken by its pilot since").removesuffix(TAKE)
                 found.setdefault(reason, []).append(str(identity))
-        home = any(reason.endswith(RETAKE) for reason in self._left.values())
+        others = any(reason.endswith(TAKE) for reason in self._left.values())
         each = "; ".join(f"vehicle {', '.join(who)}: {reason}" for reason, who in found.items())
-        return (each or "none got ready") + ("; --retake takes those that their failsafe sent home" if home else "")
+        grounded = list(found) == [ON_THE_GROUND]
+        return (each or "none got ready") + (TAKES if others else START_ANEW if grounded else "")
 
     def _silent(self) -> list[tuple[VehicleId, Vehicle]]:
         searching = LinkState.SEARCHING

@@ -13,6 +13,7 @@ from airlink.messages.system import Heartbeat
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from gcs_formation.link.link_health import LinkState
+from gcs_formation.mission.read_limits import Bound, ReadLimits
 from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
@@ -25,8 +26,11 @@ from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 IN_ORDER = "in order"
+TAKE = "; --take takes it over, --confirm asks"
 TOGETHER_S = 600.0
 """Longest wait for the other vehicles; each one's own steps end or fail sooner."""
+WAITS_S = 10.0
+"""A vehicle that takes longer than this to get ready is reported, with what it lacks."""
 CONNECT_LIMIT_S = 30.0
 """Longest wait for every vehicle's first heartbeat."""
 
@@ -41,6 +45,8 @@ class PreFlightOptions:
     """Whether to wait for the operator's confirmation when all vehicles are ready."""
     rehearse: bool = False
     """Whether the run ends at that point."""
+    take: bool = False
+    """Whether vehicles that fly already under somebody's command are taken over without a question."""
 
 
 UNCHECKED = PreFlightOptions()
@@ -56,8 +62,10 @@ class PreFlight:
         caution: PreFlightOptions,
         note: Note,
         give_up: GiveUp,
+        bound: Bound,
     ) -> None:
-        """Prepare to read the parameters of `vehicles`, if `caution` asks for it."""
+        """Prepare to read the parameters of `vehicles`, if `caution` asks for it; `bound` applies their limits."""
+        self.limits, self.boot_timeout_s = ReadLimits(scenario, bound), scenario.start.boot_timeout_s
         self.vehicles, self._caution = vehicles, caution
         self._note, self._give_up = note, give_up
         self._confirmed = not (caution.confirm or caution.rehearse)
@@ -73,6 +81,9 @@ class PreFlight:
         self._least_mps = {each.vehicle_id: each.model.speed_min_mps for each in scenario.vehicles}
         self._first = dict[VehicleId, ReportedMotion]()
         """Each vehicle's first position."""
+        emulated = (each.vehicle_id for each in scenario.vehicles if each.autopilot == "emulator")
+        self._nobodys = frozenset(emulated if scenario.start.in_air else ())
+        """Vehicles that begin in the air, and so fly under nobody's command."""
         self._judged = set[VehicleId]()
         self._refused, self._gave_up = list[str](), False
         """What prevents the take-off, in words, and whether that has ended the run."""
@@ -81,7 +92,21 @@ class PreFlight:
 
     def watch(self) -> None:
         """Allow commands, for good, once all vehicles are connected, ready and checked, and the operator confirms."""
-        self.passed = self.passed or (self._confirmed and self._checked and self._ready)
+        self.passed = self.passed or (
+            self._confirmed and self._checked and self._ready and (self._may_take or not self.flown_by_others)
+        )
+
+    @property
+    def flown_by_others(self) -> list[tuple[Vehicle, str]]:
+        """Vehicles that fly already, and so under somebody's command, and their modes."""
+        if not self._caution.parameters:
+            return []
+        flying = (each for each in self.vehicles.values() if each.airborne and each.identity not in self._nobodys)
+        return [(each, each.autopilot.mode_name(each.telemetry)) for each in flying if not each.start_up.acted]
+
+    @property
+    def _may_take(self) -> bool:
+        return self._caution.take or self._caution.confirm or self._caution.rehearse
 
     @property
     def awaits_word(self) -> bool:
@@ -118,10 +143,23 @@ class PreFlight:
                 self._judge(vehicle, reader, now)
             else:
                 found += [(vehicle, request) for request in reader.requests(now)]
-        if self._refused and len(self._judged) == len(self._readers) and not self._gave_up:
-            self._gave_up = True  # only now: whoever mends one vehicle's parameters wants to know of all others'
-            self._give_up("; ".join(self._refused), now)
+        if len(self._judged) == len(self._readers) and not (self.passed or self._gave_up):
+            refused = [*self._refused, *self._unasked(), *self._beyond_limits()]
+            self._gave_up = bool(refused)  # only now: whoever mends one vehicle's parameters wants to know of all
+            if refused:
+                self._give_up("; ".join(refused), now)
         return found
+
+    def _beyond_limits(self) -> list[str]:
+        """Return in words what can't be flown within the limits that vehicles tell, unless one flies already."""
+        grounded = not any(each.airborne for each in self.vehicles.values())
+        return self.limits.unflyable() if grounded and not self._refused else []
+
+    def _unasked(self) -> list[str]:
+        """Return in words which vehicles would be taken from whoever flies them, unasked."""
+        if self._may_take:
+            return []
+        return [f"vehicle {each.identity} {_flies(mode)}{TAKE}" for each, mode in self.flown_by_others]
 
     def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
@@ -131,6 +169,7 @@ class PreFlight:
     def _judge(self, vehicle: Vehicle, reader: ParameterReader, now: Instant) -> None:
         """Record the findings. Those that prevent a take-off are warnings for a vehicle already in flight."""
         findings, flies = reader.findings(), vehicle.airborne
+        self.limits.take(vehicle, reader.bounds())
         self._judged.add(vehicle.identity)
         self._record(vehicle, [each._replace(refuses=each.refuses and not flies) for each in findings], now)
 
@@ -150,6 +189,7 @@ class PreFlight:
         findings = place_findings(motion, self._scenario, flies=flies)
         least_mps = self._least_mps[vehicle.identity]
         findings += before_take_off.findings(vehicle.autopilot, seen, least_mps, first, flies=flies)
+        findings += [Finding(_flies(mode)) for each, mode in self.flown_by_others if each is vehicle]
         if findings:
             self._record(vehicle, findings, now)
 
@@ -182,6 +222,8 @@ class Starting:
         With `together`, those that are ready hover until all are, so that none is led past others still climbing.
         """
         self._preflight, self._takeover = preflight, takeover
+        self._lacking = dict[VehicleId, str]()
+        """What each vehicle was last said to lack."""
         self._vehicles, self._each = vehicles, list(vehicles.values())
         self._endpoints = endpoints
         self._flight = flight
@@ -244,12 +286,22 @@ class Starting:
         if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
             vehicle.leave_to_pilot(now)
             self._note(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
-        reason = vehicle.start_up.failure(vehicle.commands, now)
+        vehicle.start_up.watch(vehicle.telemetry, now)
+        reason = vehicle.start_up.failure(vehicle.commands, now, self._preflight.boot_timeout_s)
         if reason:
             answered = f"{_result(vehicle)}{_lacks(vehicle, now)}{vehicle.telemetry.last_words}"
             self._abandon(vehicle, f"vehicle {vehicle.identity}: {reason}{answered}", now)
+        elif vehicle.start_up.waited_s(now) > WAITS_S:
+            self._say_what_it_lacks(vehicle, now)
         elif vehicle.start_up.finished:
             self._note(now, "ready", "in the air and following setpoints", vehicle)
+
+    def _say_what_it_lacks(self, vehicle: Vehicle, now: Instant) -> None:
+        """Record what a vehicle is waited for that takes long to get ready, once for each thing."""
+        lacks = _lacks(vehicle, now)
+        if lacks and lacks != self._lacking.get(vehicle.identity):
+            self._lacking[vehicle.identity] = lacks
+            self._note(now, "waits", f"not ready yet{lacks}{vehicle.telemetry.last_words}", vehicle)
 
     def _abandon(self, vehicle: Vehicle, text: str, now: Instant) -> None:
         """End the run because a vehicle can't be started; on the path, continue without the vehicle instead."""
@@ -258,6 +310,10 @@ class Starting:
         elif not vehicle.start_up.abandoned:
             vehicle.start_up.abandoned = True
             self._note(now, "abandoned", text, vehicle)
+
+
+def _flies(mode: str) -> str:
+    return f"flies already, in {mode}: under somebody's command"
 
 
 def _is_ready(start_up: StartUp) -> bool:
@@ -290,6 +346,8 @@ def _lacks(vehicle: Vehicle, now: Instant) -> str:
     unknown = vehicle.sampler.why_unknown(now) if acknowledged else None
     if unknown:
         return f" ({unknown})"
+    if seen.unfixed:
+        return " (it has no position fix)"
     untold = [name for name, told in (("position", seen.motion), ("attitude", seen.attitude)) if told is None]
     why = [f": {seen.position_refused}"] if seen.motion is None and seen.position_refused else []
     return f" (it has told no {' and no '.join(untold)}{''.join(why)})" if untold else ""

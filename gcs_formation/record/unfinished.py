@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Instant, after, nanoseconds
+from airlink.clock import NANOSECONDS, Instant, after, nanoseconds, seconds_between
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario
@@ -19,13 +20,25 @@ from formation_scenario.slot_assignment import Arrangement, column_ids, first_ar
 from gcs_formation.errors import RecordError
 from gcs_formation.fleet.membership_and_succession import PARTED
 from gcs_formation.guidance.parts import AlongPath
-from gcs_formation.mission.resumption import RecordedVehicle, Resumption
-from gcs_formation.phases import Phase
+from gcs_formation.mission.resumption import LEFT, TAKEN, TO_PILOT, RecordedVehicle, Resumption
+from gcs_formation.phases import Cause, Phase
 from gcs_formation.record.json_shape import misfit
-from gcs_formation.record.run_directory import EVENTS, FLUSH_S, PORT, RECORDING, SCENARIO, SPOOL, SUMMARY, event_shape
+from gcs_formation.record.run_directory import (
+    EVENTS,
+    FLUSH_S,
+    GOES_ON,
+    PORT,
+    RECORDING,
+    SCENARIO,
+    SPOOL,
+    SUMMARY,
+    event_shape,
+)
 from gcs_formation.record.timeseries import PHASES, SLOT, Spool
 
 ACCEPTED = ": accepted"
+GAVE_UP = (Cause.FAILURE, Cause.NOT_BEGUN, Cause.GIVEN_UP)
+"""Causes of an end that isn't the flight's own."""
 EVERY_S = 1.0
 """Interval between positions used to follow the leader's way."""
 GAP_S, REACH = 3.0, 2.0
@@ -64,20 +77,25 @@ def recorded_speedup(directory: Path) -> float:
     return float(next(known, 1.0))
 
 
-def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool) -> Resumption:
+def read_past(directory: Path, scenario: Scenario, now: Instant, *, take: bool) -> Resumption:
     """Return the state of an unfinished record's flight at `now`, or at the record's end if that is later.
 
     Raises:
         RecordError: the record can't be read, or no vehicle had been heard.
     """
-    events, _ = recorded_events(directory)
+    recorded, _ = recorded_events(directory)
     try:
         rows = Spool(directory / SPOOL).read()
     except (OSError, ValueError) as error:
         raise RecordError(f"cannot read {directory / SPOOL}: {error}") from error
-    now = _after_record(now, events, rows["t_s"])
+    now = _after_record(now, recorded, rows["t_s"])
+    events, gaps_s = without_vain_attempts(recorded)
+    for begun_s, ended_s in gaps_s:
+        kept = (rows["t_s"] < begun_s) | (rows["t_s"] >= ended_s)
+        rows = {name: values[kept] for name, values in rows.items()}
+    silent_s = seconds_between(Instant(nanoseconds(_end_s(events, rows["t_s"]))), now) + FLUSH_S
     if not rows["t_s"].size:
-        return _before_take_off(directory, scenario, events, now, retake=retake)
+        return _before_take_off(directory, scenario, events, now, silent_s, take=take)
     last = {name: values[rows["t_s"] == rows["t_s"][-1]] for name, values in rows.items()}
     mission_s, flying = float(last["mission_time_s"][0]), _began(events)
     leading = _identity(last, int(np.argmax(last["leads"] > 0))) if (last["leads"] > 0).any() else None
@@ -94,9 +112,43 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, retake: bool
         arrangement=arrangement._replace(leader=order.index(leading)),
         slots_m=_slots_m(last, order),
         near=() if leading is None else nearest_to(last, leading),
-        ending=Phase(PHASES[int(last["phase"][0])]) in AT_END or _phases(events)[-1:] in ([p.value] for p in AT_END),
-        retake=retake,
+        ending=_was_ending(events, Phase(PHASES[int(last["phase"][0])])),
+        take=take,
+        silent_s=silent_s,
     )
+
+
+def without_vain_attempts(events: Events) -> tuple[Events, list[tuple[float, float]]]:
+    """Return the events without those of attempts to resume in which nobody was taken over, and when these were, s.
+
+    Such an attempt has changed nothing: whatever comes after it goes on from the state before it.
+    """
+    begins = [n for n, event in enumerate(events) if event["kind"] == RECORDING and event["text"] == GOES_ON]
+    kept, gaps_s = list(events[: begins[0] if begins else None]), list[tuple[float, float]]()
+    for begun, ended in pairwise([*begins, len(events)]):
+        attempt = events[begun:ended]
+        if any(event["kind"] == "takeover" and event["text"].startswith(TAKEN) for event in attempt):
+            kept += attempt
+        else:
+            until_s = float(events[ended]["t_s"]) if ended < len(events) else math.inf
+            gaps_s.append((float(attempt[0]["t_s"]), until_s))
+    return tuple(kept), gaps_s
+
+
+def _was_ending(events: Events, recorded: Phase) -> bool:
+    """Return whether a flight was at its end, in which vehicles are to circle; `recorded`: the last tick's phase.
+
+    A flight that couldn't go on isn't: whoever resumes it wants it to.
+    """
+    phases = [event for event in events if event["kind"] == "phase"]
+    ends = list[Mapping[str, Any]]()
+    for event in reversed(phases):
+        if event["text"] not in [phase.value for phase in AT_END]:
+            break
+        ends.append(event)
+    if not ends:
+        return recorded in AT_END
+    return ends[-1].get("cause") not in [cause.value for cause in GAVE_UP]
 
 
 def _after_record(now: Instant, events: Events, ticks_s: Array) -> Instant:
@@ -104,12 +156,18 @@ def _after_record(now: Instant, events: Events, ticks_s: Array) -> Instant:
 
     A machine's clock without a battery falls behind when its power fails.
     """
-    times_s = [*(float(event["t_s"]) for event in events if "t_s" in event), *ticks_s[-1:].tolist()]
-    last = Instant(nanoseconds(max(times_s, default=0.0)))
+    last = Instant(nanoseconds(_end_s(events, ticks_s)))
     return now if now > last else after(last, FLUSH_S)
 
 
-def _before_take_off(directory: Path, scenario: Scenario, events: Events, now: Instant, *, retake: bool) -> Resumption:
+def _end_s(events: Events, ticks_s: Array) -> float:
+    """Return the time of the last event or tick, s."""
+    return max((*(float(event["t_s"]) for event in events if "t_s" in event), *ticks_s[-1:].tolist()), default=0.0)
+
+
+def _before_take_off(
+    directory: Path, scenario: Scenario, events: Events, now: Instant, silent_s: float, *, take: bool
+) -> Resumption:
     """Return the state of a flight without recorded ticks: at most the last second before its end isn't on disk."""
     order = [identity for identity in column_ids(scenario) if identity is not None]
     known = {identity: RecordedVehicle(_last(events, identity, "mode"), parted=False, flew=False) for identity in order}
@@ -127,8 +185,9 @@ def _before_take_off(directory: Path, scenario: Scenario, events: Events, now: I
         arrangement=arrangement,
         slots_m=np.zeros((1 + len(scenario.followers), 3)),
         near=tuple(order) if scenario.leader else (),
-        ending=_phases(events)[-1:] in ([phase.value] for phase in AT_END),
-        retake=retake,
+        ending=_was_ending(events, Phase.CONNECTING),
+        take=take,
+        silent_s=silent_s,
     )
 
 
@@ -153,10 +212,6 @@ def _parsed(line: bytes) -> Mapping[str, Any] | None:
     return None if misfit(event, event_shape(event), EVENTS) is not None else event
 
 
-def _phases(events: Events) -> list[str]:
-    return [str(event["text"]) for event in events if event["kind"] == "phase"]
-
-
 def _began(events: Events) -> Instant | None:
     """Return when the leader passed the start of the path."""
     begun = (event for event in events if event["kind"] == "phase" and event["text"] == Phase.FLYING.value)
@@ -168,9 +223,17 @@ def _known(identity: VehicleId, last: Mapping[str, Any], events: Events) -> Reco
     row = (last["network"] == identity.network) & (last["vehicle"] == identity.system)
     return RecordedVehicle(
         mode=_last(events, identity, "mode"),
-        parted=(_last(events, identity, "member") or "").startswith(PARTED),
+        parted=_is_parted(events, identity),
         flew=bool((last["airborne"][row] > 0).any()),
     )
+
+
+def _is_parted(events: Events, identity: VehicleId) -> bool:
+    """Return whether a vehicle had left the formation, or was left to its pilot, when that was last said."""
+    kinds = ("member", "takeover", "abandoned")
+    own = (event for event in reversed(events) if event["kind"] in kinds and event.get("vehicle") == str(identity))
+    said = next((str(event["text"]) for event in own), "")
+    return said.startswith((PARTED, LEFT)) or said.endswith(TO_PILOT)
 
 
 def formation_of(scenario: Scenario, events: Events, mission_s: float) -> tuple[Arrangement, float, float | None]:

@@ -34,6 +34,8 @@ from gcs_formation.vehicle.autopilot_family import (
     StartUpStep,
 )
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
+from gcs_formation.vehicle.mode_names import COPTER, PLANE
+from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
     MULTIROTOR_TYPES,
@@ -60,6 +62,25 @@ BEFORE_4_5: Final = {
 """The parameters of ArduPlane's envelope, in the order of `envelope_checks`: their names and units before 4.5."""
 PLANE_LEADS_AWAY = (1, 4, 5)
 """FS_LONG_ACTN: RTL, AUTO, AUTOLAND; 0 continues the flight, 2 glides, 3 releases a parachute."""
+PLANE_UNARMABLE: Final = frozenset({m.PLANE_MODE_RTL, m.PLANE_MODE_QLAND, m.PLANE_MODE_QRTL})
+"""Modes in which an ArduPlane can't be armed. Its failsafe leads to them on the ground too: 5 s after its boot, after
+the last heartbeat of another station, or while the radio is off."""
+PLANE_LEADS_TO: Final = {
+    2: frozenset({m.PLANE_MODE_FLY_BY_WIRE_A}),
+    4: frozenset({m.PLANE_MODE_AUTO, m.PLANE_MODE_RTL}),
+    5: frozenset({m.PLANE_MODE_AUTOLAND, m.PLANE_MODE_RTL}),
+}
+"""FS_LONG_ACTN: the modes to which it may lead; others are RTL."""
+COPTER_LEADS_TO: Final = {
+    5: frozenset({m.COPTER_MODE_LAND}),
+    7: frozenset({m.COPTER_MODE_BRAKE, m.COPTER_MODE_LAND}),
+}
+"""FS_GCS_ENABLE: the same; others are ways home."""
+COPTER_HOMEWARD: Final = frozenset(
+    {m.COPTER_MODE_RTL, m.COPTER_MODE_SMART_RTL, m.COPTER_MODE_AUTO_RTL, m.COPTER_MODE_LAND}
+)
+TIMEOUT_S: Final = 5.0
+"""Default of FS_LONG_TIMEOUT and FS_GCS_TIMEOUT."""
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 ABOVE_SEA: Final = m.MAV_FRAME_GLOBAL
 SPEED: Final = m.MAV_CMD_GUIDED_CHANGE_SPEED
@@ -122,10 +143,10 @@ class ArduPilot(Autopilot, ABC):
             "set mode GUIDED", lambda seen: seen.custom_mode == guided, lambda _: (self.set_mode(guided),)
         )
 
-    def _lacks_to_arm(self, seen: Telemetry) -> str:
+    def _lacks_estimates(self, seen: Telemetry) -> str:
         flags = m.flags_of("EKF_STATUS_FLAGS", EKF_READY & ~seen.ekf_flags)
         estimates = f"EKF_STATUS_REPORT: no {', '.join(flags)}" if seen.ekf_flags else "no EKF_STATUS_REPORT"
-        return "; ".join(filter(None, (estimates if flags else "", super()._lacks_to_arm(seen))))
+        return estimates if flags else super()._lacks_estimates(seen)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -144,16 +165,9 @@ class ArduPlane(ArduPilot):
     home_mode = m.PLANE_MODE_RTL
     approach_m = 55.0
     """Default of AUTOLAND_WP_ALT."""
-    mode_names: ClassVar = {
-        m.PLANE_MODE_MANUAL: "MANUAL",
-        m.PLANE_MODE_AUTO: "AUTO",
-        m.PLANE_MODE_RTL: "RTL",
-        m.PLANE_MODE_LOITER: "LOITER",
-        m.PLANE_MODE_TAKEOFF: "TAKEOFF",
-        m.PLANE_MODE_GUIDED: "GUIDED",
-        m.PLANE_MODE_INITIALIZING: "INITIALISING",
-        m.PLANE_MODE_AUTOLAND: "AUTOLAND",
-    }
+    mode_names: ClassVar = PLANE
+    failsafe_parameters = ("FS_GCS_ENABL", "FS_LONG_ACTN", "FS_LONG_TIMEOUT")
+    unarmable_modes = PLANE_UNARMABLE
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is from an ArduPilot fixed wing or VTOL, or of generic type."""
@@ -163,7 +177,10 @@ class ArduPlane(ArduPilot):
         """Return the steps: streams, ready, take-off, GUIDED. In the air, those already done are skipped."""
         return (
             *self._asked_and_ready(rates_hz),
-            StartUpStep("set mode TAKEOFF", self._is_taking_off, self._to_take_off, takes_off=True),
+            StartUpStep(
+                "set mode TAKEOFF", self._is_taking_off, self._to_take_off, takes_off=True, lost=self._sent_home
+            ),
+            self._armable_step(),
             self._armed_step(),
             StartUpStep("waited for it to climb", self._has_climbed, timeout_s=90.0),
             self._guided_step(),
@@ -194,6 +211,13 @@ class ArduPlane(ArduPilot):
             ),
             *(check.formerly(*BEFORE_4_5[check.names[0]]) for check in envelope),
         )
+
+    def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:
+        """Return its long failsafe, None if it is off."""
+        if values.get("FS_GCS_ENABL") not in FAILSAFE_BY_HEARTBEAT:
+            return None
+        modes = PLANE_LEADS_TO.get(int(values.get("FS_LONG_ACTN", 1)), frozenset({m.PLANE_MODE_RTL}))
+        return OwnFailsafe(values.get("FS_LONG_TIMEOUT", TIMEOUT_S), modes)
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return speed, altitude above sea level and heading, in this order.
@@ -244,6 +268,10 @@ class ArduPlane(ArduPilot):
     def _to_take_off(self, _: Telemetry) -> tuple[Command, ...]:
         return (self.set_mode(m.PLANE_MODE_TAKEOFF),)
 
+    def _sent_home(self, seen: Telemetry) -> bool:
+        """Return whether its failsafe has changed its mode on the ground."""
+        return not seen.armed and seen.custom_mode in self.unarmable_modes
+
     def _has_climbed(self, seen: Telemetry) -> bool:
         if seen.custom_mode != m.PLANE_MODE_TAKEOFF and self.is_airborne(seen):
             return True
@@ -262,6 +290,7 @@ def _renamed(
     allowed: Callable[[str, float], str],
     holds: Callable[[float], bool],
     refuses: Callable[[float], bool] = lambda _: False,
+    bounds: str = "",
 ) -> Check:
     """Return the check of a parameter that 4.7.0 renamed and converted from centimetres to metres.
 
@@ -271,11 +300,18 @@ def _renamed(
         allowed: the allowed values in words, from a unit and its length in metres.
         holds: whether a value in metres is allowed.
         refuses: whether it prevents the take-off of all vehicles.
+        bounds: the key of the model that it bounds, if any.
     """
     older = Check(
-        names[1:], allowed(f"c{unit}", CM), lambda value: holds(value * CM), lambda value: refuses(value * CM)
+        names[1:],
+        allowed(f"c{unit}", CM),
+        lambda value: holds(value * CM),
+        lambda value: refuses(value * CM),
+        bounds=(lambda value: (bounds, value * CM)) if bounds else None,
     )
-    return Check(names[:1], allowed(unit, 1.0), holds, refuses, older)
+    return Check(
+        names[:1], allowed(unit, 1.0), holds, refuses, older, bounds=(lambda value: (bounds, value)) if bounds else None
+    )
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -294,17 +330,8 @@ class ArduCopter(ArduPilot):
     stands_after_s = 3.0
     """GUID_TIMEOUT."""
     stands = True
-    mode_names: ClassVar = {
-        m.COPTER_MODE_STABILIZE: "STABILIZE",
-        m.COPTER_MODE_ALT_HOLD: "ALT_HOLD",
-        m.COPTER_MODE_AUTO: "AUTO",
-        m.COPTER_MODE_GUIDED: "GUIDED",
-        m.COPTER_MODE_LOITER: "LOITER",
-        m.COPTER_MODE_RTL: "RTL",
-        m.COPTER_MODE_LAND: "LAND",
-        m.COPTER_MODE_POSHOLD: "POSHOLD",
-        m.COPTER_MODE_BRAKE: "BRAKE",
-    }
+    mode_names: ClassVar = COPTER
+    failsafe_parameters = ("FS_GCS_ENABLE", "FS_GCS_TIMEOUT")
 
     def __init__(
         self, system: int, origin: GeodeticOrigin, turn_rate_max_rps: float, lead: VelocityLead | None = None
@@ -355,12 +382,14 @@ class ArduCopter(ArduPilot):
                 ),
                 lambda value: value >= fastest,
                 lambda value: value < speed,
+                "speed_max_mps",
             ),
             _renamed(
                 ("WP_ACC", "WPNAV_ACCEL"),
                 "m/s²",
                 lambda unit, size_m: f"{model.accel_max_mps2 / size_m:g} {unit} or more, its model's accel_max_mps2",
                 lambda value: value >= model.accel_max_mps2,
+                bounds="accel_max_mps2",
             ),
             _renamed(
                 ("RTL_ALT_M", "RTL_ALT"),
@@ -372,6 +401,13 @@ class ArduCopter(ArduPilot):
                 lambda value: value <= lowest_m(path),
             ),
         )
+
+    def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:
+        """Return its failsafe, None if it is off."""
+        action = int(values.get("FS_GCS_ENABLE", 0))
+        if not action:
+            return None
+        return OwnFailsafe(values.get("FS_GCS_TIMEOUT", TIMEOUT_S), COPTER_LEADS_TO.get(action, COPTER_HOMEWARD))
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw while it moves.

@@ -15,7 +15,7 @@ from airlink.endpoint import ComponentId
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.autopilot_model import FlightState, Setpoint, within
 from flight_model.earth import GeodeticOrigin
 from flight_model.slot import Triple
 from formation_scenario.orders import End
@@ -25,6 +25,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.checks import Check
+from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
 from gcs_formation.vehicle.telemetry import Telemetry
 
 NO_MODE: Final = -1
@@ -34,6 +35,8 @@ STATION: Final = StationId().ids
 SLOW_RATE_HZ: Final = 2.0
 UTC_RATE_HZ: Final = 1.0
 NEVER_US: Final = -1
+READY_S: Final = 90.0
+"""Longest wait for a vehicle that gets ready to be armed without progress."""
 ASKED_S: Final = 30.0
 """Longest wait for the answer to a request, 43 attempts. With a loss of half of all datagrams each way, some request
 fails in four starts of a million."""
@@ -85,6 +88,10 @@ class StartUpStep:
     """Whether to wait for each acknowledgement; `timeout_s` then applies to each command."""
     takes_off: bool = False
     """Whether its commands make the vehicle leave the ground."""
+    slow: bool = False
+    """Whether it is waited for longer than `timeout_s` as long as the vehicle makes progress."""
+    lost: Callable[[Telemetry], bool] = lambda _: False
+    """Returns whether a failsafe has undone it since, so that it is begun again."""
     lacks: Callable[[Telemetry], str] = lambda _: ""
     """Returns what `done` waits for, in words, if that isn't plain from the name."""
 
@@ -116,7 +123,11 @@ class Autopilot(ABC):
     home_mode: ClassVar[int]
     """Mode in which its failsafe flies home."""
     guided_mode: ClassVar[int]
+    failsafe_parameters: ClassVar[tuple[str, ...]] = ()
+    """The parameters that say what it does when the ground station is silent."""
     mode_names: ClassVar[dict[int, str]]
+    unarmable_modes: ClassVar[frozenset[int]] = frozenset()
+    """Modes in which it may not be armable, however ready it is: another is set before that is waited for."""
     setpoint_commands: ClassVar[tuple[int, ...]]
     """Ids of the commands that carry airspeed, heading and height, each acknowledged; empty for a family whose
     setpoints are other messages, without acknowledgement."""
@@ -172,6 +183,8 @@ class Autopilot(ABC):
         self.airspeed_scale = airspeed_scale
         self.station: ComponentId = STATION
         """The ground station's ids: vehicles answer to them, and its heartbeats hold off their failsafe."""
+        self._bounds_mps: tuple[float, float] | None = None
+        """Lowest and highest airspeed to command by its own parameters, None where these allow the model's."""
 
     @classmethod
     def of(cls, craft: Craft) -> Autopilot:
@@ -258,23 +271,46 @@ class Autopilot(ABC):
     def _asked_and_ready(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, StartUpStep]:
         """Return the first two steps: telemetry streams, ready to arm."""
         asks = StartUpStep(
-            "asked for telemetry", lambda seen: seen.complete, lambda _: self.requests(rates_hz), ASKED_S, True
+            "asked for telemetry",
+            lambda seen: seen.complete,
+            lambda _: self.requests(rates_hz),
+            ASKED_S,
+            True,
+            slow=True,
         )
         return asks, self._ready_step()
 
     def _ready_step(self) -> StartUpStep:
-        """Return the step that waits until it would arm, or flies."""
+        """Return the step that waits until it would arm, but for its present mode, or flies."""
+
+        def lacks(seen: Telemetry) -> str:
+            by_mode = seen.custom_mode in self.unarmable_modes
+            return self._lacks_estimates(seen) if by_mode else self._lacks_to_arm(seen)
 
         def done(seen: Telemetry) -> bool:
-            return self.is_airborne(seen) or not self._lacks_to_arm(seen)
+            return self.is_airborne(seen) or not lacks(seen)
 
-        return StartUpStep("waited for it to be ready to arm", done, timeout_s=90.0, lacks=self._lacks_to_arm)
+        return StartUpStep("waited for it to be ready to arm", done, timeout_s=READY_S, slow=True, lacks=lacks)
+
+    def _armable_step(self) -> StartUpStep:
+        """Return the step that waits until it would arm in the mode in which it takes off, or flies."""
+
+        def done(seen: Telemetry) -> bool:
+            return self.is_airborne(seen) or seen.armed or not self._lacks_to_arm(seen)
+
+        return StartUpStep(
+            "waited for it to be ready to arm", done, timeout_s=READY_S, slow=True, lacks=self._lacks_to_arm
+        )
+
+    def _lacks_estimates(self, seen: Telemetry) -> str:
+        """Return in words what its estimator lacks, as far as that is told by itself; "" if nothing."""
+        return "no heartbeat" if seen.heartbeat is None else ""
 
     def _lacks_to_arm(self, seen: Telemetry) -> str:
         """Return in words what it lacks to be armed, "" if nothing."""
-        if seen.heartbeat is None:
-            return "no heartbeat"
-        return "" if seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK else "SYS_STATUS: PREARM_CHECK not passed"
+        passes = seen.sensors_healthy & m.MAV_SYS_STATUS_PREARM_CHECK
+        unpassed = "" if passes or seen.heartbeat is None else "SYS_STATUS: PREARM_CHECK not passed"
+        return "; ".join(filter(None, (self._lacks_estimates(seen), unpassed)))
 
     def _armed_step(self) -> StartUpStep:
         return StartUpStep(
@@ -313,7 +349,14 @@ class Autopilot(ABC):
     @property
     def speeds_mps(self) -> tuple[float, float] | None:
         """Lowest and highest true airspeed within reach soon, m/s; None if these are its model's limits."""
-        return None if self.airspeed_scale is None else self.airspeed_scale.speeds_mps
+        return self._bounds_mps if self.airspeed_scale is None else self.airspeed_scale.speeds_mps
+
+    def bound_speeds(self, slowest_mps: float, fastest_mps: float) -> None:
+        """Command no airspeeds beyond these, as told: the vehicle's parameters refuse or cut off others."""
+        if self.airspeed_scale is None:
+            self._bounds_mps = slowest_mps, fastest_mps
+        else:
+            self.airspeed_scale.bound(slowest_mps, fastest_mps)
 
     def true_airspeed(self, told_mps: float) -> float:
         """Return the true airspeed of one that it reports, m/s."""
@@ -321,7 +364,10 @@ class Autopilot(ABC):
 
     def airspeed_to_tell(self, true_mps: float) -> float:
         """Return the airspeed to command for a true airspeed, m/s."""
-        return true_mps if self.airspeed_scale is None else self.airspeed_scale.reading(true_mps)
+        if self.airspeed_scale is not None:
+            return self.airspeed_scale.reading(true_mps)
+        bounds_mps = self._bounds_mps
+        return true_mps if bounds_mps is None else within(true_mps, bounds_mps[0], bounds_mps[1])
 
     @abstractmethod
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
@@ -345,6 +391,10 @@ class Autopilot(ABC):
     @abstractmethod
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return the parameter checks to make before a vehicle with this `model` flies the path."""
+
+    def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:  # noqa: ARG002 - for families that have one
+        """Return its failsafe by the values of `failsafe_parameters` that are known; None if it has none."""
+        return None
 
     def parameter(self, reported: ParamValue) -> float:
         """Return a parameter's value from its PARAM_VALUE."""

@@ -62,16 +62,36 @@ class Check:
     """Whether a value that isn't allowed prevents the take-off of all vehicles."""
     older: Check | None = None
     """The check of the same parameter in earlier versions, under another name and in another unit."""
+    bounds: Callable[[float], tuple[str, float]] | None = None
+    """Returns the key of the model that a value bounds, and the bound, airspeeds as told; None if it bounds none."""
     old: bool = False
     """Whether only versions have it that are rare by now: it's asked for once the newer name isn't answered."""
 
     def formerly(self, name: str, unit: float = 1.0) -> Check:
         """Return the check with the parameter's name in rare versions, and the unit that it had then."""
+        bounds = self.bounds
         allowed = self.allowed if unit == 1.0 else f"{self.allowed} (this is in units of {unit:g})"
         older = Check(
-            (name,), allowed, lambda value: self.holds(unit * value), lambda value: self.refuses(unit * value), old=True
+            (name,),
+            allowed,
+            lambda value: self.holds(unit * value),
+            lambda value: self.refuses(unit * value),
+            bounds=None if bounds is None else lambda value: bounds(unit * value),
+            old=True,
         )
         return replace(self, older=older)
+
+    def bound(self, values: Mapping[str, float]) -> tuple[str, float, str] | None:
+        """Return the key of the model that the parameter bounds, the bound, and the parameter in words.
+
+        None if it is unknown, as its model needs it, or bounds none.
+        """
+        name = next((name for name in self.names if name in values), None)
+        if name is None:
+            return None if self.older is None else self.older.bound(values)
+        if self.bounds is None or self.holds(values[name]):
+            return None
+        return *self.bounds(values[name]), f"{name} {values[name]:g}"
 
     @property
     def all_names(self) -> tuple[str, ...]:
@@ -86,6 +106,11 @@ class Check:
         if self.holds(found[1]):
             return None
         return Finding(f"{found[0]}: found {found[1]:g}; allowed: {self.allowed}", self.refuses(found[1]))
+
+
+def only_read(name: str) -> Check:
+    """Return the check of a parameter that is read for its value alone."""
+    return Check((name,), "any", lambda _: True)
 
 
 def lowest_m(path: PathPlan) -> float:
@@ -126,12 +151,14 @@ def envelope_checks(
             f"up to {slowest:g} m/s, its model's speed_min_mps; slower setpoints are {beyond[0]}",
             lambda value: value <= slowest,
             lambda value: value > told_mps,
+            bounds=lambda value: ("speed_min_mps", value),
         ),
         Check(
             (most,),
             f"{fastest:g} m/s or more, its model's speed_max_mps; faster setpoints are {beyond[1]}",
             lambda value: value >= fastest,
             lambda value: value < told_mps,
+            bounds=lambda value: ("speed_max_mps", value),
         ),
         Check(
             (trim,),
@@ -142,6 +169,7 @@ def envelope_checks(
             (bank,),
             f"{bank_deg:.0f} degrees or more, for its model's turn_rate_max_rps at {speed:g} m/s",
             lambda value: value >= round(bank_deg),
+            bounds=lambda value: ("turn_rate_max_rps", math.tan(math.radians(value)) * GRAVITY_MPS2 / speed),
         ),
     ]
 
@@ -203,6 +231,15 @@ class ParameterReader:
             self._values[message.param_id] = self._value_of(message)
             if not any(self._tries[name] for name in self._missing()):
                 self._next = now
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """What has been read, by name."""
+        return self._values
+
+    def bounds(self) -> list[tuple[str, float, str]]:
+        """Return the model's keys that parameters bound further, the bounds, and the parameters in words."""
+        return [bound for check in self._checks if (bound := check.bound(self._values)) is not None]
 
     def findings(self) -> list[Finding]:
         """Return what isn't allowed, and what could not be read."""

@@ -32,6 +32,8 @@ REFUSED_S: Final = 1.0
 REFUSED_HEARTBEATS: Final = 2
 """Setpoints count as refused once every answer for this time, and over this many heartbeats, has been a refusal. A
 vehicle just taken over by a pilot refuses those that were still on their way."""
+REFUSALS_ALIKE: Final = 2
+"""A setpoint that has been refused so often isn't sent again alike, unless the vehicle's mode has changed since."""
 SILENT_S: Final = 5.0
 """Setpoints repeated for this long without an answer count as unacknowledged."""
 GAP_S: Final = 0.5
@@ -254,6 +256,8 @@ class SetpointChannel:
         self._refused = NEVER
         """Start of the current series of refusals; the last of them, and the heartbeat count at the first."""
         self._refused_to, self._heartbeats = Instant(0), 0
+        self._refusals, self._gave_up = 0, False
+        """Refusals since what was sent last was news; whether one was given up for them since the last acceptance."""
         self.held: CommandInt | None = None
         """The last setpoint sent; None if the vehicle may hold another."""
         self._sent, self._acknowledged_to = Instant(0), Instant(0)
@@ -268,6 +272,8 @@ class SetpointChannel:
         """Record a setpoint sent at an instant over a link with this round trip; `news`: it differs from the last."""
         self.held, self._sent, self._round_trip_s = command, at, round_trip_s
         self._resends = 0 if news else self._resends + 1
+        if news:
+            self._refusals = 0
         if self._waiting == NEVER:
             self._waiting = at
 
@@ -275,23 +281,33 @@ class SetpointChannel:
         """Send the next setpoint even if unchanged: the vehicle may have received others meanwhile."""
         if self._refused != NEVER:
             self._waiting = NEVER  # a refusal was an answer
-        self.held, self._refused = None, NEVER
+        self.held, self._refused, self._refusals, self._gave_up = None, NEVER, 0, False
+
+    def retry(self) -> None:
+        """Send again what has been refused: the vehicle's mode has changed."""
+        self._refusals = 0
 
     def refused(self, result: int, heartbeats: int, now: Instant) -> None:
         """Record a refusal; `heartbeats`: the vehicle's heartbeats received so far."""
         if self._refused == NEVER:
             self._refused, self._heartbeats = now, heartbeats
         self.result, self._refused_to, self.accepted = result, now, False
+        self._refusals += 1
+        self._gave_up = self._gave_up or self._refusals >= REFUSALS_ALIKE
 
-    def is_refused(self, heartbeats: int) -> bool:
-        """Return whether setpoints are refused, with `heartbeats` received so far."""
+    def is_refused(self, heartbeats: int, now: Instant) -> bool:
+        """Return whether setpoints are refused, with `heartbeats` received so far.
+
+        One that isn't sent again counts as refused from then on.
+        """
         if self._refused == NEVER or heartbeats < self._heartbeats + REFUSED_HEARTBEATS:
             return False
-        return seconds_between(self._refused, self._refused_to) >= REFUSED_S
+        to = now if self._gave_up else self._refused_to
+        return seconds_between(self._refused, to) >= REFUSED_S
 
     def acknowledged(self, now: Instant) -> None:
         """Record an acceptance: it answers what was sent about a round trip ago, if nothing was lost."""
-        self._refused, self.accepted = NEVER, True
+        self._refused, self._refusals, self._gave_up, self.accepted = NEVER, 0, False, True
         if self._since == NEVER or self._is_late(now):
             self._since = now
         self._acknowledged_to = after(now, -QUICKEST * self._round_trip_s)
@@ -306,6 +322,8 @@ class SetpointChannel:
         """
         if self.held is None:
             return True
+        if self._refusals >= REFUSALS_ALIKE:
+            return False
         age_s = seconds_between(self._sent, at)
         if age_s >= REPEAT_S or self._sent <= self._acknowledged_to:
             return age_s >= REPEAT_S

@@ -33,6 +33,8 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.autopilot_family import Autopilot, Command, Craft, StartUpStep
 from gcs_formation.vehicle.checks import Check, envelope_checks, lowest_m
+from gcs_formation.vehicle.mode_names import AUTO, PX4, px4_mode
+from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
     MULTIROTOR_TYPES,
@@ -47,7 +49,6 @@ from gcs_formation.vehicle.velocity_setpoint import (
 
 LEADS_AWAY = (1, 2, 3)
 """NAV_DLL_ACT: hold, return, land; 0 does nothing, 5 and 6 stop the motor."""
-MAIN_AUTO = 4
 CHANGES_HZ = 50.0
 """Rate of CURRENT_MODE, sent on changes: a pilot's mode must be seen before the next setpoint overrides it."""
 OFF_THE_GROUND = (m.MAV_LANDED_STATE_IN_AIR, m.MAV_LANDED_STATE_TAKEOFF, m.MAV_LANDED_STATE_LANDING)
@@ -64,6 +65,8 @@ that takes off before it reaches the field's altitude dives into the ground. Obs
 DEFAULT_SPEED = -1.0
 PATIENCE_S = 0.5
 """Least COM_OF_LOSS_T: a shorter timeout would trigger on a few lost setpoints."""
+LINK_LOSS_S, STREAM_LOSS_S = 10.0, 1.0
+"""Defaults of COM_DL_LOSS_T and COM_OF_LOSS_T."""
 CUTS_MOTORS = (6, 7)
 """COM_OBL_RC_ACT: terminate, disarm."""
 WITHOUT_STICKS = (0, 3, 4, 5)
@@ -72,13 +75,16 @@ STAND = Setpoint(0.0, 0.0, 0.0)
 ANYWHERE = FlightState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def mode_number(main: int, sub: int = 0) -> int:
-    """Return the custom_mode of a main mode and a sub mode."""
-    return main << 16 | sub << 24
-
-
-TAKEOFF, LOITER, RTL = mode_number(MAIN_AUTO, 2), mode_number(MAIN_AUTO, 3), mode_number(MAIN_AUTO, 5)
-OFFBOARD = mode_number(6)
+TAKEOFF, LOITER, RTL = px4_mode(AUTO, 2), px4_mode(AUTO, 3), px4_mode(AUTO, 5)
+OFFBOARD = px4_mode(6)
+LAND = px4_mode(AUTO, 6)
+LEADS_TO = {1: frozenset({LOITER}), 2: frozenset({LOITER, RTL}), 3: frozenset({LOITER, LAND})}
+"""NAV_DLL_ACT: the modes to which it leads, by a hold."""
+STREAM_LEADS_TO = {4: frozenset({LOITER, LAND}), 5: frozenset({LOITER})}
+"""COM_OBL_RC_ACT: the same; without a transmitter others are a hold and RTL."""
+UNARMABLE = frozenset(PX4) - {TAKEOFF, LOITER}
+"""Modes in which a PX4 may not be armable: those of a pilot need a transmitter, OFFBOARD setpoints, others a mission;
+return and landing end a flight."""
 
 
 def heartbeats_lost(otherwise: str) -> Check:
@@ -108,23 +114,18 @@ class Px4(Autopilot, ABC):
     """MAV_TYPEs of the vehicles flown by these commands."""
     take_off_to_m: ClassVar[float]
     """Commanded take-off height above home, m."""
-    mode_names: ClassVar = {
-        mode_number(1): "MANUAL",
-        mode_number(2): "ALTITUDE",
-        mode_number(3): "POSITION",
-        mode_number(5): "ACRO",
-        OFFBOARD: "OFFBOARD",
-        mode_number(7): "STABILIZED",
-        TAKEOFF: "TAKEOFF",
-        LOITER: "HOLD",
-        mode_number(MAIN_AUTO, 4): "MISSION",
-        RTL: "RTL",
-        mode_number(MAIN_AUTO, 6): "LAND",
-    }
+    mode_names: ClassVar = PX4
+    failsafe_parameters: ClassVar[tuple[str, ...]] = ("NAV_DLL_ACT", "COM_DL_LOSS_T")
+    unarmable_modes = UNARMABLE
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is from a PX4 of one of these `types`."""
         return heartbeat.autopilot == m.MAV_AUTOPILOT_PX4 and heartbeat.type in self.types
+
+    def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:
+        """Return its failsafe for lost heartbeats, None if it is off."""
+        modes = LEADS_TO.get(int(values.get("NAV_DLL_ACT", 0)))
+        return None if modes is None else OwnFailsafe(values.get("COM_DL_LOSS_T", LINK_LOSS_S), modes)
 
     def parameter(self, reported: ParamValue) -> float:
         """Return a parameter's value: PX4 sends an integer's bytes in the float field."""
@@ -139,6 +140,7 @@ class Px4(Autopilot, ABC):
             *self._asked_and_ready(rates_hz),
             *self._waits(),
             StartUpStep("told it to take off", self._is_taking_off, self._to_take_off, takes_off=True),
+            self._armable_step(),
             self._armed_step(),
             StartUpStep("waited for it to climb", self._has_climbed, timeout_s=120.0),
             StartUpStep(f"set mode {named}", self.takes_setpoints, lambda _: (self.set_mode(guided),)),
@@ -160,7 +162,7 @@ class Px4(Autopilot, ABC):
         """Return the main and sub mode that a command sets, as one number."""
         if command.command != m.MAV_CMD_DO_SET_MODE:
             return None
-        return mode_number(int(command.param2), int(command.param3))
+        return px4_mode(int(command.param2), int(command.param3))
 
     def set_mode(self, mode: int) -> Command:
         """Return MAV_CMD_DO_SET_MODE, with main mode and sub mode in separate fields."""
@@ -354,6 +356,7 @@ class Px4Copter(Px4):
     returns_after_s = 6.0
     """COM_OF_LOSS_T plus COM_FAIL_ACT_T, during which some versions hold first."""
     stands = True
+    failsafe_parameters = ("NAV_DLL_ACT", "COM_DL_LOSS_T", "COM_OBL_RC_ACT", "COM_OF_LOSS_T")
     acknowledges_early = True
     """DO_SET_MODE is acknowledged twice, the first time always with ACCEPTED."""
 
@@ -372,6 +375,15 @@ class Px4Copter(Px4):
     def forget_setpoints(self) -> None:
         """Restart the lead compensation."""
         self._lead.forget()
+
+    def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:
+        """Return its failsafe for lost setpoints, which acts sooner than that for lost heartbeats, or both."""
+        action, by_heartbeats = values.get("COM_OBL_RC_ACT"), super().own_failsafe(values)
+        if action is None or action in CUTS_MOTORS:
+            return by_heartbeats
+        modes = STREAM_LEADS_TO.get(int(action), frozenset({LOITER, RTL}))
+        more = frozenset[int]() if by_heartbeats is None else by_heartbeats.modes
+        return OwnFailsafe(values.get("COM_OF_LOSS_T", STREAM_LOSS_S), modes | more)
 
     def stand_in(self) -> tuple[Message, ...]:
         """Return a setpoint of zero velocity."""
@@ -399,6 +411,7 @@ class Px4Copter(Px4):
                 f"{fastest:g} m/s or more, its model's speed_max_mps; it flies no faster",
                 lambda value: value >= fastest,
                 lambda value: value < speed,
+                bounds=lambda value: ("speed_max_mps", value),
             ),
             Check(
                 ("RTL_RETURN_ALT",),

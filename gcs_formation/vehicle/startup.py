@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from airlink.clock import Instant, seconds_between
@@ -12,6 +12,11 @@ from gcs_formation.vehicle.command_delivery import CommandQueue, Outcome
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 
 UP_M: Final = 5.0
+SLOWEST_S: Final = 600.0
+FIX_S: Final = 90.0
+"""Longest wait for a position fix without progress."""
+SOON_S: Final = 10.0
+"""Progress within this time from a step's beginning isn't mentioned."""
 
 
 @dataclass
@@ -52,6 +57,13 @@ class StartUp:
     _led: bool = False
     """Whether the vehicle has been in one of `modes` since `acted`."""
     _began: Instant = Instant(0)
+    _progress: tuple[object, ...] = ()
+    _progressed: Instant = Instant(0)
+    """What shows the vehicle's progress, and when it last changed."""
+    _said: set[str] = field(default_factory=set[str])
+    """What the vehicle has said."""
+    waits_for_fix: bool = False
+    """Whether it has no position fix yet."""
 
     @property
     def finished(self) -> bool:
@@ -91,9 +103,13 @@ class StartUp:
     def advance(self, telemetry: Telemetry, commands: CommandQueue, now: Instant, *, may_act: bool = True) -> None:
         """Begin the next step when the current one is done; steps already done are passed at once.
 
-        Without `may_act` no step begins that changes what the vehicle does.
+        Without `may_act` no step begins that changes what the vehicle does. One that a failsafe has undone since is
+        begun again.
         """
         self.held = False
+        undone = self._undone(telemetry)
+        if undone is not None:
+            self._begin(undone, telemetry, commands, now)
         self._led = self._led or (self.acted and telemetry.custom_mode in self.modes)
         while not self.finished and (self.index < 0 or self._is_done(telemetry, commands)):
             following = self.steps[self.index + 1 : self.index + 2]
@@ -102,24 +118,59 @@ class StartUp:
                 self.held, self._began = True, now
                 return
             self.acted = self.acted or acts
-            self.index += 1
-            self._began = now
-            if not self.finished:
-                step = self.steps[self.index]
-                needed = step.every_command_acknowledged or not step.done(telemetry)
-                commands.begin(step.commands(telemetry) if needed else (), now)
+            self._begin(self.index + 1, telemetry, commands, now)
 
-    def failure(self, commands: CommandQueue, now: Instant) -> str | None:
-        """Return why the start-up can't continue, None while it can."""
+    def _begin(self, index: int, telemetry: Telemetry, commands: CommandQueue, now: Instant) -> None:
+        """Begin a step, unless the last one is done."""
+        self.index, self._began = index, now
+        if not self.finished:
+            step = self.steps[index]
+            needed = step.every_command_acknowledged or not step.done(telemetry)
+            commands.begin(step.commands(telemetry) if needed else (), now)
+
+    def _undone(self, telemetry: Telemetry) -> int | None:
+        """Return the index of the first step that a failsafe has undone; None if there is none."""
+        if self.finished or telemetry.heartbeat is None:
+            return None
+        for index in range(max(self.index, 0)):
+            if self.steps[index].lost(telemetry):
+                return index
+        return None
+
+    def watch(self, telemetry: Telemetry, now: Instant) -> None:
+        """Note whether the vehicle makes progress in getting ready, or says what it hasn't said before."""
+        progress, words = telemetry.progress(), telemetry.last_words
+        if progress != self._progress or words not in self._said:
+            self._progress, self._progressed = progress, now
+            self._said.add(words)
+        self.waits_for_fix = telemetry.unfixed
+
+    def waited_s(self, now: Instant) -> float:
+        """Return for how long the present step has been waited for, if that may take long; 0 for other steps."""
+        slow = 0 <= self.index < len(self.steps) and self.steps[self.index].slow and not self.held
+        return seconds_between(self._began, now) if slow else 0.0
+
+    def failure(self, commands: CommandQueue, now: Instant, longest_s: float = SLOWEST_S) -> str | None:
+        """Return why the start-up can't continue, None while it can.
+
+        A step that may take long is waited for as long as the vehicle makes progress, `longest_s` at most.
+        """
         if self.finished or self.index < 0:
             return None
         if commands.outcome is Outcome.REFUSED:
             return f"refused when we {self.doing}"
         step = self.steps[self.index]
         began = max(self._began, commands.since) if step.every_command_acknowledged else self._began
-        if seconds_between(began, now) > step.timeout_s:
-            return f"not done within {step.timeout_s:.0f} s after we {self.doing}"
-        return None
+        patience_s = max(step.timeout_s, FIX_S if step.slow and self.waits_for_fix else 0.0)
+        since = max(began, self._progressed) if step.slow and commands.outcome is not Outcome.WAITING else began
+        waited_s = seconds_between(began, now)
+        if waited_s > longest_s and step.slow:
+            return f"not done within {longest_s:.0f} s after we {self.doing}"
+        if seconds_between(since, now) <= patience_s:
+            return None
+        if seconds_between(began, since) < SOON_S:
+            return f"not done within {patience_s:.0f} s after we {self.doing}"
+        return f"without progress for {patience_s:.0f} s, {waited_s:.0f} s after we {self.doing}"
 
     def _is_done(self, telemetry: Telemetry, commands: CommandQueue) -> bool:
         step = self.steps[self.index]

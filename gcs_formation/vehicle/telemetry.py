@@ -17,6 +17,7 @@ from airlink.messages.telemetry import (
     EkfStatusReport,
     ExtendedSysState,
     GlobalPositionInt,
+    GpsRawInt,
     HomePosition,
     SysStatus,
     VfrHud,
@@ -101,6 +102,10 @@ class Telemetry:
     flight_status: int = m.MAV_STATE_UNINIT
     """Last STANDBY or ACTIVE, by which ArduPilot reports whether it flies; CRITICAL and EMERGENCY don't tell."""
     ekf_flags: int = 0
+    fix: tuple[int, int] = (0, 0)
+    """Kind of the receiver's fix, and number of satellites, where it tells them."""
+    unfixed: bool = False
+    """Whether positions come, but without a fix."""
     sensors_healthy: int = 0
     landed_state: int = m.MAV_LANDED_STATE_UNDEFINED
     home_m: tuple[float, float] | None = None
@@ -149,6 +154,8 @@ class Telemetry:
             self.home_m, self.home_height_m = (north_m, east_m), -down_m
         elif isinstance(message, Statustext):
             self.take_text(message)
+        elif isinstance(message, GpsRawInt):
+            self.fix = message.fix_type, message.satellites_visible
 
     def take_heartbeat(self, message: Heartbeat) -> None:
         """Store whether the vehicle is armed, and its mode."""
@@ -166,7 +173,9 @@ class Telemetry:
             self.implausible += not no_fix_yet
             if self.motion is None:
                 self.position_refused = _why_no_position(message)
+            self.unfixed = self.unfixed or no_fix_yet
             return
+        self.unfixed = False
         north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
         stamp_s = message.time_boot_s
         self._without_position = 0
@@ -255,6 +264,10 @@ class Telemetry:
         """Whether its last heartbeat shows an autopilot still starting, whose mode is no pilot's choice."""
         status = ACTIVE if self.heartbeat is None else self.heartbeat.system_status
         return status in BOOTING or (status == m.MAV_STATE_UNINIT and not self.armed)
+
+    def progress(self) -> tuple[object, ...]:
+        """Return what changes as the vehicle gets ready."""
+        return self.ekf_flags, self.sensors_healthy, self.fix, self.motion is None, self.attitude is None
 
     @property
     def last_words(self) -> str:

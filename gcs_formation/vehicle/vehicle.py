@@ -395,6 +395,9 @@ class Vehicle:
             gnss.utc(message.time_unix_usec * 1e-6, message.time_boot_s, armed=self.telemetry.armed)
 
     def _take_heartbeat(self, message: Heartbeat, now: Instant) -> None:
+        if message.custom_mode != self.telemetry.custom_mode:
+            for channel in self.setpoints.channels:
+                channel.retry()
         self.telemetry.take_heartbeat(message)
         commands, autopilot = self.commands, self.autopilot
         command = commands.under_way if commands.insists else None

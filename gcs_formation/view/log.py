@@ -13,7 +13,7 @@ from airlink.messages.system import Heartbeat
 from flight_model.arrays import Array, Indices
 from formation_scenario.bounded_read import require_file
 from gcs_formation.errors import RecordError
-from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPlane
+from gcs_formation.vehicle.ardupilot import PLANE_TYPES, ArduCopter, ArduPlane
 from gcs_formation.vehicle.px4 import Px4
 from gcs_formation.view.recording import COLUMN, Rows, State, Times
 from gcs_formation.view.scene import degrees
@@ -32,7 +32,7 @@ def name_of_mode(heartbeat: Heartbeat) -> str:
     if heartbeat.autopilot == m.MAV_AUTOPILOT_PX4:
         names = Px4.mode_names
     elif heartbeat.autopilot == m.MAV_AUTOPILOT_ARDUPILOTMEGA:
-        names = (ArduPlane if heartbeat.type == m.MAV_TYPE_FIXED_WING else ArduCopter).mode_names
+        names = (ArduPlane if heartbeat.type in PLANE_TYPES else ArduCopter).mode_names
     return names.get(heartbeat.custom_mode, f"mode {heartbeat.custom_mode}")
 
 

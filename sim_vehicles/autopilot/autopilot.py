@@ -102,6 +102,9 @@ class Autopilot(ABC):
     """Modes whose HEARTBEAT lacks the flag GUIDED_ENABLED."""
     armed_text: ClassVar[str] = "Throttle armed"
     disarmed_text: ClassVar[str] = "Throttle disarmed"
+    failsafe_off_text: ClassVar[str] = "GCS Failsafe Off"
+    reports_unarmable: ClassVar[bool] = False
+    """Whether it says again and again why it can't be armed."""
 
     now: Instant
     """Instant of the present cycle of its main loop."""
@@ -109,6 +112,8 @@ class Autopilot(ABC):
     streams: Streams[Autopilot]
     failsafe: GroundStationFailsafe
     disarm_at: Instant
+    report_at: Instant
+    """When it says next why it can't be armed."""
     reboots: bool
     """Whether it was told to restart."""
     ignores: bool
@@ -137,8 +142,8 @@ class Autopilot(ABC):
 
     def arm(self, *, force: bool) -> bool:
         """Arm; refused before the vehicle is ready, unless forced."""
-        if not self.ready and not force and self.parameters["ARMING_CHECK"]:
-            self.say(CRITICAL, "PreArm: AHRS: waiting for home")
+        if not self.armable and not force and self.parameters["ARMING_CHECK"]:
+            self.say(CRITICAL, f"PreArm: {self.unarmable}")
             return False
         self.set_utc()
         before = self.pilot.condition.armed
@@ -172,7 +177,10 @@ class Autopilot(ABC):
 
     def take_heartbeat(self, system: int, mav_type: int) -> None:  # noqa: ARG002 - who sends it is enough
         """Note a heartbeat of another system, whose end the failsafe acts on."""
+        acted = self.failsafe.active
         self.failsafe.heartbeat(system, self.now)
+        if acted and not self.failsafe.active:
+            self.say(WARNING, self.failsafe_off_text)
 
     def tell_heartbeat(self) -> None:
         """Send a HEARTBEAT now, to all peers."""
@@ -317,8 +325,13 @@ class Autopilot(ABC):
 
     @property
     def armable(self) -> bool:
-        """Whether it is ready, and its mode can be armed in."""
+        """Whether it is ready, its mode can be armed in, and no failsafe prevents it."""
         return self.ready
+
+    @property
+    def unarmable(self) -> str:
+        """Why it can't be armed, in its own words."""
+        return "AHRS: waiting for home"
 
     @property
     def flies_mission(self) -> bool:

@@ -193,8 +193,24 @@ PX4_AS_COPTER: Final[dict[Px4Mode, FlightMode]] = {
 PX4_NOT_ARMABLE: Final = frozenset({Px4Mode.RTL, Px4Mode.LAND, Px4Mode.ORBIT})
 
 
+PLANE_NOT_ARMABLE = frozenset({Mode.RTL, Mode.INITIALISING})
+"""ArduPlane's modes in which it can't be armed (`Mode::_pre_arm_checks`)."""
 ACTIONS = {1: Mode.RTL, 2: Mode.FBWA, 4: Mode.AUTO, 5: Mode.AUTOLAND}
-"""FS_LONG_ACTN: RTL, glide, AUTO, land; other values continue the flight."""
+"""FS_LONG_ACTN: RTL, glide, AUTO, land."""
+GOES_ON = frozenset({Mode.GUIDED, Mode.AUTO})
+"""Modes that other values of FS_LONG_ACTN continue; from all others than RTL they lead to RTL too."""
+
+
+def long_action(mode: FlightMode, action: int) -> FlightMode | None:
+    """Return the mode to which ArduPlane's long failsafe leads from a mode, on the ground as in the air, or None.
+
+    Source: ArduPlane, `failsafe_long_on_event`.
+    """
+    if mode is Mode.INITIALISING or mode is Mode.AUTOLAND:
+        return None
+    if mode is Mode.RTL:
+        return ACTIONS[action] if action in (4, 5) else None
+    return ACTIONS.get(action, None if mode in GOES_ON else Mode.RTL)
 
 
 class FailsafeKeys(NamedTuple):
@@ -217,10 +233,10 @@ STALE: Final = -1
 class GroundStationFailsafe:
     """Triggers once when heartbeats of MAV_GCS_SYSID stop. New heartbeats clear it, but don't restore the mode."""
 
-    def __init__(self, parameters: ParameterServer, keys: FailsafeKeys) -> None:
-        """Start waiting for a first heartbeat."""
+    def __init__(self, parameters: ParameterServer, keys: FailsafeKeys, since: Instant | None = None) -> None:
+        """Start waiting: from `since`, as an ArduPlane from its boot on, or only after a first heartbeat."""
         self._parameters, self._keys = parameters, keys
-        self._heard: Instant | None = None
+        self._heard = since
         self.active = False
         self._deadline, self._known = NEVER, STALE
         """When it triggers, and the parameters' change count for which this was computed."""
@@ -242,9 +258,12 @@ class GroundStationFailsafe:
             return NEVER
         return after(self._heard, self._parameters[self._keys.timeout_s])
 
-    def due_mode(self, now: Instant) -> FlightMode | None:
-        """Return the mode to change to if it triggers now."""
-        if now < self.deadline():
-            return None
+    @property
+    def action(self) -> int:
+        """The parameter's value that says what it does."""
+        return int(self._parameters[self._keys.action])
+
+    def trigger(self) -> FlightMode | None:
+        """Trigger, once `deadline` has come; return the mode of its action, None if that is none."""
         self.active, self._known = True, STALE
-        return self._keys.actions.get(int(self._parameters[self._keys.action]))
+        return self._keys.actions.get(self.action)

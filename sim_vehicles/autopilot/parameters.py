@@ -28,7 +28,9 @@ LOITER_RADIUS_M = 60.0
 MOST_VALUE = 3.4e38
 MAX_LISTS = 16
 """Lists sent at the same time; a further request gets no answer, as from a busy autopilot."""
-FIXED = frozenset({"MAV_SYSID", "SYSID_THISMAV"})
+SYSTEM_NAMES = ("MAV_SYSID", "SYSID_THISMAV")
+"""ArduPilot's parameters of a vehicle's system id, which is the vehicle's own whatever a file says."""
+FIXED = frozenset(SYSTEM_NAMES)
 """Parameters that can't be changed without a reboot."""
 PARAMETERS_FILE = "@PARAM/param.pck"
 NO_SESSION, END_OF_FILE, UNKNOWN_COMMAND, NOT_FOUND = 4, 6, 7, 10

@@ -145,7 +145,12 @@ class PlanePilot(Pilot):
     @property
     def under_way(self) -> bool:
         """Whether `progress` must be called in each cycle: it takes off, armed, or lands."""
-        return (self.takeoff_m is not None and self.condition.armed) or self.landing
+        return self.climbing_out or self.landing
+
+    @property
+    def climbing_out(self) -> bool:
+        """Whether it is in a take-off's ground run or climb."""
+        return self.takeoff_m is not None and self.condition.armed
 
     @property
     def landed_state(self) -> int:

@@ -342,10 +342,14 @@ class LinkLoss(GroundStationFailsafe):
         wait_s = self._parameters["COM_DL_LOSS_T"] + (self._parameters["COM_FAIL_ACT_T"] if self._holds else 0.0)
         return after(self._heard, wait_s)
 
-    def due_mode(self, now: Instant) -> FlightMode | None:
-        """Return the mode to change to if it acts now."""
-        if now < self.deadline():
-            return None
+    def lost(self, now: Instant) -> bool:
+        """Return whether it is to act and no ground station is heard, as before the first heartbeat."""
+        if not self._parameters["NAV_DLL_ACT"]:
+            return False
+        return self._heard is None or now >= after(self._heard, self._parameters["COM_DL_LOSS_T"])
+
+    def trigger(self) -> FlightMode | None:
+        """Act, once `deadline` has come; return the mode to change to."""
         self._known = STALE
         if self._holds:
             self._holds = False

@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 from airlink import mavlink as m
+from airlink.clock import seconds_between
 from airlink.messages import EKF_READY, Message
 from airlink.messages.system import AutopilotVersion, Heartbeat, SystemTime
 from airlink.messages.telemetry import (
@@ -40,6 +41,14 @@ SENSORS: Final = (
     | m.MAV_SYS_STATUS_SENSOR_BATTERY
 )
 EKF_STARTING: Final = 1024
+SLOW_S: Final = 10.0
+ALIGNS: Final[tuple[tuple[float, int], ...]] = (
+    (0.2, m.ESTIMATOR_ATTITUDE),
+    (0.4, m.ESTIMATOR_VELOCITY_VERT | m.ESTIMATOR_POS_VERT_ABS),
+    (0.6, m.ESTIMATOR_VELOCITY_HORIZ),
+    (0.8, m.ESTIMATOR_POS_HORIZ_REL),
+)
+"""From which share of the time to get ready on an estimator that takes longer than `SLOW_S` has which estimates."""
 LOAD_PERMILLE: Final = 200
 CRUISE_THROTTLE_PERCENT: Final = 50
 BATTERY_V: Final = 12.4
@@ -83,9 +92,14 @@ def heartbeat(v: Autopilot) -> Message:
 def sys_status(v: Autopilot) -> Message:
     """Return SYS_STATUS; the pre-arm bit is healthy once the vehicle may be armed, the missing fence always."""
     working = SENSORS if v.estimate.received else SENSORS & ~RECEIVER
-    healthy = working | FENCE | (PREARM_CHECK if v.ready else 0)
+    healthy = working | FENCE | (PREARM_CHECK if _passes(v) else 0)
     known = SENSORS | PREARM_CHECK
     return SysStatus(known, known, healthy, LOAD_PERMILLE, BATTERY_V, BATTERY_A, BATTERY_PERCENT)
+
+
+def _passes(v: Autopilot) -> bool:
+    """Return whether its pre-arm checks pass, as they do for good once it is armed."""
+    return v.ready if v.pilot.condition.armed else v.armable
 
 
 def battery_status(_: Autopilot) -> Message:
@@ -185,8 +199,19 @@ def wind(v: Autopilot) -> Message:
 def ekf_status_report(v: Autopilot) -> Message:
     """Return EKF_STATUS_REPORT: which estimates are valid, and their innovation ratios."""
     estimate = v.estimate
-    flags, ratios = EKF_READY & ~estimate.unknown if v.ready else EKF_STARTING, estimate.ratios
+    flags, ratios = EKF_READY & ~estimate.unknown if v.ready else _aligned(v), estimate.ratios
     return EkfStatusReport(flags, ratios.velocity, ratios.horizontal, ratios.height, ratios.compass, 0.0)
+
+
+def _aligned(v: Autopilot) -> int:
+    """Return which estimates are valid before it is ready: one that takes long finds them one after the other."""
+    ready_s, flags = v.fleet.ready_s, EKF_STARTING
+    if ready_s > SLOW_S:
+        share = seconds_between(v.clock.booted, v.now) / ready_s
+        for at, found in ALIGNS:
+            if share >= at:
+                flags |= found
+    return flags
 
 
 def home_position(v: Autopilot) -> Message:

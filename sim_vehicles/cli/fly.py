@@ -41,6 +41,7 @@ from sim_vehicles.cli import EXAMPLES
 from sim_vehicles.config import FleetConfig, VehicleConfig, fleet_config
 from sim_vehicles.fleet import Fleet
 from sim_vehicles.truth import TruthWriter
+from sim_vehicles.vehicle import Vehicle
 
 APART_M = 20.0
 MOST_BYTES = 65536
@@ -57,6 +58,12 @@ PREPARED = {
 
 Their timeouts are the longest that the families allow, so that a station may be stopped and started again meanwhile.
 """
+
+
+def prepare(vehicle: Vehicle) -> None:
+    """Switch a vehicle's failsafes on, unless its scenario gives parameters itself."""
+    if not vehicle.config.set_up:
+        vehicle.parameters.prepare(PREPARED)
 
 
 @click.command(epilog=EXAMPLES)
@@ -142,7 +149,7 @@ def _flown(config: FleetConfig, truth: Path | None, quiet: bool, prepared: bool,
         vehicles = tuple(_resolved(each) for each in config.vehicles)
         fleet = Fleet(replace(config, vehicles=vehicles, utc_at_0_us=clock.utc_at_0_us), begun, recording)
         for vehicle in fleet.vehicles if prepared else ():
-            vehicle.parameters.prepare(PREPARED)
+            prepare(vehicle)
 
         orders = None if parent_pid is None else ParentsOrders(fleet.environment)
 

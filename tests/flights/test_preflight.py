@@ -15,6 +15,7 @@ from airlink.frame import HEADER_V2, FrameWriter, StreamParser
 from airlink.messages.command import CommandInt, CommandLong, ParamSet
 from airlink.messages.system import Timesync
 from flight_model.earth import GeodeticOrigin
+from formation_scenario.surroundings import Fault
 from gcs_formation.app.dry_run import rehearsal_text, rehearsed
 from gcs_formation.app.operator_at_terminal import question
 from gcs_formation.mission.starting import PreFlightOptions
@@ -127,6 +128,108 @@ def test_of_a_vehicle_that_flies_already_the_same_is_told_and_it_is_taken_over()
     assert any("AIRSPEED_MAX: found 20" in told for told in world.words("parameters"))
     assert world.station.course.failure is None
     assert len(world.times_s("ready")) == 2
+
+
+class Speeds(Listening):
+    """Records the airspeeds that the second vehicle is commanded."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self.speeds_mps: list[float] = []
+
+    def take(self, datagram: Datagram, now: Instant) -> None:
+        messages = (frame.message for frame in StreamParser().feed(datagram.data) if datagram.socket == 1)
+        commands = (each for each in messages if isinstance(each, CommandInt))
+        speed = m.MAV_CMD_GUIDED_CHANGE_SPEED
+        self.speeds_mps += [each.param2 for each in commands if each.command == speed]
+        super().take(datagram, now)
+
+
+def test_airspeeds_that_a_vehicle_tells_bound_what_it_is_commanded() -> None:
+    """Its model flies 28 m/s; it was commanded 27 m/s for 527 s, all of them FAILED."""
+    vehicles = [{"id": 1, "role": "leader"}, {"id": 2, "autopilot_parameters": {"AIRSPEED_MAX": 24}}]
+    world = World(Speeds, READ, vehicles=vehicles)
+    world.fly_to(1.0)
+    answer = world.station.orders.take("speed 27", world.clock.now())
+    assert not answer.accepted
+    assert "24 m/s" in answer.text
+    assert world.station.orders.take("speed 23.9", world.clock.now()).accepted
+    world.run(15.0)
+    assert isinstance(world.between, Speeds)
+    assert 23.0 < max(world.between.speeds_mps) <= 24.0
+    assert world.times_s("disobeys") == []
+
+
+def test_a_bend_that_needs_more_than_a_vehicle_tells_is_refused_before_the_take_off_with_the_key_to_change() -> None:
+    bend = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [1500, 0, 100], [2500, 800, 100], [2500, 2500, 100]]}
+    aside = {"shape": "custom", "slots_m": {2: [0, -60, 0]}, "frame": "leader_heading"}
+    vehicles = [{"id": 1, "role": "leader"}, {"id": 2, "autopilot_parameters": {"AIRSPEED_MAX": 23}}]
+    world = World(Listening, READ, vehicles=vehicles, start={"in_air": False}, path=bend, formation=aside)
+    world.run(30.0)
+    failure = world.station.course.failure or ""
+    assert failure.startswith("what vehicles tell (vehicle 2: AIRSPEED_MAX 23) isn't enough for path.waypoints_m.2")
+    assert "23 m/s" in failure.partition("allowed: ")[2]
+    assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+
+
+def already_flown(caution: PreFlightOptions) -> World:
+    """Return two vehicles on the ground by their scenario, of which a pilot flies the second in LOITER."""
+    world = World(Listening, caution, **GROUND)
+    flown = world.vehicle(2)
+    flown.pilot.condition = Condition.FLYING
+    flown.body.state.height_m, flown.body.state.airspeed_mps = 80.0, 22.0
+    flown.pilot.enter(Mode.LOITER, flown.body.motion)
+    return world
+
+
+def test_who_flies_already_under_somebodys_command_is_named_and_not_taken_unasked() -> None:
+    world = already_flown(READ)
+    world.run(30.0)
+    assert world.station.flight.phase is Phase.FAILED
+    said = "vehicle 2 flies already, in LOITER: under somebody's command; --take takes it over, --confirm asks"
+    assert world.station.course.failure == said
+    assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
+    assert world.vehicle(2).pilot.mode is Mode.LOITER
+
+
+def test_with_take_who_flies_already_is_named_and_taken_over() -> None:
+    world = already_flown(PreFlightOptions(parameters=True, take=True))
+    world.run(12.0)
+    assert world.station.course.failure is None
+    assert world.vehicle(2).pilot.mode is Mode.GUIDED
+    assert world.times_s("parameters", 2, "flies already, in LOITER: under somebody's command")
+
+
+def test_with_confirm_the_question_names_who_flies_already() -> None:
+    world = already_flown(PreFlightOptions(parameters=True, confirm=True))
+    world.run(12.0)
+    assert world.vehicle(2).pilot.mode is Mode.LOITER
+    assert "take over 1 (vehicle 2 from LOITER, under somebody's command)" in question(world.station.preflight)
+    world.station.preflight.confirm()
+    world.run(3.0)
+    assert world.vehicle(2).pilot.mode is Mode.GUIDED
+
+
+def test_a_dry_run_names_who_flies_already_and_goes_on() -> None:
+    world = already_flown(PreFlightOptions(parameters=True, rehearse=True))
+    world.run(30.0)
+    assert world.station.preflight.rehearsed
+    assert any("flies already, in LOITER" in text for text in world.station.preflight.warnings.popitem()[1])
+
+
+def test_whoever_takes_off_by_its_pilot_while_the_others_are_waited_for_is_not_taken_either() -> None:
+    world = World(Listening, READ, **GROUND)
+    pilots, waits = world.vehicle(2), world.vehicle(1)
+    waits.inject(Fault(at_s=0.0, kind="freeze"), world.clock.now(), ends=False)
+    world.run(5.0)
+    pilots.enter(Mode.TAKEOFF)
+    pilots.arm(force=True)
+    world.network.run(lambda: pilots.pilot.airborne)
+    waits.inject(Fault(at_s=0.0, kind="freeze"), world.clock.now(), ends=True)
+    world.run(25.0)
+    assert world.station.course.failure
+    assert world.station.course.failure.startswith("vehicle 2 flies already, in TAKEOFF")
+    assert not waits.pilot.condition.armed
 
 
 @pytest.mark.parametrize("in_air", [False, True])

@@ -25,7 +25,7 @@ from gcs_formation.app.operator_at_terminal import RunOptions
 from gcs_formation.app.run import taken_up
 from gcs_formation.cli import main
 from gcs_formation.phases import Cause, Phase
-from gcs_formation.record.run_directory import SPOOL, RunDirectory
+from gcs_formation.record.run_directory import GOES_ON, RECORDING, SPOOL, RunDirectory
 from gcs_formation.record.timeseries import Spool, read_parquet
 from gcs_formation.record.tlog import read_tlog
 from gcs_formation.record.unfinished import epoch_us, read_past
@@ -105,12 +105,13 @@ class Killed:
         assert isinstance(notes, Kept)
         notes.directory.close()
 
-    def resume(self, *, retake: bool = False) -> None:
+    def resume(self, *, take: bool = False) -> None:
         """Start another station on the record."""
         world, scenario = self.world, self.world.station.scenario
         assert epoch_us(self.path) == EPOCH_US
-        resumed = read_past(self.path, scenario, world.clock.now(), retake=retake)
+        resumed = read_past(self.path, scenario, world.clock.now(), take=take)
         world.notes = Kept(scenario, self.path, resume=True)
+        world.notes.event(Event(resumed.at, RECORDING, GOES_ON, None, {"epoch_us": EPOCH_US}))
         world.station = Station(scenario, world.notes, resumed=resumed)
         world.process.replace(world.station)
         assert isinstance(world.between, Obedient)
@@ -230,17 +231,17 @@ def enter(world: World, number: int, mode: Mode) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("mode", "retake", "taken"), [(Mode.LOITER, True, False), (Mode.RTL, False, False), (Mode.RTL, True, True)]
+    ("mode", "take", "taken"), [(Mode.LOITER, False, False), (Mode.RTL, False, False), (Mode.LOITER, True, True)]
 )
 def test_one_that_was_given_another_mode_is_left_to_whoever_did(
-    killed: Callable[..., Killed], mode: Mode, retake: bool, taken: bool
+    killed: Callable[..., Killed], mode: Mode, take: bool, taken: bool
 ) -> None:
     flight = killed(duration_s=60)
     world = flight.world
     world.fly_to(5.0)
     flight.kill(3.0)
     enter(world, 2, mode)
-    flight.resume(retake=retake)
+    flight.resume(take=take)
     world.run(8.0)
     assert len(world.times_s("takeover", 2, "taken over" if taken else "left as it is")) == 1
     assert len(world.times_s("takeover", text="taken over")) == 2 + taken
@@ -266,7 +267,7 @@ def test_where_nobody_flies_as_left_it_is_said_how_they_are_and_what_takes_them_
     assert world.station.flight.phase is Phase.FAILED
     assert world.station.course.failure == (
         "no vehicle to take over: vehicle 1, 3: in RTL, and the flight had left it in GUIDED; "
-        "vehicle 2: in LOITER, and the flight had left it in GUIDED; --retake takes those that their failsafe sent home"
+        "vehicle 2: in LOITER, and the flight had left it in GUIDED; --take takes those in the air"
     )
     (ended,) = [event for event in world.notes.events if event.kind == "phase"]
     assert (ended.text, ended.details["cause"]) == ("failed", "the run can't go on, and nobody was commanded")
@@ -422,7 +423,7 @@ def test_what_can_not_be_resumed_is_refused_in_words(tmp_path: Path) -> None:
         assert (done.exit_code, words in done.stderr) == (2, True), done.stderr
     for arguments, words in (
         ([], "found no SCENARIO"),
-        (["x.yaml", "--retake"], "--retake: found without --resume"),
+        (["x.yaml", "--retake"], "x.yaml"),
         (["x.yaml", "--clock", "virtual"], "--clock: found virtual"),
         (["x.yaml", "--clock", "real"], "x.yaml"),
     ):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -13,10 +15,12 @@ from airlink.clock import Instant
 from airlink.engine import Datagram
 from airlink.frame import HEADER_V2
 from flight_model.arrays import wrap
+from gcs_formation.app.progress import Progress
 from gcs_formation.guidance.leader_guidance import SETTLE_S
 from gcs_formation.mission.course import GETS_ON_S
 from gcs_formation.phases import Phase
 from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
+from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import Between, World
 
 LAG_S = 0.2
@@ -149,6 +153,42 @@ def test_half_of_all_datagrams_lost_each_way_keep_nobody_from_starting(seed: int
     assert world.station.course.failure is None
 
 
+def slow_boot(ready_s: float, **start: Any) -> World:
+    """Return vehicles whose estimators take long."""
+    world = World(**ON_THE_GROUND | {"start": {"in_air": False} | start, "vehicles": {"count": 2}})
+    world.fleet = Fleet(replace(world.config, ready_s=ready_s))
+    assert isinstance(world.between, Between)
+    world.between.fleet = world.fleet
+    return world
+
+
+def test_a_vehicle_that_takes_long_to_get_ready_is_waited_for_with_a_line_for_each_thing_that_it_lacks() -> None:
+    """Its estimator finds something more every 24 s, and is ready later than one without progress is waited for."""
+    world = slow_boot(120.0)
+    world.network.run(lambda: world.station.flight.ended or world.vehicle(1).pilot.airborne)
+    assert world.station.course.failure is None
+    said = [event.text for event in world.notes.events if event.kind == "waits" and str(event.vehicle) == "1"]
+    missing = [text.partition(";")[0].count("EKF_") - 1 for text in said]
+    assert missing[:5] == [8, 7, 5, 4, 3]
+    assert said[4].startswith("not ready yet (EKF_STATUS_REPORT: no EKF_POS_HORIZ_ABS, EKF_PRED_POS_HORIZ_REL")
+
+
+@pytest.mark.parametrize(
+    ("ready_s", "start", "words"),
+    [
+        (1000.0, {}, "without progress for 90 s"),
+        (200.0, {"boot_timeout_s": 100}, "not done within 100 s after we waited for it to be ready to arm"),
+    ],
+)
+def test_one_that_makes_no_progress_or_takes_longer_than_the_scenario_allows_ends_the_run(
+    ready_s: float, start: dict[str, Any], words: str
+) -> None:
+    world = slow_boot(ready_s, **start)
+    world.run(700.0)
+    assert words in (world.station.course.failure or "")
+    assert "EKF_STATUS_REPORT: no " in (world.station.course.failure or "")
+
+
 def test_nobody_takes_off_for_a_formation_of_which_one_never_answers() -> None:
     world = World(Mute, **ON_THE_GROUND)
     world.run()
@@ -196,6 +236,28 @@ def test_who_is_back_in_its_slot_by_the_next_pass_is_not_said_to_be_out_of_it_fo
     (assembling_s,), (begun_s,) = world.times_s("phase", text="assembling"), world.times_s("phase", text="flying")
     assert begun_s > assembling_s + ASSEMBLING["start"]["timeout_s"] + 10.0
     assert (world.times_s("unassembled"), world.station.course.assembled) == ([], True)
+
+
+def test_a_log_says_what_an_assembly_waits_for_and_for_how_long() -> None:
+    world, log = World(**ON_THE_GROUND), StringIO()
+    world.run(10.0)
+    Progress(log).remind(world.station, world.clock.now())
+    assert log.getvalue() == "start +   10.0 s  connecting: vehicle 1, 2, 3: waited for it to climb\n"
+    world.network.run(lambda: bool(world.times_s("phase", text="assembling")))
+    world.run(5.0)
+    log.seek(0)
+    log.truncate()
+    Progress(log).remind(world.station, world.clock.now())
+    words = log.getvalue()
+    assert " s  assembling: the leader is at the start of its path in " in words
+    left_s = float(words.rpartition(" in ")[2].removesuffix(" s at least\n"))
+    said_s = world.now_s
+    world.network.run(lambda: bool(world.times_s("phase", text="flying")))
+    assert left_s <= world.now_s - said_s + 5.0
+    log.seek(0)
+    log.truncate()
+    Progress(log).remind(world.station, world.clock.now())
+    assert not log.getvalue()
 
 
 def test_a_leader_whose_telemetry_is_too_old_is_said_to_be_missed_for_that() -> None:
@@ -278,7 +340,7 @@ def test_whoever_is_taken_over_by_its_pilot_as_it_climbs_is_left_to_it_until_it_
     taken_s = world.now_s
     world.run(30.0)
     assert taken.pilot.mode is Mode.FBWA
-    assert world.words("abandoned") == ["taken over in mode 5 before it was ready: left to its pilot"]
+    assert world.words("abandoned") == ["taken over in FBWA before it was ready: left to its pilot"]
     assert world.times_s("abandoned", number)[0] - taken_s < 1.0 + LAG_S, "a heartbeat shows it"
     assert world.times_s("ready", number) == []
     assert world.station.course.failure is None

@@ -110,7 +110,7 @@ class ConformanceMonitor:
                 self._judge_insisted(vehicle, now)
             heartbeats = vehicle.telemetry.heartbeats
             for channel in vehicle.setpoint_channels:
-                refused = channel.is_refused(heartbeats)
+                refused = channel.is_refused(heartbeats, now)
                 reported = len(self._refused) > 0 and channel in self._refused
                 if refused and not reported and vehicle.member is Member.FLYING:
                     self._refused.add(channel)
@@ -157,12 +157,12 @@ class ConformanceMonitor:
         elif reported is not None and commands.outcome is not Outcome.WAITING:
             del self._insisted[vehicle.identity]
 
-    def _refuses(self, vehicle: Vehicle) -> bool:
+    def _refuses(self, vehicle: Vehicle, now: Instant) -> bool:
         if self._silent and any(channel in self._silent for channel in vehicle.setpoint_channels):
             return True
         heartbeats = vehicle.telemetry.heartbeats
         reported = (channel for channel in vehicle.setpoint_channels if channel in self._refused)
-        return bool(self._refused) and any(channel.is_refused(heartbeats) for channel in reported)
+        return bool(self._refused) and any(channel.is_refused(heartbeats, now) for channel in reported)
 
     def judge_commands(self, now: Instant) -> None:
         """Check that acknowledged changes of mode and arming take effect."""
@@ -204,7 +204,7 @@ class ConformanceMonitor:
             found = flier.check(own.stamp, state, self._controller.history, now)
             if found is not None:
                 self._note(now, "disobeys", _words(found), vehicle, _figures(found))
-            self.doubted[vehicle.column] = flier.doubted or self._refuses(vehicle)
+            self.doubted[vehicle.column] = flier.doubted or self._refuses(vehicle, now)
             if flier.sinks:
                 self.sinking.add(vehicle.identity)
             else:

@@ -21,6 +21,7 @@ class Gate:
     def __init__(self) -> None:
         self.due = self.confirmed = False
         self.vehicles = {number: SimpleNamespace(airborne=number == 1) for number in (1, 2, 3)}
+        self.flown_by_others = [(SimpleNamespace(identity=1), "AUTO")]
         self.warnings = {1: (), 2: ("FS_GCS_ENABL: found 0",)}
 
     @property
@@ -45,6 +46,7 @@ def test_only_yes_confirms_and_only_after_the_question(typed: bytes, confirmed: 
     gate.due = True
     confirmation.poll(NOW)
     asked = "3 vehicles are connected, ready and checked (1 with warnings). Type yes to arm 2 and take off, take over 1"
+    asked += " (vehicle 1 from AUTO, under somebody's command)"
     assert [event.text for event in notes.events] == [f"{asked}; anything else ends the run"]
     assert (gate.confirmed, declined) == (False, [])
     if typed:

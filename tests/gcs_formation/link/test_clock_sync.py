@@ -271,3 +271,26 @@ def test_an_answer_that_comes_late_tells_of_the_offset_then(drift: float) -> Non
     known.correct(after(Instant(0), 99.0), drift * 99.0, 1e-6)
     assert known.reference == after(Instant(0), 100.0)
     assert known.predict(after(Instant(0), 100.0)) == pytest.approx(drift * 100.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("starved_s", [1.2, 5.0, 30.0])
+def test_a_starved_simulator_that_catches_up_has_not_restarted(starved_s: float) -> None:
+    """Its clock stands still for a while, and then makes up for it within a few seconds."""
+    rng, sync = np.random.default_rng(1), ClockSync()
+    lost_s, restarts = 0.0, list[bool]()
+    for k in range(400):
+        at_s = 0.25 * k
+        if 20.0 <= at_s < 20.0 + starved_s:
+            lost_s = at_s - 20.0
+        elif at_s >= 60.0:
+            lost_s = max(0.0, lost_s - 2.0)
+        restarts.append(probe(sync, rng, at_s, 0.02, 0.0, (400.0 - lost_s, 0.0)))
+    assert not any(restarts)
+    assert sync.age_s(500.0 - 0.3, Instant(100 * NANOSECONDS)) == pytest.approx(0.3, abs=0.1)
+
+
+def test_one_that_is_ahead_of_what_it_had_lost_is_another_vehicles() -> None:
+    rng, sync = np.random.default_rng(1), ClockSync()
+    for k in range(80):
+        probe(sync, rng, 0.25 * k, 0.02, 0.002, (400.0 - (3.0 if k > 40 else 0.0), 0.0))
+    assert probe(sync, rng, 20.0, 0.02, 0.002, (402.0, 0.0))

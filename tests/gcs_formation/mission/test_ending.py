@@ -180,7 +180,7 @@ def test_a_vehicle_armed_on_the_ground_is_disarmed(place: Place):
 
 def test_arming_that_is_under_way_is_called_off(place: Place):
     vehicle = place(1, m.PLANE_MODE_TAKEOFF, 0.0, armed=False, status=WAITING)
-    vehicle.commands.begin(vehicle.autopilot.start_up(vehicle.rates_hz)[3].commands(vehicle.telemetry), NOW)
+    vehicle.commands.begin(vehicle.autopilot.start_up(vehicle.rates_hz)[4].commands(vehicle.telemetry), NOW)
     ending(vehicle)
     assert told(vehicle) == [(m.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)]
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
 from airlink.clock import Instant
 from formation_scenario import load_scenario
 from formation_scenario.slot_assignment import first_arrangement
-from gcs_formation.mission.resumption import RecordedVehicle, Resumption, why_left
+from gcs_formation.mission.resumption import Found, RecordedVehicle, Resumption, why_left
 from tests.flights.conftest import scenario
 
 
-def resumed(*, ending: bool = False, retake: bool = False) -> Resumption:
+def resumed(*, ending: bool = False, take: bool = False) -> Resumption:
     return Resumption(
         at=Instant(70_000_000_000),
         vehicles={},
@@ -26,13 +24,12 @@ def resumed(*, ending: bool = False, retake: bool = False) -> Resumption:
         arrangement=first_arrangement(load_scenario(scenario())),
         slots_m=np.zeros((3, 3)),
         ending=ending,
-        retake=retake,
+        take=take,
     )
 
 
-def found(mode: str, *, airborne: bool = True) -> dict[str, Any]:
-    guided = mode == "GUIDED" and airborne
-    return {"mode": mode, "airborne": airborne, "guided": guided, "homeward": mode == "RTL"}
+def found(mode: str, *, airborne: bool = True, by_failsafe: bool = False) -> Found:
+    return Found(mode, airborne, mode == "GUIDED" and airborne, mode in ("LOITER", "RTL"), by_failsafe)
 
 
 GUIDED, LOITER = RecordedVehicle("GUIDED", parted=False, flew=True), RecordedVehicle("LOITER", parted=False, flew=True)
@@ -45,12 +42,14 @@ PILOTS = RecordedVehicle("LOITER", parted=True, flew=True)
         (GUIDED, found("GUIDED"), resumed(), None),
         (GUIDED, found("GUIDED", airborne=False), resumed(), "on the ground"),
         (GUIDED, found("LOITER"), resumed(), "in LOITER, and the flight had left it in GUIDED"),
-        (GUIDED, found("RTL"), resumed(), "in RTL, and the flight had left it in GUIDED; --retake takes it"),
-        (GUIDED, found("RTL"), resumed(retake=True), None),
-        (GUIDED, found("LOITER"), resumed(retake=True), "in LOITER, and the flight had left it in GUIDED"),
+        (GUIDED, found("RTL"), resumed(), "in RTL, and the flight had left it in GUIDED; --take takes it"),
+        (GUIDED, found("RTL"), resumed(take=True), None),
+        (GUIDED, found("RTL", by_failsafe=True), resumed(), None),
+        (GUIDED, found("LOITER"), resumed(take=True), None),
         (LOITER, found("LOITER"), resumed(), None),  # commanded by the station itself
         (PILOTS, found("LOITER"), resumed(), "in LOITER, its pilot's or its failsafe's already before"),
-        (PILOTS, found("RTL"), resumed(retake=True), "in RTL, its pilot's or its failsafe's already before"),
+        (PILOTS, found("RTL", by_failsafe=True), resumed(), "in RTL, its pilot's or its failsafe's already before"),
+        (PILOTS, found("RTL"), resumed(take=True), None),
         (PILOTS, found("GUIDED"), resumed(), None),  # given back by its pilot
         (RecordedVehicle("TAKEOFF", parted=False, flew=True), found("TAKEOFF"), resumed(), None),
         (
@@ -61,12 +60,16 @@ PILOTS = RecordedVehicle("LOITER", parted=True, flew=True)
         ),
         (LOITER, found("LOITER"), resumed(ending=True), "in LOITER at the flight's end"),
         (GUIDED, found("GUIDED"), resumed(ending=True), None),
+        (GUIDED, found("LOITER"), resumed(ending=True), "in LOITER at the flight's end"),
+        (GUIDED, found("RTL", by_failsafe=True), resumed(ending=True), None),
+        (LOITER, found("LOITER"), resumed(ending=True, take=True), "in LOITER at the flight's end"),
+        (GUIDED, found("FBWA"), resumed(ending=True, take=True), None),
     ],
 )
-def test_only_who_flies_as_the_flight_had_left_it_is_taken(
-    known: RecordedVehicle, now: dict[str, Any], flight: Resumption, left: str | None
+def test_who_flies_as_the_flight_or_its_failsafe_left_it_is_taken_and_others_with_take(
+    known: RecordedVehicle, now: Found, flight: Resumption, left: str | None
 ) -> None:
-    reason = why_left(known, flight, **now)
+    reason = why_left(known, flight, now)
     assert (reason is None) == (left is None)
     assert (reason or "").startswith(left or "")
 

@@ -86,6 +86,7 @@ class Preflight:
     """Lets all vehicles begin, or none."""
 
     passed = True
+    boot_timeout_s = 600.0
 
 
 def test_nobody_is_commanded_before_all_have_answered() -> None:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
-from airlink.messages.command import ParamValue
+from airlink.messages.command import CommandInt, ParamValue
+from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.earth import GeodeticOrigin
+from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.checks import AT_ONCE, RETRY_S, TRIES, Finding, ParameterReader
 from tests.gcs_formation.vehicle.conftest import ORIGIN, planned
@@ -126,3 +131,35 @@ def test_old_names_are_not_asked_for_where_the_present_ones_are_answered() -> No
         told(reader, {name: IN_ORDER[name] for name in asked & set(IN_ORDER)}, now)
         now = after(now, RETRY_S)
     assert not asked & {"ARSPD_FBW_MIN", "ARSPD_FBW_MAX", "TRIM_ARSPD_CM", "LIM_ROLL_CD"}
+
+
+@pytest.mark.parametrize("field_m", [None, 1600.0])
+def test_airspeeds_are_commanded_within_what_the_vehicle_tells(field_m: float | None) -> None:
+    """At 1600 m a reading of 24 m/s is 25.9 m/s true."""
+    scale = None if field_m is None else AirspeedScale(field_m, 16.0, 28.0)
+    plane = ArduPlane(1, GeodeticOrigin(0.5, 0.5, 0.0), 0.25, scale)
+    plane.bound_speeds(18.0, 24.0)
+    where = FlightState(0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0)
+    sent = [plane.setpoint(Setpoint(speed_mps, 0.0, 100.0), where)[0] for speed_mps in (10.0, 20.0, 30.0)]
+    assert [each.param2 for each in sent if isinstance(each, CommandInt)] == pytest.approx(
+        [18.0, 20.0 if scale is None else 20.0 / scale.ratio, 24.0]
+    )
+    assert plane.speeds_mps is not None
+    assert plane.speeds_mps[1] == 24.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "bound"),
+    [
+        ("AIRSPEED_MAX", 24.0, ("speed_max_mps", 24.0)),
+        ("ARSPD_FBW_MAX", 24.0, ("speed_max_mps", 24.0)),
+        ("AIRSPEED_MIN", 18.0, ("speed_min_mps", 18.0)),
+        ("LIM_ROLL_CD", 2000.0, ("turn_rate_max_rps", math.tan(math.radians(20.0)) * 9.80665 / 22.0)),
+        ("AIRSPEED_MAX", 40.0, None),
+    ],
+)
+def test_parameters_narrower_than_the_model_bound_it(name: str, value: float, bound: tuple[str, float] | None) -> None:
+    found = [check.bound({name: value}) for check in PLANE.checks(MODEL, PATH)]
+    assert [each[:2] for each in found if each is not None] == (
+        [] if bound is None else [(bound[0], pytest.approx(bound[1], rel=1e-3))]
+    )

@@ -120,3 +120,36 @@ def test_arming_that_fails_is_tried_again_until_its_time_is_over(walk: Walk, tel
     walk.now = after(START, 31.0)
     assert walk.failure() == "not done within 30 s after we armed"
     assert walk.commands.refusal == (ARM, m.MAV_RESULT_FAILED)
+
+
+@pytest.mark.parametrize(
+    ("unfixed", "at_s", "words"),
+    [
+        (False, 31.0, "not done within 30 s after we asked for telemetry"),
+        (True, 89.0, None),
+        (True, 92.0, "not done within 90 s after we asked for telemetry"),
+    ],
+)
+def test_a_position_fix_is_waited_for_longer_than_telemetry(
+    walk: Walk, unfixed: bool, at_s: float, words: str | None
+) -> None:
+    """Its requests are acknowledged, and its positions are those of a receiver without a fix, latitude 0."""
+    walk.telemetry = Telemetry(walk.telemetry.origin)
+    walk.go()
+    walk.telemetry.unfixed = unfixed
+    walk.start_up.watch(walk.telemetry, START)
+    walk.now = after(START, at_s)
+    assert walk.failure() == words
+
+
+def test_a_vehicle_that_makes_progress_is_waited_for_up_to_the_longest_time(walk: Walk) -> None:
+    walk.telemetry = Telemetry(walk.telemetry.origin)
+    walk.go()
+    walk.telemetry.unfixed = True
+    for at_s in range(0, 600, 60):
+        walk.telemetry.fix = (1, at_s // 60)
+        walk.now = after(START, float(at_s))
+        walk.start_up.watch(walk.telemetry, walk.now)
+        assert walk.failure() is None
+    walk.now = after(START, 601.0)
+    assert walk.failure() == "not done within 600 s after we asked for telemetry"
