@@ -236,14 +236,31 @@ def injected(statistics: tuple[ChannelStatistics, ChannelStatistics]) -> tuple[f
     return up_s, down_s, up.loss, down.loss
 
 
+class RecentDelay:
+    """The delay of one direction: of what was sent since the last look, or else of what was sent last."""
+
+    def __init__(self) -> None:
+        """Start with nothing sent."""
+        self._datagrams, self._delivered, self._total_s = 0, 0, 0.0
+        self._mean_s = math.nan
+
+    def look(self, way: ChannelStatistics) -> float:
+        """Return the mean delay, s; NaN if everything sent was lost, or nothing was ever sent."""
+        delivered, total_s = way.delivered - self._delivered, way.total_delay_s - self._total_s
+        if way.datagrams != self._datagrams:
+            self._mean_s = total_s / delivered if delivered else math.nan
+        self._datagrams, self._delivered, self._total_s = way.datagrams, way.delivered, way.total_delay_s
+        return self._mean_s
+
+
 class InjectedDelays:
     """Delays that were injected into each link, for every tick."""
 
     def __init__(self, vehicles: Iterable[VehicleId], links: ImpairedEngine | None, otherwise_s: float) -> None:
         """Read the statistics of `links`. Without links every delay is `otherwise_s`: 0, or NaN if not known."""
         self._links, self._otherwise_s = links, otherwise_s
-        self._sums: dict[VehicleId, list[tuple[float, int]]] = {vehicle: [(0.0, 0)] * 2 for vehicle in vehicles}
-        self._series_s = {vehicle: array("d") for vehicle in self._sums}
+        self._ways = {vehicle: (RecentDelay(), RecentDelay()) for vehicle in vehicles}
+        self._series_s = {vehicle: array("d") for vehicle in self._ways}
         self._ticks = 0
 
     def begin(self, links: ImpairedEngine) -> None:
@@ -251,7 +268,7 @@ class InjectedDelays:
         self._links = links
 
     def note(self, ticks: int) -> None:
-        """Record what was injected since the previous tick, once for every new tick."""
+        """Record what was injected since the previous tick, once for every new tick; a tick may lack datagrams."""
         if ticks == self._ticks:
             return
         if self._links is not None:
@@ -260,11 +277,11 @@ class InjectedDelays:
         self._ticks = ticks
 
     def series_s(self, ticks: int) -> Mapping[VehicleId, Array]:
-        """Return each vehicle's mean delays up and down, s (T, 2); NaN where nothing was sent, or before a resumption.
+        """Return each vehicle's mean delays up and down, s (T, 2); NaN where all was lost, or before a resumption.
 
         `ticks`: T, including those before a resumption.
         """
-        series_s = {vehicle: np.full((ticks, 2), math.nan) for vehicle in self._sums}
+        series_s = {vehicle: np.full((ticks, 2), math.nan) for vehicle in self._ways}
         for vehicle, each_s in series_s.items():
             known_s = np.array(self._series_s[vehicle]).reshape(-1, 2)
             each_s[ticks - self._ticks : ticks - len(known_s)] = self._otherwise_s
@@ -272,8 +289,5 @@ class InjectedDelays:
         return series_s
 
     def _since_last_s(self, vehicle: VehicleId, links: ImpairedEngine) -> tuple[float, float]:
-        sums = [(way.total_delay_s, way.delivered) for way in links.statistics(vehicle)]
-        apart = [(now[0] - was[0], now[1] - was[1]) for now, was in zip(sums, self._sums[vehicle], strict=True)]
-        self._sums[vehicle] = sums
-        up_s, down_s = (total_s / delivered if delivered else math.nan for total_s, delivered in apart)
-        return up_s, down_s
+        up, down = (each.look(way) for each, way in zip(self._ways[vehicle], links.statistics(vehicle), strict=True))
+        return up, down
