@@ -18,6 +18,8 @@ LOSSY_S: Final = 10.0
 """Time after a loss for which a link counts as lossy."""
 EVERYTHING: Final = 0.0
 """Multiple of the tolerances of news with which every change is sent, as over a link that loses the next one, too."""
+EVERY: Final = True, True, True
+"""All quantities: over a link that loses they go with each one that is news, and make up for what was lost."""
 GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 QUANTITIES: Final = 3
 ALL_AGAIN_S: Final = QUANTITIES * REPEAT_S
@@ -79,7 +81,7 @@ class SetpointDelivery:
             return messages
         said = self._autopilot.quantities(setpoint, where)
         news = self.held.judge(said, at, tolerance, self._autopilot.prompt_share)
-        which = self._which(news, at, loses=loses)
+        which = EVERY if everything and loses and any(news) else self._which(news, at, loses=loses)
         if not (which[0] or which[1] or which[2]):
             self._autopilot.keep_setpoint()
             return []
