@@ -7,7 +7,7 @@ from array import array
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -240,7 +240,21 @@ def injected(statistics: tuple[ChannelStatistics, ChannelStatistics]) -> tuple[f
     return up_s, down_s, up.loss, down.loss
 
 
-NOTHING_SENT: Final = [(0.0, 0)] * 2
+class RecentDelay:
+    """The delay of one direction: of what was sent since the last look, or else of what was sent last."""
+
+    def __init__(self) -> None:
+        """Start with nothing sent."""
+        self._datagrams, self._delivered, self._total_s = 0, 0, 0.0
+        self._mean_s = math.nan
+
+    def look(self, way: ChannelStatistics) -> float:
+        """Return the mean delay, s; NaN if everything sent was lost, or nothing was ever sent."""
+        delivered, total_s = way.delivered - self._delivered, way.total_delay_s - self._total_s
+        if way.datagrams != self._datagrams:
+            self._mean_s = total_s / delivered if delivered else math.nan
+        self._datagrams, self._delivered, self._total_s = way.datagrams, way.delivered, way.total_delay_s
+        return self._mean_s
 
 
 class InjectedDelays:
@@ -259,7 +273,7 @@ class InjectedDelays:
         """
         self._in_use = in_use
         self._links, self._otherwise_s = links, otherwise_s
-        self._sums = dict[LinkId, list[tuple[float, int]]]()
+        self._ways = dict[LinkId, tuple[RecentDelay, RecentDelay]]()
         self._series_s = {vehicle: array("d") for vehicle in vehicles}
         self._ticks = 0
 
@@ -268,7 +282,7 @@ class InjectedDelays:
         self._links = links
 
     def note(self, ticks: int) -> None:
-        """Record what was injected since the previous tick, once for every new tick."""
+        """Record what was injected since the previous tick, once for every new tick; a tick may lack datagrams."""
         if ticks == self._ticks:
             return
         if self._links is not None:
@@ -277,7 +291,7 @@ class InjectedDelays:
         self._ticks = ticks
 
     def series_s(self, ticks: int) -> Mapping[VehicleId, Array]:
-        """Return each vehicle's mean delays up and down, s (T, 2); NaN where nothing was sent, or before a resumption.
+        """Return each vehicle's mean delays up and down, s (T, 2); NaN where all was lost, or before a resumption.
 
         `ticks`: T, including those before a resumption.
         """
@@ -290,9 +304,6 @@ class InjectedDelays:
 
     def _since_last_s(self, vehicle: VehicleId, links: ImpairedEngine) -> tuple[float, float]:
         link = vehicle, self._in_use(vehicle)
-        sums = [(way.total_delay_s, way.delivered) for way in links.statistics(*link)]
-        before = self._sums.get(link, NOTHING_SENT)
-        apart = [(now[0] - was[0], now[1] - was[1]) for now, was in zip(sums, before, strict=True)]
-        self._sums[link] = sums
-        up_s, down_s = (total_s / delivered if delivered else math.nan for total_s, delivered in apart)
-        return up_s, down_s
+        ways = self._ways.setdefault(link, (RecentDelay(), RecentDelay()))
+        up, down = (each.look(way) for each, way in zip(ways, links.statistics(*link), strict=True))
+        return up, down

@@ -21,7 +21,7 @@ from gcs_formation.budget.traffic import STEADY_PROBE_S, UNSTATED, Stated, bytes
 from gcs_formation.fleet.routing_and_dispatch import PROBE_S, HeartbeatScheduler
 from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.recorder import Note
-from gcs_formation.vehicle.setpoint_delivery import EVERYTHING
+from gcs_formation.vehicle.setpoint_delivery import EVERYTHING, LOSSY_S
 from gcs_formation.vehicle.vehicle import Vehicle
 
 NEAR: Final = 0.5
@@ -52,7 +52,16 @@ class VehicleBudget:
         been left alone."""
         self._carried, self._peak = stated.bytes_per_s, 0.0
         """What the link carried when it was full, and at most since the level was set, bytes a second."""
-        self._try_again_s, self._rates_of = TRY_AGAIN_S, (-1, False)
+        self._try_again_s, self._rates_of = TRY_AGAIN_S, (-1, False, False)
+        self._careful_at = LONG_AGO
+        """When a loop was last near its margin, or the link lost something."""
+
+    def look(self, now: Instant, *, near: bool) -> None:
+        """Save nothing while a loop is `near` its margin or the link loses, and for some time after, at full rates."""
+        setpoints = self.vehicle.setpoints
+        setpoints.tolerance = EVERYTHING if near and not self.level else 1.0
+        if near or (setpoints.lost_at > Instant(0) and setpoints.loses(now)):
+            self._careful_at = now
 
     def judge(self, now: Instant) -> int:
         """Return by how many levels the rates go down (1 or 0), or up (-1, or as many as there are)."""
@@ -97,17 +106,18 @@ class VehicleBudget:
     def _levels(self) -> tuple[Level, Level]:
         return LEVELS[self.level], LEVELS[self.level - 1]
 
-    def apply(self) -> list[Message]:
+    def apply(self, now: Instant) -> list[Message]:
         """Put the level into effect; return the requests for other rates."""
         vehicle, level, flies = self.vehicle, LEVELS[self.level], self.vehicle.start_up.finished
+        whole = flies and self.level == 0 and seconds_between(self._careful_at, now) < LOSSY_S
         vehicle.limits.probe_s, vehicle.setpoints.interval_s = level.probe_s, level.setpoint_s
         vehicle.commands.spares = vehicle.setpoints.spares = self.level > 0
         restarted = vehicle.rates_hz is vehicle.start_up_hz
-        if self._rates_of == (self.level, flies) and not (restarted and flies):
+        if self._rates_of == (self.level, flies, whole) and not (restarted and flies):
             return []
-        self._rates_of, before = (self.level, flies), vehicle.rates_hz
+        self._rates_of, before = (self.level, flies, whole), vehicle.rates_hz
         vehicle.start_up_hz.update(thinned(vehicle.autopilot, level, self._all_hz))
-        vehicle.rates_hz = self._flight_hz(level) if flies else dict(vehicle.start_up_hz)
+        vehicle.rates_hz = self._flight_hz(level) if flies and not whole else dict(vehicle.start_up_hz)
         asked = vehicle.start_up.asked_for_telemetry
         changed = [each for each, rate_hz in vehicle.rates_hz.items() if rate_hz != before[each]] if asked else []
         return [vehicle.ask(vehicle.autopilot.set_message_interval(each, vehicle.rates_hz[each])) for each in changed]
@@ -131,7 +141,7 @@ class LinkBudget:
         self._heartbeats = heartbeats
         self._each = [VehicleBudget(each, stated.get(identity, UNSTATED)) for identity, each in vehicles.items()]
         for each in self._each:
-            each.apply()
+            each.apply(Instant(0))
         self._note, self._reports = note, reports
         self.leaves_unread = False
         """Whether messages that the station doesn't read are left at their rates, as for a second ground station."""
@@ -145,7 +155,7 @@ class LinkBudget:
         found, changes = list[tuple[Vehicle, Message]](), dict[int, list[VehicleBudget]]()
         for each in self._each:
             vehicle = each.vehicle
-            vehicle.setpoints.tolerance = EVERYTHING if near and not each.level else 1.0
+            each.look(now, near=near)
             if not vehicle.connection.talks or vehicle.is_left:
                 continue
             report = self._reports.of(vehicle.connection, now)
@@ -160,7 +170,7 @@ class LinkBudget:
 
     def _requests(self, each: VehicleBudget, now: Instant) -> list[Message]:
         vehicle, level = each.vehicle, LEVELS[each.level]
-        requests = each.apply()
+        requests = each.apply(now)
         probe_s = level.probe_s or (STEADY_PROBE_S if vehicle.round_trips.steady else PROBE_S)
         self._heartbeats.spare(vehicle.identity, probe_s, irregular=level.probe_s > 0.0)
         if vehicle.start_up.finished or (each.level and vehicle.start_up.asked_for_telemetry):

@@ -1,14 +1,15 @@
 """Whether one vehicle's link is full: what its radio says, how long messages wait, and what is lost.
 
 A queue that never empties shows in the shortest of recent round trips (RFC 8289, "Controlled Delay Active Queue
-Management"), which jitter doesn't lengthen. A longer link alone does, so something must be lost besides. A radio's
-free buffer tells by itself; below 20 % ArduPilot, too, slows its streams down.
+Management"), which jitter doesn't lengthen. A longer link alone does, so something must be lost besides, or round trips
+must go on becoming longer. A radio's free buffer tells by itself; below 20 % ArduPilot, too, slows its streams down.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 from airlink.clock import Instant, after, seconds_between
@@ -16,11 +17,16 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 WINDOW: Final = 5
 """Number of looks, one a second, over which losses are counted."""
+KEPT: Final = 8
+"""Number of looks kept before these, for what was asked a round trip earlier."""
 RECENT_S: Final = 5.0
 """Time over which the shortest round trip is taken, of at least as many as `FEWEST`."""
 FEWEST: Final = 4
 QUEUE_S: Final = 0.2
 """Round trips that are all longer by this than the shortest ever wait in a queue."""
+GROWS_S: Final = 0.2
+"""A queue grows if the shortest round trip is longer at each of `WINDOW` looks, and by this in all of them. A link
+whose delay takes a step is longer at one or two."""
 LOST: Final = 0.15
 """Share lost one way beyond which a link with a queue is full."""
 LOW_PERCENT: Final = 20.0
@@ -34,7 +40,8 @@ class Counts(NamedTuple):
     at: Instant
     received: int
     lost: int
-    asked: int
+    due: float
+    """Number of requests made so long ago that their answers are due."""
     answers: int
     bytes_in: int
     bytes_out: int
@@ -47,8 +54,12 @@ class LinkLoad:
         """Start with nothing known."""
         self._vehicle, self._sequence = vehicle, vehicle.sequence
         self._looks = deque[Counts](maxlen=WINDOW + 1)
+        self._asked = deque[tuple[Instant, int]](maxlen=KEPT + 1)
+        """Numbers of requests up to the last looks."""
         self._shortest_s = math.inf
         """The shortest round trip so far."""
+        self._queues_s = deque[float](maxlen=WINDOW + 1)
+        """The time spent in queues at the last looks."""
         self._low = 0
         """For how many looks the buffer has been low."""
         self.queue_s, self.lost_up, self.lost_down = 0.0, 0.0, 0.0
@@ -71,12 +82,14 @@ class LinkLoad:
         if not math.isnan(shortest_s):
             self._shortest_s = min(self._shortest_s, shortest_s)
             self.queue_s = shortest_s - self._shortest_s
+        self._queues_s.append(self.queue_s)
+        self._asked.append((now, sequence.asked))
         self._looks.append(
             Counts(
                 now,
                 sequence.received,
                 sequence.lost,
-                sequence.asked,
+                self._due(now),
                 sequence.answers,
                 vehicle.bytes_in,
                 vehicle.bytes_out,
@@ -84,11 +97,26 @@ class LinkLoad:
         )
         self._compare(self._looks[0], self._looks[-1])
 
+    def _due(self, now: Instant) -> float:
+        """Return how many requests were made up to a round trip ago, the longest of the recent ones.
+
+        Where the link has just become longer, answers to the others are under way, and not lost.
+        """
+        trip_s = self._vehicle.round_trips.longest_s(after(now, -RECENT_S))
+        at = now if math.isnan(trip_s) else after(now, -trip_s)
+        later, count = now, self._asked[-1][1]
+        for earlier, before in reversed(self._asked):
+            if earlier <= at:
+                share = seconds_between(earlier, at) / seconds_between(earlier, later) if later > earlier else 0.0
+                return before + share * (count - before)
+            later, count = earlier, before
+        return float(count)
+
     def _compare(self, first: Counts, last: Counts) -> None:
         received, lost = last.received - first.received, max(last.lost - first.lost, 0)
-        asked, answers = last.asked - first.asked, last.answers - first.answers
+        due, answers = last.due - first.due, last.answers - first.answers
         self.lost_down = lost / (received + lost) if received + lost else 0.0
-        answered = answers / asked / (1.0 - self.lost_down) if asked and self.lost_down < 1.0 else 1.0
+        answered = answers / due / (1.0 - self.lost_down) if due > 0.0 and self.lost_down < 1.0 else 1.0
         self.lost_up = max(0.0, 1.0 - answered)
         over_s = seconds_between(first.at, last.at)
         if over_s > 0.0:
@@ -98,6 +126,7 @@ class LinkLoad:
     def settle(self) -> None:
         """Reset the counts of losses: another load is tried."""
         self._looks.clear()
+        self._queues_s.clear()
 
     def forget(self) -> None:
         """Take the present round trips for those of an empty link."""
@@ -107,7 +136,14 @@ class LinkLoad:
     def full(self) -> bool:
         """Whether the link carries no more."""
         loses = max(self.lost_up, self.lost_down) > LOST
-        return self._low >= LOW_REPORTS or (self.queue_s > QUEUE_S and loses and len(self._looks) > WINDOW)
+        waits = self.queue_s > QUEUE_S and len(self._looks) > WINDOW
+        return self._low >= LOW_REPORTS or (waits and (loses or self._grows))
+
+    @property
+    def _grows(self) -> bool:
+        queues_s = list(self._queues_s)
+        longer = all(now_s > before_s for before_s, now_s in pairwise(queues_s))
+        return len(queues_s) > WINDOW and longer and queues_s[-1] - queues_s[0] > GROWS_S
 
     @property
     def words(self) -> str:

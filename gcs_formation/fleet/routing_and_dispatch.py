@@ -256,9 +256,11 @@ class Dispatch:
 
     def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""
+        evades = any(tick.yielding)
         for vehicle in self._vehicles:
             column = vehicle.column
             state = tick.state[column]
+            vehicle.setpoints.hurries = evades
             speed_mps, heading_rad, height_m = tick.setpoints[column]
             known = state.north_m + state.east_m + state.height_m + state.wind_north_mps + state.wind_east_mps
             usable = tick.active[column] and finite(speed_mps + heading_rad + height_m + known)

@@ -354,6 +354,11 @@ class RoundTrips:
         alike = len(recent_s) == STEADY_TRIPS and max(recent_s) - min(recent_s) <= self._loop_s + STEADY_S
         return alike and len(self._pending) <= 1 and self.clock.samples >= KNOWN_TRIPS
 
+    def longest_s(self, since: Instant) -> float:
+        """Return the longest of the last round trips that ended since an instant; NaN if none did."""
+        each = zip(self._arrivals, self._recent_s, strict=True)
+        return max([trip_s for at, trip_s in each if at >= since], default=math.nan)
+
     def shortest_s(self, since: Instant, fewest: int) -> float:
         """Return the shortest of the round trips that ended since an instant; NaN if these are fewer than `fewest`."""
         each = zip(self._arrivals, self._recent_s, strict=True)

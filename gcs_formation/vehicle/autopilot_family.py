@@ -380,6 +380,11 @@ class Autopilot(ABC):
         """
         return self.airspeed_to_tell(setpoint.speed_mps), setpoint.heading_rad, setpoint.height_m
 
+    @property
+    def prompt_share(self) -> float:
+        """The share of a change of the commanded airspeed that is flown at once; an integrator adds the rest."""
+        return 1.0
+
     def keep_setpoint(self) -> None:
         """Take that the vehicle keeps its setpoint for another tick."""
         return  # most families have no memory of setpoints

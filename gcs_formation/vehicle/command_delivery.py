@@ -39,7 +39,7 @@ SILENT_S: Final = 5.0
 GAP_S: Final = 0.5
 """When acknowledgements of setpoints are later than this, setpoints may have been lost."""
 REPEAT_S: Final = 1.0
-"""A setpoint is repeated after this time, whatever was acknowledged."""
+"""A setpoint is repeated after this time while it isn't acknowledged; acknowledged ones take turns, one each time."""
 QUICKEST: Final = 0.75
 PATIENCE: Final = 1.5
 """Durations of the quickest and the slowest answer, as multiples of the usual round trip."""
@@ -313,20 +313,22 @@ class SetpointChannel:
         self._acknowledged_to = after(now, -QUICKEST * self._round_trip_s)
         self._waiting = now if self._sent > self._acknowledged_to else NEVER
 
-    def is_due(self, at: Instant, *, loses: bool, spares: bool = False) -> bool:
+    def is_due(self, at: Instant, *, loses: bool, spares: bool = False, repeat_s: float = REPEAT_S) -> bool:
         """Return whether a setpoint is due at an instant though it isn't news: a first one, or one to be repeated.
 
         One that isn't acknowledged is sent again after each twice as long a wait: the first is until its answer is
         overdue or, over a link that `loses`, until the next tick; over one where bytes are spared, until the answer
-        should have come.
+        should have come. `repeat_s`: age at which one that was acknowledged is repeated.
         """
         if self.held is None:
             return True
         if self._refusals >= REFUSALS_ALIKE:
             return False
         age_s = seconds_between(self._sent, at)
-        if age_s >= REPEAT_S or self._sent <= self._acknowledged_to:
-            return age_s >= REPEAT_S
+        if self._sent <= self._acknowledged_to:
+            return age_s >= repeat_s
+        if age_s >= REPEAT_S:
+            return True
         usual_s = 0.0 if loses and not spares else PATIENCE * self._round_trip_s
         wait_s = usual_s + (LOSSY_WAIT_S if loses else LOOPS_S)
         return age_s > wait_s * 2.0 ** min(self._resends, MOST_DOUBLINGS)

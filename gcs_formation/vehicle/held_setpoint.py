@@ -22,13 +22,13 @@ Which = tuple[bool, bool, bool]
 SPEED: Final = 0
 HEADING: Final = 1
 HEIGHT: Final = 2
-ALONG_M: Final = 0.01
+ALONG_M: Final = 0.002
 ACROSS_M: Final = 0.001
-HEIGHT_M_S: Final = 0.1
+HEIGHT_M_S: Final = 0.2
 """Tolerances of the integrals: displacement along and across the heading, m, of a vehicle that followed at once, and
 height times time, m s. Followed with lags of 4 s for airspeed and 1 and 3 s for height, these are less. Of the
-quickstart's errors they leave each within 4 mm of what sending everything gives, and a PX4's, whose integrator makes
-changes of airspeed larger, in its slot."""
+quickstart's errors they leave each within 4 mm of what sending everything gives. They bound the steps, too: on a ramp
+of a m/s² airspeed changes by steps of the root of 2 a `ALONG_M`, 6 mm/s at 1 cm/s²."""
 SHORTEST_S: Final = 0.02
 LONGEST_S: Final = 1.0
 """Shortest and longest time between two setpoints that counts."""
@@ -51,17 +51,17 @@ class HeldSetpoint:
         """Take everything for news: the vehicle may hold others' setpoints."""
         self.values = self._said = UNKNOWN
 
-    def judge(self, said: Triple, at: Instant, tolerance: float = 1.0) -> Which:
+    def judge(self, said: Triple, at: Instant, tolerance: float = 1.0, prompt_share: float = 1.0) -> Which:
         """Return which of airspeed, heading and height, as messages say them at an instant, are news.
 
-        `tolerance`: multiple of the tolerances.
+        `tolerance`: multiple of the tolerances; `prompt_share`: of a change of airspeed, what is flown at once.
         """
         elapsed_s = within(seconds_between(self._judged, at), SHORTEST_S, LONGEST_S)
         self._judged = at
         off_mps, off_rad = said[SPEED] - self._said[SPEED], wrap(said[HEADING] - self._said[HEADING])
         off_m = said[HEIGHT] - self._said[HEIGHT]
         return (
-            self._is_news(SPEED, off_mps * elapsed_s, tolerance * ALONG_M),
+            self._is_news(SPEED, prompt_share * off_mps * elapsed_s, tolerance * ALONG_M),
             self._is_news(HEADING, said[SPEED] * off_rad * elapsed_s, tolerance * ACROSS_M),
             self._is_news(HEIGHT, off_m * elapsed_s, tolerance * HEIGHT_M_S),
         )

@@ -287,6 +287,11 @@ class Px4Plane(Px4):
             reading_mps = lead.led(reading_mps, self.airspeed_to_tell(where.airspeed_mps))
         return reading_mps, _course_rad(setpoint, where), setpoint.height_m
 
+    @property
+    def prompt_share(self) -> float:
+        """The model's."""
+        return 1.0 if self._lead is None else self._lead.prompt_share
+
     def keep_setpoint(self) -> None:
         """Let the lead compensation go on from the airspeed that is held."""
         if self._lead is not None:

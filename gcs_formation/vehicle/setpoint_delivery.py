@@ -18,8 +18,12 @@ LOSSY_S: Final = 10.0
 """Time after a loss for which a link counts as lossy."""
 EVERYTHING: Final = 0.0
 """Multiple of the tolerances of news with which every change is sent, as over a link that loses the next one, too."""
+EVERY: Final = True, True, True
+"""All quantities: over a link that loses they go with each one that is news, and make up for what was lost."""
 GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 QUANTITIES: Final = 3
+ALL_AGAIN_S: Final = QUANTITIES * REPEAT_S
+"""Time after which every quantity is repeated."""
 MOST_LEAD_RAD: Final = 0.03
 SLACK_S: Final = 0.01
 """Ticks come a little early or late."""
@@ -39,6 +43,8 @@ class SetpointDelivery:
         self.held = HeldSetpoint()
         self.tolerance = 1.0
         """Multiple of the tolerances of news."""
+        self.hurries = False
+        """Whether every change is sent on its tick, as while any vehicle gives way."""
         self.interval_s, self.spares = 0.0, False
         """Shortest time between two setpoints of a quantity, and whether bytes are spared, as of a full link."""
         self._at, self._heading_rad = LONG_AGO, math.nan
@@ -60,20 +66,22 @@ class SetpointDelivery:
         for each in self.channels:
             if each.overdue(at):
                 self.lost_at = at
-        loses = seconds_between(self.lost_at, at) < LOSSY_S
+        loses = self.loses(at)
+        everything = (loses or self.hurries) and not self.spares
+        tolerance = EVERYTHING if everything else self.tolerance
         if self.interval_s > 0.0:
             setpoint = self._led(setpoint, at)
         wanted = setpoint.speed_mps, setpoint.heading_rad, setpoint.height_m
         if not self.channels:
             messages, holds = self._stream(
-                setpoint, where, at, min(REPEAT_S, stands_after_s / STREAM_LOSSES), loses=loses
+                setpoint, where, at, min(REPEAT_S, stands_after_s / STREAM_LOSSES), tolerance, loses=loses
             )
             if holds:
                 self.held.send(wanted, wanted, (True, True, True))
             return messages
         said = self._autopilot.quantities(setpoint, where)
-        news = self.held.judge(said, at, EVERYTHING if loses and not self.spares else self.tolerance)
-        which = self._which(news, at, loses=loses)
+        news = self.held.judge(said, at, tolerance, self._autopilot.prompt_share)
+        which = EVERY if everything and loses and any(news) else self._which(news, at, loses=loses)
         if not (which[0] or which[1] or which[2]):
             self._autopilot.keep_setpoint()
             return []
@@ -84,6 +92,10 @@ class SetpointDelivery:
             if isinstance(message, CommandInt):
                 self._sent(message, news, at, round_trip_s)
         return messages
+
+    def loses(self, at: Instant) -> bool:
+        """Return whether the link counts as lossy at an instant."""
+        return seconds_between(self.lost_at, at) < LOSSY_S
 
     def forget(self) -> None:
         """Send the next setpoint in full: the vehicle may have received others meanwhile."""
@@ -103,9 +115,9 @@ class SetpointDelivery:
         """Return which quantities to send: those with news, and those due again; all where one command carries them."""
         speed, heading, height = self.channels
         again = (
-            speed.is_due(at, loses=loses, spares=self.spares),
-            heading.is_due(at, loses=loses, spares=self.spares),
-            height.is_due(at, loses=loses, spares=self.spares),
+            self._again(speed, at, loses=loses),
+            self._again(heading, at, loses=loses),
+            self._again(height, at, loses=loses),
         )
         if self.interval_s > 0.0:
             news = (
@@ -116,6 +128,19 @@ class SetpointDelivery:
         which = news[0] or again[0], news[1] or again[1], news[2] or again[2]
         together = speed is heading and (which[0] or which[1] or which[2])
         return (True, True, True) if together else which
+
+    def _again(self, channel: SetpointChannel, at: Instant, *, loses: bool) -> bool:
+        """Return whether a quantity is due again though it isn't news.
+
+        Each `REPEAT_S` without any message one quantity is repeated, that which was sent first, and each is repeated
+        after `ALL_AGAIN_S` at the latest; over a link that loses, each after `REPEAT_S`.
+        """
+        repeat_s = REPEAT_S
+        if not loses:
+            ages_s = [each.age_s(at) for each in self.channels]
+            quiet = min(ages_s) >= REPEAT_S and channel is self.channels[ages_s.index(max(ages_s))]
+            repeat_s = REPEAT_S if quiet else ALL_AGAIN_S
+        return channel.is_due(at, loses=loses, spares=self.spares, repeat_s=repeat_s)
 
     def _led(self, setpoint: Setpoint, at: Instant) -> Setpoint:
         """Return a setpoint whose heading is that of the middle of the time for which it will be held.
@@ -144,14 +169,16 @@ class SetpointDelivery:
             channel.sent(message, at, round_trip_s, news=is_news)
 
     def _stream(
-        self, setpoint: Setpoint, where: FlightState, at: Instant, again_s: float, *, loses: bool
+        self, setpoint: Setpoint, where: FlightState, at: Instant, again_s: float, tolerance: float, *, loses: bool
     ) -> tuple[list[Message], bool]:
         """Return the messages of a setpoint that isn't acknowledged, if they say anything new or are due again.
 
         And whether the vehicle holds it from then on: what says the same is held as well as what is sent.
         """
         messages, age_s = list(self._autopilot.setpoint(setpoint, where)), seconds_between(self._streamed_at, at)
-        same = len(messages) == len(self._streamed) and all(map(says_the_same, messages, self._streamed))
+        same = len(messages) == len(self._streamed)
+        for message, held in zip(messages, self._streamed, strict=False):
+            same = same and says_the_same(message, held, tolerance)
         early = bool(self._streamed) and age_s < self.interval_s - SLACK_S
         if (same or early) and age_s < again_s and not (loses and not self.spares):
             return [], same

@@ -83,6 +83,8 @@ class SpeedLead:
         """Start at the present airspeed; an airspeed within the limits is commanded every `period_s`."""
         self._integrator, self._limits_mps, self._begun = _Integrator(prompt_share, rest_s, period_s), limits_mps, False
         self._told_mps = 0.0
+        self.prompt_share = prompt_share
+        """Share of a change of the command that is flown at once."""
 
     @property
     def within_reach_mps(self) -> tuple[float, float]:
@@ -187,14 +189,16 @@ def velocity_setpoint(
     )
 
 
-def says_the_same(message: Message, other: Message) -> bool:
-    """Return whether a velocity setpoint commands the same as another, within what is no news."""
+def says_the_same(message: Message, other: Message, tolerance: float = 1.0) -> bool:
+    """Return whether a velocity setpoint commands the same as another, within this multiple of what is no news."""
     if not isinstance(message, SetPositionTargetLocalNed) or not isinstance(other, SetPositionTargetLocalNed):
         return False
     off_mps = max(abs(message.vx_mps - other.vx_mps), abs(message.vy_mps - other.vy_mps))
     turned_rad = abs(math.remainder(message.yaw_rad - other.yaw_rad, math.tau))
-    same = message.type_mask == other.type_mask and turned_rad <= SAME_RAD and off_mps <= SAME_MPS
-    return same and abs(message.vz_mps - other.vz_mps) <= SAME_CLIMB_MPS
+    same = (
+        message.type_mask == other.type_mask and turned_rad <= tolerance * SAME_RAD and off_mps <= tolerance * SAME_MPS
+    )
+    return same and abs(message.vz_mps - other.vz_mps) <= tolerance * SAME_CLIMB_MPS
 
 
 def ground_motion(yaw_rad: float, north_mps: float, east_mps: float, *, leads: bool) -> tuple[float, float]:

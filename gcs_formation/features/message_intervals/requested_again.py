@@ -156,7 +156,8 @@ class MessageIntervals:
             text = f"sends {_names(missing)} less than half as often as asked for, or not at all; it is asked again"
             self._note(now, "streams", text, vehicle, {"messages": _names(missing)})
             streams.missing = tuple(dict.fromkeys((*streams.missing, *missing)))
-        requests = (vehicle.autopilot.set_message_interval(each, streams.rates_hz[each]) for each in missing)
+        wanted = [each for each in streams.rates_hz if each in missing or _with_others(vehicle, each, missing)]
+        requests = (vehicle.autopilot.set_message_interval(each, streams.rates_hz[each]) for each in wanted)
         vehicle.commands.begin(tuple(requests), now)
         streams.next_request = after(now, streams.wait_s)
         streams.wait_s = min(2.0 * streams.wait_s, ASK_AGAIN_MAX_S)
@@ -176,6 +177,16 @@ def _is_too_few(count: i64, sent: float, arriving: float) -> bool:
 def _share_arriving(first: MessageCounts, last: MessageCounts) -> float:
     received, lost = float(last.received - first.received), float(max(last.lost - first.lost, 0))
     return received / (received + lost) if received + lost > 0.0 else 1.0
+
+
+def _with_others(vehicle: Vehicle, message_id: int, missing: tuple[int, ...]) -> bool:
+    """Return whether a message of motion is asked for again with others of motion that are `missing`.
+
+    Who lowers the rate of one lowers those of all as a rule, and one that was asked for more rarely may still come more
+    than half as often.
+    """
+    fast = vehicle.autopilot.fast_messages
+    return message_id in fast and any(each in fast for each in missing)
 
 
 def _refuses(vehicle: Vehicle) -> bool:

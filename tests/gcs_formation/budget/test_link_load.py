@@ -84,6 +84,27 @@ def test_a_link_is_full_where_messages_wait_and_are_lost_or_its_radio_says_so(
     assert link.load.full == full
 
 
+def test_a_link_on_which_messages_wait_for_longer_and_longer_is_full_before_anything_is_lost() -> None:
+    link = Link()
+    link.seconds(8, AT_ONCE)
+    for number in range(1, 13):
+        link.second(AT_ONCE + 0.06 * number)
+        if link.load.full:
+            break
+    assert number < 12
+    assert link.load.lost_up == link.load.lost_down == 0.0
+
+
+def test_answers_that_are_under_way_since_the_link_has_become_longer_are_not_lost() -> None:
+    """1.4 s of requests, of 5 s: 28 % would seem to be lost up."""
+    link = Link()
+    link.seconds(8, AT_ONCE)
+    link.vehicle.sequence.answers -= 140
+    for _ in range(10):
+        link.second(1.4)
+        assert not link.load.full
+
+
 def test_losses_are_told_by_direction() -> None:
     link = Link()
     link.seconds(10, AT_ONCE, 0.2)

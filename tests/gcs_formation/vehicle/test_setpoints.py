@@ -79,12 +79,31 @@ def test_an_aircraft_is_told_what_its_sensor_reads_at_the_true_airspeed(kind):
         assert told_mps == pytest.approx(reading_mps, rel=1e-3)
 
 
-def test_what_is_acknowledged_is_repeated_after_a_second():
+def test_of_what_is_acknowledged_one_quantity_in_turn_is_repeated_after_each_second():
     told = Told()
     assert sorted(told.tick()) == sorted((SPEED, HEADING, ALTITUDE))
-    between = [told.tick() for _ in range(round(10 * REPEAT_S) - 1)]
-    assert between == [[]] * len(between)
-    assert sorted(told.tick()) == sorted((SPEED, HEADING, ALTITUDE))
+    repeated = list[int]()
+    for _ in range(6):
+        between = [told.tick() for _ in range(round(10 * REPEAT_S) - 1)]
+        assert between == [[]] * len(between)
+        repeated += told.tick()
+    assert repeated == 2 * [SPEED, HEADING, ALTITUDE]
+
+
+def test_where_one_quantity_is_news_all_the_time_the_others_are_repeated_after_three_seconds():
+    told = Told()
+    told.tick()
+    sent = [told.tick(Setpoint(22.0, 0.3 + 0.1 * number, 200.0)) for number in range(1, 31)]
+    assert [HEADING in each for each in sent] == [True] * 30
+    assert [[each for each in tick if each != HEADING] for tick in sent] == 29 * [[]] + [[SPEED, ALTITUDE]]
+
+
+def test_while_a_vehicle_gives_way_every_change_is_sent():
+    told, little = Told(), 0.1 * ALONG_M
+    told.tick()
+    assert told.tick(Setpoint(22.0 + little, 0.3, 200.0)) == []
+    told.vehicle.setpoints.hurries = True
+    assert told.tick(Setpoint(22.0 + 2.0 * little, 0.3, 200.0)) == [SPEED]
 
 
 @pytest.mark.parametrize(
@@ -142,7 +161,9 @@ def test_over_a_link_that_loses_a_repetition_follows_each_step_until_it_is_ackno
     for lost in (0, 0, 1):
         told.hear(m.MAVLINK_MSG_ID_VFR_HUD, lost=lost)
     step = Setpoint(25.0, 0.3, 200.0)
-    assert [told.tick(step, answers=tick == 3) for tick in range(7)] == [[SPEED], [SPEED], [], [SPEED], [], [], []]
+    sent, all_three = [told.tick(step, answers=tick == 3) for tick in range(7)], [SPEED, ALTITUDE, HEADING]
+    assert sent[0] == all_three  # the others go with the one that is news, and are repeated after twice the time
+    assert [SPEED in each for each in sent] == [True, True, False, True, False, False, False]
 
 
 def test_over_a_slow_link_an_answer_is_waited_for_as_long_as_it_takes():
