@@ -22,6 +22,7 @@ from flight_model.spline import SplinePath
 from gcs_formation.guidance.lateral import (
     BEND_MAX_RPS2,
     DELAYED_RADPS,
+    ROUGH_RADPS,
     LateralGuidance,
     TurnBounds,
     bend_max_rps2,
@@ -219,12 +220,20 @@ def test_a_wind_that_grows_leads_as_far_off_with_delay_as_without(round_trip_s: 
     assert 0.62 <= radps <= DELAYED_RADPS == TurnBounds(FOLLOWED_RPS2, round_trip_s=60.0).radps(SPEED_MPS)
 
 
-def test_a_leader_that_hears_less_turns_slower() -> None:
-    """What a lost setpoint leaves undone is no more than that: p^2 falls with the root of the share that is lost."""
-    assert TurnBounds(loss=0.002).radps(SPEED_MPS) == 0.65
-    twentieth, fifth = (TurnBounds(loss=share).radps(SPEED_MPS) for share in (0.05, 0.2))
-    assert twentieth == pytest.approx(0.34, abs=0.005)
-    assert 0.2 * fifth**4 == pytest.approx(0.05 * twentieth**4)
+def test_a_leader_whose_setpoints_are_held_up_turns_slower() -> None:
+    """What a hold-up leaves undone is no more than that: p^2 falls with the root of the share of time in hold-ups."""
+    assert TurnBounds(held_up=0.01).radps(SPEED_MPS) == 0.65
+    twentieth, bursts = (TurnBounds(held_up=share).radps(SPEED_MPS) for share in (0.05, 0.2 * 5.0))
+    assert twentieth == pytest.approx(0.51, abs=0.005)
+    assert bursts**4 == pytest.approx(0.05 * twentieth**4)
+
+
+def test_in_rough_air_delay_is_made_up_for_further() -> None:
+    calm, half, rough = (
+        TurnBounds(FOLLOWED_RPS2, round_trip_s=1.0).radps(SPEED_MPS, share) for share in (0.0, 0.5, 1.0)
+    )
+    assert calm == DELAYED_RADPS < half < rough == ROUGH_RADPS
+    assert TurnBounds(FOLLOWED_RPS2).radps(SPEED_MPS, 1.0) == TurnBounds(FOLLOWED_RPS2).radps(SPEED_MPS)
 
 
 def test_a_vehicle_that_turned_meanwhile_is_steered_from_where_it_heads() -> None:
