@@ -30,8 +30,9 @@ DELAYED_RADPS: Final = 0.68
 """Highest bandwidth with delay, which is made up for by a higher one. At 300 ms, 0.72 would leave the leader of four
 turbulent flights 1.27 m off its path (1.38 m at 0.65), 0.82 1.22 m; but then followers are up to 0.019 m off after a
 step of 0.6 m/s at 500 ms, in place of 0.008 m."""
-ROUGH_RADPS: Final = 0.8
-"""Highest bandwidth with delay in rough air, where followers' own gusts are larger than what they'd be spared."""
+ROUGH_RATIO: Final = 1.25
+"""Bandwidth in rough air, where followers' own gusts are larger than what they'd be spared, over that in calm air. In
+turbulence of a wind of 7 m/s a simulated leader at 300 ms is 16 % less off its path; with 1.5 it would be 20 % less."""
 GUST_MPS: Final = 1.0
 """A gust of this size may use up the change of turn rate that followers can keep up with, and no smaller one."""
 ACCELERATION_SHARE: Final = 0.7
@@ -41,10 +42,10 @@ BEND_MAX_RPS2: Final = 0.15
 NOISE_RPS2: Final = 3e-4
 """Largest standard deviation that noise of the course, times p^2, may have: followers lead their speed by what it does
 to the turn rate's change. `configs/noise.yaml` has setpoints as quiet as with a third of the bandwidth then."""
-HELD_UP_RADPS4: Final = 3.35e-3
-"""Largest share of time in hold-ups, times p^4. A setpoint that is held up leaves the leader's heading, with which slots
-swing, off by what it would have changed, in proportion to p^2. A loss of 5 % leaves p at 0.51, one of 20 % in bursts
-of 5 at 0.24."""
+HELD_UP_RADPS4: Final = 2e-3
+"""Largest share of time in hold-ups, times p^4. A setpoint that is held up leaves the leader's heading, with which
+slots swing, off by what it would have changed, in proportion to p^2. A loss of 5 % leaves p at 0.44; after a gust of 0.6 m/s
+followers are then 0.010 m off across (median of eight flights), and with 3.4e-3 0.012 m."""
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
 LEAST_MPS: Final = 1.0
 """Lower bound of a speed that is divided by: a vehicle that can hover may stand."""
@@ -88,10 +89,10 @@ class TurnBounds:
         followed = math.sqrt(self.bend_max_rps2 * speed_mps / (2.0 * GUST_MPS))
         quiet = math.sqrt(NOISE_RPS2 / max(self.course_sigma_rad, TINY))
         heard = math.sqrt(math.sqrt(HELD_UP_RADPS4 / max(self.held_up, TINY)))
-        most = DELAYED_RADPS + rough * (ROUGH_RADPS - DELAYED_RADPS)
-        return min(self._delayed(min(BANDWIDTH_RADPS, followed), most), quiet, heard)
+        calm = self._delayed(min(BANDWIDTH_RADPS, followed))
+        return min((1.0 + rough * (ROUGH_RATIO - 1.0)) * calm, quiet, heard)
 
-    def _delayed(self, radps: float, most_radps: float) -> float:
+    def _delayed(self, radps: float) -> float:
         """Return the bandwidth with which a wind that grows steadily leads as far off the route as without delay.
 
         With a delay T, the wind is known T late. Growing by 1 m/s², it leads 2/p² + 2 T/p + T²/2 off the route.
@@ -99,8 +100,8 @@ class TurnBounds:
         late_s = self.round_trip_s
         least = 2.0 / squared(radps) - squared(late_s) / 2.0
         if least <= 0.0:
-            return most_radps
-        return min((late_s + math.sqrt(squared(late_s) + 2.0 * least)) / least, most_radps)
+            return DELAYED_RADPS
+        return min((late_s + math.sqrt(squared(late_s) + 2.0 * least)) / least, DELAYED_RADPS)
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)

@@ -20,7 +20,7 @@ MEMORY_S: Final = 60.0
 """Averaging time: turbulence lasts for minutes, a gust for seconds."""
 CALM_MPS: Final = 0.08
 ROUGH_MPS: Final = 0.16
-"""Mean changes up to which air is calm, and from which on it is rough. Noise of the telemetry of `configs/noise.yaml` is
+"""Mean changes up to which air is calm, and from which on it is rough. Telemetry's noise of `configs/noise.yaml` makes
 0.012 m/s, a gust of 0.85 m/s 0.01 m/s, turbulence of a wind of 3 m/s 0.086 m/s."""
 
 
