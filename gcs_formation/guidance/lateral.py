@@ -44,8 +44,8 @@ NOISE_RPS2: Final = 3e-4
 to the turn rate's change. `configs/noise.yaml` has setpoints as quiet as with a third of the bandwidth then."""
 HELD_UP_RADPS4: Final = 2e-3
 """Largest share of time in hold-ups, times p^4. A setpoint that is held up leaves the leader's heading, with which
-slots swing, off by what it would have changed, in proportion to p^2. A loss of 5 % leaves p at 0.44; after a gust of 0.6 m/s
-followers are then 0.010 m off across (median of eight flights), and with 3.4e-3 0.012 m."""
+slots swing, off by what it would have changed, in proportion to p^2. A loss of 5 % leaves p at 0.44; after a gust of
+0.6 m/s followers are then 0.010 m off across (median of eight flights), and with 3.4e-3 0.012 m."""
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
 LEAST_MPS: Final = 1.0
 """Lower bound of a speed that is divided by: a vehicle that can hover may stand."""

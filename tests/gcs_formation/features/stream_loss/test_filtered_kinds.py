@@ -17,6 +17,7 @@ from airlink.engine import Datagram
 from airlink.frame import CHECKSUM, StreamParser
 from airlink.messages import KINDS
 from airlink.messages.command import RequestDataStream
+from gcs_formation.fleet.stream_loss import UNKNOWN_GAP
 from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import Between, World
 from tests.flights.other_station import tell
@@ -104,6 +105,7 @@ def test_what_a_router_filters_is_no_loss() -> None:
     world = routed(without=STATES)
     assert by_numbers(world) == pytest.approx(0.8, abs=0.05)
     assert max(losses(world)) < 0.02
+    assert {each.mean_gap for each in world.station.losses.values()} == {UNKNOWN_GAP}
 
 
 @pytest.mark.parametrize(("loss", "seconds"), [(0.1, SECONDS), pytest.param(0.3, 60.0, marks=pytest.mark.slow)])
