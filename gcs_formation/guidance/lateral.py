@@ -30,6 +30,9 @@ DELAYED_RADPS: Final = 0.68
 """Highest bandwidth with delay, which is made up for by a higher one. At 300 ms, 0.72 would leave the leader of four
 turbulent flights 1.27 m off its path (1.38 m at 0.65), 0.82 1.22 m; but then followers are up to 0.019 m off after a
 step of 0.6 m/s at 500 ms, in place of 0.008 m."""
+ROUGH_NOISE_RATIO: Final = 3.0
+"""The same in rough air, over that in calm air: gusts move setpoints anyway, and while one is being recognised the
+course counts as noisy. In turbulence of a wind of 7 m/s p would fall to 0.48 again and again."""
 ROUGH_RATIO: Final = 1.25
 """Bandwidth in rough air, where followers' own gusts are larger than what they'd be spared, over that in calm air. In
 turbulence of a wind of 7 m/s a simulated leader at 300 ms is 16 % less off its path; with 1.5 it would be 20 % less."""
@@ -87,7 +90,8 @@ class TurnBounds:
         `rough`: how rough the air is, 0 to 1.
         """
         followed = math.sqrt(self.bend_max_rps2 * speed_mps / (2.0 * GUST_MPS))
-        quiet = math.sqrt(NOISE_RPS2 / max(self.course_sigma_rad, TINY))
+        noise_rps2 = NOISE_RPS2 * (1.0 + rough * (ROUGH_NOISE_RATIO - 1.0))
+        quiet = math.sqrt(noise_rps2 / max(self.course_sigma_rad, TINY))
         heard = math.sqrt(math.sqrt(HELD_UP_RADPS4 / max(self.held_up, TINY)))
         calm = self._delayed(min(BANDWIDTH_RADPS, followed))
         return min((1.0 + rough * (ROUGH_RATIO - 1.0)) * calm, quiet, heard)

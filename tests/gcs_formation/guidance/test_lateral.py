@@ -22,6 +22,7 @@ from flight_model.spline import SplinePath
 from gcs_formation.guidance.lateral import (
     BEND_MAX_RPS2,
     DELAYED_RADPS,
+    ROUGH_NOISE_RATIO,
     ROUGH_RATIO,
     LateralGuidance,
     TurnBounds,
@@ -228,10 +229,12 @@ def test_a_leader_whose_setpoints_are_held_up_turns_slower() -> None:
     assert bursts**4 == pytest.approx(0.05 * twentieth**4)
 
 
-def test_in_rough_air_the_bandwidth_is_higher_unless_noise_or_hold_ups_bound_it() -> None:
+def test_in_rough_air_the_bandwidth_is_higher_unless_hold_ups_bound_it() -> None:
     for round_trip_s in (0.0, 0.6):
         calm, rough = (TurnBounds(FOLLOWED_RPS2, round_trip_s=round_trip_s).radps(SPEED_MPS, each) for each in (0, 1))
         assert rough == ROUGH_RATIO * calm
+    noisy = TurnBounds(course_sigma_rad=math.radians(0.5))
+    assert noisy.radps(SPEED_MPS, 1.0) == pytest.approx(math.sqrt(ROUGH_NOISE_RATIO) * noisy.radps(SPEED_MPS))
     held_up = TurnBounds(held_up=0.05)
     assert held_up.radps(SPEED_MPS, 1.0) == held_up.radps(SPEED_MPS)
 
