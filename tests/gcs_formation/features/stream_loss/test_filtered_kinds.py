@@ -17,7 +17,7 @@ from airlink.engine import Datagram
 from airlink.frame import CHECKSUM, StreamParser
 from airlink.messages import KINDS
 from airlink.messages.command import RequestDataStream
-from gcs_formation.fleet.stream_loss import UNKNOWN_GAP
+from gcs_formation.features.stream_loss.stream_loss import UNKNOWN_GAP
 from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import Between, World
 from tests.flights.other_station import tell
