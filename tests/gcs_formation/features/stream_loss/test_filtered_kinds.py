@@ -105,7 +105,7 @@ def test_what_a_router_filters_is_no_loss() -> None:
     world = routed(without=STATES)
     assert by_numbers(world) == pytest.approx(0.8, abs=0.05)
     assert max(losses(world)) < 0.02
-    assert {each.mean_gap for each in world.station.losses.values()} == {UNKNOWN_GAP}
+    assert {each.mean_gap for each in world.station.cycle.findings.losses.values()} == {UNKNOWN_GAP}
 
 
 @pytest.mark.parametrize(("loss", "seconds"), [(0.1, SECONDS), pytest.param(0.3, 60.0, marks=pytest.mark.slow)])
