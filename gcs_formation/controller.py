@@ -407,7 +407,7 @@ class FormationController:
         """Return what bounds changes of the leader's turn rate: its followers, noise, and the delay of its link."""
         sigma_rad, link = self.estimator.filters[tick.leader].course_sigma_rad, tick.links[tick.leader]
         round_trip_s = 2.0 * link.delay_s if self._compensates and finite(link.delay_s) else 0.0
-        return TurnBounds(bend_max_rps2(self.slots_m, self.models), sigma_rad, round_trip_s, link.loss)
+        return TurnBounds(bend_max_rps2(self.slots_m, self.models), sigma_rad, round_trip_s, link.loss * link.mean_gap)
 
     def _go_on_from_replaced(self, leader: int, state: FlightState) -> None:
         """Have the guidance go on from the last tick's heading setpoint where something replaced it."""

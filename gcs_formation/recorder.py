@@ -39,8 +39,9 @@ class VehicleLink:
         """Excess of the uplink delay over `delay_s`, as estimated from steps."""
         self.up_s = self.down_s = math.nan
         """Delays up and down; NaN while the split of the round trip is unknown."""
-        self.jitter_s, self.loss = math.nan, 0.0
-        """Interarrival jitter of the telemetry, NaN while unknown; and the share of its frames that are lost."""
+        self.jitter_s, self.loss, self.mean_gap = math.nan, 0.0, 1.0
+        """Interarrival jitter of the telemetry, NaN while unknown; the share of its frames that are lost, and how many
+        of them in a row on average."""
         self.lag_s = 0.0
         """Further delay of a setpoint: half a period of the vehicle's main loop, the mean wait on arrival, and the time
         for which the station delays it."""

@@ -47,7 +47,7 @@ class Delays(Stage):
         cycle.links, cycle.hold_s = self._dispatch.links(leader, cycle.findings.doubted, cycle.now)
         for identity, each in cycle.findings.losses.items():
             if cycle.vehicles[identity].column == leader:
-                cycle.links[leader].loss = each.loss
+                cycle.links[leader].loss, cycle.links[leader].mean_gap = each.loss, each.mean_gap
 
 
 class EndHeights(Stage):

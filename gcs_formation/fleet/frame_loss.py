@@ -18,6 +18,11 @@ class FrameLoss:
         return self.vehicle.sequence.loss
 
     @property
+    def mean_gap(self) -> float:
+        """Mean number of frames lost in a row, at least 1."""
+        return self.vehicle.sequence.mean_gap
+
+    @property
     def whole_loss(self) -> float:
         """Share that was lost, silences included, 0 to 1."""
         return self.vehicle.sequence.whole_loss

@@ -22,6 +22,7 @@ from mypy_extensions import mypyc_attr
 from flight_model.autopilot_model import AutopilotModel, FlightState, crab_rad, finite, rotated, signed, squared, within
 from flight_model.curve import PathPoint
 from flight_model.slot import Triple
+from gcs_formation.guidance.rough_air import RoughAir
 
 BANDWIDTH_RADPS: Final = 0.65
 """Highest bandwidth p of the loop without delay."""
@@ -29,6 +30,12 @@ DELAYED_RADPS: Final = 0.68
 """Highest bandwidth with delay, which is made up for by a higher one. At 300 ms, 0.72 would leave the leader of four
 turbulent flights 1.27 m off its path (1.38 m at 0.65), 0.82 1.22 m; but then followers are up to 0.019 m off after a
 step of 0.6 m/s at 500 ms, in place of 0.008 m."""
+ROUGH_NOISE_RATIO: Final = 3.0
+"""The same in rough air, over that in calm air: gusts move setpoints anyway, and while one is being recognised the
+course counts as noisy. In turbulence of a wind of 7 m/s p would fall to 0.48 again and again."""
+ROUGH_RATIO: Final = 1.25
+"""Bandwidth in rough air, where followers' own gusts are larger than what they'd be spared, over that in calm air. In
+turbulence of a wind of 7 m/s a simulated leader at 300 ms is 16 % less off its path; with 1.5 it would be 20 % less."""
 GUST_MPS: Final = 1.0
 """A gust of this size may use up the change of turn rate that followers can keep up with, and no smaller one."""
 ACCELERATION_SHARE: Final = 0.7
@@ -38,10 +45,10 @@ BEND_MAX_RPS2: Final = 0.15
 NOISE_RPS2: Final = 3e-4
 """Largest standard deviation that noise of the course, times p^2, may have: followers lead their speed by what it does
 to the turn rate's change. `configs/noise.yaml` has setpoints as quiet as with a third of the bandwidth then."""
-LOST_RADPS4: Final = 6.7e-4
-"""Largest share of lost setpoints times p^4: a lost one leaves the leader's heading, with which slots swing, off by
-what it would have changed, in proportion to p^2. With a loss of 5 % p is 0.34, and slots 60 m behind, after a gust of
-0.6 m/s, are 0.011 m off, in place of 0.019 m."""
+HELD_UP_RADPS4: Final = 2e-3
+"""Largest share of time in hold-ups, times p^4. A setpoint that is held up leaves the leader's heading, with which
+slots swing, off by what it would have changed, in proportion to p^2. A loss of 5 % leaves p at 0.44; after a gust of
+0.6 m/s followers are then 0.010 m off across (median of eight flights), and with 3.4e-3 0.012 m."""
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
 LEAST_MPS: Final = 1.0
 """Lower bound of a speed that is divided by: a vehicle that can hover may stand."""
@@ -66,20 +73,28 @@ class TurnBounds:
         bend_max_rps2: float = BEND_MAX_RPS2,
         course_sigma_rad: float = 0.0,
         round_trip_s: float = 0.0,
-        loss: float = 0.0,
+        held_up: float = 0.0,
     ) -> None:
-        """Take how fast the turn rate may change besides the route's own bends, the course's noise, delay and loss."""
+        """Take how fast the turn rate may change besides the route's own bends, the course's noise, and the delay.
+
+        `held_up`: share of setpoints that are lost, times how many of them are lost in a row on average.
+        """
         self.bend_max_rps2 = bend_max_rps2
         self.course_sigma_rad = course_sigma_rad
         self.round_trip_s = round_trip_s
-        self.loss = loss
+        self.held_up = held_up
 
-    def radps(self, speed_mps: float) -> float:
-        """Return the bandwidth: the highest one, or with which noise, losses and a gust keep to their bounds."""
+    def radps(self, speed_mps: float, rough: float = 0.0) -> float:
+        """Return the bandwidth: the highest one, or with which noise, hold-ups and a gust keep to their bounds.
+
+        `rough`: how rough the air is, 0 to 1.
+        """
         followed = math.sqrt(self.bend_max_rps2 * speed_mps / (2.0 * GUST_MPS))
-        quiet = math.sqrt(NOISE_RPS2 / max(self.course_sigma_rad, TINY))
-        heard = math.sqrt(math.sqrt(LOST_RADPS4 / max(self.loss, TINY)))
-        return min(self._delayed(min(BANDWIDTH_RADPS, followed)), quiet, heard)
+        noise_rps2 = NOISE_RPS2 * (1.0 + rough * (ROUGH_NOISE_RATIO - 1.0))
+        quiet = math.sqrt(noise_rps2 / max(self.course_sigma_rad, TINY))
+        heard = math.sqrt(math.sqrt(HELD_UP_RADPS4 / max(self.held_up, TINY)))
+        calm = self._delayed(min(BANDWIDTH_RADPS, followed))
+        return min((1.0 + rough * (ROUGH_RATIO - 1.0)) * calm, quiet, heard)
 
     def _delayed(self, radps: float) -> float:
         """Return the bandwidth with which a wind that grows steadily leads as far off the route as without delay.
@@ -128,12 +143,14 @@ class LateralGuidance:
         self._dt_s = dt_s
         self._heading_rad = math.nan
         self._turn_rps = 0.0
+        self._air = RoughAir(dt_s)
         self.setpoint_rps = 0.0
         """Rate of the heading setpoint when it acts: by (7), the turn rate plus the lag times its change."""
 
     def forget(self) -> None:
         """Reset: another vehicle leads, or the leader stands or turns on the spot."""
         self._heading_rad = math.nan
+        self._air.forget()
 
     def go_on_from(self, commanded_rad: float, state: FlightState, model: AutopilotModel) -> None:
         """Go on from another heading setpoint than the last one: something else replaced it, and it still acts."""
@@ -161,7 +178,8 @@ class LateralGuidance:
         if math.isnan(self._heading_rad):
             self._heading_rad, self._turn_rps = state.heading_rad, route.turn_rps
         speed_mps, most_rps = max(speed_mps, LEAST_MPS), model.turn_rate_max_rps
-        radps, bend_max_rps2 = bounds.radps(speed_mps), bounds.bend_max_rps2
+        self._air.observe(state.wind_north_mps, state.wind_east_mps)
+        radps, bend_max_rps2 = bounds.radps(speed_mps, self._air.share), bounds.bend_max_rps2
         turn_rps = route.turn_rps + _turn_back_rps(point, state, right_m, speed_mps, radps, bend_max_rps2)
         back_rps2 = 2.0 * radps * (within(turn_rps, -most_rps, most_rps) - self._turn_rps)
         return self._follow(state, model, route.bend_rps2 + within(back_rps2, -bend_max_rps2, bend_max_rps2))

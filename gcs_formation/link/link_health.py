@@ -99,6 +99,8 @@ class SequenceTracker:
         """Start with nothing heard."""
         self.received: i64 = 0
         self.lost: i64 = 0
+        self.gaps: i64 = 0
+        """Number of gaps that `lost` frames were counted at."""
         self.repeated: i64 = 0
         self.missed: i64 = 0
         """Frames lost in silences, counted apart from `lost`: they don't tell the link's loss in normal operation."""
@@ -175,6 +177,7 @@ class SequenceTracker:
         self.lost += gap
         self._newest = sequence
         if gap:
+            self.gaps += 1
             self._jump, self._jumped = gap, self.received
         if gap or self._missing:
             self._missing.update(int((newest + ahead) % MODULUS) for ahead in range(1, gap + 1))
@@ -235,6 +238,11 @@ class SequenceTracker:
         """Share of sent frames lost outside silences, 0 to 1."""
         sent = self.received + self.lost
         return float(self.lost) / float(sent) if sent else 0.0
+
+    @property
+    def mean_gap(self) -> float:
+        """Mean number of frames lost in a row outside silences, at least 1."""
+        return max(1.0, float(self.lost) / float(self.gaps)) if self.gaps else 1.0
 
     @property
     def whole_loss(self) -> float:

@@ -54,6 +54,12 @@ def test_repeated_frames_neither_arrive_again_nor_hide_a_loss(fates):
     assert tracker.repeated == len(numbers) - len(set(numbers))
 
 
+def test_the_mean_gap_tells_bursts_from_losses_one_by_one():
+    assert tracked(range(9)).mean_gap == 1.0
+    assert tracked([*range(0, 40, 2), 39, 40]).mean_gap == 1.0
+    assert tracked([0, 1, 7, 8, 12]).mean_gap == pytest.approx((5 + 3) / 2)
+
+
 def test_a_restart_loses_nothing():
     tracker = tracked([7, 8, 10])
     tracker.restart()

@@ -17,9 +17,12 @@ FAR = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [3000, 0, 100], [6000, 800,
 @pytest.mark.slow
 @pytest.mark.parametrize(("jitter_ms", "most_m"), [(20, 0.02), (5, 0.01)])
 def test_after_two_minutes_jitter_hardly_shows(tmp_path: Path, jitter_ms: float, most_m: float) -> None:
-    """300 ms each way, as long as clocks have been known for two minutes; the rms over followers and two flights."""
+    """300 ms each way, as long as clocks have been known for two minutes; the rms over followers and eight flights.
+
+    What is left is nearly constant in a flight, by a clock's error of up to 1 ms, so two flights may be off by half.
+    """
     early, late = list[float](), list[float]()
-    for seed in (1, 2):
+    for seed in range(1, 9):
         plan = scenario(
             seed=seed,
             duration_s=300,

@@ -32,6 +32,9 @@ FEWEST, SHORTEST_S = 50.0, 5.0
 TOO_FAST: Final = 1.05
 """A stream that comes faster by more than this ratio has another rate than requested, by somebody else's request."""
 
+UNKNOWN_GAP: Final = 5.0
+"""Losses in a row behind a filter: as they come in bursts."""
+
 
 class StreamLoss(FrameLoss):
     """Compares what comes of one vehicle's requested messages with what should come, window by window."""
@@ -80,6 +83,12 @@ class StreamLoss(FrameLoss):
         by_streams = max(0.0, 1.0 - self._came / self._due)
         by_chance = SIGMAS * math.sqrt(by_numbers * (1.0 - by_numbers) / self._due)
         return by_numbers if by_numbers - by_streams <= FILTERED + by_chance else by_streams
+
+    @property
+    def mean_gap(self) -> float:
+        """Mean number of frames lost in a row; behind a filter, which makes gaps of its own, `UNKNOWN_GAP`."""
+        sequence = self.vehicle.sequence
+        return sequence.mean_gap if self.loss == sequence.loss else UNKNOWN_GAP
 
     @property
     def whole_loss(self) -> float:

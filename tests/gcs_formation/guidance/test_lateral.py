@@ -22,6 +22,8 @@ from flight_model.spline import SplinePath
 from gcs_formation.guidance.lateral import (
     BEND_MAX_RPS2,
     DELAYED_RADPS,
+    ROUGH_NOISE_RATIO,
+    ROUGH_RATIO,
     LateralGuidance,
     TurnBounds,
     bend_max_rps2,
@@ -219,12 +221,22 @@ def test_a_wind_that_grows_leads_as_far_off_with_delay_as_without(round_trip_s: 
     assert 0.62 <= radps <= DELAYED_RADPS == TurnBounds(FOLLOWED_RPS2, round_trip_s=60.0).radps(SPEED_MPS)
 
 
-def test_a_leader_that_hears_less_turns_slower() -> None:
-    """What a lost setpoint leaves undone is no more than that: p^2 falls with the root of the share that is lost."""
-    assert TurnBounds(loss=0.002).radps(SPEED_MPS) == 0.65
-    twentieth, fifth = (TurnBounds(loss=share).radps(SPEED_MPS) for share in (0.05, 0.2))
-    assert twentieth == pytest.approx(0.34, abs=0.005)
-    assert 0.2 * fifth**4 == pytest.approx(0.05 * twentieth**4)
+def test_a_leader_whose_setpoints_are_held_up_turns_slower() -> None:
+    """What a hold-up leaves undone is no more than that: p^2 falls with the root of the share of time in hold-ups."""
+    assert TurnBounds(held_up=0.01).radps(SPEED_MPS) == 0.65
+    twentieth, bursts = (TurnBounds(held_up=share).radps(SPEED_MPS) for share in (0.05, 0.2 * 5.0))
+    assert twentieth == pytest.approx(0.447, abs=0.005)
+    assert bursts**4 == pytest.approx(0.05 * twentieth**4)
+
+
+def test_in_rough_air_the_bandwidth_is_higher_unless_hold_ups_bound_it() -> None:
+    for round_trip_s in (0.0, 0.6):
+        calm, rough = (TurnBounds(FOLLOWED_RPS2, round_trip_s=round_trip_s).radps(SPEED_MPS, each) for each in (0, 1))
+        assert rough == ROUGH_RATIO * calm
+    noisy = TurnBounds(course_sigma_rad=math.radians(0.5))
+    assert noisy.radps(SPEED_MPS, 1.0) == pytest.approx(math.sqrt(ROUGH_NOISE_RATIO) * noisy.radps(SPEED_MPS))
+    held_up = TurnBounds(held_up=0.05)
+    assert held_up.radps(SPEED_MPS, 1.0) == held_up.radps(SPEED_MPS)
 
 
 def test_a_vehicle_that_turned_meanwhile_is_steered_from_where_it_heads() -> None:
