@@ -29,6 +29,8 @@ NEAR: Final = 0.5
 at a quarter of its rate else (`tests/gcs_formation/test_consensus_flight.py`)."""
 SETTLES_S: Final = 6.0
 """Time that a lower level gets to empty the queues."""
+SILENT_S: Final = 0.5
+"""Time without any frame from which on nothing more is asked for."""
 CALM_S: Final = 20.0
 """Time without a full link before rates go up."""
 ROOM: Final = 0.75
@@ -57,10 +59,14 @@ class VehicleBudget:
         """When a loop was last near its margin, or the link lost something."""
 
     def look(self, now: Instant, *, near: bool) -> None:
-        """Save nothing while a loop is `near` its margin or the link loses, and for some time after, at full rates."""
+        """Save nothing while a loop is `near` its margin or the link loses, and for some time after, at full rates.
+
+        Of one that isn't heard rates stay: what a silence lost is counted by them.
+        """
         setpoints = self.vehicle.setpoints
         setpoints.tolerance = EVERYTHING if near and not self.level else 1.0
-        if near or (setpoints.lost_at > Instant(0) and setpoints.loses(now)):
+        heard = seconds_between(self.vehicle.connection.last_heard, now) < SILENT_S
+        if heard and (near or (setpoints.lost_at > Instant(0) and setpoints.loses(now))):
             self._careful_at = now
 
     def judge(self, now: Instant) -> int:

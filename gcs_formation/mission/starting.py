@@ -346,8 +346,6 @@ def _lacks(vehicle: Vehicle, now: Instant) -> str:
     unknown = vehicle.sampler.why_unknown(now) if acknowledged else None
     if unknown:
         return f" ({unknown})"
-    if seen.unfixed:
-        return " (it has no position fix)"
     untold = [name for name, told in (("position", seen.motion), ("attitude", seen.attitude)) if told is None]
     why = [f": {seen.position_refused}"] if seen.motion is None and seen.position_refused else []
     return f" (it has told no {' and no '.join(untold)}{''.join(why)})" if untold else ""

@@ -92,7 +92,7 @@ def test_what_cannot_be_true_on_the_ground_keeps_everybody_there(change: Alterin
 )
 def test_a_field_that_is_not_filled_is_named(change: Altering, why: str) -> None:
     world = World(altered(change), READ, **GROUND)
-    world.run(60.0)
+    world.run(150.0)  # one without a fix is waited for longer
     assert why in (world.station.course.failure or "")
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
 

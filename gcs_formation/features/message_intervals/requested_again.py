@@ -33,6 +33,8 @@ QUICK_HZ: Final = 5.0
 """Messages that come at least as often as attitudes are counted over `WINDOW_S`."""
 WINDOW_S: Final = 2.0
 LEAST_SHARE: Final = 0.5
+SLOWED_SHARE: Final = 0.9
+"""Share of the expected number below which a message is requested again together with one that is missing."""
 SIGMAS: Final = 4.0
 """Standard deviations of a binomial distribution beyond which loss doesn't explain missing messages."""
 ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
@@ -109,6 +111,21 @@ class RequestedMessages:
                     found.append(self._ids[place])
         return tuple(found)
 
+    def slowed(self) -> tuple[int, ...]:
+        """Return the messages that seem to come more rarely than requested, too few or not.
+
+        Who lowers the rate of one message of motion lowers those of all as a rule; one that was requested at a lower
+        rate may still come more than half as often.
+        """
+        newest: i64 = len(self.looks) - 1
+        last, found = self.looks[newest], list[int]()
+        for place in range(len(self._spans)):
+            first = self.looks[max(newest - self._spans[place], 0)]
+            count, heard_s = last.messages[place] - first.messages[place], last.heard_s - first.heard_s
+            if float(count) < SLOWED_SHARE * self._rates[place] * heard_s * _share_arriving(first, last):
+                found.append(self._ids[place])
+        return tuple(found)
+
     def judged(self, message_ids: tuple[int, ...]) -> bool:
         """Return whether these messages have been counted for long enough."""
         return len(self.looks) > max([self._spans[self._ids.index(message_id)] for message_id in message_ids])
@@ -156,7 +173,9 @@ class MessageIntervals:
             text = f"sends {_names(missing)} less than half as often as asked for, or not at all; it is asked again"
             self._note(now, "streams", text, vehicle, {"messages": _names(missing)})
             streams.missing = tuple(dict.fromkeys((*streams.missing, *missing)))
-        wanted = [each for each in streams.rates_hz if each in missing or _with_others(vehicle, each, missing)]
+        fast = vehicle.autopilot.fast_messages
+        slowed = streams.slowed() if any(each in fast for each in missing) else ()
+        wanted = [each for each in streams.rates_hz if each in missing or (each in fast and each in slowed)]
         requests = (vehicle.autopilot.set_message_interval(each, streams.rates_hz[each]) for each in wanted)
         vehicle.commands.begin(tuple(requests), now)
         streams.next_request = after(now, streams.wait_s)
@@ -177,16 +196,6 @@ def _is_too_few(count: i64, sent: float, arriving: float) -> bool:
 def _share_arriving(first: MessageCounts, last: MessageCounts) -> float:
     received, lost = float(last.received - first.received), float(max(last.lost - first.lost, 0))
     return received / (received + lost) if received + lost > 0.0 else 1.0
-
-
-def _with_others(vehicle: Vehicle, message_id: int, missing: tuple[int, ...]) -> bool:
-    """Return whether a message of motion is asked for again with others of motion that are `missing`.
-
-    Who lowers the rate of one lowers those of all as a rule, and one that was asked for more rarely may still come more
-    than half as often.
-    """
-    fast = vehicle.autopilot.fast_messages
-    return message_id in fast and any(each in fast for each in missing)
 
 
 def _refuses(vehicle: Vehicle) -> bool:

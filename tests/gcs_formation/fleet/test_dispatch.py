@@ -35,6 +35,7 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
         stands_after_s=math.inf,
         returns_after_s=0.0,
         telemetry=SimpleNamespace(home_m=None),
+        setpoints=SimpleNamespace(hurries=False),
         new_setpoints=lambda setpoint, *_: [(str(column), setpoint)],
         forget_setpoints=lambda: None,
     )
