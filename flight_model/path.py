@@ -122,7 +122,7 @@ class FlightPath:
         on_path = beyond == 0.0
         curves = (n1 * e2 - e1 * n2, n1 * e3 - e1 * n3, h1, h2)
         course, changes = np.arctan2(e1, n1), (np.where(on_path, each, 0.0) for each in curves)
-        return PathPoints(n + beyond * n1, e + beyond * e1, h, course, *changes)
+        return PathPoints(n + beyond * np.cos(course), e + beyond * np.sin(course), h, course, *changes)
 
 
 def hermite_pieces(values: Array, first: Array, second: Array, lengths: Array) -> Array:

@@ -18,6 +18,7 @@ from flight_model.path import PathError
 from formation_scenario.derived_defaults import resolve, standalone, with_files
 from formation_scenario.error_messages import problems_of
 from formation_scenario.expectation import METRICS, WINDOWED
+from formation_scenario.expectation_rules import expectations
 from formation_scenario.extension_keys import with_extension_keys
 from formation_scenario.extensions import Files, Registry, load_extensions
 from formation_scenario.feasibility import check
@@ -25,7 +26,7 @@ from formation_scenario.fields import MAX_NUMBER, Problem, ScenarioError, refuse
 from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
 from formation_scenario.overrides import OPTION, apply_overrides
-from formation_scenario.rules import expectations, inconsistencies
+from formation_scenario.rules import inconsistencies
 from formation_scenario.run_in import run_in_inside_fence_s
 from formation_scenario.source import (
     Dumper,

@@ -17,6 +17,7 @@ from typing import Any
 
 import yaml
 
+from formation_scenario.expectation_rules import expectations
 from formation_scenario.extensions import Files, load_extensions
 from formation_scenario.fields import Problem
 from formation_scenario.load import UnflyableError, read_scenario
@@ -24,7 +25,6 @@ from formation_scenario.repair.draft import Change, Draft, Waypoint
 from formation_scenario.repair.points import HELPED, Points
 from formation_scenario.repair.settings import SETTINGS
 from formation_scenario.repair_plan import RepairPlan
-from formation_scenario.rules import expectations
 from formation_scenario.source import Dumper, KeyPath
 from formation_scenario.violations import Violation, reported
 
