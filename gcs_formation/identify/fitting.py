@@ -9,8 +9,8 @@ by the setpoints alone; all perturbed aircraft are simulated side by side.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -19,11 +19,12 @@ import numpy as np
 from flight_model import energy
 from flight_model.arrays import Array, Indices, wrap
 from flight_model.frequency_response import slow_lags_s
+from flight_model.slot import CHANNELS
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify.output_error import RESOLUTION, Search, simulated
-from gcs_formation.identify.recording import CYCLE_S, STEP_S, Recording
+from gcs_formation.identify.recording import CYCLE_S, LEAST_MOVED, STEP_S, Recording
 
 HORIZON_S = 6.0
 """Length of the predictions that equation (7) is judged by: what the law feeds forward takes as long to arrive."""
@@ -37,11 +38,14 @@ the same place of it in one flight. Half a cycle, the distance from its middle t
 acts at the end."""
 UNKNOWN = 0.5
 """Prior standard deviation of a lag's logarithm."""
-LEAST_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, "m")}
-"""Least change of each setpoint from which its channel can be identified."""
 QUANTITIES = ("airspeed_mps", "heading_rad", "height_m")
 """Quantities in which recordings and models are compared."""
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
+LAGS_OF = {"speed": LAGS[:1], "heading": LAGS[1:2], "height": LAGS[2:]}
+"""The lags of each channel."""
+KNOWN = 0.25
+"""A channel whose lags' sum has a larger standard deviation, relative to it, isn't identified: the search holds it with
+one of 0.35 to 0.5 if nothing is learnt."""
 REST = ("prompt_share", "rest_s")
 """Also fitted for vehicles believed to leave part of a speed change to an integrator."""
 LEAST_SHARE = 0.2
@@ -78,6 +82,8 @@ class Fit:
     """Errors of airspeed (m/s), heading (rad) and height (m) over the horizon."""
     explained: dict[str, float]
     """Share of the change over the horizon that the predictions explain."""
+    unidentified: dict[str, str] = field(default_factory=dict)
+    """Why a channel isn't identified, by its name; the model has its lags from where the search began."""
 
 
 def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
@@ -86,29 +92,89 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     `begin` has the limits, which are kept, and the lags that the search begins with.
 
     Raises:
-        RecordError: a channel was hardly moved in the recordings.
+        RecordError: no channel was moved enough in the recordings.
     """
-    _require_movement(recordings)
-    names_fitted = LAGS if begin.prompt_share == 1.0 else (*LAGS, *REST)
-    start = np.log([getattr(begin, name) for name in names_fitted])
+    still = _hardly_moved(recordings)
+    fitted = [name for channel in CHANNELS if channel not in still for name in LAGS_OF[channel]]
+    every = LAGS if begin.prompt_share == 1.0 else (*LAGS, *REST)
+    names = [name for name in every if name in fitted or (name in REST and "speed" not in still)]
+    start = np.log([getattr(begin, name) for name in names])
+    flown = partial(_as_flown, recordings, begin, names)
     known = [_known(_gentle(each) if begin.hovers else each) for each in recordings]
-    search = Search(known, partial(_as_flown, recordings, begin), start, np.full(start.size, UNKNOWN))
+    search = Search(known, flown, start, np.full(start.size, UNKNOWN))
     search.find()
-    covariance = search.covariance(partial(_as_flown, recordings, begin, later_s=WAIT_SIGMA_S))
-    lags = np.exp(search.logs)
-    lags[2:4] = np.sort(lags[2:4])
-    lags[4:5] = np.clip(lags[4:5], LEAST_SHARE, 1.0)
-    windows = [_Windows.of(_with_rest(each, begin, lags)) for each in recordings]
-    errors = np.concatenate([each.errors(lags[:4], begin) for each in windows], axis=2)
-    changes = np.concatenate([each.changes() for each in windows], axis=2)
-    rms = dict[str, float](zip(QUANTITIES, np.sqrt((errors**2).mean(axis=(1, 2))).tolist(), strict=True))
-    explained = 1.0 - (errors**2).mean(axis=(1, 2)) / np.maximum((changes**2).mean(axis=(1, 2)), 1e-12)
-    sigmas = np.sqrt(np.diag(covariance)) * lags
+    covariance = search.covariance(partial(flown, later_s=WAIT_SIGMA_S))
+    values = dict(zip(names, np.exp(search.logs).tolist(), strict=True))
+    if "height" not in still:
+        values |= zip(LAGS_OF["height"], sorted(values[name] for name in LAGS_OF["height"]), strict=True)
+    if REST[0] in values:
+        values[REST[0]] = min(max(values[REST[0]], LEAST_SHARE), 1.0)
     estimates = {
-        name: Estimate(*each) for name, *each in zip(names_fitted, lags.tolist(), sigmas.tolist(), strict=True)
+        name: Estimate(value, value * math.sqrt(covariance[place, place]))
+        for place, (name, value) in enumerate(values.items())
+    }
+    unidentified = still | _unknown(estimates, covariance)
+    if len(unidentified) == len(CHANNELS):
+        raise _too_little(unidentified)
+    estimates = {
+        name: each
+        for name, each in estimates.items()
+        if not any(name in LAGS_OF[channel] for channel in unidentified) and (name in LAGS or "speed" not in unidentified)
     }
     model = begin.model_copy(update={name: round(each.value, 3) for name, each in estimates.items()})
-    return Fit(model, estimates, rms, dict[str, float](zip(QUANTITIES, explained.tolist(), strict=True)))
+    rms, explained = _judged(recordings, model)
+    kept = [name for name, channel in zip(QUANTITIES, CHANNELS, strict=True) if channel not in unidentified]
+    rms, explained = ({name: each[name] for name in kept} for each in (rms, explained))
+    return Fit(model, estimates, rms, explained, unidentified)
+
+
+def _judged(recordings: Sequence[Recording], model: VehicleModel) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the errors of a model's predictions, RMS, and the share of the changes that these explain, by quantity."""
+    values = np.array([getattr(model, name) for name in (*LAGS, *REST)])
+    fitted = values if model.prompt_share < 1.0 else values[: len(LAGS)]
+    windows = [_Windows.of(_with_rest(each, model, fitted)) for each in recordings]
+    errors = np.concatenate([each.errors(values[: len(LAGS)], model) for each in windows], axis=2)
+    changes = np.concatenate([each.changes() for each in windows], axis=2)
+    rms = np.sqrt((errors**2).mean(axis=(1, 2))).tolist()
+    explained = 1.0 - (errors**2).mean(axis=(1, 2)) / np.maximum((changes**2).mean(axis=(1, 2)), 1e-12)
+    return dict(zip(QUANTITIES, rms, strict=True)), dict(zip(QUANTITIES, explained.tolist(), strict=True))
+
+
+def _hardly_moved(recordings: Sequence[Recording]) -> dict[str, str]:
+    """Return why channels can't be identified, by name: no setpoints in a recording, or hardly moved in all.
+
+    Raises:
+        RecordError: none can.
+    """
+    found, moved = dict[str, str](), [each.moved() for each in recordings]
+    for channel, (least, unit) in LEAST_MOVED.items():
+        if not all(channel in each for each in moved):
+            found[channel] = f"no {channel} setpoints with responses to them"
+        elif (most := max(each[channel] for each in moved)) < least:
+            said = f"the {channel} setpoint changed by no more than {most:.2g} {unit}: found too little to learn from"
+            found[channel] = f"{said}; {least:g} {unit} or more would do"
+    if len(found) == len(CHANNELS):
+        raise _too_little(found)
+    return found
+
+
+def _too_little(unidentified: Mapping[str, str]) -> RecordError:
+    allowed = ", ".join(f"{least:g} {unit} of {channel}" for channel, (least, unit) in LEAST_MOVED.items())
+    said = "; ".join(unidentified.values())
+    return RecordError(f"{said}; allowed: steps or ramps of at least one of {allowed}, as `identify SCENARIO` flies them")
+
+
+def _unknown(estimates: Mapping[str, Estimate], covariance: Array) -> dict[str, str]:
+    """Return of which channels too little is known, and why: by the sum of its lags."""
+    names, found = list(estimates), dict[str, str]()
+    for channel, lags in LAGS_OF.items():
+        if lags[0] in estimates:
+            rows = [names.index(name) for name in lags]
+            values = np.array([estimates[name].value for name in lags])
+            sigma = math.sqrt(values @ covariance[np.ix_(rows, rows)] @ values) / float(values.sum())
+            if sigma > KNOWN:
+                found[channel] = f"{channel}: {sigma:.0%} would be the standard deviation of its time constant"
+    return found
 
 
 def _gentle(recording: Recording) -> Recording:
@@ -141,10 +207,12 @@ def _known(recording: Recording) -> Recording:
 
 
 def _as_flown(
-    recordings: Sequence[Recording], limits: VehicleModel, logs: Array, later_s: float = 0.0
+    recordings: Sequence[Recording], limits: VehicleModel, names: Sequence[str], logs: Array, later_s: float = 0.0
 ) -> tuple[list[Array], AutopilotModels]:
-    """Return the setpoints that act on each vehicle with these parameters, and the model that flies it."""
-    values, acting = np.exp(logs), list[Array]()
+    """Return the setpoints that act on each vehicle with these parameters, by name, and the model that flies it."""
+    every = LAGS if limits.prompt_share == 1.0 else (*LAGS, *REST)
+    found, acting = dict(zip(names, np.exp(logs).tolist(), strict=True)), list[Array]()
+    values = np.array([found.get(name, getattr(limits, name)) for name in every])
     for each in recordings:
         late = math.ceil(each.delay_s / STEP_S)
         acting.append(_acting_setpoints(_with_rest(each, limits, values), later_s)[:, late:])
@@ -179,14 +247,6 @@ def _aimed(recording: Recording, model: VehicleModel, prompt_share: float, rest_
     aimed = share * commanded + (1.0 - share) * filled
     turned = wrap(np.angle(aimed) - course)
     return replace(recording, commanded=np.stack((np.abs(aimed), heading + turned, height)))
-
-
-def _require_movement(recordings: Sequence[Recording]) -> None:
-    moved = np.max([np.ptp(each.commanded, axis=1) for each in recordings], axis=0)
-    for (channel, (least, unit)), each in zip(LEAST_MOVED.items(), moved.tolist(), strict=True):
-        if each < least:
-            found = f"the {channel} setpoint changed by no more than {each:.2g} {unit}: found too little to learn from"
-            raise RecordError(f"{found}; allowed: {least:g} {unit} or more, as `identify SCENARIO` flies it")
 
 
 @dataclass(frozen=True)
