@@ -270,7 +270,7 @@ SOURCES = "the directory of a run, a log (*.tlog, *.bin, *.ulg, *.csv), or a sce
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="The result alone on standard output.")
 def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **given: Any) -> None:
-    """Find a vehicle's model from SOURCE: a run, a .tlog, .bin, .ulg or .csv; or a scenario, whose vehicles then fly steps."""
+    """Find a vehicle's model from SOURCE: a run, a log (.tlog, .bin, .ulg, .csv), or steps flown in a scenario."""
     from gcs_formation import identify as identification  # noqa: PLC0415 - only `identify` fits and draws
 
     out, run_dir, overrides, plugins = (given.pop(name) for name in ("out", "run_dir", "overrides", "plugins"))

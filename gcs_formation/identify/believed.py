@@ -15,10 +15,12 @@ from gcs_formation.identify.recording import STEP_S, Recording
 
 SLOWEST_MPS: Final = 1.0
 """No fixed wing's lowest airspeed is below this."""
-BEYOND: Final = 1.5
-"""A vehicle that changes within 1 s by more than its limit has another limit, at least this times as much: the mean of
-a second is less than the largest rate within it."""
-NOT_EXTREME: Final = 99.0
+RATE_S: Final = 0.3
+"""Changes within this time tell how fast a quantity changes: shorter ones tell noise."""
+BEYOND: Final = 1.6
+"""The largest rate relative to its mean over `RATE_S`, of a time constant of 0.3 s. A limit isn't the vehicle's if it
+is below this times what was flown, and then counts as that."""
+NOT_EXTREME: Final = 99.8
 """Percentile of the rates that counts as the largest, since noise has larger ones."""
 
 
@@ -45,7 +47,9 @@ def _widened(model: VehicleModel, recordings: Sequence[Recording]) -> VehicleMod
             limits["speed_min_mps"] = min(limits["speed_min_mps"], max(float(speeds.min()), SLOWEST_MPS))
             limits["speed_max_mps"] = max(limits["speed_max_mps"], float(speeds.max()))
         if "height" in each.channels:
-            limits["climb_max_mps"] = max(limits["climb_max_mps"], float(np.percentile(np.abs(each.seen[3]), NOT_EXTREME)))
+            limits["climb_max_mps"] = max(
+                limits["climb_max_mps"], float(np.percentile(np.abs(each.seen[3]), NOT_EXTREME))
+            )
     limits["turn_rate_max_rps"] = _faster(model.turn_rate_max_rps, [each.seen[1] for each in recordings])
     limits["accel_max_mps2"] = _faster(model.accel_max_mps2, [each.seen[0] for each in recordings])
     return model.model_copy(update={name: round(value, 3) for name, value in limits.items()})
@@ -53,7 +57,6 @@ def _widened(model: VehicleModel, recordings: Sequence[Recording]) -> VehicleMod
 
 def _faster(limit: float, flown: Sequence[Array]) -> float:
     """Return a limit of a quantity's rate, or a larger one if these (K,) show that the vehicle's is."""
-    second = round(1.0 / STEP_S)
-    changes = np.concatenate([np.abs(each[second:] - each[:-second]) for each in flown])
-    largest = float(np.percentile(changes, NOT_EXTREME))
-    return BEYOND * largest if largest > limit else limit
+    points = round(RATE_S / STEP_S)
+    changes = np.concatenate([np.abs(each[points:] - each[:-points]) for each in flown])
+    return max(limit, BEYOND * float(np.percentile(changes, NOT_EXTREME)) / RATE_S)

@@ -98,34 +98,47 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     fitted = [name for channel in CHANNELS if channel not in still for name in LAGS_OF[channel]]
     every = LAGS if begin.prompt_share == 1.0 else (*LAGS, *REST)
     names = [name for name in every if name in fitted or (name in REST and "speed" not in still)]
-    start = np.log([getattr(begin, name) for name in names])
-    flown = partial(_as_flown, recordings, begin, names)
-    known = [_known(_gentle(each) if begin.hovers else each) for each in recordings]
-    search = Search(known, flown, start, np.full(start.size, UNKNOWN))
-    search.find()
-    covariance = search.covariance(partial(flown, later_s=WAIT_SIGMA_S))
-    values = dict(zip(names, np.exp(search.logs).tolist(), strict=True))
-    if "height" not in still:
-        values |= zip(LAGS_OF["height"], sorted(values[name] for name in LAGS_OF["height"]), strict=True)
-    if REST[0] in values:
-        values[REST[0]] = min(max(values[REST[0]], LEAST_SHARE), 1.0)
-    estimates = {
-        name: Estimate(value, value * math.sqrt(covariance[place, place]))
-        for place, (name, value) in enumerate(values.items())
-    }
+    logs, covariance = _searched(recordings, begin, names, gentle=begin.hovers)
+    if begin.hovers and _unknown(_estimates(names, logs, covariance), covariance):
+        logs, covariance = _searched(recordings, begin, names, gentle=False)  # nothing was moved but quickly
+    estimates = _estimates(names, logs, covariance)
     unidentified = still | _unknown(estimates, covariance)
     if len(unidentified) == len(CHANNELS):
         raise _too_little(unidentified)
     estimates = {
         name: each
         for name, each in estimates.items()
-        if not any(name in LAGS_OF[channel] for channel in unidentified) and (name in LAGS or "speed" not in unidentified)
+        if not any(name in LAGS_OF[channel] for channel in unidentified)
+        and (name in LAGS or "speed" not in unidentified)
     }
     model = begin.model_copy(update={name: round(each.value, 3) for name, each in estimates.items()})
     rms, explained = _judged(recordings, model)
     kept = [name for name, channel in zip(QUANTITIES, CHANNELS, strict=True) if channel not in unidentified]
     rms, explained = ({name: each[name] for name in kept} for each in (rms, explained))
     return Fit(model, estimates, rms, explained, unidentified)
+
+
+def _searched(
+    recordings: Sequence[Recording], begin: VehicleModel, names: Sequence[str], *, gentle: bool
+) -> tuple[Array, Array]:
+    """Return the logarithms (P,) of the named parameters, found from `begin` on, and their covariance (P, P)."""
+    start = np.log([getattr(begin, name) for name in names])
+    flown = partial(_as_flown, recordings, begin, names)
+    known = [_known(_gentle(each) if gentle else each) for each in recordings]
+    search = Search(known, flown, start, np.full(start.size, UNKNOWN))
+    search.find()
+    return search.logs, search.covariance(partial(flown, later_s=WAIT_SIGMA_S))
+
+
+def _estimates(names: Sequence[str], logs: Array, covariance: Array) -> dict[str, Estimate]:
+    """Return the parameters, by name: height's lags in order, and the fast fraction within its limits."""
+    values = dict(zip(names, np.exp(logs).tolist(), strict=True))
+    if LAGS[-1] in values:
+        values |= zip(LAGS_OF["height"], sorted(values[name] for name in LAGS_OF["height"]), strict=True)
+    if REST[0] in values:
+        values[REST[0]] = min(max(values[REST[0]], LEAST_SHARE), 1.0)
+    sigmas = np.sqrt(np.diag(covariance)).tolist()
+    return {name: Estimate(value, value * sigma) for (name, value), sigma in zip(values.items(), sigmas, strict=True)}
 
 
 def _judged(recordings: Sequence[Recording], model: VehicleModel) -> tuple[dict[str, float], dict[str, float]]:
@@ -161,7 +174,9 @@ def _hardly_moved(recordings: Sequence[Recording]) -> dict[str, str]:
 def _too_little(unidentified: Mapping[str, str]) -> RecordError:
     allowed = ", ".join(f"{least:g} {unit} of {channel}" for channel, (least, unit) in LEAST_MOVED.items())
     said = "; ".join(unidentified.values())
-    return RecordError(f"{said}; allowed: steps or ramps of at least one of {allowed}, as `identify SCENARIO` flies them")
+    return RecordError(
+        f"{said}; allowed: steps or ramps of at least one of {allowed}, as `identify SCENARIO` flies them"
+    )
 
 
 def _unknown(estimates: Mapping[str, Estimate], covariance: Array) -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from flight_model.arrays import Array
+from flight_model.arrays import Array, Mask
 from flight_model.slot import CHANNELS
 from formation_scenario.bounded_read import require_file
 from gcs_formation.errors import RecordError
@@ -184,8 +184,8 @@ def _gridded(track: Track, delay_s: float, channels: Sequence[str]) -> Recording
     )
     flown = tuple({mode.name: 0 for mode in track.modes if mode.begin_s < at_s[-1] and mode.end_s > at_s[0]})
     return Recording(
-        track.system, seen, commanded, delay_s, names, _held(turning, late_s)[stretch], measured, tuple(channels), track,
-        flown,
+        track.system, seen, commanded, delay_s, names, _held(turning, late_s)[stretch], measured, tuple(channels),
+        track, flown,
     )  # fmt: skip
 
 
@@ -221,7 +221,7 @@ def _held(samples: Array, at_s: Array) -> Array:
     return first + (end - begin) / STEP_S
 
 
-def _longest(flags: Array) -> slice:
+def _longest(flags: Mask) -> slice:
     """Return the longest run of True."""
     borders = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
     runs = [slice(int(begin), int(end)) for begin, end in borders.reshape(-1, 2)]

@@ -1,4 +1,4 @@
-"""Logs of flights, each format by a reader of its own that returns tracks: what was commanded, and what the vehicle did."""
+"""Logs of flights: each format has a reader that returns tracks, what was commanded and what the vehicle did."""
 
 from __future__ import annotations
 

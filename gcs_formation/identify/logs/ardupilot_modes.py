@@ -7,9 +7,7 @@ from typing import Final
 from airlink import mavlink as m
 
 PLANE, COPTER, OTHER = "ArduPlane", "ArduCopter", "an autopilot of another kind"
-WINGS: Final = frozenset(
-    {m.MAV_TYPE_FIXED_WING, *range(m.MAV_TYPE_VTOL_DUOROTOR, m.MAV_TYPE_VTOL_DUOROTOR + 7)}
-)
+WINGS: Final = frozenset({m.MAV_TYPE_FIXED_WING, *range(m.MAV_TYPE_VTOL_DUOROTOR, m.MAV_TYPE_VTOL_DUOROTOR + 7)})
 """Types of vehicles that ArduPlane tells: fixed wings, and those that take off and land vertically."""
 ROTORS: Final = frozenset(
     {
@@ -24,7 +22,9 @@ def mode_name(autopilot: int, kind: int, custom_mode: int) -> tuple[str, str]:
     """Return the firmware and its mode's name, by a heartbeat's autopilot, type and custom mode."""
     if autopilot != m.MAV_AUTOPILOT_ARDUPILOTMEGA:
         firmware = m.name_of("MAV_AUTOPILOT", autopilot)
-        return firmware, f"mode {custom_mode >> 16 & 0xFF}.{custom_mode >> 24}" if custom_mode > 0xFFFF else str(custom_mode)
+        return firmware, f"mode {custom_mode >> 16 & 0xFF}.{custom_mode >> 24}" if custom_mode > 0xFFFF else str(
+            custom_mode
+        )
     firmware = PLANE if kind in WINGS else COPTER if kind in ROTORS else OTHER
     return firmware, numbered(firmware, custom_mode)
 

@@ -35,7 +35,9 @@ COLUMNS: Final = {
     "height_m": _Column("alt"),
     "climb_mps": _Column("climb"),
 }
-WANTED: Final = f"a first line with names of columns, {TIME} and some of {', '.join(COLUMNS)} ({SYSTEM} for several vehicles)"
+WANTED: Final = (
+    f"a first line with names of columns, {TIME} and some of {', '.join(COLUMNS)} ({SYSTEM} for several vehicles)"
+)
 
 
 def read_columns(log: Path) -> Log:

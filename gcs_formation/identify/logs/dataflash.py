@@ -44,14 +44,14 @@ OWN_FIELDS: Final[dict[str, tuple[str, ...]]] = {
     "MODE": ("ModeNum",),
 }  # fmt: skip
 FIELDS: Final[dict[str, tuple[str, ...]]] = {
-    "OFG": ("Arsp", "Hdg", "Alt"), "ARSP": ("Airspeed",), "ATT": ("Yaw",), "POS": ("Alt",), "TECS": ("h", "dh"),
+    "OFG": ("Arsp", "Hdg", "Alt"), "ARSP": ("Airspeed",), "ATT": ("Yaw",), "POS": ("Alt",), "TECS": ("dh",),
     "NTUN": ("NavBrg",), "CTUN": (), "XKF1": ("VN", "VE", "VD"), "NKF1": ("VN", "VE", "VD"),
     "GPS": ("Spd", "GCrs"), "GUIP": ("Type", "vX", "vY", "vZ"), "PSCN": ("VN",), "PSCE": ("VE",), "PSCD": ("PD", "VD"),
 }  # fmt: skip
 """Fields that a message must have, where it's used; `OPTIONAL` ones are taken where they are."""
 OPTIONAL: Final[dict[str, tuple[str, ...]]] = {
-    "TECS": ("hin", "hdem", "spdem", "sp"), "NTUN": ("TAsp",), "CTUN": ("As",), "GUIP": ("aX",),
-    "PSCN": ("DVN", "TVN"), "PSCE": ("DVE", "TVE"), "PSCD": ("DPD", "TPD"), "ATT": ("DesRoll", "Roll"),
+    "TECS": ("h", "hin", "hdem", "spdem", "sp"), "NTUN": ("TAsp",), "CTUN": ("As",), "GUIP": ("aX",),
+    "PSCN": ("DVN", "TVN"), "PSCE": ("DVE", "TVE"), "PSCD": ("DPD", "TPD"),
 }  # fmt: skip
 INSTANCE: Final = ("I", "C")
 """Fields that number the sensor or estimator core; the first one counts."""
@@ -64,7 +64,6 @@ WANTED: Final = (
     "LOITER, GUIDED, CRUISE, FBWB); of ArduCopter, GUIP (velocities of GUIDED, with XKF1 and POS), or PSCN, PSCE and "
     "PSCD (AUTO, GUIDED, LOITER, RTL, POSHOLD)"
 )
-OFG_IDENTIFIES: Final = ""
 TECS_IDENTIFIES: Final = (
     "height {height}; airspeed {speed}; heading: how L1 guidance turns the course to NTUN's NavBrg, not how the "
     "autopilot answers a commanded heading"
@@ -164,7 +163,7 @@ def read_dataflash(log: Path) -> Log:
     return Log(tracks, f"no vehicle under setpoints ({messages.found()})", WANTED)
 
 
-def _track(messages: _Messages, setpoints: str, identifies: str, aircraft: str) -> Track:
+def _track(messages: _Messages, setpoints: str, identifies: str, aircraft: str | None) -> Track:
     return Track(messages.system, setpoints, identifies, aircraft, modes=messages.modes)
 
 
@@ -198,7 +197,7 @@ def _guided_plane(messages: _Messages) -> Track | None:
     table = messages.table("OFG")
     if not table:
         return None
-    track = _track(messages, "OFG", OFG_IDENTIFIES, "arduplane")
+    track = _track(messages, "OFG", "", None)
     _put_motion(track, messages)
     _put(track, table, {"speed": "Arsp", "heading": "Hdg", "height": "Alt"})
     _put_airspeed(track, messages)
@@ -257,7 +256,9 @@ def _guided_copter(messages: _Messages) -> Track | None:
         return None
     track = _track(messages, "GUIP", GUIP_IDENTIFIES, "arducopter")
     track.seen, track.follows = HOVERING_SEEN, frozenset({"GUIDED", "GUIDED_NOGPS"})
-    velocities = (3.0, 4.0) if "aX" in table else (2.0, 3.0)  # position with velocity, and velocity; numbered anew in 4.1
+    velocities = (
+        (3.0, 4.0) if "aX" in table else (2.0, 3.0)
+    )  # position with velocity, and velocity; numbered anew in 4.1
     kept = np.isin(table["Type"], velocities)
     at_s, scale = table["at_s"][kept], 0.01 if _in_centimetres(messages) else 1.0
     north, east, up = (scale * table[name][kept] for name in ("vX", "vY", "vZ"))

@@ -31,6 +31,8 @@ COMMANDS: Final = {
     m.MAV_CMD_GUIDED_CHANGE_HEADING: "heading",
     m.MAV_CMD_GUIDED_CHANGE_ALTITUDE: "height",
 }
+LEAST_LATERAL_MPS2 = 0.05
+"""ArduPlane takes a smaller lateral acceleration of a commanded heading as this."""
 COMMANDED = "commands 43000 to 43002, DO_REPOSITION, or velocities"
 NAVIGATED: Final = frozenset({"AUTO", "RTL", "LOITER", "CIRCLE", "GUIDED", "FLY_BY_WIRE_B", "CRUISE", "TAKEOFF"})
 """ArduPlane's modes in which it flies its own setpoints of airspeed and height."""
@@ -38,14 +40,14 @@ HEADED: Final = NAVIGATED - {"FLY_BY_WIRE_B", "CRUISE"}
 """Those in which it flies a bearing too, whatever its pilot does."""
 OWN_ERRORS = "NAV_CONTROLLER_OUTPUT (what it measured, and its errors)"
 OWN_ERRORS_IDENTIFY = (
-    "ArduPlane's own setpoints, as its navigation made them: airspeed and height before the limits of its total-energy "
-    "control; heading is how its L1 guidance turns the course to the bearing, in whole degrees, not how it answers a "
-    "commanded heading"
+    "ArduPlane's own setpoints, as its navigation made them: airspeed and height before the limits of its "
+    "total-energy control; heading is how its L1 guidance turns the course to the bearing, in whole degrees, not how it "
+    "answers a commanded heading"
 )
 WANTED = (
-    f"30 s or more of a vehicle that is commanded speed, heading or height ({COMMANDED}), or of an ArduPlane in AUTO, "
-    "RTL, LOITER, CIRCLE, GUIDED, FBWB or CRUISE that sends NAV_CONTROLLER_OUTPUT, and that sends VFR_HUD, ATTITUDE and "
-    "GLOBAL_POSITION_INT"
+    f"30 s or more of a vehicle that is commanded speed, heading or height ({COMMANDED}), or of an ArduPlane in "
+    "AUTO, RTL, LOITER, CIRCLE, GUIDED, FBWB or CRUISE that sends NAV_CONTROLLER_OUTPUT, and that sends VFR_HUD, "
+    "ATTITUDE and GLOBAL_POSITION_INT"
 )
 
 
@@ -155,7 +157,7 @@ def _take_command(track: Track, at_s: float, told: CommandInt) -> None:
     values = {"speed": told.param2, "heading": math.radians(told.param2), "height": told.z}
     track.add(at_s, {COMMANDS[told.command]: values[COMMANDS[told.command]]})
     if told.command == m.MAV_CMD_GUIDED_CHANGE_HEADING:
-        track.add(at_s, {"lateral": told.param3})
+        track.add(at_s, {"lateral": max(told.param3, LEAST_LATERAL_MPS2)})
 
 
 def _take_place(track: Track, at_s: float, place: CommandInt) -> None:

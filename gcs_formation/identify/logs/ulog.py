@@ -1,7 +1,7 @@
 """Reads a PX4 log (.ulg): setpoints of its fixed-wing and multirotor controllers, and the responses to them.
 
-Sources: PX4's msg/TecsStatus.msg, NpfgStatus.msg, versioned/FixedWingLateralSetpoint.msg, versioned/TrajectorySetpoint.msg,
-versioned/VehicleLocalPosition.msg and their predecessors since 2017, whose names of fields are taken too.
+Sources: in PX4's msg, TecsStatus, NpfgStatus, versioned/FixedWingLateralSetpoint, versioned/TrajectorySetpoint,
+versioned/VehicleLocalPosition and their predecessors since 2017, whose names of fields are taken too.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ FLOWN_BY_ITSELF: Final = frozenset({"AUTO_MISSION", "AUTO_LOITER", "AUTO_RTL", "
 POSITIONED: Final = FLOWN_BY_ITSELF | {"POSCTL", "POSITION_SLOW", "AUTO_FOLLOW_TARGET"}
 TOPICS: Final = (
     "vehicle_status", "tecs_status", "fixed_wing_lateral_setpoint", "npfg_status", "position_controller_status",
-    "trajectory_setpoint", "vehicle_local_position_setpoint", "vehicle_local_position", "airspeed_validated", "airspeed",
+    "trajectory_setpoint", "vehicle_local_position_setpoint", "vehicle_local_position", "airspeed_validated",
+    "airspeed",
 )  # fmt: skip
 SETPOINTS: Final = TOPICS[1:7]
 HEIGHT_SETPOINTS: Final = ("altitude_sp", "altitudeSp", "altitude_reference")
@@ -38,15 +39,16 @@ AIRSPEEDS: Final = (
     ("airspeed", ("true_airspeed_m_s",)),
 )
 BEARINGS: Final = (
-    ("fixed_wing_lateral_setpoint", "course"), ("npfg_status", "bearing"), ("position_controller_status", "nav_bearing"),
+    ("fixed_wing_lateral_setpoint", "course"), ("npfg_status", "bearing"),
+    ("position_controller_status", "nav_bearing"),
 )  # fmt: skip
 WINGS_IDENTIFY: Final = (
     "height as TECS received it; airspeed (true) within its limits, before their rates; heading: how the guidance "
     "turns the course to its bearing"
 )
 TRAJECTORY_IDENTIFIES: Final = (
-    "what PX4's trajectory generator, or OFFBOARD, commands its position controller: of a generated trajectory, limits of "
-    "acceleration and jerk are no part of the lags"
+    "what PX4's trajectory generator, or OFFBOARD, commands its position controller: of a generated trajectory, limits "
+    "of acceleration and jerk are no part of the lags"
 )
 CONTROLLER_IDENTIFIES: Final = (
     "behind the position controller, whose answer to position errors is in the setpoints: how the velocity controller "
@@ -54,8 +56,9 @@ CONTROLLER_IDENTIFIES: Final = (
 )
 WANTED: Final = (
     "30 s or more of a fixed wing in a mission, hold, return or OFFBOARD with tecs_status, npfg_status (or "
-    "fixed_wing_lateral_setpoint, position_controller_status) and vehicle_local_position; or of a multirotor in any mode "
-    "that controls its velocity, with trajectory_setpoint or vehicle_local_position_setpoint, and vehicle_local_position"
+    "fixed_wing_lateral_setpoint, position_controller_status) and vehicle_local_position; or of a multirotor in any "
+    "mode that controls its velocity, with trajectory_setpoint or vehicle_local_position_setpoint, and "
+    "vehicle_local_position"
 )
 
 Table = Mapping[str, Array]
@@ -118,9 +121,9 @@ def _wings(file: ULogFile) -> Track | None:
         found = _column(tecs, columns)
         if found is not None:
             track.put(name, tecs["at_s"], found)
-    for topic, columns in AIRSPEEDS:
+    for topic, names in AIRSPEEDS:
         table = file.topics.get(topic, {})
-        seen = _column(table, columns)
+        seen = _column(table, names)
         if seen is not None and np.ptp(seen) > 0.0:
             track.put("airspeed", table["at_s"], seen)
             break

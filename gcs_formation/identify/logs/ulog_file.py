@@ -1,7 +1,7 @@
 """The ULog format of PX4's logs: topics as tables, and parameters.
 
-Source: PX4's documentation, "ULog File Format". Definitions and data are one sequence of messages: a header of two bytes
-size and one byte type, then the text or the packed fields. Topics that nest others aren't read.
+Source: PX4's documentation, "ULog File Format". Definitions and data are one sequence of messages: a header of two
+bytes size and one byte type, then the text or the packed fields. Topics that nest others aren't read.
 """
 
 from __future__ import annotations

@@ -167,7 +167,10 @@ def test_errors_that_last_count_as_few():
 def test_what_was_hardly_moved_is_said():
     commanded = stepped()
     commanded[0] = 22.0
-    with pytest.raises(RecordError, match=r"speed setpoint changed by no more than 0 m/s: found too little"):
+    found = fit([flown(TRUE, commanded, noise=0.05)], VehicleModel())
+    assert found.unidentified["speed"].startswith("the speed setpoint changed by no more than 0 m/s: found too little")
+    commanded[:] = commanded[:, :1]
+    with pytest.raises(RecordError, match=r"0 m/s: .*the heading setpoint .*the height setpoint .*; allowed: steps or"):
         fit([flown(TRUE, commanded, noise=0.05)], VehicleModel())
 
 
