@@ -21,16 +21,14 @@ from formation_scenario.formation import Step
 from formation_scenario.source import Dumper, plain_mapping
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
+from gcs_formation.identify.airframe import AIRFRAME_KEYS, fit_airframe, lags_of
 from gcs_formation.identify.believed import begin_with
 from gcs_formation.identify.fitting import (
-    AIRFRAME_KEYS,
     LAGS,
     QUANTITIES,
     Fit,
     fit,
-    fit_airframe,
     flown_by_lags,
-    lags_of,
 )
 from gcs_formation.identify.output_error import autocovariance
 from gcs_formation.identify.recording import STEP_S, Recording, recordings

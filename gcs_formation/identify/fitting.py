@@ -2,36 +2,31 @@
 
 Equation (7), by which the law predicts and feeds forward, is fitted to whole flights (`output_error`) and judged by
 predictions: from points all along the recording the model flies on from the measured state, by the recorded setpoints,
-for `HORIZON_S`. The airframe, which emulators fly, is fitted to one flight from the recording's first point to its last
-by the setpoints alone; all perturbed aircraft are simulated side by side.
+for `HORIZON_S`. The airframe, which emulators fly, is fitted elsewhere (`airframe`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from flight_model import energy
 from flight_model.arrays import Array, Indices, wrap
-from flight_model.frequency_response import slow_lags_s
 from flight_model.slot import CHANNELS
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
-from formation_scenario.vehicles import EnergyAirframe, VehicleModel
+from formation_scenario.vehicles import VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.identify.output_error import RESOLUTION, Search, simulated
+from gcs_formation.identify.output_error import Search, simulated
 from gcs_formation.identify.recording import CYCLE_S, LEAST_MOVED, STEP_S, Recording
 
 HORIZON_S = 6.0
 """Length of the predictions that equation (7) is judged by: what the law feeds forward takes as long to arrive."""
 STRIDE = 5
 """Points between the starts of two predictions."""
-CORRELATED_S = 2.0
-"""Residuals this far apart count as independent in the search."""
 WAIT_SIGMA_S = CYCLE_S / 2.0
 """Standard deviation of the time at which setpoints act. They act anywhere within the vehicle's cycle, but always at
 the same place of it in one flight. Half a cycle, the distance from its middle to its end, covers a vehicle that always
@@ -55,14 +50,6 @@ QUICK_S = 5.0
 """Lags aren't fitted to what was measured within this time after such a change."""
 LEAST_KEPT = 0.2
 """Share of a recording that must be left after that."""
-AIRFRAME_KEYS = ("thrust_mps2", "drag_mps2", "heading_gain", "bank_lag_s", "airspeed_lag_s", "time_constant_s")
-SPREADS = np.array([0.3, 0.3, 0.3, 0.3, 0.3, 0.1])
-"""Prior standard deviations of these parameters' logarithms."""
-ITERATIONS = 7
-NUDGE = 0.02
-"""Step of a logarithm for the numerical derivative."""
-STEP_MAX = 0.4
-LEAST_VARIANCE = 1e-9
 
 
 class Estimate(NamedTuple):
@@ -238,7 +225,7 @@ def _acting_setpoints(recording: Recording, later_s: float = 0.0) -> Array:
     """Return setpoints and the lateral acceleration of turns, (4, K), when they act."""
     commanded = recording.commanded
     turning = np.broadcast_to(recording.lateral_mps2, commanded[:1].shape)
-    return _acting(np.concatenate((commanded, turning)), recording.delay_s + later_s)
+    return acting(np.concatenate((commanded, turning)), recording.delay_s + later_s)
 
 
 def _with_rest(recording: Recording, limits: VehicleModel, values: Array) -> Recording:
@@ -284,7 +271,7 @@ class _Windows:
         airspeed, heading, height, climb = recording.seen[:, begins]
         none = np.zeros_like(airspeed)
         state = FlightStates(none, none, height, climb, np.maximum(airspeed, 1.0), heading, none, none)
-        commanded = _acting(recording.commanded, recording.delay_s)[:, begins + steps].transpose(1, 0, 2)
+        commanded = acting(recording.commanded, recording.delay_s)[:, begins + steps].transpose(1, 0, 2)
         return cls(state, commanded, recording.seen[:3, begins + steps + 1])
 
     def errors(self, lags: Array, limits: VehicleModel) -> Array:
@@ -304,7 +291,7 @@ class _Windows:
         return self.seen - begin[:, None]
 
 
-def _acting(commanded: Array, late_s: float) -> Array:
+def acting(commanded: Array, late_s: float) -> Array:
     """Return setpoints (3, K) as they act, `late_s` after they were sent."""
     whole, part = divmod(late_s / STEP_S, 1.0)
     points: Indices = np.arange(commanded.shape[1], dtype=np.intp) - int(whole)
@@ -317,94 +304,9 @@ def _columns(lags: Array, limits: VehicleModel, count: int) -> AutopilotModels:
     return AutopilotModels.of(np.repeat(constants[:, None], count, axis=1))
 
 
-def _weighed(errors: Array) -> Array:
-    """Return errors of airspeed, heading and height, (3, ...), in units of `RESOLUTION`, as one row."""
-    return (errors.reshape(3, -1) / RESOLUTION[:, None]).ravel()
-
-
-def _nearest(start: Array, errors_of: Callable[[Sequence[Array]], Array], spreads: Array, repeated: float) -> Array:
-    """Return the logarithms (P,) of the parameters that fit the measurements best.
-
-    Gauss-Newton, robust: errors beyond one resolution count by their size, not its square. A normal prior about `start`
-    holds the parameters.
-
-    Args:
-        start: (P,) where the search begins.
-        errors_of: returns the weighted errors (T, M) of T sets of logarithms.
-        spreads: (P,) prior standard deviations.
-        repeated: number of successive errors that carry as much information as one.
-    """
-    logs = start
-    prior: Array = np.diag(spreads**-2.0)
-    for _ in range(ITERATIONS):
-        error, slopes, weights = _linear(logs, errors_of)
-        worth = 1.0 / max(float(np.mean((error * weights) ** 2)) * repeated, LEAST_VARIANCE)
-        weighed = slopes * weights**2 * worth
-        gain = weighed @ error + prior @ (logs - start)
-        step = np.linalg.solve(weighed @ slopes.T + prior, gain).astype(np.float64)
-        logs = (logs - np.clip(step, -STEP_MAX, STEP_MAX)).astype(np.float64)
-    return logs
-
-
-def _linear(logs: Array, errors_of: Callable[[Sequence[Array]], Array]) -> tuple[Array, Array, Array]:
-    """Return the weighted errors (M,) at `logs`, their slopes (P, M) and their robust weights (M,)."""
-    errors = errors_of([logs, *(logs + NUDGE * each for each in np.eye(len(logs)))])
-    error: Array = errors[0]
-    return error, (errors[1:] - error) / NUDGE, 1.0 / np.maximum(np.abs(error), 1.0)
-
-
 def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
     """Return airspeed, heading and height (3, K) of a vehicle of equation (7) under the recorded setpoints."""
     if model.prompt_share < 1.0:
         recording = _aimed(recording, model, model.prompt_share, model.rest_s)
     columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
     return simulated([_acting_setpoints(recording)], columns, recording.seen[:, :1].T)[0]
-
-
-def fit_airframe(recording: Recording, begin: EnergyAirframe, turn_rate_max_rps: float) -> tuple[EnergyAirframe, Array]:
-    """Return the airframe that flies a recording's setpoints most alike, and its flight (3, K).
-
-    The search is for the logarithms of `AIRFRAME_KEYS`, held by a normal prior about `begin`.
-    """
-    start = np.log([getattr(begin, name) for name in AIRFRAME_KEYS])
-
-    def errors_of(tried: Sequence[Array]) -> Array:
-        flown = (_flown_by(recording, _with(begin, each), turn_rate_max_rps) for each in tried)
-        return np.stack([_weighed(each - recording.seen[:3]) for each in flown])
-
-    logs = _nearest(start, errors_of, SPREADS, CORRELATED_S / STEP_S)
-    best = _with(begin, logs)
-    return best, _flown_by(recording, best, turn_rate_max_rps)
-
-
-def lags_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> VehicleModel:
-    """Return the model with the airframe and its lags for slow changes, which the law feeds forward by.
-
-    An airframe answers steps more slowly, because its energy rates are limited, and quick changes with a larger
-    amplitude: neither is a lag of equation (7).
-    """
-    speed_s, heading_s, height_s = slow_lags_s(airframe.parameters(), speed_mps)
-    lags = dict(zip(LAGS, (speed_s, heading_s, height_s / 2, height_s / 2), strict=True))
-    return model.model_copy(update={name: round(each, 3) for name, each in lags.items()} | {"airframe": airframe})
-
-
-def _with(begin: EnergyAirframe, logs: Array) -> EnergyAirframe:
-    values = {name: float(f"{value:.4g}") for name, value in zip(AIRFRAME_KEYS, np.exp(logs).tolist(), strict=True)}
-    return begin.model_copy(update=values)
-
-
-def _flown_by(recording: Recording, airframe: EnergyAirframe, turn_rate_max_rps: float) -> Array:
-    """Return sensed airspeed, heading and height, (3, K), of an aircraft under the recorded setpoints."""
-    p = airframe.parameters()
-    airspeed, heading, height, climb = recording.seen[:, 0].tolist()
-    aircraft = energy.Aircraft(height, climb, airspeed, heading)
-    energy.trim(aircraft, p)
-    acting, flown = _acting(recording.commanded, recording.delay_s + p.dead_time_s), list[tuple[float, float, float]]()
-    for speed, direction, up in acting.T.tolist():
-        flown.append((aircraft.sensed, aircraft.heading_rad, aircraft.height_m))
-        bank = math.atan(turn_rate_max_rps * aircraft.speed_mps / energy.GRAVITY_MPS2)
-        commanded = energy.Commanded(speed, math.inf, direction, bank, up)
-        energy.control(aircraft, commanded, p)
-        for _ in range(energy.CYCLES):
-            energy.cycle(aircraft, commanded, p)
-    return np.array(flown).T

@@ -15,9 +15,10 @@ from typing import Any, Final
 import numpy as np
 
 from airlink import mavlink as m
-from flight_model.arrays import Array
+from flight_model.arrays import Array, wrap
 from gcs_formation.identify.logs.ardupilot_modes import COPTER, PLANE, numbered
 from gcs_formation.identify.logs.track import (
+    ABEAM_RAD,
     HOVERING_SEEN,
     OVER_GROUND_SEEN,
     Log,
@@ -33,8 +34,8 @@ NAVIGATED: Final = frozenset(
     {"AUTO", "RTL", "LOITER", "CIRCLE", "GUIDED", "FLY_BY_WIRE_B", "CRUISE", "TAKEOFF", "THERMAL", "AVOID_ADSB"}
 )
 """ArduPlane's modes in which it controls airspeed and height."""
-UNHEADED: Final = frozenset({"FLY_BY_WIRE_B", "CIRCLE", "THERMAL"})
-"""Those without a bearing to fly."""
+UNHEADED: Final = frozenset({"FLY_BY_WIRE_B", "CIRCLE", "THERMAL", "LOITER"})
+"""Those without a bearing to fly; in LOITER it is that of the circle's centre."""
 POSITIONED: Final = frozenset(
     {"AUTO", "GUIDED", "LOITER", "RTL", "CIRCLE", "POSHOLD", "SMART_RTL", "FOLLOW", "ZIGZAG", "AUTO_RTL", "BRAKE"}
 )
@@ -235,7 +236,10 @@ def _navigated_plane(messages: _Messages) -> Track | None:
 
 
 def _put_bearing(track: Track, ntun: Table) -> None:
-    """Put the bearing while it is flown: CRUISE leaves it as it was while the pilot turns."""
+    """Put the bearing while it is flown.
+
+    CRUISE leaves it as it was while the pilot turns. On a circle, in any mode, it is that of the centre.
+    """
     if not ntun:
         return
     at_s, bearing = ntun["at_s"], np.radians(ntun["NavBrg"])
@@ -246,6 +250,9 @@ def _put_bearing(track: Track, ntun: Table) -> None:
             flown &= ~within
         elif mode.name == "CRUISE":
             flown &= ~within | np.append(True, np.diff(bearing) != 0.0)
+    if (course := np.array(track.of.get("course", ()))).size:
+        ahead = np.interp(at_s, course[:, 0], np.unwrap(course[:, 1]))
+        flown &= np.abs(wrap(bearing - ahead)) < ABEAM_RAD
     track.put("heading", at_s[flown], bearing[flown])
 
 

@@ -14,6 +14,7 @@ from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, NavControllerOutput, VfrHud
 from gcs_formation.identify.logs.ardupilot_modes import mode_name
 from gcs_formation.identify.logs.track import (
+    ABEAM_RAD,
     HOVERING_SEEN,
     OVER_GROUND_SEEN,
     Log,
@@ -36,13 +37,13 @@ LEAST_LATERAL_MPS2 = 0.05
 COMMANDED = "commands 43000 to 43002, DO_REPOSITION, or velocities"
 NAVIGATED: Final = frozenset({"AUTO", "RTL", "LOITER", "CIRCLE", "GUIDED", "FLY_BY_WIRE_B", "CRUISE", "TAKEOFF"})
 """ArduPlane's modes in which it flies its own setpoints of airspeed and height."""
-HEADED: Final = NAVIGATED - {"FLY_BY_WIRE_B", "CRUISE"}
+HEADED: Final = NAVIGATED - {"FLY_BY_WIRE_B", "CRUISE", "CIRCLE", "LOITER"}
 """Those in which it flies a bearing too, whatever its pilot does."""
 OWN_ERRORS = "NAV_CONTROLLER_OUTPUT (what it measured, and its errors)"
 OWN_ERRORS_IDENTIFY = (
     "ArduPlane's own setpoints, as its navigation made them: airspeed and height before the limits of its "
-    "total-energy control; heading is how its L1 guidance turns the course to the bearing, in whole degrees, not how it "
-    "answers a commanded heading"
+    "total-energy control; heading is how its L1 guidance turns the course to the bearing, in whole degrees, not how "
+    "it answers a commanded heading"
 )
 WANTED = (
     f"30 s or more of a vehicle that is commanded speed, heading or height ({COMMANDED}), or of an ArduPlane in "
@@ -112,7 +113,8 @@ class _Telemetry:
             "speed": of["airspeed"][-1][1] + 0.01 * errors.aspd_error_mps,
             "height": of["alt"][-1][1] + errors.alt_error_m,
         }
-        if self.modes[system][-1][1] in HEADED:
+        abeam_rad = abs(math.remainder(errors.nav_bearing_rad - of["course"][-1][1], math.tau))
+        if self.modes[system][-1][1] in HEADED and abeam_rad < ABEAM_RAD:
             setpoints["heading"] = errors.nav_bearing_rad
         self.own[system].add(at_s, setpoints)
 

@@ -18,6 +18,8 @@ OVER_GROUND_SEEN: Final = ("airspeed", "course", "alt", "climb")
 """For a fixed wing that is commanded a course over ground, or places ahead: it flies courses."""
 HOVERING_SEEN: Final = ("speed seen", "course", "alt", "climb")
 """For a vehicle that is commanded velocities over ground."""
+ABEAM_RAD: Final = math.radians(60.0)
+"""A bearing of L1 guidance this far from the course isn't one to fly: on a circle it is that of the centre."""
 NOT_BLANK: Final = 0.5
 """Modes flown for less than this, s, aren't listed."""
 

@@ -10,8 +10,9 @@ from flight_model import energy
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify import is_nearer, measured
-from gcs_formation.identify.fitting import LAGS, WAIT_SIGMA_S, fit, fit_airframe, flown_by_lags, lags_of
-from gcs_formation.identify.fitting import _flown_by as flown_by_airframe
+from gcs_formation.identify.airframe import _flown_by as flown_by_airframe
+from gcs_formation.identify.airframe import fit_airframe, lags_of
+from gcs_formation.identify.fitting import LAGS, WAIT_SIGMA_S, fit, flown_by_lags
 from gcs_formation.identify.recording import CYCLE_S, STEP_S, Recording
 
 TRUE = VehicleModel(tau_v_s=2.5, tau_psi_s=2.2, tau_ha_s=0.8, tau_hb_s=2.4)

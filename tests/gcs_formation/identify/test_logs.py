@@ -61,8 +61,11 @@ def velocity(speed_mps, course_rad):
     return speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad)
 
 
-def plane_dataflash(file, moved=(2.0, 0.25, 6.0), modes=((0.0, AUTO),), hin=True):
-    """Write an ArduPlane's log without OFG: what its navigation commands, in these modes from these times on."""
+def plane_dataflash(file, moved=(2.0, 0.25, 6.0), modes=((0.0, AUTO),), circles=False):
+    """Write an ArduPlane's log without OFG: what its navigation commands, in these modes from these times on.
+
+    While it `circles`, its bearing is that of the centre.
+    """
     commanded, seen = flight(PLANE, moved)
     rows: list[Row] = [("MSG", 1.0, (b"ArduPlane V4.5.7 (2a3dc4b7)",)), ("PARM", 1.0, (b"SYSID_THISMAV", 4.0, 1.0))]
     rows += [("PARM", 1.0, (b"ROLL_LIMIT_DEG", 55.0, 45.0))]
@@ -73,8 +76,8 @@ def plane_dataflash(file, moved=(2.0, 0.25, 6.0), modes=((0.0, AUTO),), hin=True
         north, east = velocity(airspeed, course)
         # The airspeed demand behind the limiter, and the height demand behind the filter, are something else.
         rows += [
-            ("TECS", at_s, (alt, climb, height if hin else math.nan, height - 5.0, 0.0, speed + 3.0, airspeed)),
-            ("NTUN", at_s, (100.0, degrees(bearing), degrees(bearing), speed)),
+            ("TECS", at_s, (alt, climb, height, height - 5.0, 0.0, speed + 3.0, airspeed)),
+            ("NTUN", at_s, (100.0, degrees(bearing), degrees(bearing + circles * math.pi / 2), speed)),
             ("ARSP", at_s, (0, airspeed)),
             ("ARSP", at_s, (1, 99.0)),
             ("XKF1", at_s, (0, 0.0, north, east, -climb)),
@@ -269,6 +272,11 @@ def test_setpoints_that_no_mode_follows_arent_used(tmp_path):
 def test_the_bearing_isnt_flown_while_the_pilot_turns_in_cruise(tmp_path):
     """CRUISE leaves it as it was; this one is constant but for its steps, so airspeed and height are left."""
     (found,) = recordings(plane_dataflash(tmp_path / "log.bin", modes=((0.0, CRUISE),)))
+    assert found.channels == ("speed", "height")
+
+
+def test_the_bearing_of_a_circles_centre_isnt_flown(tmp_path):
+    (found,) = recordings(plane_dataflash(tmp_path / "log.bin", circles=True))
     assert found.channels == ("speed", "height")
 
 
