@@ -187,7 +187,7 @@ def identify(
     if directory is not None and believed is None:
         believed = load_scenario(directory / SCENARIO, plugins=plugins)
     begin = begin_with(believed, found)
-    fitted = fit(found, begin)
+    fitted = _nearest(found, begin) if believed is None else fit(found, begin)
     longest = max(found, key=lambda each: each.seen.shape[1])
     model, flown = _chosen(longest, fitted, begin)
     known = [row for row, channel in enumerate(CHANNELS) if channel not in fitted.unidentified]
@@ -231,6 +231,14 @@ def _recorded(source: Path, vehicle: int | None) -> list[Recording]:
     return chosen
 
 
+def _nearest(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
+    """Return the fit that predicts airspeed best, of one with the integrator of the shipped aircraft and one without."""
+    fits = [fit(recordings, begin)]
+    if begin.prompt_share < 1.0 and QUANTITIES[0] in fits[0].residual_rms:
+        fits.append(fit(recordings, begin.model_copy(update={"prompt_share": 1.0})))
+    return min(fits, key=lambda each: each.residual_rms.get(QUANTITIES[0], math.inf))
+
+
 def _chosen(recording: Recording, fitted: Fit, begin: VehicleModel) -> tuple[VehicleModel, dict[str, Array]]:
     """Return the model that is worth its parameters, and the flight (3, K) by each model, by its name."""
     flown = {EQUATION: flown_by_lags(recording, fitted.model)}
@@ -260,7 +268,8 @@ def report(found: Mapping[str, Any]) -> str:
         lines.append(f"  {name:<13} {found['residual_rms'][name]:.3f} {unit:<4} {found['explained'][name]:.0%}")
     lines.append("errors of a whole flight by the setpoints alone, RMS:")
     for name, rms in found["flown_rms"].items():
-        lines.append(f"  {name:<13} " + ", ".join(f"{error:.3f} {units[quantity]}" for quantity, error in rms.items()))
+        each_error = (f"{error:.3f} {units[quantity]}" for quantity, error in rms.items())
+        lines.append(f"  {name:<13} {', '.join(each_error)}")
     if "airframe" in found["model"]:
         lags = ", ".join(f"{name} {found['model'][name]:g}" for name in found["lags"])
         lines.append(f"it flies as an aircraft under total-energy control; lags of slow changes, s: {lags}")

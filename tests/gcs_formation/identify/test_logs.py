@@ -296,6 +296,13 @@ def test_a_telemetry_log_without_setpoints_says_who_is_in_it(tmp_path):
         recordings(plane_tlog(tmp_path / "copter.tlog", kind=2))
 
 
+def test_a_px4_without_the_shipped_ones_integrator_isnt_given_one(tmp_path):
+    found = identify(plane_ulog(tmp_path / "plane.ulg"), tmp_path / "mine.yaml")
+    assert "prompt_share" not in found["lags"]
+    assert found["model"]["prompt_share"] == 1.0
+    assert found["explained"]["airspeed_mps"] > 0.99
+
+
 def test_a_px4_log_without_setpoints_says_what_it_has(tmp_path):
     topics = {
         "vehicle_status": "uint8_t nav_state",
