@@ -232,7 +232,7 @@ def _recorded(source: Path, vehicle: int | None) -> list[Recording]:
 
 
 def _nearest(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
-    """Return the fit that predicts airspeed best, of one with the integrator of the shipped aircraft and one without."""
+    """Return the fit that predicts airspeed best, with the shipped integrator or without one."""
     fits = [fit(recordings, begin)]
     if begin.prompt_share < 1.0 and QUANTITIES[0] in fits[0].residual_rms:
         fits.append(fit(recordings, begin.model_copy(update={"prompt_share": 1.0})))

@@ -76,7 +76,7 @@ def plane_dataflash(file, moved=(2.0, 0.25, 6.0), modes=((0.0, AUTO),), circles=
         north, east = velocity(airspeed, course)
         # The airspeed demand behind the limiter, and the height demand behind the filter, are something else.
         rows += [
-            ("TECS", at_s, (alt, climb, height, height - 5.0, 0.0, speed + 3.0, airspeed)),
+            ("TECS", at_s, (alt, climb, height, (height + alt) / 2, 0.0, speed + 3.0, airspeed)),
             ("NTUN", at_s, (100.0, degrees(bearing), degrees(bearing + circles * math.pi / 2), speed)),
             ("ARSP", at_s, (0, airspeed)),
             ("ARSP", at_s, (1, 99.0)),
