@@ -51,7 +51,7 @@ FLY_EXAMPLES = examples(
 IDENTIFY_EXAMPLES = examples(
     "gcs-formation identify arduplane.yaml --out skywalker.yaml   flies steps, then fits",
     "gcs-formation identify runs/flown --vehicle 2                from what was recorded",
-    "gcs-formation identify 00000042.BIN --out skywalker.yaml     an ArduPilot log, or a .tlog",
+    "gcs-formation identify 00000042.BIN --out skywalker.yaml     an ArduPilot log, a PX4 .ulg, a .tlog, a .csv",
 )
 
 
@@ -253,9 +253,9 @@ def _interrupted(options: RunOptions) -> Status:
 
 
 VEHICLE_FILE = "vehicle.yaml"
-LOGS = (".tlog", ".bin")
+LOGS = (".tlog", ".bin", ".ulg", ".csv")
 SCENARIOS = (".yaml", ".yml")
-SOURCES = "the directory of a run, a log (*.tlog, *.bin), or a scenario (*.yaml)"
+SOURCES = "the directory of a run, a log (*.tlog, *.bin, *.ulg, *.csv), or a scenario (*.yaml)"
 
 
 @click.command(epilog=IDENTIFY_EXAMPLES)
@@ -270,7 +270,7 @@ SOURCES = "the directory of a run, a log (*.tlog, *.bin), or a scenario (*.yaml)
 @click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 @click.option("--json", "as_json", is_flag=True, help="The result alone on standard output.")
 def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **given: Any) -> None:
-    """Find a vehicle's model from SOURCE: a run, a .tlog or .bin; or a scenario, whose vehicles then fly steps."""
+    """Find a vehicle's model from SOURCE: a run, a log (.tlog, .bin, .ulg, .csv), or steps flown in a scenario."""
     from gcs_formation import identify as identification  # noqa: PLC0415 - only `identify` fits and draws
 
     out, run_dir, overrides, plugins = (given.pop(name) for name in ("out", "run_dir", "overrides", "plugins"))

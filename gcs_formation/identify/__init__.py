@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from flight_model.arrays import Array
+from flight_model.slot import CHANNELS
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.bounded_read import require_file
 from formation_scenario.extensions import Files
@@ -20,15 +21,14 @@ from formation_scenario.formation import Step
 from formation_scenario.source import Dumper, plain_mapping
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
+from gcs_formation.identify.airframe import AIRFRAME_KEYS, fit_airframe, lags_of
+from gcs_formation.identify.believed import begin_with
 from gcs_formation.identify.fitting import (
-    AIRFRAME_KEYS,
     LAGS,
     QUANTITIES,
     Fit,
     fit,
-    fit_airframe,
     flown_by_lags,
-    lags_of,
 )
 from gcs_formation.identify.output_error import autocovariance
 from gcs_formation.identify.recording import STEP_S, Recording, recordings
@@ -115,13 +115,16 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
         figure = new_figure(HEIGHT_CM)
         axes = [row[0] for row in axes_grid(figure, 3, 1, sharex=True)]
         for row, (axis, label, scale) in enumerate(zip(axes, recording.labels, scales, strict=True)):
-            axis.step(at_s, recording.commanded[row] * scale, where="post", color=GREY, linewidth=0.6, label="setpoint")
             axis.plot(at_s, recording.seen[row] * scale, color=INK, label="measured")
+            axis.set_ylabel(label)
+            if CHANNELS[row] not in recording.channels:
+                continue
+            axis.step(at_s, recording.commanded[row] * scale, where="post", color=GREY, linewidth=0.6, label="setpoint")
             for (name, values), colour in zip(flown.items(), FOLLOWERS, strict=False):
                 axis.plot(at_s, values[row] * scale, color=colour, linestyle="--", label=name)
-            axis.set_ylabel(label)
         axes[-1].set_xlabel("time, s")
-        axes[0].legend(ncols=2 + len(flown), loc="lower left", bbox_to_anchor=(0.0, 1.0))
+        legend = axes[min(CHANNELS.index(name) for name in recording.channels)]
+        legend.legend(ncols=2 + len(flown), loc="lower left", bbox_to_anchor=(0.0, 1.0))
         save(figure, file)
 
 
@@ -169,7 +172,7 @@ def identify(
     model's name.
 
     Args:
-        source: a run directory or a telemetry log.
+        source: a run directory, or a log of a format in `logs.READERS`.
         file: the vehicle file to write.
         vehicle: system id to use; None: all vehicles, as one kind.
         believed: the scenario, whose first vehicle's limits are kept; None: the run directory's.
@@ -183,15 +186,17 @@ def identify(
     found = _recorded(source, vehicle)
     if directory is not None and believed is None:
         believed = load_scenario(directory / SCENARIO, plugins=plugins)
-    begin = _begin(believed, found[0].system)
-    fitted = fit(found, begin)
+    begin = begin_with(believed, found)
+    fitted = _nearest(found, begin) if believed is None else fit(found, begin)
     longest = max(found, key=lambda each: each.seen.shape[1])
     model, flown = _chosen(longest, fitted, begin)
-    errors = {name: _rms(longest, values) for name, values in flown.items()}
+    known = [row for row, channel in enumerate(CHANNELS) if channel not in fitted.unidentified]
+    errors = {name: _rms(longest, values)[known] for name, values in flown.items()}
+    quantities = [QUANTITIES[row] for row in known]
     shown = {name: values for name, values in flown.items() if name == EQUATION or model.airframe is not None}
     figure = file.with_suffix(FIGURE)
     try:
-        _write(file, source, fitted, model, errors)
+        _write(file, source, fitted, model, dict(zip(quantities, errors[_kept(model)].tolist(), strict=True)))
         draw(longest, shown, figure)
     except OSError as error:
         raise RecordError(f"{file}: {error.strerror or error}") from error
@@ -199,11 +204,13 @@ def identify(
         "file": str(file),
         "figure": str(figure),
         "vehicles": [each.system for each in found],
+        "setpoints": [_described(each) for each in found],
         "recorded_s": [each.duration_s for each in found],
         "lags": {name: each._asdict() for name, each in fitted.estimates.items()},
+        "unidentified": fitted.unidentified,
         "residual_rms": fitted.residual_rms,
         "explained": fitted.explained,
-        "flown_rms": {name: dict(zip(QUANTITIES, rms.tolist(), strict=True)) for name, rms in errors.items()},
+        "flown_rms": {name: dict(zip(quantities, rms.tolist(), strict=True)) for name, rms in errors.items()},
         "model": model.model_dump(exclude_none=True),
     }
 
@@ -224,10 +231,18 @@ def _recorded(source: Path, vehicle: int | None) -> list[Recording]:
     return chosen
 
 
+def _nearest(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
+    """Return the fit that predicts airspeed best, with the shipped integrator or without one."""
+    fits = [fit(recordings, begin)]
+    if begin.prompt_share < 1.0 and QUANTITIES[0] in fits[0].residual_rms:
+        fits.append(fit(recordings, begin.model_copy(update={"prompt_share": 1.0})))
+    return min(fits, key=lambda each: each.residual_rms.get(QUANTITIES[0], math.inf))
+
+
 def _chosen(recording: Recording, fitted: Fit, begin: VehicleModel) -> tuple[VehicleModel, dict[str, Array]]:
     """Return the model that is worth its parameters, and the flight (3, K) by each model, by its name."""
     flown = {EQUATION: flown_by_lags(recording, fitted.model)}
-    if begin.hovers or begin.prompt_share < 1.0:
+    if begin.hovers or begin.prompt_share < 1.0 or fitted.unidentified:
         return fitted.model, flown
     airframe, flown[AIRFRAME] = fit_airframe(recording, begin.airframe or EnergyAirframe(), begin.turn_rate_max_rps)
     by_airframe, by_lags = (flown[name] - recording.seen[:3] for name in (AIRFRAME, EQUATION))
@@ -240,22 +255,36 @@ def report(found: Mapping[str, Any]) -> str:
     """Return the result as text."""
     recorded = zip(found["vehicles"], found["recorded_s"], strict=True)
     whose = ", ".join(f"{system} ({duration_s:.0f} s)" for system, duration_s in recorded)
-    lines = [f"vehicles {whose}", "equation (7), as the law predicts and feeds forward by it:"]
+    lines = [f"vehicles {whose}", *_setpoints_text(found["setpoints"])]
+    lines.append("equation (7), as the law predicts and feeds forward by it:")
     for name, each in found["lags"].items():
         unit = "" if name == "prompt_share" else "s"
         lines.append(f"  {name:<12} {measured(each['value'], each['sigma'])} {unit}".rstrip())
+    lines += [f"  not identified, {why}; kept as believed" for why in found["unidentified"].values()]
     lines.append("errors of its predictions, and what they explain of the change:")
-    for name, unit in zip(QUANTITIES, UNITS, strict=True):
+    units = dict(zip(QUANTITIES, UNITS, strict=True))
+    for name in found["residual_rms"]:
+        unit = units[name]
         lines.append(f"  {name:<13} {found['residual_rms'][name]:.3f} {unit:<4} {found['explained'][name]:.0%}")
     lines.append("errors of a whole flight by the setpoints alone, RMS:")
     for name, rms in found["flown_rms"].items():
-        each = zip(rms.values(), UNITS, strict=True)
-        lines.append(f"  {name:<13} " + ", ".join(f"{error:.3f} {unit}" for error, unit in each))
+        each_error = (f"{error:.3f} {units[quantity]}" for quantity, error in rms.items())
+        lines.append(f"  {name:<13} {', '.join(each_error)}")
     if "airframe" in found["model"]:
         lags = ", ".join(f"{name} {found['model'][name]:g}" for name in found["lags"])
         lines.append(f"it flies as an aircraft under total-energy control; lags of slow changes, s: {lags}")
     lines.append(f"wrote {found['file']} and {found['figure']}")
     return "\n".join(lines)
+
+
+def _setpoints_text(setpoints: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return where setpoints are from and what they identify, each place in the log once."""
+    lines = list[str]()
+    for each in setpoints:
+        during = f", in {', '.join(each['modes'])}" if each["modes"] else ""
+        lines.append(f"setpoints: {each['from']}{during}")
+        lines += [f"  {each['identifies']}"] if each["identifies"] else []
+    return list(dict.fromkeys(lines))
 
 
 def is_nearer(errors: Array, others: Array, more: int) -> bool:
@@ -290,12 +319,6 @@ def measured(value: float, sigma: float) -> str:
     return f"{value:.{digits}f} ± {sigma:.{digits}f}"
 
 
-def _begin(believed: Scenario | None, system: int) -> VehicleModel:
-    if believed is None:
-        return VehicleModel()
-    return next((each.model for each in believed.vehicles if each.id == system), believed.vehicles[0].model)
-
-
 def _delays_s(directory: Path) -> dict[int, float]:
     """Return the measured round-trip delay of each vehicle's link, s, as far as the summary has it."""
     try:
@@ -313,11 +336,21 @@ def _rms(recording: Recording, flown: Array) -> Array:
     return np.sqrt(np.mean((flown - recording.seen[:3]) ** 2, axis=1))
 
 
-def _write(file: Path, source: Path, fitted: Fit, model: VehicleModel, errors: Mapping[str, Array]) -> None:
+def _kept(model: VehicleModel) -> str:
+    """Return the name of the model that is written."""
+    return AIRFRAME if model.airframe is not None else EQUATION
+
+
+def _described(recording: Recording) -> dict[str, Any]:
+    """Return where a recording's setpoints are from, and what follows from them."""
+    track = recording.track
+    return {"from": track.setpoints, "modes": list(recording.modes), "identifies": track.identifies}
+
+
+def _write(file: Path, source: Path, fitted: Fit, model: VehicleModel, flown: Mapping[str, float]) -> None:
     figures = {f"{name}_sigma": each.sigma for name, each in fitted.estimates.items()}
     figures |= {f"predicted_{name}": value for name, value in fitted.residual_rms.items()}
-    flown = errors[AIRFRAME if model.airframe is not None else EQUATION].tolist()
-    figures |= {f"flown_{name}": value for name, value in zip(QUANTITIES, flown, strict=True)}
+    figures |= {f"flown_{name}": value for name, value in flown.items()}
     written = {
         "schema": 1,
         "name": file.stem[:80],

@@ -2,46 +2,45 @@
 
 Equation (7), by which the law predicts and feeds forward, is fitted to whole flights (`output_error`) and judged by
 predictions: from points all along the recording the model flies on from the measured state, by the recorded setpoints,
-for `HORIZON_S`. The airframe, which emulators fly, is fitted to one flight from the recording's first point to its last
-by the setpoints alone; all perturbed aircraft are simulated side by side.
+for `HORIZON_S`. The airframe, which emulators fly, is fitted elsewhere (`airframe`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from flight_model import energy
 from flight_model.arrays import Array, Indices, wrap
-from flight_model.frequency_response import slow_lags_s
+from flight_model.slot import CHANNELS
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
-from formation_scenario.vehicles import EnergyAirframe, VehicleModel
+from formation_scenario.vehicles import VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.identify.output_error import RESOLUTION, Search, simulated
-from gcs_formation.identify.recording import CYCLE_S, STEP_S, Recording
+from gcs_formation.identify.output_error import Search, simulated
+from gcs_formation.identify.recording import CYCLE_S, LEAST_MOVED, STEP_S, Recording
 
 HORIZON_S = 6.0
 """Length of the predictions that equation (7) is judged by: what the law feeds forward takes as long to arrive."""
 STRIDE = 5
 """Points between the starts of two predictions."""
-CORRELATED_S = 2.0
-"""Residuals this far apart count as independent in the search."""
 WAIT_SIGMA_S = CYCLE_S / 2.0
 """Standard deviation of the time at which setpoints act. They act anywhere within the vehicle's cycle, but always at
 the same place of it in one flight. Half a cycle, the distance from its middle to its end, covers a vehicle that always
 acts at the end."""
 UNKNOWN = 0.5
 """Prior standard deviation of a lag's logarithm."""
-LEAST_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, "m")}
-"""Least change of each setpoint from which its channel can be identified."""
 QUANTITIES = ("airspeed_mps", "heading_rad", "height_m")
 """Quantities in which recordings and models are compared."""
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
+LAGS_OF = {"speed": LAGS[:1], "heading": LAGS[1:2], "height": LAGS[2:]}
+"""The lags of each channel."""
+KNOWN = 0.25
+"""A channel whose lags' sum has a larger standard deviation, relative to it, isn't identified: the search holds it with
+one of 0.35 to 0.5 if nothing is learnt."""
 REST = ("prompt_share", "rest_s")
 """Also fitted for vehicles believed to leave part of a speed change to an integrator."""
 LEAST_SHARE = 0.2
@@ -51,14 +50,6 @@ QUICK_S = 5.0
 """Lags aren't fitted to what was measured within this time after such a change."""
 LEAST_KEPT = 0.2
 """Share of a recording that must be left after that."""
-AIRFRAME_KEYS = ("thrust_mps2", "drag_mps2", "heading_gain", "bank_lag_s", "airspeed_lag_s", "time_constant_s")
-SPREADS = np.array([0.3, 0.3, 0.3, 0.3, 0.3, 0.1])
-"""Prior standard deviations of these parameters' logarithms."""
-ITERATIONS = 7
-NUDGE = 0.02
-"""Step of a logarithm for the numerical derivative."""
-STEP_MAX = 0.4
-LEAST_VARIANCE = 1e-9
 
 
 class Estimate(NamedTuple):
@@ -78,6 +69,8 @@ class Fit:
     """Errors of airspeed (m/s), heading (rad) and height (m) over the horizon."""
     explained: dict[str, float]
     """Share of the change over the horizon that the predictions explain."""
+    unidentified: dict[str, str] = field(default_factory=dict)
+    """Why a channel isn't identified, by its name; the model has its lags from where the search began."""
 
 
 def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
@@ -86,29 +79,104 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     `begin` has the limits, which are kept, and the lags that the search begins with.
 
     Raises:
-        RecordError: a channel was hardly moved in the recordings.
+        RecordError: no channel was moved enough in the recordings.
     """
-    _require_movement(recordings)
-    names_fitted = LAGS if begin.prompt_share == 1.0 else (*LAGS, *REST)
-    start = np.log([getattr(begin, name) for name in names_fitted])
-    known = [_known(_gentle(each) if begin.hovers else each) for each in recordings]
-    search = Search(known, partial(_as_flown, recordings, begin), start, np.full(start.size, UNKNOWN))
-    search.find()
-    covariance = search.covariance(partial(_as_flown, recordings, begin, later_s=WAIT_SIGMA_S))
-    lags = np.exp(search.logs)
-    lags[2:4] = np.sort(lags[2:4])
-    lags[4:5] = np.clip(lags[4:5], LEAST_SHARE, 1.0)
-    windows = [_Windows.of(_with_rest(each, begin, lags)) for each in recordings]
-    errors = np.concatenate([each.errors(lags[:4], begin) for each in windows], axis=2)
-    changes = np.concatenate([each.changes() for each in windows], axis=2)
-    rms = dict[str, float](zip(QUANTITIES, np.sqrt((errors**2).mean(axis=(1, 2))).tolist(), strict=True))
-    explained = 1.0 - (errors**2).mean(axis=(1, 2)) / np.maximum((changes**2).mean(axis=(1, 2)), 1e-12)
-    sigmas = np.sqrt(np.diag(covariance)) * lags
+    still = _hardly_moved(recordings)
+    fitted = [name for channel in CHANNELS if channel not in still for name in LAGS_OF[channel]]
+    every = LAGS if begin.prompt_share == 1.0 else (*LAGS, *REST)
+    names = [name for name in every if name in fitted or (name in REST and "speed" not in still)]
+    logs, covariance = _searched(recordings, begin, names, gentle=begin.hovers)
+    if begin.hovers and _unknown(_estimates(names, logs, covariance), covariance):
+        logs, covariance = _searched(recordings, begin, names, gentle=False)  # nothing was moved but quickly
+    estimates = _estimates(names, logs, covariance)
+    unidentified = still | _unknown(estimates, covariance)
+    if len(unidentified) == len(CHANNELS):
+        raise _too_little(unidentified)
     estimates = {
-        name: Estimate(*each) for name, *each in zip(names_fitted, lags.tolist(), sigmas.tolist(), strict=True)
+        name: each
+        for name, each in estimates.items()
+        if not any(name in LAGS_OF[channel] for channel in unidentified)
+        and (name in LAGS or "speed" not in unidentified)
     }
     model = begin.model_copy(update={name: round(each.value, 3) for name, each in estimates.items()})
-    return Fit(model, estimates, rms, dict[str, float](zip(QUANTITIES, explained.tolist(), strict=True)))
+    rms, explained = _judged(recordings, model)
+    kept = [name for name, channel in zip(QUANTITIES, CHANNELS, strict=True) if channel not in unidentified]
+    rms, explained = ({name: each[name] for name in kept} for each in (rms, explained))
+    return Fit(model, estimates, rms, explained, unidentified)
+
+
+def _searched(
+    recordings: Sequence[Recording], begin: VehicleModel, names: Sequence[str], *, gentle: bool
+) -> tuple[Array, Array]:
+    """Return the logarithms (P,) of the named parameters, found from `begin` on, and their covariance (P, P)."""
+    start = np.log([getattr(begin, name) for name in names])
+    flown = partial(_as_flown, recordings, begin, names)
+    known = [_known(_gentle(each) if gentle else each) for each in recordings]
+    search = Search(known, flown, start, np.full(start.size, UNKNOWN))
+    search.find()
+    return search.logs, search.covariance(partial(flown, later_s=WAIT_SIGMA_S))
+
+
+def _estimates(names: Sequence[str], logs: Array, covariance: Array) -> dict[str, Estimate]:
+    """Return the parameters, by name: height's lags in order, and the fast fraction within its limits."""
+    values = dict(zip(names, np.exp(logs).tolist(), strict=True))
+    if LAGS[-1] in values:
+        values |= zip(LAGS_OF["height"], sorted(values[name] for name in LAGS_OF["height"]), strict=True)
+    if REST[0] in values:
+        values[REST[0]] = min(max(values[REST[0]], LEAST_SHARE), 1.0)
+    sigmas = np.sqrt(np.diag(covariance)).tolist()
+    return {name: Estimate(value, value * sigma) for (name, value), sigma in zip(values.items(), sigmas, strict=True)}
+
+
+def _judged(recordings: Sequence[Recording], model: VehicleModel) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the errors of a model's predictions, RMS, and the share of the changes that these explain, by quantity."""
+    values = np.array([getattr(model, name) for name in (*LAGS, *REST)])
+    fitted = values if model.prompt_share < 1.0 else values[: len(LAGS)]
+    windows = [_Windows.of(_with_rest(each, model, fitted)) for each in recordings]
+    errors = np.concatenate([each.errors(values[: len(LAGS)], model) for each in windows], axis=2)
+    changes = np.concatenate([each.changes() for each in windows], axis=2)
+    rms = np.sqrt((errors**2).mean(axis=(1, 2))).tolist()
+    explained = 1.0 - (errors**2).mean(axis=(1, 2)) / np.maximum((changes**2).mean(axis=(1, 2)), 1e-12)
+    return dict(zip(QUANTITIES, rms, strict=True)), dict(zip(QUANTITIES, explained.tolist(), strict=True))
+
+
+def _hardly_moved(recordings: Sequence[Recording]) -> dict[str, str]:
+    """Return why channels can't be identified, by name: no setpoints in a recording, or hardly moved in all.
+
+    Raises:
+        RecordError: none can.
+    """
+    found, moved = dict[str, str](), [each.moved() for each in recordings]
+    for channel, (least, unit) in LEAST_MOVED.items():
+        if not all(channel in each for each in moved):
+            found[channel] = f"no {channel} setpoints with responses to them"
+        elif (most := max(each[channel] for each in moved)) < least:
+            said = f"the {channel} setpoint changed by no more than {most:.2g} {unit}: found too little to learn from"
+            found[channel] = f"{said}; {least:g} {unit} or more would do"
+    if len(found) == len(CHANNELS):
+        raise _too_little(found)
+    return found
+
+
+def _too_little(unidentified: Mapping[str, str]) -> RecordError:
+    allowed = ", ".join(f"{least:g} {unit} of {channel}" for channel, (least, unit) in LEAST_MOVED.items())
+    said = "; ".join(unidentified.values())
+    return RecordError(
+        f"{said}; allowed: steps or ramps of at least one of {allowed}, as `identify SCENARIO` flies them"
+    )
+
+
+def _unknown(estimates: Mapping[str, Estimate], covariance: Array) -> dict[str, str]:
+    """Return of which channels too little is known, and why: by the sum of its lags."""
+    names, found = list(estimates), dict[str, str]()
+    for channel, lags in LAGS_OF.items():
+        if lags[0] in estimates:
+            rows = [names.index(name) for name in lags]
+            values = np.array([estimates[name].value for name in lags])
+            sigma = math.sqrt(values @ covariance[np.ix_(rows, rows)] @ values) / float(values.sum())
+            if sigma > KNOWN:
+                found[channel] = f"{channel}: {sigma:.0%} would be the standard deviation of its time constant"
+    return found
 
 
 def _gentle(recording: Recording) -> Recording:
@@ -141,10 +209,12 @@ def _known(recording: Recording) -> Recording:
 
 
 def _as_flown(
-    recordings: Sequence[Recording], limits: VehicleModel, logs: Array, later_s: float = 0.0
+    recordings: Sequence[Recording], limits: VehicleModel, names: Sequence[str], logs: Array, later_s: float = 0.0
 ) -> tuple[list[Array], AutopilotModels]:
-    """Return the setpoints that act on each vehicle with these parameters, and the model that flies it."""
-    values, acting = np.exp(logs), list[Array]()
+    """Return the setpoints that act on each vehicle with these parameters, by name, and the model that flies it."""
+    every = LAGS if limits.prompt_share == 1.0 else (*LAGS, *REST)
+    found, acting = dict(zip(names, np.exp(logs).tolist(), strict=True)), list[Array]()
+    values = np.array([found.get(name, getattr(limits, name)) for name in every])
     for each in recordings:
         late = math.ceil(each.delay_s / STEP_S)
         acting.append(_acting_setpoints(_with_rest(each, limits, values), later_s)[:, late:])
@@ -155,7 +225,7 @@ def _acting_setpoints(recording: Recording, later_s: float = 0.0) -> Array:
     """Return setpoints and the lateral acceleration of turns, (4, K), when they act."""
     commanded = recording.commanded
     turning = np.broadcast_to(recording.lateral_mps2, commanded[:1].shape)
-    return _acting(np.concatenate((commanded, turning)), recording.delay_s + later_s)
+    return acting(np.concatenate((commanded, turning)), recording.delay_s + later_s)
 
 
 def _with_rest(recording: Recording, limits: VehicleModel, values: Array) -> Recording:
@@ -181,14 +251,6 @@ def _aimed(recording: Recording, model: VehicleModel, prompt_share: float, rest_
     return replace(recording, commanded=np.stack((np.abs(aimed), heading + turned, height)))
 
 
-def _require_movement(recordings: Sequence[Recording]) -> None:
-    moved = np.max([np.ptp(each.commanded, axis=1) for each in recordings], axis=0)
-    for (channel, (least, unit)), each in zip(LEAST_MOVED.items(), moved.tolist(), strict=True):
-        if each < least:
-            found = f"the {channel} setpoint changed by no more than {each:.2g} {unit}: found too little to learn from"
-            raise RecordError(f"{found}; allowed: {least:g} {unit} or more, as `identify SCENARIO` flies it")
-
-
 @dataclass(frozen=True)
 class _Windows:
     """Stretches of a recording, W of them, that predictions cover."""
@@ -209,7 +271,7 @@ class _Windows:
         airspeed, heading, height, climb = recording.seen[:, begins]
         none = np.zeros_like(airspeed)
         state = FlightStates(none, none, height, climb, np.maximum(airspeed, 1.0), heading, none, none)
-        commanded = _acting(recording.commanded, recording.delay_s)[:, begins + steps].transpose(1, 0, 2)
+        commanded = acting(recording.commanded, recording.delay_s)[:, begins + steps].transpose(1, 0, 2)
         return cls(state, commanded, recording.seen[:3, begins + steps + 1])
 
     def errors(self, lags: Array, limits: VehicleModel) -> Array:
@@ -229,7 +291,7 @@ class _Windows:
         return self.seen - begin[:, None]
 
 
-def _acting(commanded: Array, late_s: float) -> Array:
+def acting(commanded: Array, late_s: float) -> Array:
     """Return setpoints (3, K) as they act, `late_s` after they were sent."""
     whole, part = divmod(late_s / STEP_S, 1.0)
     points: Indices = np.arange(commanded.shape[1], dtype=np.intp) - int(whole)
@@ -242,94 +304,9 @@ def _columns(lags: Array, limits: VehicleModel, count: int) -> AutopilotModels:
     return AutopilotModels.of(np.repeat(constants[:, None], count, axis=1))
 
 
-def _weighed(errors: Array) -> Array:
-    """Return errors of airspeed, heading and height, (3, ...), in units of `RESOLUTION`, as one row."""
-    return (errors.reshape(3, -1) / RESOLUTION[:, None]).ravel()
-
-
-def _nearest(start: Array, errors_of: Callable[[Sequence[Array]], Array], spreads: Array, repeated: float) -> Array:
-    """Return the logarithms (P,) of the parameters that fit the measurements best.
-
-    Gauss-Newton, robust: errors beyond one resolution count by their size, not its square. A normal prior about `start`
-    holds the parameters.
-
-    Args:
-        start: (P,) where the search begins.
-        errors_of: returns the weighted errors (T, M) of T sets of logarithms.
-        spreads: (P,) prior standard deviations.
-        repeated: number of successive errors that carry as much information as one.
-    """
-    logs = start
-    prior: Array = np.diag(spreads**-2.0)
-    for _ in range(ITERATIONS):
-        error, slopes, weights = _linear(logs, errors_of)
-        worth = 1.0 / max(float(np.mean((error * weights) ** 2)) * repeated, LEAST_VARIANCE)
-        weighed = slopes * weights**2 * worth
-        gain = weighed @ error + prior @ (logs - start)
-        step = np.linalg.solve(weighed @ slopes.T + prior, gain).astype(np.float64)
-        logs = (logs - np.clip(step, -STEP_MAX, STEP_MAX)).astype(np.float64)
-    return logs
-
-
-def _linear(logs: Array, errors_of: Callable[[Sequence[Array]], Array]) -> tuple[Array, Array, Array]:
-    """Return the weighted errors (M,) at `logs`, their slopes (P, M) and their robust weights (M,)."""
-    errors = errors_of([logs, *(logs + NUDGE * each for each in np.eye(len(logs)))])
-    error: Array = errors[0]
-    return error, (errors[1:] - error) / NUDGE, 1.0 / np.maximum(np.abs(error), 1.0)
-
-
 def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
     """Return airspeed, heading and height (3, K) of a vehicle of equation (7) under the recorded setpoints."""
     if model.prompt_share < 1.0:
         recording = _aimed(recording, model, model.prompt_share, model.rest_s)
     columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
     return simulated([_acting_setpoints(recording)], columns, recording.seen[:, :1].T)[0]
-
-
-def fit_airframe(recording: Recording, begin: EnergyAirframe, turn_rate_max_rps: float) -> tuple[EnergyAirframe, Array]:
-    """Return the airframe that flies a recording's setpoints most alike, and its flight (3, K).
-
-    The search is for the logarithms of `AIRFRAME_KEYS`, held by a normal prior about `begin`.
-    """
-    start = np.log([getattr(begin, name) for name in AIRFRAME_KEYS])
-
-    def errors_of(tried: Sequence[Array]) -> Array:
-        flown = (_flown_by(recording, _with(begin, each), turn_rate_max_rps) for each in tried)
-        return np.stack([_weighed(each - recording.seen[:3]) for each in flown])
-
-    logs = _nearest(start, errors_of, SPREADS, CORRELATED_S / STEP_S)
-    best = _with(begin, logs)
-    return best, _flown_by(recording, best, turn_rate_max_rps)
-
-
-def lags_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> VehicleModel:
-    """Return the model with the airframe and its lags for slow changes, which the law feeds forward by.
-
-    An airframe answers steps more slowly, because its energy rates are limited, and quick changes with a larger
-    amplitude: neither is a lag of equation (7).
-    """
-    speed_s, heading_s, height_s = slow_lags_s(airframe.parameters(), speed_mps)
-    lags = dict(zip(LAGS, (speed_s, heading_s, height_s / 2, height_s / 2), strict=True))
-    return model.model_copy(update={name: round(each, 3) for name, each in lags.items()} | {"airframe": airframe})
-
-
-def _with(begin: EnergyAirframe, logs: Array) -> EnergyAirframe:
-    values = {name: float(f"{value:.4g}") for name, value in zip(AIRFRAME_KEYS, np.exp(logs).tolist(), strict=True)}
-    return begin.model_copy(update=values)
-
-
-def _flown_by(recording: Recording, airframe: EnergyAirframe, turn_rate_max_rps: float) -> Array:
-    """Return sensed airspeed, heading and height, (3, K), of an aircraft under the recorded setpoints."""
-    p = airframe.parameters()
-    airspeed, heading, height, climb = recording.seen[:, 0].tolist()
-    aircraft = energy.Aircraft(height, climb, airspeed, heading)
-    energy.trim(aircraft, p)
-    acting, flown = _acting(recording.commanded, recording.delay_s + p.dead_time_s), list[tuple[float, float, float]]()
-    for speed, direction, up in acting.T.tolist():
-        flown.append((aircraft.sensed, aircraft.heading_rad, aircraft.height_m))
-        bank = math.atan(turn_rate_max_rps * aircraft.speed_mps / energy.GRAVITY_MPS2)
-        commanded = energy.Commanded(speed, math.inf, direction, bank, up)
-        energy.control(aircraft, commanded, p)
-        for _ in range(energy.CYCLES):
-            energy.cycle(aircraft, commanded, p)
-    return np.array(flown).T

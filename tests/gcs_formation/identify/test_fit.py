@@ -10,8 +10,9 @@ from flight_model import energy
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify import is_nearer, measured
-from gcs_formation.identify.fitting import LAGS, WAIT_SIGMA_S, fit, fit_airframe, flown_by_lags, lags_of
-from gcs_formation.identify.fitting import _flown_by as flown_by_airframe
+from gcs_formation.identify.airframe import _flown_by as flown_by_airframe
+from gcs_formation.identify.airframe import fit_airframe, lags_of
+from gcs_formation.identify.fitting import LAGS, WAIT_SIGMA_S, fit, flown_by_lags
 from gcs_formation.identify.recording import CYCLE_S, STEP_S, Recording
 
 TRUE = VehicleModel(tau_v_s=2.5, tau_psi_s=2.2, tau_ha_s=0.8, tau_hb_s=2.4)
@@ -167,7 +168,10 @@ def test_errors_that_last_count_as_few():
 def test_what_was_hardly_moved_is_said():
     commanded = stepped()
     commanded[0] = 22.0
-    with pytest.raises(RecordError, match=r"speed setpoint changed by no more than 0 m/s: found too little"):
+    found = fit([flown(TRUE, commanded, noise=0.05)], VehicleModel())
+    assert found.unidentified["speed"].startswith("the speed setpoint changed by no more than 0 m/s: found too little")
+    commanded[:] = commanded[:, :1]
+    with pytest.raises(RecordError, match=r"0 m/s: .*the heading setpoint .*the height setpoint .*; allowed: steps or"):
         fit([flown(TRUE, commanded, noise=0.05)], VehicleModel())
 
 

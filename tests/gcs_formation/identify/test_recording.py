@@ -24,7 +24,7 @@ from gcs_formation.record.tlog import TlogWriter
 PATH = {"waypoints_m": [[0, 0, 100], [4000, 2000, 120]]}
 
 
-def logged(file, until_s=60.0, silent=(), system=3, told_every=1):
+def logged(file, until_s=60.0, silent=(), system=3, told_every=1, turn_rps=0.1):
     """Log a vehicle with a commanded steady turn, at 10 Hz; speed and height setpoints each `told_every` ticks."""
     log, station, vehicle = TlogWriter(file, 10**15), FrameWriter(255, 190), FrameWriter(system, 1)
     for tick in range(round(until_s / 0.1)):
@@ -32,7 +32,7 @@ def logged(file, until_s=60.0, silent=(), system=3, told_every=1):
         now = Instant(round(at_s * 1e9))
         if any(begin <= at_s < end for begin, end in silent):
             continue
-        yaw = math.remainder(0.1 * at_s, math.tau)
+        yaw = math.remainder(turn_rps * at_s, math.tau)
         for command, p2, z in ((43000, 23.0, 0.0), (43001, 0.0, 250.0), (43002, math.degrees(yaw) % 360.0, 0.0)):
             if command == 43002 or tick % told_every == 0:
                 log.write(now, [station.encode(CommandInt(system, 1, 0, command, param2=p2, z=z))])
@@ -205,7 +205,7 @@ def test_a_vehicles_own_log_gives_the_same(tmp_path):
 
 def test_the_command_says_what_is_missing(tmp_path):
     (tmp_path / "garbage.BIN").write_bytes(b"no log at all" * 100)
-    logged(tmp_path / "still.tlog")
+    logged(tmp_path / "still.tlog", turn_rps=0.0)
     for source, said in (
         ("garbage.BIN", "allowed"),
         ("still.tlog", "the speed setpoint changed by no more than 0 m/s"),
@@ -219,7 +219,7 @@ def test_the_command_says_what_is_missing(tmp_path):
 
 @pytest.mark.parametrize("there", ["mine.yaml", "mine.png"])
 def test_files_that_are_there_are_replaced_only_if_told_so(there, tmp_path):
-    logged(tmp_path / "still.tlog")
+    logged(tmp_path / "still.tlog", turn_rps=0.0)
     (tmp_path / there).write_text("mine")
     command = [str(tmp_path / "still.tlog"), "--out", str(tmp_path / "mine.yaml")]
     done = CliRunner().invoke(identify, command)
@@ -244,8 +244,8 @@ def test_nothing_is_flown_for_a_file_that_cannot_be_written(tmp_path):
     [
         (
             random.Random(1).randbytes(5000),
-            "found no vehicle under setpoints (no messages OFG, ARSP, ATT, POS, TECS); "
-            "allowed: 30 s or more of ArduPlane in GUIDED: OFG (its setpoints), ARSP, ATT, POS, TECS",
+            "found no vehicle under setpoints (no ArduPlane or ArduCopter, no mode, messages none; no messages OFG, "
+            "TECS, NTUN, GUIP, PSCN); allowed: 30 s or more with, of ArduPlane, OFG",
         ),
         (b"\xa3\x95\x80\x80\x59" + 4 * b"?" + 16 * b"?" + 64 * b"?", "found not a dataflash log"),
     ],
@@ -262,5 +262,7 @@ def test_noise_is_refused_in_one_line(data, said, tmp_path, capfd):
 def test_a_message_that_lacks_a_field_is_named(tmp_path):
     log = dataflash(tmp_path / "00000001.BIN")
     log.write_bytes(log.read_bytes().replace(b"TimeUS,Yaw", b"TimeUS,Jaw"))
-    with pytest.raises(RecordError, match="found a message ATT without 'Yaw'; allowed: a log as ArduPilot writes it"):
+    with pytest.raises(
+        RecordError, match="found a message ATT without 'Yaw'; allowed: a log as its autopilot writes it"
+    ):
         recordings(log)

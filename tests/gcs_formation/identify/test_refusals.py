@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from gcs_formation.cli.run_and_fly import identify
 
 SCENARIO = "vehicles: {count: 3}\npath: {waypoints_m: [[0, 0, 100], [3000, 0, 100]]}\nstart: {in_air: true}\n"
-SOURCES = "the directory of a run, a log (*.tlog, *.bin), or a scenario (*.yaml)"
+SOURCES = "the directory of a run, a log (*.tlog, *.bin, *.ulg, *.csv), or a scenario (*.yaml)"
 
 
 def refusal(*arguments: object) -> str:
