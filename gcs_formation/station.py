@@ -72,6 +72,7 @@ class Station(Engine):
         loaded = features()
         self.features = tuple(loaded)
         """Names of the features that it flies with."""
+        self.preflight.checks += [each.before_take_off for each in loaded.values() if each.before_take_off]
         core = core_stages(parts, until_s, self._watch_strangers, self._note_link)
         brought = [stage for each in loaded.values() for stage in each.stages(self.cycle)]
         self.cycle.order(ordered(core, brought))

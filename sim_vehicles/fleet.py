@@ -13,7 +13,7 @@ from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.hovering import HoveringBody
 from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig
-from sim_vehicles.families import FAMILIES
+from sim_vehicles.families import family_named
 from sim_vehicles.vehicle import Vehicle
 
 TruthListener = Callable[[Instant, "Fleet"], None]
@@ -47,7 +47,7 @@ class Fleet(Engine):
         """Vehicles with a fault that acts in each cycle."""
         self._next_turn = after(now, LOOP_S)
         self.vehicles = [
-            self._booted(each.own_family or FAMILIES[each.family], index, now)
+            self._booted(each.own_family or family_named(each.family), index, now)
             for index, each in enumerate(config.vehicles)
         ]
         at = {socket: each for index, each in enumerate(self.vehicles) for socket in config.sockets_of(index)}

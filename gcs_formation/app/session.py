@@ -40,6 +40,7 @@ from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page
 from gcs_formation.app.script import Script, scripted
 from gcs_formation.app.signing import flight_signing, open_links
+from gcs_formation.core.feature import derived
 from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.extend.in_flight import Sinks, sinks
 from gcs_formation.link.link_health import LOST_AFTER_S
@@ -63,7 +64,6 @@ from gcs_formation.record.unfinished import recorded_events
 from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 from gcs_formation.station import Station
-from gcs_formation.telemetry_health.series import with_health
 
 MOST_DIGITS = 5
 LOOK_S = 1.0
@@ -386,7 +386,7 @@ class Session:
         blocks = with_radio(tables(rows.blocks(), self.scenario, truth, injected_s), radios)
         links = [of_several_links(self.station.vehicles[each.vehicle_id]) for each in self.scenario.vehicles]
         vehicles = [str(each.vehicle_id) for each in self.scenario.vehicles]
-        passing = gathering.passing(with_health(with_several_links(blocks, links), events, vehicles))
+        passing = gathering.passing(derived(with_several_links(blocks, links), events, vehicles))
         if self.options.record in {"full", "series"}:
             write_parquet(self.recorder.path / TIMESERIES, passing)
         else:

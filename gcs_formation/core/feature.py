@@ -7,17 +7,28 @@ else edited. Where a feature's stages stand in the control cycle follows from th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
+from typing import Any
 
+from flight_model.arrays import Array
 from gcs_formation.core.cycle import Cycle, Stage
 from gcs_formation.core.present import PACKAGE, feature_names
+from gcs_formation.mission.starting import BeforeTakeOff
+
+Derived = Callable[[Array], Mapping[str, Array]]
+"""Returns further columns of a time series, (T, V) for V vehicles at T times, s; flags are of type bool."""
+Derives = Callable[[Sequence[Mapping[str, Any]], Sequence[str]], Derived]
+"""Makes it of a run's events, and of the names of its V vehicles."""
 
 
 @dataclass(frozen=True)
 class Feature:
-    """What a feature brings; its folder's name is its name."""
+    """What a feature brings; its folder's name is its name.
+
+    What only a report needs is beside it: `plate.py` with `PLATES`, as in `report/page.py`, and `captions.yaml`.
+    """
 
     does: str
     """What it does, in a few words, for whoever asks which features there are."""
@@ -27,8 +38,22 @@ class Feature:
     """The kinds of events that it records, and what each says."""
     figures: Mapping[str, str] = field(default_factory=dict)
     """The figures of summary.json that are null, or computed in another way, without it, and what each is."""
+    before_take_off: BeforeTakeOff | None = None
+    """Says what is wrong with a vehicle before the first command."""
+    columns: Derives | None = None
+    """Derives further columns of the time series, when its file is written."""
 
 
 def features() -> dict[str, Feature]:
     """Return the features that are there, by name: of each, the module `feature` has its `FEATURE`."""
     return {name: import_module(f"{PACKAGE}.{name}.feature").FEATURE for name in feature_names()}
+
+
+def derived(
+    blocks: Iterator[dict[str, Array]], events: Sequence[Mapping[str, Any]], vehicles: Sequence[str]
+) -> Iterator[dict[str, Array]]:
+    """Yield a time series' blocks, each column (T, V), with those that features derive of a run's events."""
+    each = [feature.columns(events, vehicles) for feature in features().values() if feature.columns]
+    for block in blocks:
+        time_s = block["t_s"][:, 0]
+        yield block | {name: column for derive in each for name, column in derive(time_s).items()}

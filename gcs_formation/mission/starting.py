@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from airlink import mavlink as m
@@ -17,12 +18,11 @@ from gcs_formation.mission.read_limits import Bound, ReadLimits
 from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
-from gcs_formation.telemetry_health import before_take_off
-from gcs_formation.vehicle.autopilot_family import StartUpStep
+from gcs_formation.vehicle.autopilot_family import Autopilot, StartUpStep
 from gcs_formation.vehicle.checks import Finding, ParameterReader, place_findings
 from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.startup import StartUp
-from gcs_formation.vehicle.telemetry import ReportedMotion
+from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 IN_ORDER = "in order"
@@ -50,6 +50,26 @@ class PreFlightOptions:
 
 
 UNCHECKED = PreFlightOptions()
+
+
+@dataclass(frozen=True)
+class AsFound:
+    """A vehicle as it is found before the first command, once it is ready."""
+
+    autopilot: Autopilot
+    """Its family, for what to set."""
+    seen: Telemetry
+    """Its newest telemetry, with a position."""
+    least_mps: float
+    """The lowest airspeed at which it flies."""
+    first: ReportedMotion
+    """The position that it told first."""
+    flies: bool
+    """Whether it's in the air already."""
+
+
+BeforeTakeOff = Callable[[AsFound], list[Finding]]
+"""Returns what is wrong with a vehicle before the first command."""
 
 
 class PreFlight:
@@ -81,6 +101,8 @@ class PreFlight:
         self._least_mps = {each.vehicle_id: each.model.speed_min_mps for each in scenario.vehicles}
         self._first = dict[VehicleId, ReportedMotion]()
         """Each vehicle's first position."""
+        self.checks = list[BeforeTakeOff]()
+        """What features check before the first command, in their order."""
         emulated = (each.vehicle_id for each in scenario.vehicles if each.autopilot == "emulator")
         self._nobodys = frozenset(emulated if scenario.start.in_air else ())
         """Vehicles that begin in the air, and so fly under nobody's command."""
@@ -176,7 +198,7 @@ class PreFlight:
     def _report_place(self, vehicle: Vehicle, now: Instant) -> None:
         """Record whether a vehicle is at the scenario's field, once it is ready and so knows its home.
 
-        What its telemetry says otherwise is examined then, too.
+        What features check is checked then, too.
         """
         motion = vehicle.telemetry.motion
         if motion is None:
@@ -187,8 +209,9 @@ class PreFlight:
         self._placed.add(vehicle.identity)
         flies, seen = vehicle.airborne, vehicle.telemetry
         findings = place_findings(motion, self._scenario, flies=flies)
-        least_mps = self._least_mps[vehicle.identity]
-        findings += before_take_off.findings(vehicle.autopilot, seen, least_mps, first, flies=flies)
+        found = AsFound(vehicle.autopilot, seen, self._least_mps[vehicle.identity], first, flies)
+        for check in self.checks:
+            findings += check(found)
         findings += [Finding(_flies(mode)) for each, mode in self.flown_by_others if each is vehicle]
         if findings:
             self._record(vehicle, findings, now)

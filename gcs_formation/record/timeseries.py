@@ -23,7 +23,6 @@ from flight_model.slot import CHANNELS, UNKNOWN, Triple
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.errors import RecordError
 from gcs_formation.recorder import Tick
-from gcs_formation.telemetry_health.series import HEALTHY
 
 STATE = (
     "north_m",
@@ -202,7 +201,9 @@ def write_parquet(path: Path, tables: Iterable[Mapping[str, Array]]) -> None:
         writer: pq.ParquetWriter | None = None
         for each in tables:
             columns = {name: column.ravel() for name, column in each.items()}
-            arrays: dict[str, Any] = {name: _arrow(column, flag=_is_flag(name)) for name, column in columns.items()}
+            arrays: dict[str, Any] = {
+                name: _arrow(column, flag=_is_flag(name, column)) for name, column in columns.items()
+            }
             arrays["phase"] = pa.DictionaryArray.from_arrays(_arrow(columns["phase"].astype(np.int8)), phases)
             schema = pa.schema([pa.field(name, array.type, nullable=False) for name, array in arrays.items()])
             if writer is None:
@@ -234,8 +235,8 @@ def _compression(columns: Mapping[str, Array]) -> dict[str, str]:
     return found
 
 
-def _is_flag(name: str) -> bool:
-    return name in FLAGS or name.startswith(HEALTHY)
+def _is_flag(name: str, column: npt.NDArray[Any]) -> bool:
+    return name in FLAGS or column.dtype == np.bool_
 
 
 def _arrow(column: npt.NDArray[Any], *, flag: bool = False) -> pa.Array[Any]:

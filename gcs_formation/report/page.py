@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from formation_scenario import dump_scenario
 from formation_scenario.extensions import Files, Registry
 from gcs_formation.control.laws import law_kind
+from gcs_formation.core.present import brought
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.record.timeseries import PHASES
@@ -31,7 +32,6 @@ from gcs_formation.report.loop_figures import gains, has_gains, latency, separat
 from gcs_formation.report.page_parts import document, figure
 from gcs_formation.report.plan_figures import plan, trajectory
 from gcs_formation.report.style import FORMATS, print_style, save
-from gcs_formation.report.telemetry_health import has_alarms, telemetry_health
 from gcs_formation.view import static_file
 from gcs_formation.view.recording import Times
 from gcs_formation.view.scene import scene
@@ -56,9 +56,10 @@ PLATES: dict[Callable[[RunData], Figure], Callable[[RunData], bool]] = {
     gains: has_gains,
     separation: always,
     latency: always,
-    telemetry_health: has_alarms,
 }
 """What draws each figure, and the condition on which a run has anything to show in it."""
+for _module in brought("plate"):
+    PLATES.update(_module.PLATES)
 
 
 def embedded(run: RunData) -> dict[str, Any]:

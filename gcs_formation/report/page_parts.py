@@ -16,6 +16,7 @@ import yaml
 
 from formation_scenario.expectation import CHANNEL_UNITS
 from formation_scenario.surroundings import StepDisturbance
+from gcs_formation.core.present import brought_texts
 from gcs_formation.record.expectations import FAILINGS
 from gcs_formation.record.verdict import WORDS
 from gcs_formation.report import RunData
@@ -50,6 +51,8 @@ def asset(name: str) -> str:
 
 
 CAPTIONS: dict[str, dict[str, str]] = yaml.safe_load(asset("captions.yaml"))
+for _text in brought_texts("captions.yaml"):
+    CAPTIONS.update(yaml.safe_load(_text))
 
 
 def figure(name: str, path: Path, title: str = "", first: str = "") -> str:

@@ -1,4 +1,4 @@
-"""What an emulated autopilot does with each message that it receives; where PX4 differs: `px4_services`.
+"""What an emulated autopilot does with each message that it receives; where PX4 differs: `families/px4/services`.
 
 Source: MAVLink guide, "Microservices"; answers of ArduPlane 4.7 and ArduCopter 4.7.
 """

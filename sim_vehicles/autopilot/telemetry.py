@@ -1,4 +1,4 @@
-"""The messages with which emulated autopilots report their state; PX4's own are in `px4_services`."""
+"""The messages with which emulated autopilots report their state; PX4's own are in `families/px4/services`."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from airlink.endpoint import LOOPBACK, Address
 from airlink.engine import FIRST_EPHEMERAL_PORT, Datagram
 from airlink.frame import StreamParser
 from gcs_formation.vehicle.autopilot_family import STATION
-from sim_vehicles.plane import HANDLERS
+from sim_vehicles.families.arduplane.plane import HANDLERS
 from tests.airlink.layouts import Layout
 from tests.fuzz.flight import FOLLOWER, USUAL, Flight
 from tests.fuzz.frames import LAYOUTS, Header, framed, packed

@@ -11,7 +11,7 @@ from airlink import mavlink as m
 from airlink.frame import FrameWriter
 from airlink.messages.command import RequestDataStream, SetMode
 from gcs_formation.vehicle.autopilot_family import STATION
-from sim_vehicles.plane import HANDLERS
+from sim_vehicles.families.arduplane.plane import HANDLERS
 from tests.airlink.layouts import Layout
 from tests.fuzz.flight import FOLLOWER, USUAL, Flight
 from tests.fuzz.frames import LAYOUTS, Header, extreme_payloads, framed

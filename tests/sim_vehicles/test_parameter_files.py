@@ -15,9 +15,9 @@ from formation_scenario import load_scenario
 from formation_scenario.parameter_files import Parameter
 from sim_vehicles.autopilot.missions import Sender
 from sim_vehicles.autopilot.parameters import ParameterServer
-from sim_vehicles.autopilot.px4_services import Px4Parameters, parameters
 from sim_vehicles.config import VehicleConfig, fleet_config
-from sim_vehicles.plane import plane_parameters
+from sim_vehicles.families.arduplane.plane import plane_parameters
+from sim_vehicles.families.px4.services import Px4Parameters, parameters
 
 ASKS = Sender(Address("127.0.0.1", 14550), 255, 190)
 OLD = "ARSPD_FBW_MIN 12\nARSPD_FBW_MAX 24.5\nTRIM_ARSPD_CM 1700\nLIM_ROLL_CD 3500\nSYSID_THISMAV 9\nLOG_BITMASK 65535\n"

@@ -1,1 +1,4 @@
-"""Flies by what telemetry says as far as that can be true."""
+"""Telemetry that can't be true: found by what its quantities say of one another, named, and flown around.
+
+`consistency` is the arithmetic of one vehicle, `monitor` looks after all, `before_take_off` examines those that stand.
+"""

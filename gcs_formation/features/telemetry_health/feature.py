@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from gcs_formation.core.cycle import Cycle, Stage
 from gcs_formation.core.feature import Feature
+from gcs_formation.features.telemetry_health.before_take_off import findings
+from gcs_formation.features.telemetry_health.monitor import TelemetryHealth
+from gcs_formation.features.telemetry_health.series import health_columns
 from gcs_formation.features.telemetry_health.stages import Examined, RestartForgotten
-from gcs_formation.telemetry_health.monitor import TelemetryHealth
 
 
 def _stages(cycle: Cycle) -> list[Stage]:
@@ -27,4 +29,6 @@ FEATURE = Feature(
     events={
         "health": "a quantity of a vehicle's telemetry isn't believed, by which evidence, or is again",
     },
+    before_take_off=findings,
+    columns=health_columns,
 )

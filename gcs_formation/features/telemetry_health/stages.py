@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 
 from gcs_formation.core.cycle import IN_COMMAND, Cycle, Stage
-from gcs_formation.telemetry_health.monitor import TelemetryHealth
+from gcs_formation.features.telemetry_health.monitor import TelemetryHealth
 
 
 class Examined(Stage):

@@ -16,8 +16,7 @@ RECORDED = re.compile(r'(?:note\(\s*[\w.]*now|Event\(\s*[\w.]*now),\s*"(\w+)"')
 
 @pytest.mark.parametrize("name", tuple(features()))
 def test_the_events_that_a_feature_records_are_declared(name: str) -> None:
-    places = (FOLDERS / name, FOLDERS.parent / name)  # a mechanism may still have its package beside the features
-    sources = "".join(each.read_text() for place in places for each in place.glob("*.py"))
+    sources = "".join(each.read_text() for each in (FOLDERS / name).glob("*.py"))
     assert set(RECORDED.findall(sources)) == set(features()[name].events)
 
 

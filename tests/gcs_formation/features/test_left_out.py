@@ -1,4 +1,4 @@
-"""A feature is a folder: deleted, and nothing else edited, the core imports and flies."""
+"""A feature is a folder, and so is a family: deleted, and nothing else edited, the core imports and flies."""
 
 from __future__ import annotations
 
@@ -16,15 +16,29 @@ from gcs_formation.core.feature import features
 ROOT = Path(__file__).parents[3]
 TREE = ("airlink", "flight_model", "formation_scenario", "sim_vehicles", "gcs_formation", "configs")
 NAMES = tuple(features())
+FLOWN = "arduplane"
+"""Folder of the family that the quickstart flies."""
+FAMILIES = tuple(
+    each.parent.relative_to(ROOT).as_posix()
+    for each in sorted(ROOT.glob("*/**/families/*/family.py"))
+    if each.parent.name != FLOWN and each.relative_to(ROOT).parts[0] in TREE
+)
 
 
 def flown_without(tmp_path: Path, *names: str) -> dict[str, object]:
     """Fly the quickstart in a copy of the tree without some features; return the summary."""
+    summary = flown_without_folders(tmp_path, *(f"gcs_formation/features/{name}" for name in names))
+    assert summary["features"] == [name for name in NAMES if name not in names]
+    return summary
+
+
+def flown_without_folders(tmp_path: Path, *folders: str) -> dict[str, object]:
+    """Fly the quickstart in a copy of the tree without some folders; return the summary."""
     copy, out = tmp_path / "tree", tmp_path / "run"
     for each in TREE:
         shutil.copytree(ROOT / each, copy / each, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
-    for name in names:
-        shutil.rmtree(copy / "gcs_formation" / "features" / name)
+    for folder in folders:
+        shutil.rmtree(copy / folder)
     flight = ["run", "configs/quickstart.yaml", "--clock", "virtual", "--until", "4", "--set", "expect=[]"]
     done = subprocess.run(
         [sys.executable, "-m", "gcs_formation", *flight, "--quiet", "--out", str(out)],
@@ -37,7 +51,6 @@ def flown_without(tmp_path: Path, *names: str) -> dict[str, object]:
     assert done.returncode == 0, done.stderr
     summary: dict[str, object] = json.loads((out / "summary.json").read_text())
     assert summary["assembled"] is True
-    assert summary["features"] == [name for name in NAMES if name not in names]
     return summary
 
 
@@ -49,3 +62,13 @@ def test_without_any_feature_the_core_flies(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_without_a_feature_the_others_fly(tmp_path: Path, name: str) -> None:
     flown_without(tmp_path, name)
+
+
+def test_without_any_family_but_the_one_that_is_flown_it_flies(tmp_path: Path) -> None:
+    assert flown_without_folders(tmp_path, *FAMILIES)["features"] == list(NAMES)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("folder", FAMILIES)
+def test_without_a_family_the_others_fly(tmp_path: Path, folder: str) -> None:
+    flown_without_folders(tmp_path, folder)

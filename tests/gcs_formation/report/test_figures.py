@@ -27,7 +27,6 @@ from gcs_formation.report.style import (
     print_style,
     save,
 )
-from gcs_formation.report.telemetry_health import has_alarms, telemetry_health
 from gcs_formation.report.time_axes import Group, draw_marks, everyone, span
 
 QUICKSTART = Path(__file__).parents[3] / "configs" / "quickstart.yaml"
@@ -302,17 +301,3 @@ def test_a_figure_for_a_paper_has_the_same_bytes_each_time(kind, begins, tmp_pat
         written.append(file.read_bytes())
     assert written[0] == written[1]
     assert written[0].startswith(begins)
-
-
-def test_telemetry_that_was_not_believed_has_a_bar_for_each_time(eventful):
-    others = [each for each in eventful.events if each["kind"] != "health"]
-    assert not has_alarms(replace(eventful, events=tuple(others)))
-    told = {"kind": "health", "vehicle": "2", "quantity": "height", "text": ""}
-    times = (31.0, False), (32.0, True), (34.0, False)
-    events = [told | {"t_s": eventful.zero_s + at_s, "healthy": healthy} for at_s, healthy in times]
-    (axes,) = telemetry_health(replace(eventful, events=(*others, *events))).axes
-    assert [each.get_text() for each in axes.get_yticklabels()] == ["2: height"]
-    (bars,) = axes.collections
-    first, last = (path.get_extents() for path in bars.get_paths())
-    assert (first.x0, first.x1, last.x0) == pytest.approx((31.0, 32.0, 34.0))
-    assert last.x1 == pytest.approx(eventful.time_s[-1])

@@ -12,7 +12,7 @@ from airlink.endpoint import VehicleId
 from airlink.messages import Message
 from airlink.messages.command import RequestDataStream
 from gcs_formation.phases import Phase
-from sim_vehicles.plane import HANDLERS
+from sim_vehicles.families.arduplane.plane import HANDLERS
 from tests.flights.in_memory import World
 from tests.flights.other_station import interval, tell
 

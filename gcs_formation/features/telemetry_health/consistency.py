@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Whether what a vehicle says of its position, and of how fast it moves, can be true together.
 
 From sample to sample a position moves by the integral of the velocity. What it gains on that is summed with a leak, in

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from matplotlib.figure import Figure
 
+from gcs_formation.features.telemetry_health.series import spells
 from gcs_formation.report import RunData, style
 from gcs_formation.report.time_axes import finished, span
-from gcs_formation.telemetry_health.series import spells
 
 ROW_CM = 0.55
 REST_CM = 3.5
@@ -35,3 +37,6 @@ def telemetry_health(run: RunData) -> Figure:
     axes.set_ylim(len(found) - 0.5, -0.5)
     span(axes, run.time_s)
     return finished(figure, run, grid, ("vehicle: quantity",))
+
+
+PLATES: Final = {telemetry_health: has_alarms}

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """The velocity over ground that a multirotor should have by what it was commanded: a witness that no message alters."""
 
 from __future__ import annotations

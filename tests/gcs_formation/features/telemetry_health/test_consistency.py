@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from gcs_formation.telemetry_health.consistency import POSITION, VELOCITY, Consistency
-from gcs_formation.telemetry_health.heading_and_airspeed import AirspeedJumps, HeadingCheck
-from gcs_formation.telemetry_health.timing import Timing
+from gcs_formation.features.telemetry_health.consistency import POSITION, VELOCITY, Consistency
+from gcs_formation.features.telemetry_health.heading_and_airspeed import AirspeedJumps, HeadingCheck
+from gcs_formation.features.telemetry_health.timing import Timing
 
 STEP_S, SPEED_MPS, TURN_RPS = 0.1, 22.0, 0.15
 FASTEST_MPS = 60.0

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """An emulated ArduCopter: its commands, and how it differs from other families.
 
 Unlike a real one it has no transmitter and no battery, its RTL flies at one speed, its SMART_RTL straight home at the

@@ -12,8 +12,8 @@ from flight_model.autopilot_model import AutopilotModel
 from flight_model.slot import UNKNOWN, Triple
 from gcs_formation.estimation.estimator import Sample, VehicleFilter
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.features.telemetry_health.vehicle_health import Commanded, VehicleHealth
 from gcs_formation.recorder import Note
-from gcs_formation.telemetry_health.vehicle_health import Commanded, VehicleHealth
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """An emulated ArduPlane: its commands, and how it differs from other families.
 
 Source: ArduPilot documentation, "Plane: GUIDED mode" and "Plane parameters"; answers of ArduPlane 4.7. The climb rate

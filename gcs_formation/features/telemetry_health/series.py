@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -33,26 +33,22 @@ def spells(events: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str], list[tu
     return found
 
 
-def with_health(
-    blocks: Iterator[dict[str, Array]], events: Iterable[Mapping[str, Any]], vehicles: Sequence[str]
-) -> Iterator[dict[str, Array]]:
-    """Yield a time series' blocks, each column (T, V), with `healthy_QUANTITY`: 1, or 0 while it wasn't believed.
+def health_columns(events: Iterable[Mapping[str, Any]], vehicles: Sequence[str]) -> Callable[[Array], dict[str, Array]]:
+    """Return what makes columns `healthy_QUANTITY`, (T, V), of times, (T,): false while it wasn't believed.
 
     Args:
-        blocks: with `t_s`.
-        events: of the run; without any of kind `health` the blocks stay as they are.
+        events: of the run; without any of kind `health` there are no columns.
         vehicles: the V vehicles, as events name them.
     """
     found = spells(events)
-    for block in blocks:
-        yield block | _columns(block["t_s"][:, 0], found, vehicles) if found else block
+    return lambda time_s: _columns(time_s, found, vehicles) if found else {}
 
 
 def _columns(
     time_s: Array, found: Mapping[tuple[str, str], list[tuple[float, float]]], vehicles: Sequence[str]
 ) -> dict[str, Array]:
-    columns = {f"{HEALTHY}{each}": np.ones((time_s.size, len(vehicles))) for each in QUANTITIES}
+    columns = {f"{HEALTHY}{each}": np.ones((time_s.size, len(vehicles)), bool) for each in QUANTITIES}
     for (vehicle, quantity), each in found.items():
         for from_s, to_s in each:
-            columns[f"{HEALTHY}{quantity}"][(time_s >= from_s) & (time_s < to_s), vehicles.index(vehicle)] = 0.0
+            columns[f"{HEALTHY}{quantity}"][(time_s >= from_s) & (time_s < to_s), vehicles.index(vehicle)] = False
     return columns

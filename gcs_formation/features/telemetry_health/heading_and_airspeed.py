@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Whether a fixed wing's heading and airspeed can be true: it turns and speeds up no faster than it can.
 
 What has jumped is taken to be as before, and carried on by the course and the limits until it jumps back.

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Whether a vehicle's positions are of the time that their stamps say: shifted, standing, late or missing ones."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """What one vehicle's telemetry says, as far as it can be true."""
 
 from __future__ import annotations
@@ -9,10 +11,10 @@ from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, within
 from flight_model.slot import Triple
 from gcs_formation.estimation.estimator import Sample, VehicleFilter
-from gcs_formation.telemetry_health.commanded_velocity import CommandedVelocity
-from gcs_formation.telemetry_health.consistency import POSITION, VELOCITY, Consistency
-from gcs_formation.telemetry_health.heading_and_airspeed import AirspeedJumps, HeadingCheck
-from gcs_formation.telemetry_health.timing import JITTERS, LATE_S, Timing
+from gcs_formation.features.telemetry_health.commanded_velocity import CommandedVelocity
+from gcs_formation.features.telemetry_health.consistency import POSITION, VELOCITY, Consistency
+from gcs_formation.features.telemetry_health.heading_and_airspeed import AirspeedJumps, HeadingCheck
+from gcs_formation.features.telemetry_health.timing import JITTERS, LATE_S, Timing
 from gcs_formation.vehicle.vehicle import Vehicle
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """What distinguishes an emulated PX4 from an ArduPlane: messages, parameters and failsafes.
 
 Sources: MAVLink common message set, "HEARTBEAT", "CURRENT_MODE" and "MAV_CMD"; PX4 user guide, "Flight Modes",

@@ -10,6 +10,7 @@ import math
 from typing import Final
 
 from flight_model.autopilot_model import wrap
+from gcs_formation.mission.starting import AsFound
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.checks import Finding
 from gcs_formation.vehicle.telemetry import AIRBORNE_M, ReportedMotion, Telemetry
@@ -29,26 +30,22 @@ SPEED_OFF_MPS: Final = 5.0
 """Largest difference between that speed and the velocities', in the air."""
 
 
-def findings(
-    autopilot: Autopilot, seen: Telemetry, least_mps: float, first: ReportedMotion, *, flies: bool
-) -> list[Finding]:
-    """Return what a vehicle's telemetry says that can't be true.
-
-    Args:
-        autopilot: its family, for what to set.
-        seen: its newest telemetry, with a position.
-        least_mps: the lowest airspeed at which it flies.
-        first: the position that it told first.
-        flies: whether it's in the air; then findings don't refuse.
-    """
+def findings(found: AsFound) -> list[Finding]:
+    """Return what a vehicle's telemetry says that can't be true. In the air findings don't refuse."""
+    autopilot, seen, flies = found.autopilot, found.seen, found.flies
     motion = seen.motion
     if motion is None:
         return []
-    moved = _moved(first, motion, flies=flies)
+    moved = _moved(found.first, motion, flies=flies)
     datum = _datum(seen, motion)
     if flies:
         return [Finding(text) for text in (moved, datum) if text]
-    still = _height(motion), _still(motion), *_attitude(autopilot, seen, motion), _airspeed(autopilot, seen, least_mps)
+    still = (
+        _height(motion),
+        _still(motion),
+        *_attitude(autopilot, seen, motion),
+        _airspeed(autopilot, seen, found.least_mps),
+    )
     return [Finding(text, refuses=True) for text in (moved, datum, *still) if text]
 
 

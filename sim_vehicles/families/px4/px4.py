@@ -1,4 +1,6 @@
-"""What emulated PX4s have in common, and their commands; the two kinds are in `px4_plane_and_copter`."""
+# Compiled by mypyc: it runs every tick.
+
+"""What emulated PX4s have in common, and their commands; the two kinds are in `plane` and `copter`."""
 
 from __future__ import annotations
 
@@ -13,7 +15,7 @@ from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after
 from airlink.messages.system import Statustext
 from sim_vehicles.airframe.motion import Vector
-from sim_vehicles.autopilot import commands, px4_services
+from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.autopilot import CRITICAL, INFO, WARNING, GivenCommand, Setpoint
 from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, UNSUPPORTED, CommandHandlers, to_mode
 from sim_vehicles.autopilot.modes_and_failsafe import (
@@ -27,8 +29,9 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
     select,
 )
 from sim_vehicles.autopilot.parameters import ParameterServer
-from sim_vehicles.autopilot.px4_services import REJECTED
 from sim_vehicles.board_clock import delayed
+from sim_vehicles.families.px4 import services
+from sim_vehicles.families.px4.services import REJECTED
 from sim_vehicles.vehicle import Vehicle
 
 TEXT_BYTES: Final = 50
@@ -101,9 +104,9 @@ HANDLERS: Final[CommandHandlers[Px4]] = {
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Px4Mode.RTL, REJECTED),
     m.MAV_CMD_NAV_LAND: to_mode(Px4Mode.LAND, REJECTED),
     m.MAV_CMD_DO_REPOSITION: _reposition,
-    m.MAV_CMD_SET_MESSAGE_INTERVAL: px4_services.set_interval,
-    m.MAV_CMD_GET_MESSAGE_INTERVAL: px4_services.get_interval,
-    m.MAV_CMD_REQUEST_MESSAGE: px4_services.request_message,
+    m.MAV_CMD_SET_MESSAGE_INTERVAL: services.set_interval,
+    m.MAV_CMD_GET_MESSAGE_INTERVAL: services.get_interval,
+    m.MAV_CMD_REQUEST_MESSAGE: services.request_message,
     m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: commands.reboot(DENIED),
     m.MAV_CMD_GET_HOME_POSITION: commands.HANDLERS[m.MAV_CMD_GET_HOME_POSITION],
     m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: commands.HANDLERS[m.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES],
@@ -120,8 +123,8 @@ class Px4(Vehicle):
 
     capabilities = 59647
     version = 1 << 24 | 17 << 16
-    unasked = px4_services.STREAMS
-    builders = px4_services.BUILDERS
+    unasked = services.STREAMS
+    builders = services.BUILDERS
     asks_time = False
     tells_time_at_once = True
     stores_missions = False
@@ -145,7 +148,7 @@ class Px4(Vehicle):
 
     def make_parameters(self) -> ParameterServer:
         """Return PX4's parameters for its kind."""
-        return px4_services.Px4Parameters(px4_services.parameters(self.config, self.fleet.cruise_mps))
+        return services.Px4Parameters(services.parameters(self.config, self.fleet.cruise_mps))
 
     @abstractmethod
     def change_speed(self, speed_mps: float) -> None:
@@ -184,7 +187,7 @@ class Px4(Vehicle):
     def _misses_station(self) -> bool:
         """Whether no ground station is heard, though NAV_DLL_ACT is to act on that."""
         failsafe = self.failsafe
-        return isinstance(failsafe, px4_services.LinkLoss) and failsafe.lost(self.now)
+        return isinstance(failsafe, services.LinkLoss) and failsafe.lost(self.now)
 
     def lose_station(self) -> None:
         """Act while it is armed, on the ground too: hold, then NAV_DLL_ACT. Disarmed it only can't be armed.
@@ -257,13 +260,13 @@ class Px4(Vehicle):
         self._rise_m = height_m
         return not self.pilot.airborne and self.switch(Px4Mode.TAKEOFF)
 
-    def make_message_handler(self) -> px4_services.Px4MessageHandler:
+    def make_message_handler(self) -> services.Px4MessageHandler:
         """Return what takes its messages."""
-        return px4_services.Px4MessageHandler(self)
+        return services.Px4MessageHandler(self)
 
     def make_failsafe(self) -> GroundStationFailsafe:
         """Return its failsafe for the end of the ground station's heartbeats."""
-        return px4_services.LinkLoss(self.parameters)
+        return services.LinkLoss(self.parameters)
 
     def mode_named(self, name: str) -> FlightMode:
         """Return a mode by its name; one that PX4 doesn't have becomes HOLD."""
@@ -281,7 +284,7 @@ class Px4(Vehicle):
         if self._mode is Px4Mode.OFFBOARD and not self.fresh and self.pilot.airborne:
             self._lost = True
             self.say(CRITICAL, "Offboard control signal lost")
-            self.enter(px4_services.LOST_STREAM.get(int(self.parameters["COM_OBL_RC_ACT"]), Px4Mode.RTL))
+            self.enter(services.LOST_STREAM.get(int(self.parameters["COM_OBL_RC_ACT"]), Px4Mode.RTL))
         elif self._mode is Px4Mode.TAKEOFF and self.pilot.airborne and self.pilot.takeoff_m is None:
             self._intended = Px4Mode.HOLD
             self.enter(Px4Mode.HOLD)
@@ -299,7 +302,7 @@ class Px4(Vehicle):
     def tell_heartbeat(self) -> None:
         """Report a change at once by CURRENT_MODE, if that was requested; heartbeats come once a second."""
         if self.streams.interval_us(m.MAVLINK_MSG_ID_CURRENT_MODE) > 0:
-            self.broadcast(px4_services.current_mode(self))
+            self.broadcast(services.current_mode(self))
 
     def say(self, severity: int, text: str) -> None:
         """Send a text, in chunks if it is long; keep it as long as no ground station's heartbeat has come."""
@@ -316,7 +319,7 @@ class Px4(Vehicle):
 
     def take_setpoint(self, setpoint: Setpoint) -> None:
         """Take a setpoint, and fly it in OFFBOARD; if OFFBOARD was left because none came, return to it."""
-        if (refusal := px4_services.refusal_of(setpoint)) is not None:
+        if (refusal := services.refusal_of(setpoint)) is not None:
             self.say(CRITICAL, refusal)
         else:
             self._fresh_until = after(self.now, self.parameters["COM_OF_LOSS_T"])

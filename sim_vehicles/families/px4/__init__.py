@@ -1,0 +1,1 @@
+"""The emulated PX4s: a fixed wing and a multirotor."""
