@@ -135,7 +135,8 @@ def main() -> None:
     print(f"circle of imports: {' -> '.join(closed or ['none'])}")
     closed_over = closure("gcs_formation.station", trees)
     lines = sum(len(everything[name].splitlines()) for name in closed_over if WRITTEN not in everything[name])
-    print(f"imported by the station, without features: {len(closed_over)} modules, {lines} lines but for written ones")
+    size = f"{len(closed_over)} modules, {lines} lines but for written ones"
+    print(f"imported by the station, without features and families: {size}")
     files = way()
     own = [file for file in files if file.startswith("gcs_formation")]
     print(

@@ -30,7 +30,7 @@ from gcs_formation.estimation.airspeed import AirspeedCheck, AirspeedScale
 from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, UNDECLARED, VehicleNoise
 from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.extend.autopilots import FAMILIES, own_autopilot
+from gcs_formation.extend.autopilots import family_named, own_autopilot
 from gcs_formation.guidance.added_steps import AddedSteps
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from gcs_formation.guidance.slot_clearance import SlotClearance
@@ -241,8 +241,7 @@ def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:
     craft = Craft(vehicle.id, scenario.origin.geodetic, model, scale, 1.0 / scenario.law.rate_hz)
     if entry is not None:
         return own_autopilot(entry, vehicle.parameters or {}, craft)
-    made: type[Autopilot] = FAMILIES[family_of(vehicle)].made
-    return made.of(craft)
+    return family_named(family_of(vehicle)).of(craft)
 
 
 def narrow_links(scenario: Scenario) -> frozenset[VehicleId]:

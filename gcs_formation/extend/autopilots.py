@@ -1,14 +1,19 @@
 """Families of autopilots as the station commands them: ours, registered as one from outside is, and how that is held.
 
-A family of one's own is a subclass of one of these: of `Autopilot`, with everything that a family needs, or of the one
-that it resembles. The hooks are the methods of `Autopilot`; what tells families apart in numbers and tables are class
-attributes. `self.keys` has its own keys.
+Ours are the folders of `gcs_formation/vehicle/families`, found by being there: a folder's module `family` has
+`FAMILIES`, its classes by the families' names, and nothing else names it, so that it can be deleted.
+
+A family of one's own is a subclass of `Autopilot`, with everything that a family needs, or of the class of ours that it
+resembles; these are attributes of this module, such as `ArduPlane`. The hooks are the methods of `Autopilot`; what
+tells families apart in numbers and tables are class attributes. `self.keys` has its own keys.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
+from importlib import import_module
+from pkgutil import iter_modules
 from typing import Any, Final
 
 from airlink.messages.system import Heartbeat
@@ -16,16 +21,12 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario.extensions import AUTOPILOT, Registered, registered_in
 from formation_scenario.register import Decorator, decorator
 from gcs_formation.errors import NotFiniteError, RunAbortedError
-from gcs_formation.vehicle.ardupilot import ArduCopter, ArduPilot, ArduPlane
+from gcs_formation.vehicle import families
 from gcs_formation.vehicle.autopilot_family import Autopilot, Command, Craft, Effect, StartUpStep
 from gcs_formation.vehicle.checks import Check
-from gcs_formation.vehicle.px4 import Px4, Px4Copter, Px4Plane
 from gcs_formation.vehicle.telemetry import Telemetry
 
 __all__ = [
-    "ArduCopter",
-    "ArduPilot",
-    "ArduPlane",
     "Autopilot",
     "Check",
     "Command",
@@ -33,12 +34,10 @@ __all__ = [
     "Effect",
     "FlightState",
     "Heartbeat",
-    "Px4",
-    "Px4Copter",
-    "Px4Plane",
     "Setpoint",
     "StartUpStep",
     "Telemetry",
+    "family_named",
     "register_autopilot",
 ]
 
@@ -60,15 +59,34 @@ def register_autopilot(name: str) -> Decorator[type[Autopilot]]:
 
 FAMILIES: Final = dict[str, Registered]()
 """Ours by their names."""
-_ours: dict[str, type[Autopilot]] = {
-    "arduplane": ArduPlane,
-    "arducopter": ArduCopter,
-    "px4_plane": Px4Plane,
-    "px4_copter": Px4Copter,
+for _folder in sorted(each.name for each in iter_modules(families.__path__) if each.ispkg):
+    for _name, _family in import_module(f"{families.__name__}.{_folder}.family").FAMILIES.items():
+        register_autopilot(_name)(_family)
+        FAMILIES.update(registered_in(sys.modules[_family.__module__], AUTOPILOT))
+
+_OURS: Final = {
+    each.__name__: each for entry in FAMILIES.values() for each in entry.made.__mro__ if issubclass(each, Autopilot)
 }
-for _name, _family in _ours.items():
-    register_autopilot(_name)(_family)
-    FAMILIES.update(registered_in(sys.modules[_family.__module__], AUTOPILOT))
+"""Classes of ours by their names."""
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - a class, of which another may be a subclass
+    """Return one of our classes by its name, such as `ArduPlane`."""
+    if name in _OURS:
+        return _OURS[name]
+    raise AttributeError(f"found {name}; allowed: {', '.join(_OURS)}")
+
+
+def family_named(name: str) -> type[Autopilot]:
+    """Return one of our families.
+
+    Raises:
+        RunAbortedError: its folder isn't there.
+    """
+    if name not in FAMILIES:
+        raise RunAbortedError(f"found autopilot family '{name}', which isn't installed; allowed: {', '.join(FAMILIES)}")
+    made: type[Autopilot] = FAMILIES[name].made
+    return made
 
 
 def own_autopilot(entry: Registered, keys: Mapping[str, Any], craft: Craft) -> Autopilot:
@@ -92,12 +110,9 @@ def own_autopilot(entry: Registered, keys: Mapping[str, Any], craft: Craft) -> A
 def _held(entry: Registered) -> type[Autopilot]:
     """Return a subclass of a registered class whose own methods and properties don't raise."""
     made: type[Autopilot] = entry.made
-    base = next(each for each in made.__mro__ if each in _OURS)
+    base = next(each for each in made.__mro__ if each in _OURS.values())
     held = {name: _method(entry, name, value, base) for name, value in _own(made, base)}
     return type(made.__name__, (made,), held)
-
-
-_OURS = (ArduPlane, ArduCopter, Px4Plane, Px4Copter, ArduPilot, Px4, Autopilot)
 
 
 def _own(made: type[Autopilot], base: type[Autopilot]) -> Iterator[tuple[str, Any]]:

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from airlink import mavlink as m
+
 PLANE: Final[dict[int, str]] = {
     0: "MANUAL",
     1: "CIRCLE",
@@ -102,3 +104,8 @@ PX4: Final[dict[int, str]] = {
     px4_mode(11): "ALTITUDE_CRUISE",
 }
 """PX4's modes."""
+
+PLANE_TYPES = frozenset(
+    {m.MAV_TYPE_GENERIC, m.MAV_TYPE_FIXED_WING, *range(m.MAV_TYPE_VTOL_DUOROTOR, m.MAV_TYPE_GIMBAL)}
+)
+"""MAV_TYPE of ArduPlane's aircraft, and GENERIC: their modes are PLANE's."""

@@ -13,8 +13,7 @@ from airlink.messages.system import Heartbeat
 from flight_model.arrays import Array, Indices
 from formation_scenario.bounded_read import require_file
 from gcs_formation.errors import RecordError
-from gcs_formation.vehicle.ardupilot import PLANE_TYPES, ArduCopter, ArduPlane
-from gcs_formation.vehicle.px4 import Px4
+from gcs_formation.vehicle.mode_names import COPTER, PLANE, PLANE_TYPES, PX4
 from gcs_formation.view.recording import COLUMN, Rows, State, Times
 from gcs_formation.view.scene import degrees
 from gcs_formation.view.seen_in_frames import FrameReader, of
@@ -30,9 +29,9 @@ def name_of_mode(heartbeat: Heartbeat) -> str:
     """Return a mode in words, by the family that a heartbeat is of."""
     names: Mapping[int, str] = {}
     if heartbeat.autopilot == m.MAV_AUTOPILOT_PX4:
-        names = Px4.mode_names
+        names = PX4
     elif heartbeat.autopilot == m.MAV_AUTOPILOT_ARDUPILOTMEGA:
-        names = (ArduPlane if heartbeat.type in PLANE_TYPES else ArduCopter).mode_names
+        names = PLANE if heartbeat.type in PLANE_TYPES else COPTER
     return names.get(heartbeat.custom_mode, f"mode {heartbeat.custom_mode}")
 
 

@@ -19,7 +19,7 @@ from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.mission.landings import Landings, why_not_land
 from gcs_formation.phases import Phase
-from gcs_formation.vehicle.ardupilot import ArduPlane
+from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode

@@ -17,7 +17,7 @@ from gcs_formation.budget.traffic import Stated
 from gcs_formation.fleet.routing_and_dispatch import HeartbeatScheduler
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.radio_reports import RadioReports
-from gcs_formation.vehicle.ardupilot import ArduPlane
+from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle
 from tests.gcs_formation.noted import Noted
 

@@ -13,7 +13,7 @@ from formation_scenario import load_scenario
 from gcs_formation.app.check_budget import budget_report, budget_text, channel_budgets
 from gcs_formation.budget.levels import LEVELS
 from gcs_formation.budget.traffic import USABLE, Flow, Rates, flight_hz, flows
-from gcs_formation.vehicle.ardupilot import ArduPlane
+from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from tests.flights.conftest import scenario
 
 PLANE = ArduPlane(2, GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0), 0.25)

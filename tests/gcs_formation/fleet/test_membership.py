@@ -19,8 +19,8 @@ from formation_scenario import load_scenario
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
 from gcs_formation.fleet.membership_and_succession import BACK_S, MUTE_S, SUCCESSION_S, Membership
 from gcs_formation.link.link_health import Connection, LinkState
-from gcs_formation.vehicle.ardupilot import ArduPlane
-from gcs_formation.vehicle.px4 import Px4Copter
+from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
+from gcs_formation.vehicle.families.px4.copter import Px4Copter
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 from tests.flights.conftest import scenario

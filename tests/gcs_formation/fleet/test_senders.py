@@ -18,8 +18,8 @@ from flight_model.earth import GeodeticOrigin
 from gcs_formation.fleet.routing_and_dispatch import FloodWatch, Senders
 from gcs_formation.link.link_health import Connection
 from gcs_formation.phases import Flight, Phase
-from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.autopilot_family import STATION
+from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle
 from tests.gcs_formation.noted import GivenUp, Noted
 

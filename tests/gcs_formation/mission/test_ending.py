@@ -21,8 +21,8 @@ from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.mission.ending import UNANSWERED_FOR_S, Ending
 from gcs_formation.mission.vertical_separation import place_of
-from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.command_delivery import REFUSES_S, Outcome
+from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 from tests.flights.conftest import scenario
 

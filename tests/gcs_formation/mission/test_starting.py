@@ -17,8 +17,8 @@ from gcs_formation.link.link_health import Connection
 from gcs_formation.mission.resumption import Takeover
 from gcs_formation.mission.starting import CONNECT_LIMIT_S, Starting
 from gcs_formation.phases import Flight, Phase
-from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.autopilot_family import Command, StartUpStep
+from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.vehicle import Member, Vehicle

@@ -14,7 +14,7 @@ from airlink.messages.telemetry import Attitude, EkfStatusReport, GlobalPosition
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.ardupilot import ArduPlane
+from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.telemetry import Telemetry
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 20.0)

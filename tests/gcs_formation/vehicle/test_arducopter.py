@@ -12,8 +12,8 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandLong, ParamValue, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint
-from gcs_formation.vehicle.ardupilot import ArduCopter
 from gcs_formation.vehicle.checks import ParameterReader
+from gcs_formation.vehicle.families.arducopter.arducopter import ArduCopter
 from gcs_formation.vehicle.velocity_setpoint import HEIGHT_S, ground_motion
 from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat, planned
 

@@ -14,7 +14,7 @@ from airlink.messages import Message
 from airlink.messages.command import CommandInt
 from airlink.messages.telemetry import SysStatus
 from flight_model.autopilot_model import FlightState, Setpoint
-from gcs_formation.vehicle.ardupilot import ArduPlane
+from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat, position
 
 PLANE, HERE = ArduPlane(7, ORIGIN, 0.25), FlightState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

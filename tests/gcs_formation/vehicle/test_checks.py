@@ -12,8 +12,8 @@ from airlink.messages.command import CommandInt, ParamValue
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.airspeed import AirspeedScale
-from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.checks import AT_ONCE, RETRY_S, TRIES, Finding, ParameterReader
+from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from tests.gcs_formation.vehicle.conftest import ORIGIN, planned
 
 MODEL, PATH = planned(22.0, 80.0, speed_min_mps=14.0, speed_max_mps=29.0, turn_rate_max_rps=0.25, accel_max_mps2=1.5)

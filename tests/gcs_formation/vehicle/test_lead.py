@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.estimation.airspeed import AirspeedScale
-from gcs_formation.vehicle.px4 import Px4Plane
+from gcs_formation.vehicle.families.px4.plane import Px4Plane
 from gcs_formation.vehicle.velocity_setpoint import SpeedLead, VelocityLead
 from tests.gcs_formation.vehicle.conftest import ORIGIN
 

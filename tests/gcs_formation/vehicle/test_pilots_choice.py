@@ -20,7 +20,8 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.link.link_health import Connection
-from gcs_formation.vehicle.px4 import LOITER, RTL, Px4Plane
+from gcs_formation.vehicle.families.px4.plane import Px4Plane
+from gcs_formation.vehicle.families.px4.px4 import LOITER, RTL
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 from tests.flights.conftest import scenario

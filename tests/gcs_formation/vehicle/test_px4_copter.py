@@ -16,7 +16,7 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import load_scenario
 from gcs_formation.from_scenario import autopilot_for
 from gcs_formation.vehicle.command_delivery import CommandQueue, Outcome
-from gcs_formation.vehicle.px4 import Px4Copter
+from gcs_formation.vehicle.families.px4.copter import Px4Copter
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import VelocityLead

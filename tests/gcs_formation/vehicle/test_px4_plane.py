@@ -20,7 +20,7 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.vehicle.autopilot_family import Command
 from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.command_delivery import CommandQueue, EffectWatch, Outcome
-from gcs_formation.vehicle.px4 import Px4Plane
+from gcs_formation.vehicle.families.px4.plane import Px4Plane
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 from tests.gcs_formation.vehicle.conftest import ORIGIN, planned, position

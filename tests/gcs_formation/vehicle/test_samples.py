@@ -16,7 +16,7 @@ from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
-from gcs_formation.vehicle.ardupilot import ArduPlane
+from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.sampler import EXTRAPOLATED_S, Sampler
 from gcs_formation.vehicle.telemetry import APART_LIMIT_S, Telemetry
 from gcs_formation.vehicle.vehicle import Vehicle

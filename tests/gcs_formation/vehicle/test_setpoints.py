@@ -16,11 +16,13 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.link.link_health import Connection
-from gcs_formation.vehicle.ardupilot import ALTITUDE, HEADING, SPEED, ArduCopter, ArduPlane
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.command_delivery import REPEAT_S
+from gcs_formation.vehicle.families.arducopter.arducopter import ArduCopter
+from gcs_formation.vehicle.families.arduplane.arduplane import ALTITUDE, HEADING, SPEED, ArduPlane
+from gcs_formation.vehicle.families.px4.copter import Px4Copter
+from gcs_formation.vehicle.families.px4.plane import Px4Plane
 from gcs_formation.vehicle.held_setpoint import ACROSS_M, ALONG_M, HEIGHT_M_S
-from gcs_formation.vehicle.px4 import Px4Copter, Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
 from gcs_formation.vehicle.velocity_setpoint import SpeedLead
 

@@ -22,8 +22,8 @@ from formation_scenario import load_scenario
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.conformance.monitor import ConformanceMonitor
 from gcs_formation.link.link_health import Connection
-from gcs_formation.vehicle.ardupilot import ArduPlane
 from gcs_formation.vehicle.command_delivery import EffectWatch
+from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.vehicle import Vehicle
 from tests.flights.conftest import scenario

@@ -25,7 +25,7 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.conformance.flown_setpoints import SETTLED_S
 from gcs_formation.features.conformance.monitor import ConformanceMonitor
 from gcs_formation.link.link_health import Connection
-from gcs_formation.vehicle.ardupilot import ArduPlane
+from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import Noted

@@ -1,0 +1,1 @@
+"""PX4s: fixed wings and multirotors."""
