@@ -40,6 +40,7 @@ TIMING_SHARE: Final = 0.1
 RESERVE_TICKS: Final = 2.0
 RESERVE_LEAST_S, RESERVE_MOST_S = 0.2, 1.0
 """How much longer than a tick a setpoint is taken to act, in ticks within these limits: the next ones may be lost."""
+AT_REST: Final = (0.0, 0.0)
 LASTS_S: Final = 30.0
 """An encounter is reported again if it lasts longer."""
 
@@ -144,12 +145,15 @@ class ConflictResolver:
                     return False
                 together = max(together, acts[column])
         look = self._first_look
-        look.begin(tick.state[max(first, tick.leader)])
+        reference = max(first, tick.leader)
+        look.begin(tick.state[reference], tick.setpoints[reference][0], tick.setpoints[reference][1])
         for column in range(first, len(acts)):
             speed_mps, heading_rad, _ = tick.setpoints[column]
             early_s, timing_s = float(together - acts[column]) / NANOSECONDS, _timing_s(tick, column)
             slot_m = self._slot(column)
-            look.see(column - first, tick.state[column], slot_m, speed_mps, heading_rad, early_s, timing_s)
+            north_mps2, east_mps2 = self._wandering.accel_mps2[column]
+            accel_mps2 = math.sqrt(squared(north_mps2) + squared(east_mps2))
+            look.see(column - first, tick.state[column], slot_m, speed_mps, heading_rad, early_s, timing_s, accel_mps2)
         return look.all_apart(kept)
 
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
@@ -197,7 +201,7 @@ class ConflictResolver:
         lead_s = np.array([(together - each) / NANOSECONDS for each in until])
         models = AutopilotModels.from_each(self._models[each] for each in members)
         states = self._state(tick, measured, members, until, turn_rps)
-        traffic = Traffic(states, lead_s, turn_rps, models, self._hovers)
+        traffic = Traffic(states, lead_s, turn_rps, models, self._accel_mps2(tick, members), self._hovers)
         columns, setpoints_of, others = self._unresponsive.traffic(members, tick.now, tick.links, measured, together)
         vehicles = [*members, *columns]
         commanded = [tick.active[each] for each in members]
@@ -233,6 +237,11 @@ class ConflictResolver:
             given_way_s=np.array([self._given_way_s[each] for each in vehicles]),
             heights_m=self._heights_m,
         )
+
+    def _accel_mps2(self, tick: Tick, members: list[int]) -> Array:
+        """Return the accelerations (2, N); 0 for uncommanded vehicles, whose accelerations are intents of their own."""
+        seen = self._wandering.accel_mps2
+        return np.array([seen[each] if tick.active[each] else AT_REST for each in members]).T
 
     def _state(
         self, tick: Tick, measured: Measured, members: list[int], until: list[int], turn_rps: Array
