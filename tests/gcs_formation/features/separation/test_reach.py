@@ -138,11 +138,11 @@ def test_among_many_the_search_for_pairs_that_are_near_finds_all_that_a_look_at_
     assert 0 < near.sum() < one.size
 
 
-def test_along_multirotors_is_as_the_leader_is_told_whatever_velocity_giving_way_has_left_it() -> None:
+def test_along_multirotors_is_as_the_leader_is_told_whatever_velocity_giving_way_or_braking_has_left_it() -> None:
     vehicles = Vehicles([[0, 0, 100, 25, 1, 0], [-12, 0, 100, 25, 1, 0]])
     made = picture(vehicles, vehicles.state, wanted(vehicles, 0.0))
     told = Setpoints(np.full(2, 17.0), np.full(2, 2.0), np.full(2, 100.0))
-    hovers = replace(made, setpoints=told, traffic=replace(made.traffic, hovers=True), evades=True)
+    hovers = replace(made, setpoints=told, traffic=replace(made.traffic, hovers=True))
     assert [each.tolist() for each in hovers.along] == [[17.0, 17.0], [2.0, 2.0]]
     assert hovers.lasting(0) == (17.0, 2.0)
     assert [each.tolist() for each in made.along] == [[25.0, 25.0], [1.0, 1.0]]
