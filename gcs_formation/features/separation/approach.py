@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,10 @@ from flight_model.vehicle_arrays import (
 FINE_S, COARSE_S = 0.5, 1.0
 """Time steps of predicted ways, before and after `FINE_UNTIL_S`."""
 FINE_UNTIL_S = 4.0
+JERK_MPS3: Final = 5.0
+"""Rate at which multirotors change their acceleration: ArduCopter's PSC_JERK_XY; PX4 changes it faster.
+
+While the acceleration changes from one to another, the velocity is carried on by half of the time that this takes."""
 
 
 class ClosestApproach(NamedTuple):
@@ -134,17 +138,19 @@ class Traffic:
     turn_rps: Array
     """Turn rates of uncommanded vehicles; 0 for commanded ones."""
     model: AutopilotModels
+    accel_mps2: Array
+    """Present horizontal accelerations of multirotors, (2, N) north and east; 0 where not known."""
     hovers: bool
     """Whether they are multirotors, commanded by velocity over ground; else by speed and heading."""
 
     def take(self, which: Indices) -> Traffic:
         """Return the columns at `which`, repeated as often as they occur there."""
         state, model = self.state.take(which), self.model.take(which)
-        return Traffic(state, self.lead_s[which], self.turn_rps[which], model, self.hovers)
+        return Traffic(state, self.lead_s[which], self.turn_rps[which], model, self.accel_mps2[:, which], self.hovers)
 
     def turning(self) -> Traffic:
         """Return these vehicles, each turning clockwise at its largest turn rate."""
-        return Traffic(self.state, self.lead_s, self.model.turn_rate_max_rps, self.model, self.hovers)
+        return Traffic(self.state, self.lead_s, self.model.turn_rate_max_rps, self.model, self.accel_mps2, self.hovers)
 
     def beside(self, other: Traffic) -> Traffic:
         """Return these vehicles followed by others."""
@@ -153,6 +159,7 @@ class Traffic:
             np.concatenate((self.lead_s, other.lead_s)),
             np.concatenate((self.turn_rps, other.turn_rps)),
             AutopilotModels.of(np.concatenate((self.model.table, other.model.table), axis=1)),
+            np.concatenate((self.accel_mps2, other.accel_mps2), axis=1),
             self.hovers,
         )
 
@@ -170,9 +177,9 @@ def fly(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array, trails_m: Array)
     The first setpoint acts until `times_s[1]`. A height that the envelope doesn't allow as a setpoint yet is approached
     as it will be commanded: by setpoints at the edge of the envelope. Vehicles level off `trails_m` (N,) below that.
     """
-    begin, turned = _begun(traffic, manoeuvre, times_s)
+    begin, turned, accel_mps2 = _begun(traffic, manoeuvre, times_s)
     heights = _heights(traffic.model, turned, manoeuvre.height_m, np.diff(times_s[1:]), trails_m)
-    level = _level(traffic, manoeuvre, times_s, begin, turned)
+    level = _level(traffic, manoeuvre, times_s, begin, turned, accel_mps2)
     return np.concatenate((level, np.vstack((begin.height_m, heights))[None]))
 
 
@@ -186,28 +193,98 @@ def reach_m(model: AutopilotModels) -> Array:
     return model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
 
 
-def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[FlightStates, FlightStates]:
-    """Return the states at the first two samples, between which the first setpoint acts."""
+def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[FlightStates, FlightStates, Array]:
+    """Return the states at the first two samples, between which the first setpoint acts, and the last accelerations."""
     count = traffic.lead_s.size
     twice = np.concatenate((np.arange(count), np.arange(count)))
     both, elapsed_s = traffic.take(twice), np.concatenate((traffic.lead_s, traffic.lead_s + times_s[1]))
-    later = advance_hovering if traffic.hovers else advance
-    state = later(both.state, manoeuvre.first.table[:, twice], elapsed_s, both.model)
-    state = state.turned(both.turn_rps, elapsed_s)
-    return state.take(twice[:count]), state.take(twice[count:] + count)
+    told, accel_mps2 = manoeuvre.first.table[:, twice], both.accel_mps2
+    if traffic.hovers:
+        state, accel_mps2 = _hovered(both, told, elapsed_s)
+    else:
+        state = advance(both.state, told, elapsed_s, both.model).turned(both.turn_rps, elapsed_s)
+    return state.take(twice[:count]), state.take(twice[count:] + count), accel_mps2[:, count:]
 
 
-def _level(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array, begin: FlightStates, turned: FlightStates) -> Array:
-    first = begin.level_m[:, None]
-    return np.concatenate((first, _way(traffic, turned, manoeuvre, times_s[1:] - times_s[1])), axis=1)
+@dataclass(frozen=True)
+class CarriedOn:
+    """What multirotors' accelerations add to velocities predicted without a limit of jerk, until these have changed.
+
+    Prediction begins with the velocity that the change adds in all; `left_mps` of it hasn't been added yet.
+    """
+
+    change_mps2: Array
+    """(2, N) of the acceleration, from the one wanted to the present one."""
+    lasts_s: Array
+    """(N,) how long it takes."""
+
+    @classmethod
+    def of(cls, accel_mps2: Array, from_mps: Array, aim_mps: Array, model: AutopilotModels) -> CarriedOn:
+        """Return that of vehicles which begin to change from one velocity to another, (2, N) each."""
+        change = accel_mps2 - _wanted_mps2(from_mps, aim_mps, model)
+        return cls(change, np.hypot(change[0], change[1]) / JERK_MPS3)
+
+    @property
+    def all_mps(self) -> Array:
+        """Velocity added in all, (2, N)."""
+        return self.change_mps2 * (self.lasts_s / 2)
+
+    def share_left(self, time_s: Array) -> Array:
+        """Return the share of the change that is still to come after some time."""
+        return np.maximum(self.lasts_s - time_s, 0.0) / np.maximum(self.lasts_s, 1e-9)
+
+    def left_mps(self, time_s: Array) -> Array:
+        """Return the velocity that hasn't been added after times (S, N) or (S, 1), as (2, S, N)."""
+        return self.all_mps[:, None] * self.share_left(time_s) ** 2
+
+    def behind_m(self, time_s: Array) -> Array:
+        """Return the distance (2, N) that `left_mps` makes in a time (N,)."""
+        return self.all_mps * (self.lasts_s / 3 * (1 - self.share_left(time_s) ** 3))
 
 
-def _way(traffic: Traffic, state: FlightStates, manoeuvre: Manoeuvre, times_s: Array) -> Array:
+def _wanted_mps2(from_mps: Array, aim_mps: Array, model: AutopilotModels) -> Array:
+    """Return the accelerations (2, N) of the model on its way from one velocity to another."""
+    error = aim_mps - from_mps
+    size = np.hypot(error[0], error[1])
+    return error * np.minimum(1 / model.tau_v_s, model.accel_max_mps2 / np.maximum(size, 1e-9))
+
+
+def _hovered(traffic: Traffic, told: Array, elapsed_s: Array) -> tuple[FlightStates, Array]:
+    """Return multirotors' states and accelerations when setpoints (3, N) have been held for `elapsed_s` (N,)."""
+    begin, model = traffic.state, traffic.model
+    aim_mps = velocity_aimed_at(begin, told[:2], model)
+    on = CarriedOn.of(traffic.accel_mps2, begin.ground_mps, aim_mps, model)
+    aimed = np.array((*_polar(aim_mps), told[2]))
+    state = advance_hovering(_moving(begin, begin.level_m, begin.ground_mps + on.all_mps), aimed, elapsed_s, model)
+    accel_mps2 = _wanted_mps2(state.ground_mps, aim_mps, model) + on.change_mps2 * on.share_left(elapsed_s)
+    level_m, ground_mps = state.level_m - on.behind_m(elapsed_s), state.ground_mps - on.left_mps(elapsed_s[None])[:, 0]
+    return _moving(state, level_m, ground_mps), accel_mps2
+
+
+def _polar(velocity_mps: Array) -> tuple[Array, Array]:
+    return np.hypot(velocity_mps[0], velocity_mps[1]), np.arctan2(velocity_mps[1], velocity_mps[0])
+
+
+def _moving(state: FlightStates, level_m: Array, velocity_mps: Array) -> FlightStates:
+    """Return multirotors' states with other places and velocities over ground, (2, N)."""
+    height, still = (state.height_m, state.climb_mps), np.zeros_like(level_m)
+    return FlightStates.of(np.array((*level_m, *height, *_polar(velocity_mps), *still, state.updraught_mps)))
+
+
+def _level(
+    traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array, begin: FlightStates, turned: FlightStates, accel_mps2: Array
+) -> Array:
+    first, since_s = begin.level_m[:, None], times_s[1:] - times_s[1]
+    return np.concatenate((first, _way(traffic, turned, manoeuvre, since_s, accel_mps2)), axis=1)
+
+
+def _way(traffic: Traffic, state: FlightStates, manoeuvre: Manoeuvre, times_s: Array, accel_mps2: Array) -> Array:
     """Return (2, S, N) north and east, `times_s` after `state`, by the trapezium rule of the velocity."""
     model, since_s = traffic.model, times_s[:, None]
     if traffic.hovers:
         aim_mps = velocity_aimed_at(state, manoeuvre.air_motion, model)
-        velocity = velocities(state.ground_mps, aim_mps, since_s, model)
+        on = CarriedOn.of(accel_mps2, state.ground_mps, aim_mps, model)
+        velocity = velocities(state.ground_mps + on.all_mps, aim_mps, since_s, model) - on.left_mps(since_s)
     else:
         error = air_errors(state.air_motion, manoeuvre.air_motion)
         along = state.air_motion + error - model.remaining(error, since_s[:, None])

@@ -14,7 +14,7 @@ from typing import Final
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel, FlightState, within, wrap
 from flight_model.slot import Triple
-from gcs_formation.features.separation.approach import COARSE_S
+from gcs_formation.features.separation.approach import COARSE_S, JERK_MPS3
 
 HALF_S: Final = COARSE_S / 2
 SLOT_SHARE: Final = 0.8
@@ -79,13 +79,20 @@ class FirstLook:
         """Sorted along the axis on which they are farthest apart; the order seldom changes from tick to tick."""
         self._first_s, self._horizon_s = first_s, horizon_s
         self._reference: FlightState | None = None
+        self._along_mps = self._along_rad = 0.0
+        """Speed and heading along which the others can always fly: the reference's, of multirotors the commanded."""
         self._frame_north_mps = self._frame_east_mps = 0.0
         self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
 
-    def begin(self, reference: FlightState) -> None:
-        """Begin a test: `see` every vehicle, then ask whether `all_apart`."""
+    def begin(self, reference: FlightState, speed_mps: float, heading_rad: float) -> None:
+        """Begin a test: `see` every vehicle, then ask whether `all_apart`. The reference is commanded these two."""
         self._reference = reference
+        self._along_mps, self._along_rad = reference.airspeed_mps, reference.heading_rad
         self._frame_north_mps, self._frame_east_mps = reference.ground_mps()
+        if self._hovers:
+            self._along_mps, self._along_rad = speed_mps, heading_rad
+            self._frame_north_mps = speed_mps * math.cos(heading_rad)
+            self._frame_east_mps = speed_mps * math.sin(heading_rad)
         self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
 
     def see(
@@ -97,6 +104,7 @@ class FirstLook:
         heading_rad: float,
         early_s: float,
         timing_s: float,
+        accel_mps2: float,
     ) -> None:
         """Compute one vehicle's bounds.
 
@@ -108,24 +116,25 @@ class FirstLook:
             heading_rad: commanded.
             early_s: from when its setpoint acts to the common instant at which the look-ahead begins.
             timing_s: timing uncertainty of its state.
+            accel_mps2: present horizontal acceleration of a multirotor.
         """
         reference, vehicle, until_s = self._reference, self._vehicles[place], early_s + self._first_s
         assert reference is not None
         vehicle.slot_m = slot_m
-        reference_mps, model = reference.airspeed_mps, vehicle.model
-        accel_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
+        reference_mps, reference_rad, model = self._along_mps, self._along_rad, vehicle.model
+        most_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
         along_mps = within(reference_mps, model.speed_min_mps, model.speed_max_mps)
         if self._hovers:
-            slow_mps = _apart_mps(state, along_mps, reference.heading_rad)
+            slow_mps = _apart_mps(state, along_mps, reference_rad)
             step_mps = _apart_mps(state, speed_mps, heading_rad)
             off_rad = turn_rad = 0.0
         else:
             slow_mps = abs(along_mps - state.airspeed_mps)
-            off_rad = abs(wrap(reference.heading_rad - state.heading_rad))
+            off_rad = abs(wrap(reference_rad - state.heading_rad))
             step_mps, turn_rad = speed_mps - state.airspeed_mps, wrap(heading_rad - state.heading_rad)
-        slow_mps += min(abs(step_mps) / model.tau_v_s, accel_mps2) * until_s
+        slow_mps = _slower_mps(model, slow_mps, step_mps, until_s, accel_mps2 if self._hovers else math.nan)
         off_rad += min(abs(turn_rad) / model.tau_psi_s, turn_rps) * until_s
-        along_m = slow_mps * (until_s + model.tau_v_s + HALF_S) + slow_mps * slow_mps / (2.0 * accel_mps2)
+        along_m = slow_mps * (until_s + model.tau_v_s + HALF_S) + slow_mps * slow_mps / (2.0 * most_mps2)
         aside_s = off_rad * (until_s + model.tau_psi_s + HALF_S) + off_rad * off_rad / (2.0 * turn_rps)
         north_mps = state.wind_north_mps - reference.wind_north_mps
         east_mps = state.wind_east_mps - reference.wind_east_mps
@@ -192,3 +201,19 @@ def _apart_mps(state: FlightState, speed_mps: float, heading_rad: float) -> floa
     """Return the difference between a velocity and a state's velocity over ground."""
     north_mps, east_mps = state.ground_mps()
     return math.hypot(speed_mps * math.cos(heading_rad) - north_mps, speed_mps * math.sin(heading_rad) - east_mps)
+
+
+def _slower_mps(model: AutopilotModel, slow_mps: float, step_mps: float, until_s: float, accel_mps2: float) -> float:
+    """Return the largest error of speed when a setpoint has acted, of `slow_mps` before.
+
+    A change of a multirotor's acceleration adds at most what `approach.CarriedOn` says, and what of that is still to
+    come. NaN: of an aeroplane.
+    """
+    first_mps2 = min(abs(step_mps) / model.tau_v_s, model.accel_max_mps2)
+    if math.isnan(accel_mps2):
+        return slow_mps + first_mps2 * until_s
+    change_mps2 = first_mps2 + accel_mps2
+    first_mps2 = max(first_mps2, accel_mps2) + change_mps2 * change_mps2 / (2.0 * JERK_MPS3 * model.tau_v_s)
+    slow_mps += first_mps2 * until_s
+    change_mps2 = first_mps2 + min(slow_mps / model.tau_v_s, model.accel_max_mps2)
+    return slow_mps + change_mps2 * change_mps2 / JERK_MPS3

@@ -21,7 +21,7 @@ from formation_scenario.surroundings import Fence
 from formation_scenario.transition_plan import MARGIN_M
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S, Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.features.separation.approach import Traffic, sample_times
+from gcs_formation.features.separation.approach import JERK_MPS3, Traffic, sample_times
 from gcs_formation.features.separation.first_look import SLOT_SHARE, FirstLook, KeptDistance
 from gcs_formation.features.separation.giving_way import Conflict, Resolution, resolve
 from gcs_formation.features.separation.traffic import TrafficPicture
@@ -40,6 +40,9 @@ TIMING_SHARE: Final = 0.1
 RESERVE_TICKS: Final = 2.0
 RESERVE_LEAST_S, RESERVE_MOST_S = 0.2, 1.0
 """How much longer than a tick a setpoint is taken to act, in ticks within these limits: the next ones may be lost."""
+AT_REST: Final = (0.0, 0.0)
+STEP_NS: Final = NANOSECONDS // 10
+"""Steps in which accelerations are predicted through the setpoints in flight."""
 LASTS_S: Final = 30.0
 """An encounter is reported again if it lasts longer."""
 
@@ -144,12 +147,15 @@ class ConflictResolver:
                     return False
                 together = max(together, acts[column])
         look = self._first_look
-        look.begin(tick.state[max(first, tick.leader)])
+        reference = max(first, tick.leader)
+        look.begin(tick.state[reference], tick.setpoints[reference][0], tick.setpoints[reference][1])
         for column in range(first, len(acts)):
             speed_mps, heading_rad, _ = tick.setpoints[column]
             early_s, timing_s = float(together - acts[column]) / NANOSECONDS, _timing_s(tick, column)
             slot_m = self._slot(column)
-            look.see(column - first, tick.state[column], slot_m, speed_mps, heading_rad, early_s, timing_s)
+            north_mps2, east_mps2 = self._accel_mps2(column, measured)
+            accel_mps2 = math.sqrt(squared(north_mps2) + squared(east_mps2))
+            look.see(column - first, tick.state[column], slot_m, speed_mps, heading_rad, early_s, timing_s, accel_mps2)
         return look.all_apart(kept)
 
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
@@ -192,12 +198,7 @@ class ConflictResolver:
         """
         acts: list[int] = [measured.acts[each] for each in members]
         together = max((at for at, each in zip(acts, members, strict=True) if tick.active[each]), default=min(acts))
-        until = [at if tick.active[each] else together for at, each in zip(acts, members, strict=True)]
-        turn_rps = np.array([0.0 if tick.active[each] else self._wandering.turn_rps[each] for each in members])
-        lead_s = np.array([(together - each) / NANOSECONDS for each in until])
-        models = AutopilotModels.from_each(self._models[each] for each in members)
-        states = self._state(tick, measured, members, until, turn_rps)
-        traffic = Traffic(states, lead_s, turn_rps, models, self._hovers)
+        traffic = self._traffic(tick, measured, members, together)
         columns, setpoints_of, others = self._unresponsive.traffic(members, tick.now, tick.links, measured, together)
         vehicles = [*members, *columns]
         commanded = [tick.active[each] for each in members]
@@ -233,6 +234,36 @@ class ConflictResolver:
             given_way_s=np.array([self._given_way_s[each] for each in vehicles]),
             heights_m=self._heights_m,
         )
+
+    def _traffic(self, tick: Tick, measured: Measured, members: list[int], together: int) -> Traffic:
+        """Return the columns `members` as they fly if they respond; predictions start at the instant `together`."""
+        acts: list[int] = [measured.acts[each] for each in members]
+        until = [at if tick.active[each] else together for at, each in zip(acts, members, strict=True)]
+        turn_rps = np.array([0.0 if tick.active[each] else self._wandering.turn_rps[each] for each in members])
+        lead_s = np.array([(together - each) / NANOSECONDS for each in until])
+        models = AutopilotModels.from_each(self._models[each] for each in members)
+        states = self._state(tick, measured, members, until, turn_rps)
+        accel_mps2 = np.array([self._accel_mps2(column, measured) for column in members]).T
+        return Traffic(states, lead_s, turn_rps, models, accel_mps2, self._hovers)
+
+    def _accel_mps2(self, column: int, measured: Measured) -> tuple[float, float]:
+        """Return a multirotor's acceleration when its setpoint acts: as measured, changed since by those in flight.
+
+        It is 0 for uncommanded vehicles, whose accelerations are intents of their own.
+        """
+        if not self._hovers or not measured.active[column]:
+            return AT_REST
+        at, acts, model = measured.stamps[column], measured.acts[column], self._models[column]
+        (north_mps, east_mps), accel_mps2 = measured.states[column].ground_mps(), self._wandering.accel_mps2[column]
+        while at < acts:
+            step_ns = min(acts - at, STEP_NS)
+            step_s = float(step_ns) / NANOSECONDS
+            speed_mps, heading_rad, _ = self._history.commanded(at, column)
+            wanted = wanted_mps2(model, (north_mps, east_mps), speed_mps, heading_rad)
+            accel_mps2 = changed_mps2(accel_mps2, wanted, step_s)
+            north_mps, east_mps = north_mps + step_s * accel_mps2[0], east_mps + step_s * accel_mps2[1]
+            at += step_ns
+        return accel_mps2
 
     def _state(
         self, tick: Tick, measured: Measured, members: list[int], until: list[int], turn_rps: Array
@@ -318,6 +349,27 @@ class ConflictResolver:
         vehicle, other = self._identities[pair[0]], str(self._identities[pair[1]])
         details: dict[str, Detail] = {"other": other, **figures}
         tick.events.append(Event(tick.now, "separation", f"{what} {other}{how}", vehicle, details))
+
+
+def wanted_mps2(
+    model: AutopilotModel, ground_mps: tuple[float, float], speed_mps: float, heading_rad: float
+) -> tuple[float, float]:
+    """Return the acceleration of a multirotor's model towards a commanded velocity; 0 where none is commanded."""
+    if math.isnan(speed_mps) or math.isnan(heading_rad):
+        return AT_REST
+    north_mps, east_mps = (
+        speed_mps * math.cos(heading_rad) - ground_mps[0],
+        speed_mps * math.sin(heading_rad) - ground_mps[1],
+    )
+    share = min(1.0 / model.tau_v_s, model.accel_max_mps2 / max(math.hypot(north_mps, east_mps), 1e-9))
+    return share * north_mps, share * east_mps
+
+
+def changed_mps2(begin: tuple[float, float], end: tuple[float, float], over_s: float) -> tuple[float, float]:
+    """Return an acceleration that changes from one to another, after a time."""
+    north_mps2, east_mps2 = begin[0] - end[0], begin[1] - end[1]
+    left = max(1.0 - JERK_MPS3 * over_s / max(math.hypot(north_mps2, east_mps2), 1e-9), 0.0)
+    return end[0] + left * north_mps2, end[1] + left * east_mps2
 
 
 def _acts_s(dt_s: float) -> float:

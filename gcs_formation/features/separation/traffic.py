@@ -12,7 +12,7 @@ import numpy as np
 
 from flight_model.arrays import Array, Indices, Mask, all_of, within, wrap
 from flight_model.vehicle_arrays import FlightStates, Setpoints, lift_m, velocity_aimed_at
-from gcs_formation.features.separation.approach import COARSE_S, Manoeuvre, MinimumDistance, Traffic, reach_m
+from gcs_formation.features.separation.approach import COARSE_S, JERK_MPS3, Manoeuvre, MinimumDistance, Traffic, reach_m
 from gcs_formation.features.separation.first_look import SLOT_SHARE, KeptDistance
 
 BESIDE_M = 1.0
@@ -27,7 +27,8 @@ It may level off short of its setpoint, since no model is exact, and is released
 REFERENCE = 0
 """Column of the vehicle along whose velocity the others can always fly: the first one, the leader if it is considered.
 
-For a multirotor that gives way, its commanded velocity is used: the present one results from giving way."""
+For a multirotor its commanded velocity is used: the present one may result from giving way, and the one of a leader
+that brakes can't be kept."""
 AS_COMMANDED = 2
 """Number of a vehicle's courses, the first ones, that begin as commanded."""
 ASIDE_RAD = tuple(math.radians(each) for each in (90, -90, 135, -135, 180, 45, -45, 0))
@@ -72,7 +73,7 @@ class TrafficPicture:
 
     @property
     def _aims(self) -> bool:
-        return self.evades and self.traffic.hovers and bool(self.commanded[REFERENCE])
+        return self.traffic.hovers and bool(self.commanded[REFERENCE])
 
     @cached_property
     def reference(self) -> tuple[float, float]:
@@ -240,13 +241,15 @@ def bound(picture: TrafficPicture) -> Reach:
     """Return bounds of the horizontal distance and speed, in the reference's frame, of the ways as commanded.
 
     An error e of speed or heading that decays with a lag tau, at a rate of at most r, displaces by e tau + e^2 / (2 r);
-    the trapezium rule adds half a step.
+    the trapezium rule adds half a step. A change of a multirotor's acceleration adds at most what `CarriedOn` says, and
+    what of that is still to come.
     """
     traffic, state, setpoints = picture.traffic, picture.traffic.state, picture.setpoints
     along = np.array(picture.along)
     drift_mps = _length(state.wind_mps - state.wind_mps[:, [REFERENCE]]) + np.abs(along[0] - picture.reference[0])
     first_s, horizon_s = traffic.lead_s + picture.times_s[1], traffic.lead_s + picture.times_s[-1]
     if traffic.hovers:
+        present_mps2 = _length(traffic.accel_mps2)
         aimed = [velocity_aimed_at(state, each, traffic.model) for each in (along, setpoints.air_motion)]
         errors = np.array([[_length(each - picture.velocity_mps)] for each in aimed])
         lag_s, rate_max, weight = traffic.model.tau_v_s, traffic.model.accel_max_mps2, np.ones((1, 1))
@@ -256,7 +259,12 @@ def bound(picture: TrafficPicture) -> Reach:
         lag_s, rate_max = traffic.model.air_lags_s, traffic.model.air_rates_max
         weight = np.array((np.ones_like(along[0]), along[0]))
     error, to_setpoint = errors
-    error += np.minimum(to_setpoint / lag_s, rate_max) * first_s
+    first = np.minimum(to_setpoint / lag_s, rate_max)
+    if traffic.hovers:
+        first = np.maximum(first, present_mps2) + (first + present_mps2) ** 2 / (2 * JERK_MPS3 * lag_s)
+    error += first * first_s
+    if traffic.hovers:
+        error += (first + np.minimum(error / lag_s, rate_max)) ** 2 / JERK_MPS3
     off = error * (first_s + lag_s + COARSE_S / 2) + error**2 / (2 * rate_max)
     far_m = (weight * off).sum(axis=0) + drift_mps * horizon_s
     fast_mps = (weight * error).sum(axis=0) + drift_mps

@@ -121,8 +121,9 @@ class Unresponsive:
                 leads_s.append(lead_s)
         if not columns:
             return columns, intents, None
-        models, still = AutopilotModels.from_each(self._models[each] for each in columns), np.zeros(len(columns))
-        return columns, intents, Traffic(FlightStates.from_each(states), np.array(leads_s), still, models, self._hovers)
+        models, still = AutopilotModels.from_each(self._models[each] for each in columns), np.zeros((3, len(columns)))
+        traffic = Traffic(FlightStates.from_each(states), np.array(leads_s), still[0], models, still[1:], self._hovers)
+        return columns, intents, traffic
 
     def _places(self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]) -> list[Place]:
         """Return the possible positions; `seen`: when states were measured, which show departures before that."""
@@ -197,7 +198,7 @@ class Wandering:
         """Turn rates of uncommanded vehicles."""
         self.astray = [False] * len(models)
         """Whether a multirotor doesn't fly its commanded velocity."""
-        self._accel_mps2 = [(0.0, 0.0)] * len(models)
+        self.accel_mps2 = [(0.0, 0.0)] * len(models)
         self._last: Measured | None = None
 
     @property
@@ -242,10 +243,10 @@ class Wandering:
     def _watch_velocity(
         self, column: int, then: tuple[float, float], now: tuple[float, float], elapsed_s: float
     ) -> None:
-        share, (north_mps2, east_mps2) = min(elapsed_s / ACCELERATION_S, 1.0), self._accel_mps2[column]
+        share, (north_mps2, east_mps2) = min(elapsed_s / ACCELERATION_S, 1.0), self.accel_mps2[column]
         north_mps2 += share * ((now[0] - then[0]) / elapsed_s - north_mps2)
         east_mps2 += share * ((now[1] - then[1]) / elapsed_s - east_mps2)
-        self._accel_mps2[column] = north_mps2, east_mps2
+        self.accel_mps2[column] = north_mps2, east_mps2
 
     def _goes_astray(self, column: int, measured: Measured) -> bool:
         """Return whether a multirotor's velocity departs from the commanded one, or has and doesn't return.
@@ -255,7 +256,7 @@ class Wandering:
         told_mps, told_rad, _ = self._history.commanded(measured.stamps[column], column)
         if math.isnan(self._history.commanded(measured.stamps[column] - NANOSECONDS, column)[0]):
             return False
-        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self._accel_mps2[column]
+        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self.accel_mps2[column]
         north_mps, east_mps = told_mps * math.cos(told_rad) - north_mps, told_mps * math.sin(told_rad) - east_mps
         off_mps = math.hypot(north_mps, east_mps)
         if not off_mps > ASTRAY_MPS:
@@ -265,7 +266,7 @@ class Wandering:
 
     def _accelerated(self, column: int, measured: Measured) -> Triple:
         """Return the velocity, as speed and heading, that a multirotor reaches if it keeps accelerating."""
-        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self._accel_mps2[column]
+        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self.accel_mps2[column]
         north_mps, east_mps = north_mps + ACCELERATES_S * north_mps2, east_mps + ACCELERATES_S * east_mps2
         return math.hypot(north_mps, east_mps), math.atan2(east_mps, north_mps), math.nan
 

@@ -88,7 +88,14 @@ class Flown:
 def picture(vehicles: Vehicles, state: FlightStates, setpoints: Setpoints, age_s: float = 0.0) -> TrafficPicture:
     count, ours = len(vehicles.rows), vehicles.flown_by_us
     return TrafficPicture(
-        traffic=Traffic(state, np.zeros(count), np.where(ours, 0.0, vehicles.turn_rps), model(count), hovers=False),
+        traffic=Traffic(
+            state,
+            np.zeros(count),
+            np.where(ours, 0.0, vehicles.turn_rps),
+            model(count),
+            np.zeros((2, count)),
+            hovers=False,
+        ),
         setpoints=Setpoints(*np.where(ours, setpoints.table, np.nan)),
         commanded=ours,
         vehicles=np.arange(count),

@@ -50,7 +50,8 @@ def random_scene(seed: int, count: int, spread_m: float, unlike: float, *, hover
     slots_m[:, random.random(count) < 0.2] = np.nan
     kept = KeptDistance(KEPT_M, np.minimum(each_m, each_m.T) if random.random() < 0.5 else None)
     made = replace(made, slots_m=slots_m, kept=kept)
-    return replace(made, traffic=replace(made.traffic, lead_s=random.uniform(0, 0.3, count), hovers=hovers))
+    traffic = replace(made.traffic, lead_s=random.uniform(0, 0.3, count), hovers=hovers)
+    return replace(made, traffic=replace(traffic, accel_mps2=2 * unlike * random.uniform(-1, 1, (2, count))))
 
 
 @settings(max_examples=200, deadline=None)
@@ -93,11 +94,12 @@ def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
     look = FirstLook(models, first_s, horizon_s, hovers=hovers)
     states, setpoints = tables.states(made.traffic.state), tables.setpoints(made.setpoints)
     early_s, timing_s = made.traffic.lead_s.tolist(), made.timing_s.tolist()
+    accel = np.hypot(*made.traffic.accel_mps2).tolist()
     slots_m = [(forward, right, up) for forward, right, up in made.slots_m.T.tolist()]
     for _ in range(2):  # the second time in the order found
-        look.begin(states[0])
+        look.begin(states[0], setpoints[0][0], setpoints[0][1])
         for place, (state, told) in enumerate(zip(states, setpoints, strict=True)):
-            look.see(place, state, slots_m[place], told[0], told[1], early_s[place], timing_s[place])
+            look.see(place, state, slots_m[place], told[0], told[1], early_s[place], timing_s[place], accel[place])
         assert look.all_apart(made.kept) == (possible_pairs(made)[0].size == 0)
 
 
@@ -136,12 +138,11 @@ def test_among_many_the_search_for_pairs_that_are_near_finds_all_that_a_look_at_
     assert 0 < near.sum() < one.size
 
 
-def test_along_multirotors_is_as_the_leader_is_told_whatever_velocity_giving_way_has_left_it() -> None:
+def test_along_multirotors_is_as_the_leader_is_told_whatever_velocity_giving_way_or_braking_has_left_it() -> None:
     vehicles = Vehicles([[0, 0, 100, 25, 1, 0], [-12, 0, 100, 25, 1, 0]])
     made = picture(vehicles, vehicles.state, wanted(vehicles, 0.0))
     told = Setpoints(np.full(2, 17.0), np.full(2, 2.0), np.full(2, 100.0))
-    hovers = replace(made, setpoints=told, traffic=replace(made.traffic, hovers=True), evades=True)
+    hovers = replace(made, setpoints=told, traffic=replace(made.traffic, hovers=True))
     assert [each.tolist() for each in hovers.along] == [[17.0, 17.0], [2.0, 2.0]]
     assert hovers.lasting(0) == (17.0, 2.0)
-    for other in (made, replace(hovers, evades=False)):
-        assert [each.tolist() for each in other.along] == [[25.0, 25.0], [1.0, 1.0]]
+    assert [each.tolist() for each in made.along] == [[25.0, 25.0], [1.0, 1.0]]

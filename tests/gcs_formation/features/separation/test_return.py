@@ -32,7 +32,7 @@ def picture(
     state: FlightStates, law: Setpoints, models: AutopilotModels, given_way_s: Array | None = None
 ) -> TrafficPicture:
     return TrafficPicture(
-        traffic=Traffic(state, np.zeros(2), np.zeros(2), models, hovers=False),
+        traffic=Traffic(state, np.zeros(2), np.zeros(2), models, np.zeros((2, 2)), hovers=False),
         setpoints=law,
         commanded=np.ones(2, dtype=bool),
         vehicles=np.arange(2),
