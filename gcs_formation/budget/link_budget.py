@@ -63,10 +63,10 @@ class VehicleBudget:
 
         Of one that isn't heard rates stay: what a silence lost is counted by them.
         """
-        setpoints = self.vehicle.setpoints
-        setpoints.tolerance = EVERYTHING if near and not self.level else 1.0
-        heard = seconds_between(self.vehicle.connection.last_heard, now) < SILENT_S
-        if heard and (near or (setpoints.lost_at > Instant(0) and setpoints.loses(now))):
+        vehicle = self.vehicle
+        vehicle.setpoints.tolerance = EVERYTHING if near and not self.level else 1.0
+        heard = seconds_between(vehicle.connection.last_heard, now) < SILENT_S
+        if heard and (near or seconds_between(vehicle.frames_lost_at, now) < LOSSY_S):
             self._careful_at = now
 
     def judge(self, now: Instant) -> int:

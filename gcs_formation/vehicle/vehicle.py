@@ -94,6 +94,8 @@ class Vehicle:
     jitter: JitterMeter
     sequence: SequenceTracker
 
+    frames_lost_at: Instant = LONG_AGO
+    """When frames of it were last missing."""
     holds_from: Instant = LONG_AGO
     """When it was last commanded to loiter while the others fly on."""
 
@@ -182,7 +184,7 @@ class Vehicle:
         if self.history.may_be_copy and not sequence.may_follow(frame.sequence, now, self.connection.last_heard):
             sequence.doubt(frame.sequence)
         elif sequence.observe(frame.sequence, now, self.connection.last_heard):
-            self.setpoints.lost_at = now
+            self.setpoints.lost_at = self.frames_lost_at = now
         changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
         turned_s = self.source_binding.turned_s
         if turned_s and isinstance(message, (GlobalPositionInt, Attitude, SystemTime)):

@@ -63,8 +63,8 @@ def test_behind_a_leader_that_takes_over_on_a_slope_nobody_is_told_another_heigh
 ) -> None:
     """The successor, 60 m to the side, is lifted for a ridge there; a climb may be up to 0.3 m per tick.
 
-    A height is sent once the integral of what it differs from the last one exceeds 0.1 m s: in such a climb after 3
-    ticks, 0.1 s × (0.3 + 0.6 + 0.9) m, so that steps add up those of the ticks for which nothing was sent.
+    A height is sent once the integral of what it differs from the last one exceeds 0.2 m s: in such a climb after 4
+    ticks, 0.1 s × (0.3 + 0.6 + 0.9 + 1.2) m, so that steps add up those of the ticks for which nothing was sent.
     """
     ridge = {"name": "ridge", "north_m": 500, "east_m": -60, "height_m": 45, "radius_m": 50, "length_m": 500}
     fly(
@@ -87,7 +87,7 @@ def test_behind_a_leader_that_takes_over_on_a_slope_nobody_is_told_another_heigh
         steps_m = np.diff(told_m)
         sent = np.flatnonzero(steps_m)
         held_ticks = np.diff(sent, prepend=-1)
-        assert np.all(np.abs(steps_m[sent]) < 0.5 + 0.3 * np.minimum(held_ticks, 3))
+        assert np.all(np.abs(steps_m[sent]) < 0.5 + 0.3 * np.minimum(held_ticks, 4))
     late = columns["mission_time_s"] > begun_s
     assert columns["clearance_m"][late & (columns["vehicle"] != 1)].min() > 59.0
     assert np.nanmax(np.abs(columns["error_z_m"][late & follower])) < 0.3
