@@ -90,7 +90,7 @@ def ignores_in_the_air(world: World) -> None:
         pytest.param(
             Unready,
             nothing,
-            ("mode", "MANUAL"),
+            ("mode", "TAKEOFF"),
             90,
             "we waited for it to be ready to arm (no EKF_STATUS_REPORT)",
             marks=pytest.mark.slow,
