@@ -40,7 +40,6 @@ TIMING_SHARE: Final = 0.1
 RESERVE_TICKS: Final = 2.0
 RESERVE_LEAST_S, RESERVE_MOST_S = 0.2, 1.0
 """How much longer than a tick a setpoint is taken to act, in ticks within these limits: the next ones may be lost."""
-AT_REST: Final = (0.0, 0.0)
 STEP_NS: Final = NANOSECONDS // 10
 """Steps in which accelerations are predicted through the setpoints in flight."""
 LASTS_S: Final = 30.0
@@ -252,7 +251,7 @@ class ConflictResolver:
         It is 0 for uncommanded vehicles, whose accelerations are intents of their own.
         """
         if not self._hovers or not measured.active[column]:
-            return AT_REST
+            return 0.0, 0.0
         at, acts, model = measured.stamps[column], measured.acts[column], self._models[column]
         (north_mps, east_mps), accel_mps2 = measured.states[column].ground_mps(), self._wandering.accel_mps2[column]
         while at < acts:
@@ -356,7 +355,7 @@ def wanted_mps2(
 ) -> tuple[float, float]:
     """Return the acceleration of a multirotor's model towards a commanded velocity; 0 where none is commanded."""
     if math.isnan(speed_mps) or math.isnan(heading_rad):
-        return AT_REST
+        return 0.0, 0.0
     north_mps, east_mps = (
         speed_mps * math.cos(heading_rad) - ground_mps[0],
         speed_mps * math.sin(heading_rad) - ground_mps[1],
