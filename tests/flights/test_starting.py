@@ -90,8 +90,8 @@ def ignores_in_the_air(world: World) -> None:
         pytest.param(
             Unready,
             nothing,
-            ("mode", "TAKEOFF"),
-            90,
+            ("mode", "MANUAL"),
+            92.4,  # 90 s after what it tells last showed progress
             "we waited for it to be ready to arm (no EKF_STATUS_REPORT)",
             marks=pytest.mark.slow,
         ),
