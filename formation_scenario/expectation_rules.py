@@ -23,7 +23,7 @@ from formation_scenario.start_states_and_end_times import latest_end_s
 
 
 def measurable(scenario: Scenario) -> Iterator[Finding]:
-    """Yield expectations of nobody: of followers if there are none, or of a single vehicle's separation."""
+    """Yield expectations without a subject: of followers if there are none, or of a single vehicle's separation."""
     for index, entry in enumerate(scenario.expect):
         path: KeyPath = ("expect", index, "metric")
         if entry.metric in OF_FOLLOWERS and not scenario.followers:
@@ -43,7 +43,7 @@ def ranges(scenario: Scenario) -> Iterator[Finding]:
 
 
 def expectations(scenario: Scenario) -> Iterator[Finding]:
-    """Yield expectations of nobody, without a bound, with a window that is never flown, or that can't be met."""
+    """Yield expectations without a subject or a bound, with a window that is never flown, or that can't be met."""
     yield from measurable(scenario)
     yield from ranges(scenario)
     end_s = _latest_end_s(scenario)

@@ -278,7 +278,7 @@ class FormationController:
         return Tick(now, mission_time_s, phase, self.plan.leader, links, age_s, list(margin_used), active)
 
     def bound(self, column: int, accel_max_mps2: float, turn_rate_max_rps: float) -> None:
-        """Bound a vehicle's setpoints by limits that it has told."""
+        """Bound a vehicle's setpoints by limits that it has reported."""
         self.models[column].bound(accel_max_mps2, turn_rate_max_rps)
 
     def _limit_speeds(self, links: list[VehicleLink]) -> None:

@@ -1,6 +1,6 @@
 """Faults of telemetry on a link: what passes from vehicles is altered, frame by frame; the rest passes as it is.
 
-A signed frame passes unaltered: whoever alters one can't sign it again.
+A signed frame passes unaltered: it couldn't be signed again.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ class Feature:
     """
 
     does: str
-    """What it does, in a few words, for whoever asks which features there are."""
+    """What it does, in a few words, for those who ask which features there are."""
     stages: Callable[[Cycle], Sequence[Stage]]
     """Makes its stages for a flight."""
     events: Mapping[str, str] = field(default_factory=dict)

@@ -156,7 +156,7 @@ class AirspeedScale:
         return self._slowest_mps * max(1.0, ratio), self._fastest_mps * min(1.0, ratio)
 
     def bound(self, slowest_mps: float, fastest_mps: float) -> None:
-        """Narrow the limits of commanded readings: the vehicle has told its own."""
+        """Narrow the limits of commanded readings: the vehicle has reported its own."""
         self._slowest_mps = max(self._slowest_mps, slowest_mps)
         self._fastest_mps = min(self._fastest_mps, fastest_mps)
 

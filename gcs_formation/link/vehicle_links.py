@@ -56,11 +56,11 @@ BARRED_MAX_S: Final = 30.0
 FORGIVEN_S: Final = 60.0
 """After this time without a failure a link is barred for `BARRED_S` again."""
 RESTARTED_S: Final = 10.0
-"""A stamp that is older by more than this is of a clock that has begun anew; the link's own history has judged that."""
+"""A stamp that is older by more than this is of a clock that has restarted; the link's own history has judged that."""
 GONE: Final = (LinkState.SEARCHING, LinkState.LOST)
-"""Nobody speaks for the vehicle on a link in these states: then another link may, whatever its clock."""
+"""Nothing is heard of the vehicle on a link in these states: then another link may, whatever its clock."""
 DISAGREES_S: Final = 3.0
-"""After this time a clock that differs is another vehicle's; one that has just begun anew is soon seen on all links."""
+"""After this time a clock that differs is another vehicle's; one that has just restarted is soon seen on all links."""
 ANSWERS: Final = frozenset(
     (
         m.MAVLINK_MSG_ID_COMMAND_ACK,

@@ -40,8 +40,11 @@ class ReadLimits:
             return
         autopilot, model = vehicle.autopilot, self._models[vehicle.identity]
         own = {key: value for key, value, _ in bounds}
-        told = autopilot.airspeed_to_tell(model.speed_min_mps), autopilot.airspeed_to_tell(model.speed_max_mps)
-        slowest_mps, fastest_mps = max(own.get(LEAST, told[0]), told[0]), min(own.get(MOST, told[1]), told[1])
+        reported = autopilot.airspeed_to_tell(model.speed_min_mps), autopilot.airspeed_to_tell(model.speed_max_mps)
+        slowest_mps, fastest_mps = (
+            max(own.get(LEAST, reported[0]), reported[0]),
+            min(own.get(MOST, reported[1]), reported[1]),
+        )
         if not slowest_mps < fastest_mps:
             return  # no speed is left; the check of the parameter refuses it
         autopilot.bound_speeds(slowest_mps, fastest_mps)

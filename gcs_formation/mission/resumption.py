@@ -2,7 +2,7 @@
 
 No vehicle is armed or takes off. A vehicle that isn't as the flight had left it is under other control, and left alone,
 unless its own failsafe explains its mode: its parameters say so, and it was without a station for long enough. Attempts
-may follow one another: one in which nobody was taken over leaves no trace in the flight's state.
+may follow one another: one in which no vehicle was taken over leaves no trace in the flight's state.
 """
 
 from __future__ import annotations
@@ -228,7 +228,7 @@ class Takeover:
         return None
 
     def is_over(self, now: Instant) -> bool:
-        """Return whether nothing is left to do: the flight was at its end, and nobody follows setpoints any more."""
+        """Return whether nothing is left to do: the flight had ended, and no vehicle follows setpoints any more."""
         if self.resumed is None or not self.resumed.ending or not self._decided:
             return False
         return not self.took_any and self.settled(now)

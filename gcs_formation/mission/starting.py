@@ -63,7 +63,7 @@ class AsFound:
     least_mps: float
     """The lowest airspeed at which it flies."""
     first: ReportedMotion
-    """The position that it told first."""
+    """The position that it reported first."""
     flies: bool
     """Whether it's in the air already."""
 
@@ -105,7 +105,7 @@ class PreFlight:
         """What features check before the first command, in their order."""
         emulated = (each.vehicle_id for each in scenario.vehicles if each.autopilot == "emulator")
         self._nobodys = frozenset(emulated if scenario.start.in_air else ())
-        """Vehicles that begin in the air, and so fly under nobody's command."""
+        """Vehicles that begin in the air, and so are not under another command."""
         self._judged = set[VehicleId]()
         self._refused, self._gave_up = list[str](), False
         """What prevents the take-off, in words, and whether that has ended the run."""
@@ -167,7 +167,9 @@ class PreFlight:
                 found += [(vehicle, request) for request in reader.requests(now)]
         if len(self._judged) == len(self._readers) and not (self.passed or self._gave_up):
             refused = [*self._refused, *self._unasked(), *self._beyond_limits()]
-            self._gave_up = bool(refused)  # only now: whoever mends one vehicle's parameters wants to know of all
+            self._gave_up = bool(
+                refused
+            )  # only now: an operator who mends one vehicle's parameters wants to know of all
             if refused:
                 self._give_up("; ".join(refused), now)
         return found
@@ -178,7 +180,7 @@ class PreFlight:
         return self.limits.unflyable() if grounded and not self._refused else []
 
     def _unasked(self) -> list[str]:
-        """Return in words which vehicles would be taken from whoever flies them, unasked."""
+        """Return in words which vehicles would be taken, unasked, from those who fly them."""
         if self._may_take:
             return []
         return [f"vehicle {each.identity} {_flies(mode)}{TAKE}" for each, mode in self.flown_by_others]

@@ -119,7 +119,7 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, take: bool) 
 
 
 def without_vain_attempts(events: Events) -> tuple[Events, list[tuple[float, float]]]:
-    """Return the events without those of attempts to resume in which nobody was taken over, and when these were, s.
+    """Return the events without those of attempts to resume in which no vehicle was taken over, and when these were, s.
 
     Such an attempt has changed nothing: whatever comes after it goes on from the state before it.
     """
@@ -138,7 +138,7 @@ def without_vain_attempts(events: Events) -> tuple[Events, list[tuple[float, flo
 def _was_ending(events: Events, recorded: Phase) -> bool:
     """Return whether a flight was at its end, in which vehicles are to circle; `recorded`: the last tick's phase.
 
-    A flight that couldn't go on isn't: whoever resumes it wants it to.
+    A flight that couldn't go on isn't: it is resumed to go on.
     """
     phases = [event for event in events if event["kind"] == "phase"]
     ends = list[Mapping[str, Any]]()

@@ -352,7 +352,7 @@ class Autopilot(ABC):
         return self._bounds_mps if self.airspeed_scale is None else self.airspeed_scale.speeds_mps
 
     def bound_speeds(self, slowest_mps: float, fastest_mps: float) -> None:
-        """Command no airspeeds beyond these, as told: the vehicle's parameters refuse or cut off others."""
+        """Command no airspeeds beyond these, as reported: the vehicle's parameters refuse or cut off others."""
         if self.airspeed_scale is None:
             self._bounds_mps = slowest_mps, fastest_mps
         else:

@@ -63,7 +63,7 @@ class Check:
     older: Check | None = None
     """The check of the same parameter in earlier versions, under another name and in another unit."""
     bounds: Callable[[float], tuple[str, float]] | None = None
-    """Returns the key of the model that a value bounds, and the bound, airspeeds as told; None if it bounds none."""
+    """The key of the model that a value bounds, and the bound, airspeeds as reported; None if it bounds none."""
     old: bool = False
     """Whether only versions have it that are rare by now: it's asked for once the newer name isn't answered."""
 

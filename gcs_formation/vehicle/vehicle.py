@@ -449,7 +449,7 @@ class Vehicle:
             self.jitter.forget()  # the first answer shows that earlier stamps had wrapped
 
     def _begin_again(self) -> None:
-        """Take note that its clock has begun anew: each link shows that, the one in use counts."""
+        """Take note that its clock has restarted: each link shows that, the one in use counts."""
         if self.links is None or self.connection is self.links.in_use.connection:
             self.restart()
         else:

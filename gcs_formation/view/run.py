@@ -211,7 +211,7 @@ class RunRecording:
 
 
 def _by_radio(scenario: Scenario) -> Collection[int] | None:
-    """Return of whom a radio's report in the log is: nobody is known of several radios until the flight is over."""
+    """Return of whom a radio's report in the log is: none is known of several radios until the flight is over."""
     radios = scenario.channel_members()
     if len(radios) == 1:
         return {vehicle.vehicle_id.system for vehicle in radios[0][1]}

@@ -11,7 +11,7 @@ from gcs_formation.phases import COMMANDED
 
 
 class GainDesign(Stage):
-    """Designs gains anew for slower links, before margins are judged by these gains."""
+    """Designs gains again for slower links, before margins are judged by these gains."""
 
     name = "gain_design"
     when = EACH_SECOND

@@ -198,11 +198,11 @@ def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[Flig
     count = traffic.lead_s.size
     twice = np.concatenate((np.arange(count), np.arange(count)))
     both, elapsed_s = traffic.take(twice), np.concatenate((traffic.lead_s, traffic.lead_s + times_s[1]))
-    told, accel_mps2 = manoeuvre.first.table[:, twice], both.accel_mps2
+    commanded, accel_mps2 = manoeuvre.first.table[:, twice], both.accel_mps2
     if traffic.hovers:
-        state, accel_mps2 = _hovered(both, told, elapsed_s)
+        state, accel_mps2 = _hovered(both, commanded, elapsed_s)
     else:
-        state = advance(both.state, told, elapsed_s, both.model).turned(both.turn_rps, elapsed_s)
+        state = advance(both.state, commanded, elapsed_s, both.model).turned(both.turn_rps, elapsed_s)
     return state.take(twice[:count]), state.take(twice[count:] + count), accel_mps2[:, count:]
 
 
@@ -249,12 +249,12 @@ def _wanted_mps2(from_mps: Array, aim_mps: Array, model: AutopilotModels) -> Arr
     return error * np.minimum(1 / model.tau_v_s, model.accel_max_mps2 / np.maximum(size, 1e-9))
 
 
-def _hovered(traffic: Traffic, told: Array, elapsed_s: Array) -> tuple[FlightStates, Array]:
+def _hovered(traffic: Traffic, commanded: Array, elapsed_s: Array) -> tuple[FlightStates, Array]:
     """Return multirotors' states and accelerations when setpoints (3, N) have been held for `elapsed_s` (N,)."""
     begin, model = traffic.state, traffic.model
-    aim_mps = velocity_aimed_at(begin, told[:2], model)
+    aim_mps = velocity_aimed_at(begin, commanded[:2], model)
     on = CarriedOn.of(traffic.accel_mps2, begin.ground_mps, aim_mps, model)
-    aimed = np.array((*_polar(aim_mps), told[2]))
+    aimed = np.array((*_polar(aim_mps), commanded[2]))
     state = advance_hovering(_moving(begin, begin.level_m, begin.ground_mps + on.all_mps), aimed, elapsed_s, model)
     accel_mps2 = _wanted_mps2(state.ground_mps, aim_mps, model) + on.change_mps2 * on.share_left(elapsed_s)
     level_m, ground_mps = state.level_m - on.behind_m(elapsed_s), state.ground_mps - on.left_mps(elapsed_s[None])[:, 0]

@@ -41,7 +41,7 @@ SET_OFF: Final = (0.0, 1 / 3, 2 / 3, 1.0)
 
 
 BLIND_NS: Final = 3 * NANOSECONDS // 2
-"""A vehicle that is commanded to stop and has told no position for so long stops where it isn't seen."""
+"""A vehicle that is commanded to stop and has reported no position for so long stops where it isn't seen."""
 BRAKES_NS: Final = (0, NANOSECONDS, 2 * NANOSECONDS)
 """How much later than the link's delay the command may reach it: it is repeated until it is acknowledged."""
 

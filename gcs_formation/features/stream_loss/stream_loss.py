@@ -123,7 +123,7 @@ class StreamLoss(FrameLoss):
 
 
 class StreamLosses(Stage):
-    """Judges the windows of all vehicles that are over. Whoever asks for a loss gets it by these from then on."""
+    """Judges the windows of all vehicles that are over. A loss that is asked for is by these from then on."""
 
     name = "stream_loss"
     when = EACH_SECOND

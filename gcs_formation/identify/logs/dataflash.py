@@ -263,9 +263,7 @@ def _guided_copter(messages: _Messages) -> Track | None:
         return None
     track = _track(messages, "GUIP", GUIP_IDENTIFIES, "arducopter")
     track.seen, track.follows = HOVERING_SEEN, frozenset({"GUIDED", "GUIDED_NOGPS"})
-    velocities = (
-        (3.0, 4.0) if "aX" in table else (2.0, 3.0)
-    )  # position with velocity, and velocity; numbered anew in 4.1
+    velocities = (3.0, 4.0) if "aX" in table else (2.0, 3.0)  # position with velocity, and velocity; renumbered in 4.1
     kept = np.isin(table["Type"], velocities)
     at_s, scale = table["at_s"][kept], 0.01 if _in_centimetres(messages) else 1.0
     north, east, up = (scale * table[name][kept] for name in ("vX", "vY", "vZ"))

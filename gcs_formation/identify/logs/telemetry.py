@@ -74,8 +74,8 @@ class _Telemetry:
     def take(self, at_s: float, frame: Frame) -> None:
         self.end_s = at_s
         match frame.message:
-            case CommandInt(target_system=system, command=command) as told if command in COMMANDS:
-                _take_command(self.commanded[system], at_s, told)
+            case CommandInt(target_system=system, command=command) as sent if command in COMMANDS:
+                _take_command(self.commanded[system], at_s, sent)
             case CommandInt(command=m.MAV_CMD_DO_REPOSITION) as place:
                 _take_place(self.commanded[place.target_system], at_s, place)
             case SetPositionTargetLocalNed() as velocity:
@@ -155,11 +155,11 @@ def read_telemetry(log: Path) -> Log:
     return telemetry.log()
 
 
-def _take_command(track: Track, at_s: float, told: CommandInt) -> None:
-    values = {"speed": told.param2, "heading": math.radians(told.param2), "height": told.z}
-    track.add(at_s, {COMMANDS[told.command]: values[COMMANDS[told.command]]})
-    if told.command == m.MAV_CMD_GUIDED_CHANGE_HEADING:
-        track.add(at_s, {"lateral": max(told.param3, LEAST_LATERAL_MPS2)})
+def _take_command(track: Track, at_s: float, sent: CommandInt) -> None:
+    values = {"speed": sent.param2, "heading": math.radians(sent.param2), "height": sent.z}
+    track.add(at_s, {COMMANDS[sent.command]: values[COMMANDS[sent.command]]})
+    if sent.command == m.MAV_CMD_GUIDED_CHANGE_HEADING:
+        track.add(at_s, {"lateral": max(sent.param3, LEAST_LATERAL_MPS2)})
 
 
 def _take_place(track: Track, at_s: float, place: CommandInt) -> None:

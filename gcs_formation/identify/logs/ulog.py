@@ -139,8 +139,11 @@ def _rotors(file: ULogFile) -> list[Track]:
     position, found = file.topics.get("vehicle_local_position"), list[Track]()
     if position is None:
         return found
-    told = (("trajectory_setpoint", TRAJECTORY_IDENTIFIES), ("vehicle_local_position_setpoint", CONTROLLER_IDENTIFIES))
-    for topic, identifies in told:
+    commanded = (
+        ("trajectory_setpoint", TRAJECTORY_IDENTIFIES),
+        ("vehicle_local_position_setpoint", CONTROLLER_IDENTIFIES),
+    )
+    for topic, identifies in commanded:
         table = file.topics.get(topic)
         velocity = [] if table is None else [_column(table, names) for names in _fields("velocity", "v")]
         if table is None or any(each is None for each in velocity):
