@@ -20,7 +20,7 @@ NO_EXTRA: Final = 2**56 - 1
 ONE: Final = 0x8000
 X_16: Final = 0x8408
 """Remainders of x^0, and of x^16 = x^12 + x^5 + 1."""
-MOST_COVERED: Final = 9 + 255
+MAX_COVERED: Final = 9 + 255
 """Most bytes of a frame that its checksum covers: the longest header after the marker, and the longest payload."""
 
 
@@ -111,7 +111,7 @@ def _product(one: i64, other: i64) -> i64:
 def _shifts() -> list[int]:
     """Return the factors of a remainder for n following bytes, by n: x^8n."""
     powers = [ONE]
-    for _ in range(MOST_COVERED):
+    for _ in range(MAX_COVERED):
         powers.append(with_byte(powers[-1], 0))
     return powers
 

@@ -24,7 +24,7 @@ ANSWER_S: Final = 10.0
 """A request without an answer for so long is lost."""
 SORTED_S: Final = 60.0
 """Rows are written in the order of their times: each once nothing can come that is older."""
-MOST_BYTES: Final = 15_000_000
+MAX_BYTES: Final = 15_000_000
 """As much as a scenario reads; the record ends there."""
 
 
@@ -77,7 +77,7 @@ class DelayRecord:
         self._rows.push(at, (place, delay_s))
 
     def _write(self, until: Instant) -> None:
-        while (at := self._rows.next()) is not None and at <= until and self._written < MOST_BYTES:
+        while (at := self._rows.next()) is not None and at <= until and self._written < MAX_BYTES:
             for place, delay_s in self._rows.pop_due(at):
                 at_s = seconds_between(self._began if self._began is not None else at, at)
                 filled = f"{max(at_s, 0.0):.6f},{'' if delay_s is None else f'{1e3 * delay_s:.3f}'}"

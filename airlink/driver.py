@@ -22,7 +22,7 @@ PORTION: Final = 4096
 DATAGRAM_COST: Final = 32
 """Bytes added to the size of each datagram for that."""
 PATIENCE_NS: Final = 20_000_000
-MOST_PATIENCE_NS: Final = 1_000_000_000
+MAX_PATIENCE_NS: Final = 1_000_000_000
 """Limits of how long a due timer waits until arrived datagrams are passed on; between them, as long as the process was
 held up."""
 IDLE_WAIT_S: Final = 0.1
@@ -148,7 +148,7 @@ class Driver:
         begun_ns = time.monotonic_ns()
         late_ns = int((now - timer) / self._clock.speedup)
         held_up_ns = min(late_ns, begun_ns - self._attended_ns)
-        ends_ns = begun_ns + min(max(held_up_ns, PATIENCE_NS), MOST_PATIENCE_NS)
+        ends_ns = begun_ns + min(max(held_up_ns, PATIENCE_NS), MAX_PATIENCE_NS)
         while self._pass_on(0.0) and time.monotonic_ns() < ends_ns:
             pass
         self._engine.handle_timer(self._clock.now())

@@ -23,7 +23,7 @@ from airlink.messages.system import Heartbeat, SetupSigning
 
 FORGOTTEN_S: Final = 30.0
 """A peer that hasn't sent for this long is sent nothing more."""
-MOST_PEERS: Final = 8
+MAX_PEERS: Final = 8
 """At each endpoint; further ones aren't heard."""
 ACK_ID: Final = m.MAVLINK_MSG_ID_COMMAND_ACK.to_bytes(3, "little")
 ACK_SYSTEM: Final = HEADER_V2 + 8
@@ -134,14 +134,14 @@ class Forwarding(Engine):
         peer = peers.get(datagram.peer)
         if peer is None:
             peers = self._peers[place] = {at: each for at, each in peers.items() if each.until > now}
-            if len(peers) == MOST_PEERS:
+            if len(peers) == MAX_PEERS:
                 return
             peer = Peer()
         for frame in peer.parser.feed(datagram.data):
             peer.until = after(now, FORGOTTEN_S)
             peers[datagram.peer] = peer
             sender = ComponentId(frame.system, frame.component)
-            if sender not in peer.senders and len(peer.senders) < MOST_PEERS:
+            if sender not in peer.senders and len(peer.senders) < MAX_PEERS:
                 peer.senders.add(sender)
                 self._joined(sender, datagram.peer, now)
             if self._forwards[place].takes and self._passes(frame):

@@ -143,7 +143,7 @@ class ParserCounts:
         )
 
 
-MOST_REFUSED: Final = 12
+MAX_REFUSED: Final = 12
 """Candidates in a datagram from a network that may be no frames; after as many its rest is skipped."""
 
 
@@ -154,12 +154,12 @@ class StreamParser:
     one. So the frames found don't depend on how the bytes were split.
     """
 
-    def __init__(self, most_refused: int = 0) -> None:
-        """Start with no bytes; `most_refused`: after so many refused candidates, what is given at once is skipped.
+    def __init__(self, max_refused: int = 0) -> None:
+        """Start with no bytes; `max_refused`: after so many refused candidates, what is given at once is skipped.
 
         0 is no limit: every frame is found, in a time that grows with the bytes.
         """
-        self._most_refused = most_refused
+        self._max_refused = max_refused
         self.counts = ParserCounts()
         self._pending = b""
         self._refused_to = 0
@@ -194,7 +194,7 @@ class StreamParser:
         offset, end, sound, refused = 0, len(data), 0, 0
         kept = end  # the earliest start of a candidate that isn't complete
         # Of a dozen candidates each by itself is cheaper.
-        candidates, checksums = Candidates(data, self._refused_to), None if self._most_refused else Checksums(data)
+        candidates, checksums = Candidates(data, self._refused_to), None if self._max_refused else Checksums(data)
         while (offset := candidates.next(offset)) < end:
             following = offset + frame_length(data, offset)
             counted = offset >= candidates.refused_to and kept == end
@@ -207,7 +207,7 @@ class StreamParser:
                     continue
                 candidates.refuse(following)
                 refused += 1
-                if refused == self._most_refused:
+                if refused == self._max_refused:
                     candidates.refused_to, kept = 0, end
                     break
             elif candidates.is_likely(offset):
@@ -377,7 +377,7 @@ class Receiver:
             self._parsers.move_to_end(peer)
         parser = of_peer.get(socket)
         if parser is None:
-            parser = of_peer[socket] = StreamParser(MOST_REFUSED)
+            parser = of_peer[socket] = StreamParser(MAX_REFUSED)
         return parser
 
     def counts(self, socket: int, peer: Address | None) -> ParserCounts:

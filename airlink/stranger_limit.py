@@ -28,13 +28,13 @@ class Share:
 
     def __init__(self, bytes_per_s: float, at_once_bytes: float, now_ns: int) -> None:
         """Start full."""
-        self._bytes_per_s, self._most, self._left = bytes_per_s, at_once_bytes, at_once_bytes
+        self._bytes_per_s, self._max, self._left = bytes_per_s, at_once_bytes, at_once_bytes
         self._refilled_ns = now_ns
 
     def has(self, now_ns: int) -> bool:
         """Return whether anything is left; a datagram larger than that is read whole, and the debt paid off first."""
         since_s = (now_ns - self._refilled_ns) / NANOSECONDS
-        self._left = min(self._most, self._left + self._bytes_per_s * since_s)
+        self._left = min(self._max, self._left + self._bytes_per_s * since_s)
         self._refilled_ns = now_ns
         return self._left > 0.0
 

@@ -57,8 +57,8 @@ def fly(case: Case) -> list[list[str]]:
     found: dict[tuple[float, str], float] = {}
     for verdict in summary.verdicts:
         key = verdict.expectation.from_s, verdict.expectation.metric
-        least = min if verdict.expectation.metric == "min_separation_m" else max
-        found[key] = least(found.get(key, verdict.value or 0.0), verdict.value or 0.0)
+        worst = min if verdict.expectation.metric == "min_separation_m" else max
+        found[key] = worst(found.get(key, verdict.value or 0.0), verdict.value or 0.0)
     case_cells = [case.frame.split("_")[0], f"{case.delay_ms:g} ms", str(case.followers)]
     rows: list[list[str]] = []
     for shape, way_s, at_s in zip(case.shapes, ways_s, begins_s, strict=True):

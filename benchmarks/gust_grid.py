@@ -82,7 +82,7 @@ def row(case: Case, errors: Sequence[GustError]) -> list[str]:
         mine = [error for error in errors if error.axis == axis]
         largest, nearest = max(mine, key=lambda error: error.found_m), max(mine, key=used)
         cells += [f"{largest.found_m:.3f}", f"{nearest.round_trip_s:.2f}", f"{nearest.found_m:.3f}"]
-        cells += [f"{nearest.least_m:.3f}", f"{nearest.allowed_m:.3f}"]
+        cells += [f"{nearest.min_m:.3f}", f"{nearest.allowed_m:.3f}"]
     return [*cells, f"{sum(used(error) <= 1.0 for error in errors)} of {len(errors)}"]
 
 

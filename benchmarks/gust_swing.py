@@ -25,7 +25,7 @@ GUST_MPS, SPEED_MPS, ACCEL_MPS2, TURN_RPS = 0.6, 22.0, 1.5, 0.25
 STEP_S, STEPS = 0.02, 250
 
 
-def least_share(round_trip_s: float, x_rc_m: float, y_rc_m: float) -> float:
+def min_share(round_trip_s: float, x_rc_m: float, y_rc_m: float) -> float:
     """Return the share for the slot on that side on which its swing adds to the gust."""
     time_s, each = np.arange(1, STEPS + 1) * STEP_S, np.eye(STEPS)
     integral = np.tril(np.ones((STEPS, STEPS))) * STEP_S
@@ -38,14 +38,14 @@ def least_share(round_trip_s: float, x_rc_m: float, y_rc_m: float) -> float:
     share = -np.repeat(allowed, STEPS, axis=0)
     turned = np.block([np.zeros_like(each), each - np.eye(STEPS, k=-1), np.zeros((STEPS, 1))])
     rows = np.vstack((np.hstack((acts, share)), np.hstack((-acts, share)), turned, -turned))
-    most = np.concatenate((-carried, carried, np.full(2 * STEPS, TURN_RPS * STEP_S)))
+    bounds_max = np.concatenate((-carried, carried, np.full(2 * STEPS, TURN_RPS * STEP_S)))
     # At the end the follower moves at the speed of its slot.
     settled = np.concatenate((np.full(STEPS, STEP_S), np.zeros(STEPS + 1)))[None]
     bounds = [(-ACCEL_MPS2, ACCEL_MPS2)] * STEPS + [(None, None)] * STEPS + [(0.0, None)]
     cost = np.append(np.zeros(2 * STEPS), 1.0)
-    least_m = linprog(cost, rows, most, settled, [GUST_MPS], bounds, method="highs").fun
-    assert least_m is not None
-    return float(least_m)
+    min_m = linprog(cost, rows, bounds_max, settled, [GUST_MPS], bounds, method="highs").fun
+    assert min_m is not None
+    return float(min_m)
 
 
 def main() -> None:
@@ -53,7 +53,7 @@ def main() -> None:
     rows: list[list[str]] = []
     for delay_ms in DELAYS_MS:
         round_trip_s = loop_delay_s(delay_ms / 1e3, delay_ms / 1e3, 10.0, 10.0)
-        shares = [f"{least_share(round_trip_s, *slot):.2f}" for slot in SLOTS_M]
+        shares = [f"{min_share(round_trip_s, *slot):.2f}" for slot in SLOTS_M]
         rows.append([f"{delay_ms} ms", f"{round_trip_s:.3f}", *shares])
     print(markdown(["links each way", "T, s", *(f"slot {x:g} m behind, {y:g} m aside" for x, y in SLOTS_M)], rows))
 

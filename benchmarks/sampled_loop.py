@@ -59,8 +59,8 @@ def pid(gains: PidGains, mixer: Mixer, tau_s: float, tick_s: float, filter_keeps
 def consensus(scenario: Scenario, tau_s: float) -> SampledLaw:
     """Return protocol (3) in the mode of its largest eigenvalue; it has no memory."""
     law, weights = scenario.law.consensus, scenario.adjacency
-    most = float(np.linalg.eigvals(np.diag(weights.sum(axis=1)) - weights).real.max())
-    says = tau_s * np.array((most * law.k1, 1.0 / tau_s - law.k3 - most * law.k2, 0.0))
+    largest = float(np.linalg.eigvals(np.diag(weights.sum(axis=1)) - weights).real.max())
+    says = tau_s * np.array((largest * law.k1, 1.0 / tau_s - law.k3 - largest * law.k2, 0.0))
     return SampledLaw(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros(0), says)
 
 

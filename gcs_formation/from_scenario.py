@@ -35,16 +35,16 @@ from gcs_formation.guidance.added_steps import AddedSteps
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from gcs_formation.guidance.slot_clearance import SlotClearance
 from gcs_formation.guidance.timed_progress import TimedProgress
-from gcs_formation.guidance.tracking import LEAST_MPS
+from gcs_formation.guidance.tracking import MIN_MPS
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.own_delays import OwnDelays
 from gcs_formation.vehicle.autopilot_family import Autopilot, Craft
 from gcs_formation.vehicle.command_delivery import GAP_S
 from gcs_formation.vehicle.vehicle import Vehicle
 
-MOST_REPEATED_S = 1.0
+MAX_REPEATED_S = 1.0
 """Longest averaging time: in gusts, averages over more follow model (7) instead of the vehicle."""
-LEAST_OF_DECLARED = 0.25
+MIN_OF_DECLARED = 0.25
 """Lower bound of estimated noise, as a share of the declared noise."""
 HOLD_SHARE = 0.8
 """Share of the speed range above and below the path's speed that turns before the path may use."""
@@ -110,7 +110,7 @@ def declared_noise(scenario: Scenario) -> list[VehicleNoise]:
             white, repeated = _noise(vehicle.navigation), _repeated(vehicle.navigation, scenario.telemetry.rate_hz)
             seen = repeated == 1.0 and vehicle.navigation.correlation_s == 0.0
             sigma[column] = np.maximum(repeated * white, RESOLUTION)
-            least[column] = np.maximum(sigma[column] * (LEAST_OF_DECLARED if seen else 1.0), RESOLUTION)
+            least[column] = np.maximum(sigma[column] * (MIN_OF_DECLARED if seen else 1.0), RESOLUTION)
         elif vehicle.autopilot != "emulator":
             sigma[column] = UNDECLARED
     stated = [False] * first + [isinstance(vehicle.navigation, NoisyNavigation) for vehicle in vehicles]
@@ -128,9 +128,9 @@ def _noise(keys: NoisyNavigation) -> Array:
 def _repeated(keys: NoisyNavigation, telemetry_hz: float) -> float:
     """Return the factor on standard deviations for a sensor slower than telemetry, which repeats its errors.
 
-    Samples with one error count as one sample, up to a time of `MOST_REPEATED_S`.
+    Samples with one error count as one sample, up to a time of `MAX_REPEATED_S`.
     """
-    return math.sqrt(max(1.0, min(telemetry_hz / keys.rate_hz, telemetry_hz * MOST_REPEATED_S)))
+    return math.sqrt(max(1.0, min(telemetry_hz / keys.rate_hz, telemetry_hz * MAX_REPEATED_S)))
 
 
 def autopilot_models(scenario: Scenario) -> list[AutopilotModel]:
@@ -183,7 +183,7 @@ def slot_clearance(scenario: Scenario) -> SlotClearance | None:
     def bounds(over_ground_mps: float) -> Bounds:
         """Return the bounds in the wind that is measured; the leader's own route may have its slope in any."""
         calm = scenario.rise_bounds(FOLLOWER_SHARE)
-        slope = calm.slope * min(1.0, scenario.path.begin_mps / max(over_ground_mps, LEAST_MPS))
+        slope = calm.slope * min(1.0, scenario.path.begin_mps / max(over_ground_mps, MIN_MPS))
         return Bounds(max(slope, scenario.rise_bounds(LEADER_SHARE).slope), calm.curvature_1pm)
 
     return SlotClearance(scenario.ground, scenario.terrain.clearance_m, bounds, scenario.formation.frame)
@@ -215,8 +215,8 @@ def hold_turn_rps(scenario: Scenario) -> float:
     """Return the rate of the leader's turns before its path: the fastest in which all slots keep up, either way."""
     speed = scenario.path.begin_mps
     models = column_models(scenario)[1:]
-    most_rps = HOLD_TURN_SHARE * min(each.turn_rate_max_rps for each in column_models(scenario))
-    turn_rps = np.geomspace(min(GENTLEST_RPS, most_rps), most_rps, 200)
+    max_rps = HOLD_TURN_SHARE * min(each.turn_rate_max_rps for each in column_models(scenario))
+    turn_rps = np.geomspace(min(GENTLEST_RPS, max_rps), max_rps, 200)
     still, slots = np.zeros_like(turn_rps), SlotMotion.at_rest(slot_table(scenario))
     share = np.array([HOLD_SHARE if each.airframe is None else ENERGY_HOLD_SHARE for each in models])
     low, high = np.array([each.soon_mps(speed) for each in models]).reshape(-1, 2).T

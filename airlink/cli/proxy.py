@@ -76,22 +76,22 @@ class Key(NamedTuple):
         return next((word for word, named in self.words.items() if named == value), "") or f"{value * self.units:g}"
 
 
-MOST_MS: Final = 600_000.0
-LEAST_KBPS: Final = 1e-3
+MAX_MS: Final = 600_000.0
+MIN_KBPS: Final = 1e-3
 """1 bit/s: the longest datagram takes a week."""
 FAULT: Final = "fault"
 SWITCH: Final = {"on": True, "off": False}
 NAMES: Final = {name: name for name in ("normal", "uniform", "pareto")}
 BURST: Final = "mean number of datagrams lost in a row, none: each on its own"
 KEYS = {
-    "delay-ms": Key("delay_s", "delay", 0.0, MOST_MS, 1e3),
-    "jitter-ms": Key("jitter_s", "standard deviation of the delay", 0.0, MOST_MS, 1e3),
+    "delay-ms": Key("delay_s", "delay", 0.0, MAX_MS, 1e3),
+    "jitter-ms": Key("jitter_s", "standard deviation of the delay", 0.0, MAX_MS, 1e3),
     "distribution": Key("distribution", "of the jitter: normal, uniform or pareto", words=NAMES),
     "loss": Key("loss", "probability that a datagram is lost", 0.0, 1.0),
     "mean-burst": Key("mean_burst", BURST, 1.0, 1e6, words={"none": None}),
     "duplicate": Key("duplicate", "probability that a datagram comes twice", 0.0, 1.0),
-    "rate-kbps": Key("rate_bps", "data rate; 0: no limit", LEAST_KBPS, 1e6, 1e-3, or_zero=True),
-    "queue-ms": Key("queue_s", "longest wait for the data rate", 0.0, MOST_MS, 1e3),
+    "rate-kbps": Key("rate_bps", "data rate; 0: no limit", MIN_KBPS, 1e6, 1e-3, or_zero=True),
+    "queue-ms": Key("queue_s", "longest wait for the data rate", 0.0, MAX_MS, 1e3),
     "reorder": Key("reorder", "whether datagrams may overtake others", words=SWITCH),
     "outage": Key("outage", "whether everything is lost", words=SWITCH),
 }

@@ -42,7 +42,7 @@ class RadioKey(NamedTuple):
         return value if self.whole else value / self.units
 
 
-MOST_MS: Final = 600_000.0
+MAX_MS: Final = 600_000.0
 MIN_KBPS: Final = 1e-3
 RATE: Final = "rate_kbps"
 UPLINK_RATE: Final = "uplink_rate_kbps"
@@ -52,13 +52,13 @@ KEYS: Final[Mapping[str, RadioKey]] = {
     RATE: RadioKey(RATE_FIELD, MIN_KBPS, 1e6, 1e-3),
     UPLINK_RATE: RadioKey(UPLINK_FIELD, MIN_KBPS, 1e6, 1e-3),
     "duplex": RadioKey("half_duplex", words={"half": True, "full": False}),
-    "turnaround_ms": RadioKey("turnaround_s", 0.0, MOST_MS, 1e3),
+    "turnaround_ms": RadioKey("turnaround_s", 0.0, MAX_MS, 1e3),
     "buffer_bytes": RadioKey("buffer_bytes", 300, 1e9, whole=True),
     "arbitration": RadioKey("arbitration", words={"tdm": "tdm", "first_come": "first_come"}),
-    "window_ms": RadioKey("window_s", 1e-3, MOST_MS, 1e3),
+    "window_ms": RadioKey("window_s", 1e-3, MAX_MS, 1e3),
     "radio_status": RadioKey("reports", words={"true": True, "false": False}),
-    "delay_ms": RadioKey("delay_s", 0.0, MOST_MS, 1e3, of_air=True),
-    "jitter_ms": RadioKey("jitter_s", 0.0, MOST_MS, 1e3, of_air=True),
+    "delay_ms": RadioKey("delay_s", 0.0, MAX_MS, 1e3, of_air=True),
+    "jitter_ms": RadioKey("jitter_s", 0.0, MAX_MS, 1e3, of_air=True),
     "distribution": RadioKey(
         "distribution", words={name: name for name in ("normal", "uniform", "pareto")}, of_air=True
     ),

@@ -15,7 +15,7 @@ from typing import Final
 
 from airlink.clock import MICROSECONDS, NANOSECONDS, Instant
 from airlink.signing.key import SigningKey
-from airlink.signing.signature import MOST_TIMESTAMP, is_authentic, is_signed, link_id_of, signed, timestamp_of
+from airlink.signing.signature import MAX_TIMESTAMP, is_authentic, is_signed, link_id_of, signed, timestamp_of
 
 EPOCH_US: Final = 1_420_070_400 * MICROSECONDS
 """2015-01-01 00:00 UTC, microseconds since 1970."""
@@ -67,7 +67,7 @@ class Authentication:
 
     def sign(self, raw: bytes, link_id: int, now: Instant) -> bytes:
         """Return a frame of MAVLink 2 without signature with ours."""
-        self.timestamp = min(max(self.timestamp + 1, self._clock(now)), MOST_TIMESTAMP)
+        self.timestamp = min(max(self.timestamp + 1, self._clock(now)), MAX_TIMESTAMP)
         return signed(raw, self._key, link_id, self.timestamp)
 
     def judge(self, raw: bytes, now: Instant) -> Verdict:

@@ -10,11 +10,11 @@ from typing import Final
 from airlink.clock import Instant, after
 from airlink.signing.authentication import Authentication, Stream
 from airlink.signing.key import MODE, KeyFileError, SigningKey
-from airlink.signing.signature import MOST_TIMESTAMP
+from airlink.signing.signature import MAX_TIMESTAMP
 
 SUFFIX: Final = ".timestamps"
 EVERY_S: Final = 10.0
-MOST_BYTES: Final = 1_000_000
+MAX_BYTES: Final = 1_000_000
 SCHEMA: Final = 1
 
 
@@ -70,7 +70,7 @@ class KeptTimestamps:
     def _read(self) -> tuple[int, dict[Stream, int]]:
         try:
             with self.path.open("rb") as file:
-                data = json.loads(file.read(MOST_BYTES))
+                data = json.loads(file.read(MAX_BYTES))
             streams = {_stream(name): _timestamp(newest) for name, newest in data["streams"].items()}
             return _timestamp(data["timestamp"]), streams
         except FileNotFoundError:
@@ -89,6 +89,6 @@ def _stream(name: str) -> Stream:
 
 
 def _timestamp(value: object) -> int:
-    if not isinstance(value, int) or not 0 <= value <= MOST_TIMESTAMP:
+    if not isinstance(value, int) or not 0 <= value <= MAX_TIMESTAMP:
         raise ValueError(value)
     return value

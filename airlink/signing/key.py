@@ -13,7 +13,7 @@ from typing import Final
 from airlink.endpoint import AirlinkError
 
 KEY_BYTES: Final = 32
-MOST_BYTES: Final = 4096
+MAX_BYTES: Final = 4096
 MODE: Final = 0o600
 _HEX: Final = re.compile(rf"[0-9A-Fa-f]{{{2 * KEY_BYTES}}}")
 ALLOWED: Final = (
@@ -99,7 +99,7 @@ def _read(path: Path) -> str:
             raise KeyFileError(f"found {path}, which isn't a file")
         if stat.S_IMODE(found.st_mode) & ~MODE:
             raise KeyFileError(f"found {path} with mode {stat.S_IMODE(found.st_mode):04o}, which others may use")
-        data = file.read(MOST_BYTES + 1)
-        if len(data) > MOST_BYTES:
-            raise KeyFileError(f"found {path}, which is longer than {MOST_BYTES} bytes")
+        data = file.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            raise KeyFileError(f"found {path}, which is longer than {MAX_BYTES} bytes")
         return data.decode()

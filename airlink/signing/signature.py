@@ -21,7 +21,7 @@ from airlink.signing.key import KEY_BYTES
 FLAGS_AT: Final = 2
 HASH_BYTES: Final = 6
 TIMESTAMP_BYTES: Final = 6
-MOST_TIMESTAMP: Final = (1 << BYTE * TIMESTAMP_BYTES) - 1
+MAX_TIMESTAMP: Final = (1 << BYTE * TIMESTAMP_BYTES) - 1
 KEY_AT: Final = HEADER_V2 + 10
 """Where SETUP_SIGNING has its key, after the timestamp and the target."""
 SETUP_SIGNING: Final = m.MAVLINK_MSG_ID_SETUP_SIGNING

@@ -17,7 +17,7 @@ from airlink.signing.signature import unsigned
 OF_RADIOS: Final = frozenset((m.MAVLINK_MSG_ID_RADIO_STATUS, m.MAVLINK_MSG_ID_RADIO))
 """Messages that a telemetry radio sends itself, without a key: taken unsigned, but not in an autopilot's name."""
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
-MOST_BEHIND: Final = 16
+MAX_BEHIND: Final = 16
 
 
 @dataclass
@@ -95,7 +95,7 @@ class SignedLink:
             return True
         judged.refuse(verdict)
         old = verdict is Verdict.STALE or verdict is Verdict.REPLAYED
-        if old and len(self.behind) < MOST_BEHIND and self.authentication.is_silent(frame.raw, now):
+        if old and len(self.behind) < MAX_BEHIND and self.authentication.is_silent(frame.raw, now):
             self.behind[peer] = None
         return False
 

@@ -32,9 +32,9 @@ def refusal(quantity: str, effect: str, amount: float | Vector | None) -> tuple[
         return "amount", f"found one for {effect}", f"only for {', '.join(NEEDS_AMOUNT)}, duplicate"
     if isinstance(amount, tuple) and (effect in OF_MESSAGES or quantity not in VECTORS):
         return "amount", f"found {list(amount)}", _amounts(quantity, effect)
-    least = amount if isinstance(amount, float) else min(amount or (0.0,))
-    if least < 0.0 and effect in (*OF_MESSAGES, "noise"):
-        return "amount", f"found {least:g}", "numbers from 0"
+    minimum = amount if isinstance(amount, float) else min(amount or (0.0,))
+    if minimum < 0.0 and effect in (*OF_MESSAGES, "noise"):
+        return "amount", f"found {minimum:g}", "numbers from 0"
     return None
 
 

@@ -21,7 +21,7 @@ from airlink.messages.payload import MARKER_V2
 from airlink.telemetry_faults import EFFECTS, QUANTITIES, Effect, Quantity, Vector, refusal
 from airlink.telemetry_faults.altering import TelemetryFault
 
-MOST_SYSTEM: Final = 255
+MAX_SYSTEM: Final = 255
 KEYS: Final = "quantity, effect, amount, vehicles, at_s, for_s"
 
 
@@ -73,10 +73,10 @@ def fault_of(keys: dict[str, object]) -> LinkFault:
     return fault
 
 
-def _number(name: str, value: object, least: float = -math.inf) -> float:
-    if isinstance(value, int | float) and math.isfinite(value) and value >= least:
+def _number(name: str, value: object, minimum: float = -math.inf) -> float:
+    if isinstance(value, int | float) and math.isfinite(value) and value >= minimum:
         return float(value)
-    raise FaultError(f"{name}: found {value}; allowed: {'numbers' if least < 0.0 else 'numbers from 0'}")
+    raise FaultError(f"{name}: found {value}; allowed: {'numbers' if minimum < 0.0 else 'numbers from 0'}")
 
 
 def _amount(value: object) -> float | Vector | None:
@@ -94,10 +94,10 @@ def _systems(value: object) -> frozenset[int]:
     if value == "all":
         return frozenset()
     listed = value if isinstance(value, list) else [value]
-    systems = frozenset(each for each in listed if isinstance(each, int) and 0 < each <= MOST_SYSTEM)
+    systems = frozenset(each for each in listed if isinstance(each, int) and 0 < each <= MAX_SYSTEM)
     if listed and len(systems) == len(listed):
         return systems
-    raise FaultError(f"vehicles: found {value}; allowed: a list of system ids from 1 to {MOST_SYSTEM}, or all")
+    raise FaultError(f"vehicles: found {value}; allowed: a list of system ids from 1 to {MAX_SYSTEM}, or all")
 
 
 class AlteredStream:

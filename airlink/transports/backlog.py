@@ -9,9 +9,9 @@ from collections.abc import Callable
 class Backlog:
     """Bytes that wait for room in a stream; of what doesn't fit any more, whole datagrams are lost."""
 
-    def __init__(self, most_bytes: int) -> None:
-        """Keep at most `most_bytes`, so that what is sent is never much older than that takes."""
-        self._most_bytes, self._bytes = most_bytes, 0
+    def __init__(self, max_bytes: int) -> None:
+        """Keep at most `max_bytes`, so that what is sent is never much older than that takes."""
+        self._max_bytes, self._bytes = max_bytes, 0
         self._waiting = deque[bytes]()
 
     def clear(self) -> None:
@@ -21,7 +21,7 @@ class Backlog:
 
     def add(self, data: bytes) -> None:
         """Append a datagram, unless too much is waiting."""
-        if self._bytes + len(data) <= self._most_bytes:
+        if self._bytes + len(data) <= self._max_bytes:
             self._waiting.append(data)
             self._bytes += len(data)
 

@@ -17,7 +17,7 @@ READ_BYTES: Final = 4096
 BITS: Final = 10
 """On the line for each byte: start and stop bit included."""
 WAIT_S: Final = 0.25
-LEAST_BACKLOG_BYTES: Final = 600
+MIN_BACKLOG_BYTES: Final = 600
 """What waits for the line is at most as old as the first, and at least two of the longest frames."""
 RETRY_NS: Final = 1_000_000_000
 HINT: Final = "serial:DEVICE:BAUD, beside fly"
@@ -39,7 +39,7 @@ class SerialLine(Transport):
         self._device, self._baud, self._peer = endpoint.address.host, endpoint.address.port, endpoint.far_end
         self._selector: selectors.BaseSelector | None = None
         self._index, self._next_ns = 0, 0
-        self._backlog = Backlog(max(LEAST_BACKLOG_BYTES, int(WAIT_S * self._baud / BITS)))
+        self._backlog = Backlog(max(MIN_BACKLOG_BYTES, int(WAIT_S * self._baud / BITS)))
         try:
             self._line: serial.Serial | None = self._open()
         except (serial.SerialException, ValueError, OSError) as error:
@@ -54,7 +54,7 @@ class SerialLine(Transport):
         if self._line is not None:
             selector.register(self._line.fileno(), selectors.EVENT_READ, index)
 
-    def take(self, index: int, most: int) -> list[Datagram]:  # noqa: ARG002 - a stream has no datagrams to count
+    def take(self, index: int, max_datagrams: int) -> list[Datagram]:  # noqa: ARG002 - a stream has no datagrams to count
         """Return the bytes that have arrived."""
         if self._line is None:
             return []

@@ -16,7 +16,7 @@ from airlink.transports.udp import family_of
 READ_BYTES: Final = 16384
 BACKLOG_BYTES: Final = 16384
 """Longest wait for room, in bytes: some seconds of one vehicle's frames."""
-MOST_CLIENTS: Final = 64
+MAX_CLIENTS: Final = 64
 FIRST_RETRY_NS: Final = 200_000_000
 LAST_RETRY_NS: Final = 2_000_000_000
 """Shortest and longest interval between attempts to connect; it doubles from one to the other."""
@@ -81,7 +81,7 @@ class TcpClient(Transport):
         """Let the selector wait for data whenever it is connected."""
         self._selector, self._index = selector, index
 
-    def take(self, index: int, most: int) -> list[Datagram]:  # noqa: ARG002 - a stream has no datagrams to count
+    def take(self, index: int, max_datagrams: int) -> list[Datagram]:  # noqa: ARG002 - a stream has no datagrams to count
         """Return a piece of the stream."""
         found = list[Datagram]()
         if self._stream is not None:
@@ -170,7 +170,7 @@ class TcpListener(Transport):
         self._selector, self._index = selector, index
         selector.register(self._listening, selectors.EVENT_READ, index)
 
-    def take(self, index: int, most: int) -> list[Datagram]:  # noqa: ARG002 - as above
+    def take(self, index: int, max_datagrams: int) -> list[Datagram]:  # noqa: ARG002 - as above
         """Return a piece of each client's stream; take new clients."""
         self._accept()
         found = list[Datagram]()
@@ -180,7 +180,7 @@ class TcpListener(Transport):
         return found
 
     def _accept(self) -> None:
-        while len(self._clients) < MOST_CLIENTS:
+        while len(self._clients) < MAX_CLIENTS:
             try:
                 connected, sender = self._listening.accept()
             except OSError:  # no other client waits, or it has gone

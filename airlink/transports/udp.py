@@ -116,11 +116,11 @@ class Inbox:
             room[header : header + MMSGHDR_BYTES] = struct.pack("=8Q", *fields)
         self._headers = begin + HEADERS_AT
 
-    def take(self, opened: socket.socket, index: int = 0, most: int = DRAIN_LIMIT) -> list[Datagram]:
-        """Return arrived datagrams for an engine's socket `index`, about `most` of them (whole batches)."""
+    def take(self, opened: socket.socket, index: int = 0, max_datagrams: int = DRAIN_LIMIT) -> list[Datagram]:
+        """Return arrived datagrams for an engine's socket `index`, about `max_datagrams` of them (whole batches)."""
         found: list[Datagram] = []
         if self._receive is None or opened.family != socket.AF_INET:
-            self._take_singly(opened, index, most, found)
+            self._take_singly(opened, index, max_datagrams, found)
             return found
         room, known, handle = self._room, self._known, opened.fileno()
         for _ in range(DRAIN_LIMIT // BATCH):
@@ -136,7 +136,7 @@ class Inbox:
                     found.append(Datagram(index, known.get(sender) or self._add_sender(sender), data))
             # Another error is the kernel's report that an earlier datagram was undeliverable: ignored.
             short = 0 <= count < BATCH or (count < 0 and ctypes.get_errno() == errno.EAGAIN)
-            if short or len(found) >= most:
+            if short or len(found) >= max_datagrams:
                 break
         return found
 
@@ -147,7 +147,7 @@ class Inbox:
         address = self._known[sockaddr] = Address(socket.inet_ntoa(sockaddr[4:8]), int.from_bytes(sockaddr[2:4], "big"))
         return address
 
-    def _take_singly(self, opened: socket.socket, index: int, most: int, found: list[Datagram]) -> None:
+    def _take_singly(self, opened: socket.socket, index: int, max_datagrams: int, found: list[Datagram]) -> None:
         for _ in range(DRAIN_LIMIT):
             try:
                 data, peer = opened.recvfrom(MAX_DATAGRAM)
@@ -156,7 +156,7 @@ class Inbox:
             except OSError:  # as above
                 continue
             found.append(Datagram(index, Address(peer[0], peer[1]), data))
-            if len(found) == most:
+            if len(found) == max_datagrams:
                 return
 
 
@@ -179,9 +179,9 @@ class UdpTransport(Transport):
         """Let the selector wait for datagrams."""
         selector.register(self._socket, selectors.EVENT_READ, index)
 
-    def take(self, index: int, most: int) -> list[Datagram]:
+    def take(self, index: int, max_datagrams: int) -> list[Datagram]:
         """Return arrived datagrams."""
-        return self._inbox.take(self._socket, index, most)
+        return self._inbox.take(self._socket, index, max_datagrams)
 
     def send(self, data: bytes, peer: Address) -> None:
         """Send a datagram; a full buffer or an unreachable peer loses it, as any network may."""

@@ -21,7 +21,7 @@ from formation_scenario.fields import ScenarioError
 
 COUNT = 12
 """Flights of a case."""
-MOST_DRAWS = 5
+MAX_DRAWS = 5
 """How many scenarios are drawn for each flight until one can be flown."""
 ANY = 1e6
 """Bound of an expectation that is there for its figure."""
@@ -95,13 +95,13 @@ def fly(case: Case, number: int) -> dict[str, float]:
     Raises:
         RuntimeError: none of the scenarios that were drawn can be flown, or a flight lacks a figure.
     """
-    for attempt in range(MOST_DRAWS):
+    for attempt in range(MAX_DRAWS):
         flight = case.draw(Random(f"{case.name} {number} {attempt}"))
         try:
             return _figures(case, flight)
         except ScenarioError as error:
             refused = str(error)
-    raise RuntimeError(f"{case.name}, flight {number}: none of {MOST_DRAWS} draws can be flown: {refused}")
+    raise RuntimeError(f"{case.name}, flight {number}: none of {MAX_DRAWS} draws can be flown: {refused}")
 
 
 def _figures(case: Case, flight: Flight) -> dict[str, float]:

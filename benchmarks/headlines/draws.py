@@ -68,9 +68,9 @@ def step(random: Random, at_s: float, vehicles: str | list[int] = "all") -> list
     return [{"at_s": at_s, "vehicles": vehicles, "velocity_mps": velocity_mps}]
 
 
-def instant(random: Random, least_s: float, most_s: float) -> float:
+def instant(random: Random, min_s: float, max_s: float) -> float:
     """Return an instant, to a millisecond."""
-    return round(random.uniform(least_s, most_s), 3)
+    return round(random.uniform(min_s, max_s), 3)
 
 
 def lags(random: Random, share: float) -> dict[str, float]:

@@ -26,7 +26,7 @@ from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.control.setpoint import Envelope, LeaderMotion, Target, feed_forward, formation_error, slot_target
 from gcs_formation.control.situation import Decided, Law, Situation
-from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
+from gcs_formation.estimation.estimator import MIN_AIRSPEED_MPS
 
 _Reference = tuple[LeaderMotion, float]
 """The leader's reference motion (v_s) at the instant of one vehicle's state, and the heading of the slots' axes.
@@ -153,7 +153,7 @@ class ConsensusLaw(Law):
         )
         u_x, u_y = self._acceleration(own, neighbours, model)
         speed_mps += model.tau_v_s * share * u_x
-        heading_rad += model.tau_psi_s * share * u_y / max(own.target.speed_mps, LEAST_AIRSPEED_MPS)
+        heading_rad += model.tau_psi_s * share * u_y / max(own.target.speed_mps, MIN_AIRSPEED_MPS)
         return Envelope(own.target.heading_rad, state, model).limit(speed_mps, heading_rad, height_m)
 
     def _acceleration(

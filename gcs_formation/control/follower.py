@@ -42,7 +42,7 @@ SWING_S: Final = 0.6
 """Lateral offset, divided by airspeed, at which the heading loop has half its bandwidth in the follower's own frame."""
 BRAKING_SHARE: Final = 0.5
 """Share of the acceleration limit that is planned for slowing down to the slot's speed."""
-LEAST_CLOSING_MPS: Final = 1.0
+MIN_CLOSING_MPS: Final = 1.0
 """Closing speed that is allowed at any distance."""
 FAR_M: Final = 10.0
 """A vehicle with a larger forward error, closing or overshooting faster than `SLOW_MPS`, is arriving at its slot."""
@@ -164,8 +164,8 @@ class Controller(ABC):
 
         On a long climb the limit sustains the error; an integral gathered then would only be lost by overshooting.
         """
-        most = CLIMBING * self._parameters.mixer.k_z * model.climb_max_mps
-        return abs(self._height.rate) > most and self._height.rate * self.mixed[2] < 0.0
+        maximum = CLIMBING * self._parameters.mixer.k_z * model.climb_max_mps
+        return abs(self._height.rate) > maximum and self._height.rate * self.mixed[2] < 0.0
 
     @abstractmethod
     def decide(self, pair: Pair, dt_s: float) -> None:
@@ -315,12 +315,12 @@ class FollowerController(Controller):
         if not all_finite(wanted):
             return wanted
         before_mps, before_rad = self._correction
-        most_mps = slew[0] * dt_s * model.accel_max_mps2 + abs(gust[0])
-        most_rad = slew[1] * dt_s * model.turn_rate_max_rps + abs(gust[1])
+        max_mps = slew[0] * dt_s * model.accel_max_mps2 + abs(gust[0])
+        max_rad = slew[1] * dt_s * model.turn_rate_max_rps + abs(gust[1])
         # Growth isn't limited from a setpoint that the separation rule replaced.
         closing_mps = self._closing(wanted[0] - led_mps, pair.state.airspeed_mps - target.speed_mps, model)
-        faster_mps = _limit_growth(closing_mps, math.nan if replaced[0] else before_mps, most_mps)
-        turned_rad = _limit_growth(wanted[1] - led_rad, math.nan if replaced[1] else before_rad, most_rad)
+        faster_mps = _limit_growth(closing_mps, math.nan if replaced[0] else before_mps, max_mps)
+        turned_rad = _limit_growth(wanted[1] - led_rad, math.nan if replaced[1] else before_rad, max_rad)
         self._correction = (faster_mps, turned_rad)
         limited = bounds.limit(led_mps + faster_mps, led_rad + turned_rad, wanted[2])
         # What the feed-forward alone exceeds the envelope by doesn't count as excess of the integrators.
@@ -332,10 +332,8 @@ class FollowerController(Controller):
             return limited
         arrives = self._arrives(pair.state.airspeed_mps - target.speed_mps, dt_s)
         if not replaced[0]:
-            most_mps = model.speed_max_mps - model.speed_min_mps
-            self._forward.integrate(
-                self.mixed[0], limited[0] - free[0] - output[0], dt_s, most_mps, gathers=not arrives
-            )
+            max_mps = model.speed_max_mps - model.speed_min_mps
+            self._forward.integrate(self.mixed[0], limited[0] - free[0] - output[0], dt_s, max_mps, gathers=not arrives)
         if not replaced[1]:
             self._right.integrate(self.mixed[1], limited[1] - free[1] - output[1], dt_s)
         if not replaced[2] and not self._closes_fast(model):
@@ -360,10 +358,10 @@ class FollowerController(Controller):
         `flown_mps`: how much faster than its slot it flies now.
         """
         error_m = self.error_m[0]
-        most_mps = LEAST_CLOSING_MPS + math.sqrt(2.0 * BRAKING_SHARE * model.accel_max_mps2 * abs(error_m))
+        max_mps = MIN_CLOSING_MPS + math.sqrt(2.0 * BRAKING_SHARE * model.accel_max_mps2 * abs(error_m))
         if error_m > 0.0:
-            return min(faster_mps, most_mps + max(most_mps - flown_mps, 0.0))
-        return max(faster_mps, -most_mps - max(most_mps + flown_mps, 0.0))
+            return min(faster_mps, max_mps + max(max_mps - flown_mps, 0.0))
+        return max(faster_mps, -max_mps - max(max_mps + flown_mps, 0.0))
 
     def _gust(self, pair: Pair, axis_rad: float, dt_s: float) -> tuple[float, float]:
         """Return the rate of change of the filtered drift (follower's wind minus leader's), along and across, m/s².
@@ -391,8 +389,8 @@ def _missing_trail_m(target: Target, slot: Slot) -> float:
     return max(TRAIL_S * target.speed_mps + slot.forward_m, 0.0)
 
 
-def _limit_growth(wanted: float, before: float, most: float) -> float:
+def _limit_growth(wanted: float, before: float, maximum: float) -> float:
     """Return the correction `wanted`, grown by at most `most` from the one `before`; NaN: no previous correction."""
     if math.isnan(before):
         return wanted
-    return within(wanted, min(before, 0.0) - most, max(before, 0.0) + most)
+    return within(wanted, min(before, 0.0) - maximum, max(before, 0.0) + maximum)

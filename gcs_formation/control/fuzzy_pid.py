@@ -229,7 +229,7 @@ class Pid:
         return self.kp * error + self.integral + self.kd * self.rate
 
     def integrate(
-        self, error: float, excess: float, dt_s: float, most: float = math.inf, *, gathers: bool = True
+        self, error: float, excess: float, dt_s: float, maximum: float = math.inf, *, gathers: bool = True
     ) -> None:
         """Integrate over `dt_s`; `excess` (limited minus unlimited output) decays with `anti_windup_s` (29c).
 
@@ -238,7 +238,7 @@ class Pid:
         derivative cancel. Unless it `gathers`, the integral may only shrink.
         """
         before = self.integral
-        grown = within(before + self.ki * error * dt_s, -most, most)
+        grown = within(before + self.ki * error * dt_s, -maximum, maximum)
         if gathers:
             unwound = grown + excess * (dt_s / self._channel.anti_windup_s)
             self.integral = within(unwound, min(grown, 0.0), max(grown, 0.0))

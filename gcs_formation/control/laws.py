@@ -25,7 +25,7 @@ from gcs_formation.guidance.leader_guidance import LeaderCommand
 
 STANDS_MPS: Final = 0.02
 """Commanded speed below which its course is the leader's heading."""
-LEAST_CORRECTION_MPS: Final = 0.5
+MIN_CORRECTION_MPS: Final = 0.5
 """Speed correction, horizontal or vertical, that is allowed at any distance."""
 CLIMB_ACCEL_MPS2: Final = 1.0
 """Vertical acceleration of multirotors: ArduCopter's WPNAV_ACCEL_Z; PX4's MPC_ACC_DOWN_MAX is larger."""
@@ -61,8 +61,8 @@ class VelocityController(Controller):
         if not all_finite(output):
             return output
         away_m = math.hypot(self.error_m[0], self.error_m[1])
-        most_mps = LEAST_CORRECTION_MPS + math.sqrt(2.0 * BRAKING_SHARE * model.accel_max_mps2 * away_m)
-        share = _share(output[0], output[1], most_mps)
+        max_mps = MIN_CORRECTION_MPS + math.sqrt(2.0 * BRAKING_SHARE * model.accel_max_mps2 * away_m)
+        share = _share(output[0], output[1], max_mps)
         along_mps, across_mps = forward[0] + share * output[0], forward[1] + share * output[1]
         share = _share(along_mps, across_mps, model.speed_max_mps)
         along_mps, across_mps = share * along_mps, share * across_mps
@@ -85,9 +85,9 @@ class VelocityController(Controller):
         """
         model, state, lags_s = pair.model, pair.state, pair.model.tau_ha_s + pair.model.tau_hb_s
         slot_mps = pair.leader.state.climb_mps + pair.slot.up_mps - state.updraught_mps
-        most_mps = LEAST_CORRECTION_MPS + math.sqrt(2.0 * BRAKING_SHARE * CLIMB_ACCEL_MPS2 * abs(self.error_m[2]))
+        max_mps = MIN_CORRECTION_MPS + math.sqrt(2.0 * BRAKING_SHARE * CLIMB_ACCEL_MPS2 * abs(self.error_m[2]))
         beside_m = state.height_m + lags_s * slot_mps
-        height_m = within(wanted_m, beside_m - lags_s * most_mps, beside_m + lags_s * most_mps)
+        height_m = within(wanted_m, beside_m - lags_s * max_mps, beside_m + lags_s * max_mps)
         reach_m = model.climb_max_mps * lags_s
         return within(height_m, state.height_m - reach_m, state.height_m + reach_m)
 
@@ -110,13 +110,13 @@ def _feed_forward(pair: Pair) -> Triple:
     return along_mps + model.tau_v_s * along_mps2, across_mps + model.tau_psi_s * across_mps2, height_m
 
 
-def _share(along: float, across: float, most: float) -> float:
+def _share(along: float, across: float, maximum: float) -> float:
     """Return the factor that limits a vector's length to `most`."""
     length = math.hypot(along, across)
-    return 1.0 if length <= most else most / length
+    return 1.0 if length <= maximum else maximum / length
 
 
-LEAST_FILTER_S = 1e-6
+MIN_FILTER_S = 1e-6
 Nominal = tuple[PidGains, PidGains, PidGains]
 """Of speed, heading and height."""
 PRINTED, SYMMETRIC = "law.fuzzy.tables=printed", "law.fuzzy.tables=symmetric"
@@ -209,9 +209,9 @@ def leader_motion(commanded: LeaderCommand, state: FlightState, model: Autopilot
     changes. By (7) the setpoint's rate is r + tau r' at the tick's beginning, where the turn rate r is its mean less
     half a tick of r'.
     """
-    most_rps = model.turn_rate_max_rps
-    turn_rps = rate(wrap(commanded.heading_rad - state.heading_rad), model.tau_psi_s, most_rps)
-    bend_rps2 = (within(commanded.turn_rps, -most_rps, most_rps) - turn_rps) / max(model.tau_psi_s - dt_s, dt_s / 2.0)
+    max_rps = model.turn_rate_max_rps
+    turn_rps = rate(wrap(commanded.heading_rad - state.heading_rad), model.tau_psi_s, max_rps)
+    bend_rps2 = (within(commanded.turn_rps, -max_rps, max_rps) - turn_rps) / max(model.tau_psi_s - dt_s, dt_s / 2.0)
     acceleration_mps2 = rate(commanded.speed_mps - state.airspeed_mps, model.tau_v_s, model.accel_max_mps2)
     own_mps = state.climb_mps - state.updraught_mps
     to_climb_m = commanded.height_m - state.height_m - (model.tau_ha_s + model.tau_hb_s) * own_mps
@@ -249,7 +249,7 @@ def law_parameters(scenario: Scenario) -> LawParameters:
     law = scenario.law
     speed, heading, height = (
         ChannelConstants(
-            replace(gains, filter_s=max(gains.filter_s, LEAST_FILTER_S)),
+            replace(gains, filter_s=max(gains.filter_s, MIN_FILTER_S)),
             channel.error_scale,
             channel.rate_scale,
             law.anti_windup_s,

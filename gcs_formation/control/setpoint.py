@@ -221,7 +221,7 @@ def lead_velocity(
 
 
 TINY_RAD: Final = 1e-6
-LEAST_SLOPE: Final = 0.05
+MIN_SLOPE: Final = 0.05
 """Lower bound of a sine's mean slope, at angles near a right one."""
 
 
@@ -250,7 +250,7 @@ class TrailingSlot:
         # sine's mean slope between both angles counts: for slots far to the side 0.01 rad is metres.
         lag_s, to_go_rad = max(x_rc / speed, dt_s), due_rad - off_rad
         slope = (due - math.sin(off_rad)) / to_go_rad if abs(to_go_rad) > TINY_RAD else math.cos(off_rad)
-        rate_rps = -to_go_rad * math.expm1(-dt_s * max(slope, LEAST_SLOPE) / lag_s) / dt_s
+        rate_rps = -to_go_rad * math.expm1(-dt_s * max(slope, MIN_SLOPE) / lag_s) / dt_s
         self._off_rad = off_rad + dt_s * rate_rps
         held_s = -dt_s / math.expm1(-dt_s / lag_s)
         change_ps = due_ps - rate_rps * (math.cos(off_rad) - slot.forward_mps / speed)

@@ -54,7 +54,7 @@ correlation: gusts of 0.7 m/s that last for 10 s give all triangles in that time
 PERIOD_S: Final = 0.5
 GAP_S: Final = 10.0
 """After a longer gap in the telemetry the wind is unknown again."""
-LEAST_MPS: Final = 5.0
+MIN_MPS: Final = 5.0
 """Smaller readings aren't used."""
 LIMITS_STEP: Final = 0.005
 """Smallest change of the ratio that the airspeed limits follow."""
@@ -187,7 +187,7 @@ class AirspeedScale:
         """
         by_density = true_by_equivalent_airspeed(above_sea_m)
         apart_s = stamp_s - self._stamp_s
-        if not 0.0 <= apart_s < PERIOD_S and reading_mps >= LEAST_MPS:
+        if not 0.0 <= apart_s < PERIOD_S and reading_mps >= MIN_MPS:
             self._stamp_s = stamp_s
             self._predict(apart_s)
             north_mps, east_mps, climb_mps = velocity_mps

@@ -41,7 +41,7 @@ from gcs_formation.estimation.noise_and_plausibility import (
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.estimation.updraught import Updraught
 
-LEAST_AIRSPEED_MPS: Final = 1.0
+MIN_AIRSPEED_MPS: Final = 1.0
 """Lower bound of airspeeds: equations divide by them, and a vehicle that can't hover flies faster."""
 COMMANDED_WALK: Final[tuple[float, float, float]] = UNMODELLED
 UNCOMMANDED_WALK: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
@@ -100,8 +100,8 @@ class Sample:
         self.by_course = by_course
         self.airspeed_ratio = airspeed_ratio
 
-    def values(self, least_mps: float) -> Values:
-        """Return the values in the order of the constructor's arguments; the airspeed is at least `least_mps`."""
+    def values(self, min_mps: float) -> Values:
+        """Return the values in the order of the constructor's arguments; the airspeed is at least `min_mps`."""
         return (
             self.north_m,
             self.east_m,
@@ -109,7 +109,7 @@ class Sample:
             self.north_mps,
             self.east_mps,
             self.climb_mps,
-            max(self.airspeed_mps, least_mps),
+            max(self.airspeed_mps, min_mps),
             self.heading_rad,
         )
 
@@ -215,7 +215,7 @@ class VehicleFilter:
         climb_mps = predicted.climb_mps
         self._move(predicted, jacobian, difference, weighed(variances, own, excess))
         self.updraught.learn(predicted, predicted.climb_mps - climb_mps, self.noise.values[5], elapsed_s, model)
-        predicted.airspeed_mps = max(predicted.airspeed_mps, _least_mps(model))
+        predicted.airspeed_mps = max(predicted.airspeed_mps, _min_mps(model))
         self.state, self.stamp = predicted, stamp
         jacobian.linearise(predicted)
         self._residual = innovation(values, predicted, jacobian)
@@ -248,7 +248,7 @@ class VehicleFilter:
         """Standard deviation of the course over ground, less the part by airspeed; 0 where no filter runs, rad."""
         if self.state is None:
             return 0.0
-        across = self.wind_variance / squared(max(self.state.airspeed_mps, LEAST_AIRSPEED_MPS))
+        across = self.wind_variance / squared(max(self.state.airspeed_mps, MIN_AIRSPEED_MPS))
         return math.sqrt(self.level.heading[HEADING] + across)
 
     def _predict_covariances(self, elapsed_s: float, model: AutopilotModel, walk: tuple[float, float, float]) -> None:
@@ -336,8 +336,8 @@ class LargeGust:
         )
         north_mps = (self.north_m - before.north_m) / elapsed_s - values[3]
         east_mps = (self.east_m - before.east_m) / elapsed_s - values[4]
-        most = squared(GUST_SIGMAS) * noise + UNKNOWN_MOTION
-        return change < 2.0 * most and squared(north_mps) + squared(east_mps) < 2.0 * most
+        maximum = squared(GUST_SIGMAS) * noise + UNKNOWN_MOTION
+        return change < 2.0 * maximum and squared(north_mps) + squared(east_mps) < 2.0 * maximum
 
 
 class StateEstimator:
@@ -399,7 +399,7 @@ class StateEstimator:
             sample = samples[column]
             if state is not None and sample is not None:
                 each, model = self.filters[column], models[column]
-                stamp, values = max(int(sample.stamp), each.stamp), sample.values(_least_mps(model))
+                stamp, values = max(int(sample.stamp), each.stamp), sample.values(_min_mps(model))
                 each.correct(values, stamp, state, model, commanded=commanded[column])
 
     def _predict(self, column: int, sample: Sample, model: AutopilotModel) -> FlightState | None:
@@ -408,13 +408,13 @@ class StateEstimator:
         each.use_airspeed_ratio(sample.airspeed_ratio)
         state = each.state
         if state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
-            each.begin(sample.values(_least_mps(model)), stamp)
+            each.begin(sample.values(_min_mps(model)), stamp)
             return None
         predicted = state.copy()
         self._history.carry(predicted, each.stamp, max(stamp, each.stamp), column, model)
         return predicted
 
 
-def _least_mps(model: AutopilotModel) -> float:
+def _min_mps(model: AutopilotModel) -> float:
     """Return the lower bound of a vehicle's airspeeds; one that can hover may drift backwards."""
-    return -model.speed_max_mps if model.may_stand else LEAST_AIRSPEED_MPS
+    return -model.speed_max_mps if model.may_stand else MIN_AIRSPEED_MPS

@@ -28,13 +28,13 @@ RESOLUTION = np.array((0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
 """Least standard deviations, m, m/s and rad: rounding by 1e-7 degrees, 1 mm and 1 cm/s; the last two are floats."""
 UNDECLARED = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 """Initial standard deviations where none are declared, for a real autopilot's estimates."""
-MOST_PLACE: Final = 30.0 * 30.0
+MAX_PLACE: Final = 30.0 * 30.0
 """Largest variance of positions and heights, m²."""
-MOST_VELOCITY: Final = 5.0 * 5.0
+MAX_VELOCITY: Final = 5.0 * 5.0
 """Largest variance of velocities and climbs, (m/s)²."""
-MOST_AIRSPEED: Final = 10.0 * 10.0
+MAX_AIRSPEED: Final = 10.0 * 10.0
 """Largest variance of airspeeds, (m/s)²."""
-MOST_HEADING: Final = 0.5 * 0.5
+MAX_HEADING: Final = 0.5 * 0.5
 """Largest variance of headings, rad²."""
 MEMORY: Final = 100.0
 """Number of samples in the mean."""
@@ -49,7 +49,7 @@ UNKNOWN_MOTION: Final = 1.0
 is the square of the interval, in m²."""
 UNKNOWN_TURN: Final = 0.1 * 0.1
 """The same for headings, rad²."""
-MOST_DRIFT: Final = 0.05 * 0.05
+MAX_DRIFT: Final = 0.05 * 0.05
 """Largest variance per second of the drift of positions from integrated velocities, m²: with it, positions are followed
 anyway."""
 DRIFT_S: Final = 3.0
@@ -63,15 +63,15 @@ DRIFT_GAP_S: Final = 0.3
 class VehicleNoise:
     """The variances of one vehicle's telemetry."""
 
-    def __init__(self, declared: Quantities, least: Quantities, *, stated: bool = True) -> None:
+    def __init__(self, declared: Quantities, minimum: Quantities, *, stated: bool = True) -> None:
         """Start from what is declared.
 
         Args:
             declared: standard deviations.
-            least: lower bounds of what is estimated, standard deviations.
+            minimum: lower bounds of what is estimated, standard deviations.
             stated: whether the scenario declares them, so that the estimate can be compared with them.
         """
-        self._declared, self._least, self._stated = declared, _squares(least), stated
+        self._declared, self._minimum, self._stated = declared, _squares(minimum), stated
         self.begin()
 
     def begin(self) -> None:
@@ -98,11 +98,11 @@ class VehicleNoise:
 
         An increment, an innovation minus the residual of the sample before, is what the model doesn't explain.
         """
-        now, before, known, least = (
+        now, before, known, minimum = (
             _clipped(increments, spread, self.values),
             self._before,
             self.by_quantity,
-            self._least,
+            self._minimum,
         )
         self._before = now
         self.samples += 1.0
@@ -110,12 +110,12 @@ class VehicleNoise:
         place = (0.0 - now[0] * before[0] - now[1] * before[1]) / 2.0
         velocity = (0.0 - now[3] * before[3] - now[4] * before[4]) / 2.0
         self.by_quantity = (
-            within(known[0] + share * (place - known[0]), least[0], MOST_PLACE),
-            within(known[1] + share * (0.0 - now[2] * before[2] - known[1]), least[1], MOST_PLACE),
-            within(known[2] + share * (velocity - known[2]), least[2], MOST_VELOCITY),
-            within(known[3] + share * (0.0 - now[5] * before[5] - known[3]), least[3], MOST_VELOCITY),
-            within(known[4] + share * (0.0 - now[6] * before[6] - known[4]), least[4], MOST_AIRSPEED),
-            within(known[5] + share * (0.0 - now[7] * before[7] - known[5]), least[5], MOST_HEADING),
+            within(known[0] + share * (place - known[0]), minimum[0], MAX_PLACE),
+            within(known[1] + share * (0.0 - now[2] * before[2] - known[1]), minimum[1], MAX_PLACE),
+            within(known[2] + share * (velocity - known[2]), minimum[2], MAX_VELOCITY),
+            within(known[3] + share * (0.0 - now[5] * before[5] - known[3]), minimum[3], MAX_VELOCITY),
+            within(known[4] + share * (0.0 - now[6] * before[6] - known[4]), minimum[4], MAX_AIRSPEED),
+            within(known[5] + share * (0.0 - now[7] * before[7] - known[5]), minimum[5], MAX_HEADING),
         )
         self.values = _by_value(self.by_quantity)
 
@@ -176,7 +176,7 @@ class PositionDrift:
             self.begin(values)
             return
         half_s = elapsed_s / 2.0 * _arc_ratio(before[3], before[4], values[3], values[4])
-        bound_m = CLIPPED_AT * math.sqrt(2.0 * noise[0] + MOST_DRIFT * elapsed_s)
+        bound_m = CLIPPED_AT * math.sqrt(2.0 * noise[0] + MAX_DRIFT * elapsed_s)
         north_m = within(values[0] - before[0] - (values[3] + before[3]) * half_s, -bound_m, bound_m)
         east_m = within(values[1] - before[1] - (values[4] + before[4]) * half_s, -bound_m, bound_m)
         kept = 1.0 - elapsed_s / DRIFT_S
@@ -185,7 +185,7 @@ class PositionDrift:
         square = (squared(self._north_m) + squared(self._east_m)) / 2.0
         self._square += (square - self._square) / min(self._samples + FIRST_MEMORY, MEMORY)
         by_noise = noise[0] + noise[3] * elapsed_s * DRIFT_S / 2.0
-        self.variance = within(2.0 / DRIFT_S * (self._square - DRIFT_EXCESS * by_noise), 0.0, MOST_DRIFT)
+        self.variance = within(2.0 / DRIFT_S * (self._square - DRIFT_EXCESS * by_noise), 0.0, MAX_DRIFT)
         self._values = values
 
 

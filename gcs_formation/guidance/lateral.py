@@ -50,7 +50,7 @@ HELD_UP_RADPS4: Final = 2e-3
 slots swing, off by what it would have changed, in proportion to p^2. A loss of 5 % leaves p at 0.44; after a gust of
 0.6 m/s followers are then 0.010 m off across (median of eight flights), and with 3.4e-3 0.012 m."""
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
-LEAST_MPS: Final = 1.0
+MIN_MPS: Final = 1.0
 """Lower bound of a speed that is divided by: a vehicle that can hover may stand."""
 REFERENCE_RADPS: Final = 0.2
 """Rate at which the heading that setpoints lead from follows the predicted one: noise of headings is filtered, and what
@@ -102,10 +102,10 @@ class TurnBounds:
         With a delay T, the wind is known T late. Growing by 1 m/s², it leads 2/p² + 2 T/p + T²/2 off the route.
         """
         late_s = self.round_trip_s
-        least = 2.0 / squared(radps) - squared(late_s) / 2.0
-        if least <= 0.0:
+        minimum = 2.0 / squared(radps) - squared(late_s) / 2.0
+        if minimum <= 0.0:
             return DELAYED_RADPS
-        return min((late_s + math.sqrt(squared(late_s) + 2.0 * least)) / least, DELAYED_RADPS)
+        return min((late_s + math.sqrt(squared(late_s) + 2.0 * minimum)) / minimum, DELAYED_RADPS)
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -124,7 +124,7 @@ def route_turn(point: PathPoint, state: FlightState, right_m: float) -> RouteTur
     The heading is the course less the crab angle, which changes with the course even in constant wind.
     """
     carried_mps, aside_mps = rotated(point.course_rad, state.wind_north_mps, state.wind_east_mps)
-    air_mps = math.sqrt(max(squared(state.airspeed_mps) - squared(aside_mps), squared(LEAST_MPS)))
+    air_mps = math.sqrt(max(squared(state.airspeed_mps) - squared(aside_mps), squared(MIN_MPS)))
     over_mps = max(air_mps + carried_mps, 0.0) / max(1.0 - point.curvature_1pm * right_m, NEAREST_SHARE)
     course_rps = point.curvature_1pm * over_mps
     share = 1.0 + carried_mps / air_mps
@@ -154,9 +154,9 @@ class LateralGuidance:
 
     def go_on_from(self, commanded_rad: float, state: FlightState, model: AutopilotModel) -> None:
         """Go on from another heading setpoint than the last one: something else replaced it, and it still acts."""
-        most_rps = model.turn_rate_max_rps
+        max_rps = model.turn_rate_max_rps
         self._heading_rad = state.heading_rad
-        self._turn_rps = within(signed(commanded_rad - state.heading_rad) / model.tau_psi_s, -most_rps, most_rps)
+        self._turn_rps = within(signed(commanded_rad - state.heading_rad) / model.tau_psi_s, -max_rps, max_rps)
 
     def setpoint_rad(
         self, point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps: float, bounds: TurnBounds
@@ -177,11 +177,11 @@ class LateralGuidance:
         route = route_turn(point, state, right_m)
         if math.isnan(self._heading_rad):
             self._heading_rad, self._turn_rps = state.heading_rad, route.turn_rps
-        speed_mps, most_rps = max(speed_mps, LEAST_MPS), model.turn_rate_max_rps
+        speed_mps, max_rps = max(speed_mps, MIN_MPS), model.turn_rate_max_rps
         self._air.observe(state.wind_north_mps, state.wind_east_mps)
         radps, bend_max_rps2 = bounds.radps(speed_mps, self._air.share), bounds.bend_max_rps2
         turn_rps = route.turn_rps + _turn_back_rps(point, state, right_m, speed_mps, radps, bend_max_rps2)
-        back_rps2 = 2.0 * radps * (within(turn_rps, -most_rps, most_rps) - self._turn_rps)
+        back_rps2 = 2.0 * radps * (within(turn_rps, -max_rps, max_rps) - self._turn_rps)
         return self._follow(state, model, route.bend_rps2 + within(back_rps2, -bend_max_rps2, bend_max_rps2))
 
     def _stand(self, point: PathPoint, state: FlightState, model: AutopilotModel) -> float:
@@ -194,11 +194,11 @@ class LateralGuidance:
 
     def _follow(self, state: FlightState, model: AutopilotModel, bend_rps2: float) -> float:
         """Return the setpoint with which the turn rate changes at `bend_rps2`, within the vehicle's limit."""
-        dt_s, before_rps, most_rps = self._dt_s, self._turn_rps, model.turn_rate_max_rps
+        dt_s, before_rps, max_rps = self._dt_s, self._turn_rps, model.turn_rate_max_rps
         # Beyond its own lag's worth of turning, a vehicle hasn't followed: it wasn't commanded for a while.
-        most_rad, ahead_rad = model.tau_psi_s * most_rps, signed(self._heading_rad - state.heading_rad)
-        self._heading_rad = state.heading_rad + within(ahead_rad, -most_rad, most_rad)
-        self._turn_rps = within(before_rps + bend_rps2 * dt_s, -most_rps, most_rps)
+        max_rad, ahead_rad = model.tau_psi_s * max_rps, signed(self._heading_rad - state.heading_rad)
+        self._heading_rad = state.heading_rad + within(ahead_rad, -max_rad, max_rad)
+        self._turn_rps = within(before_rps + bend_rps2 * dt_s, -max_rps, max_rps)
         mean_rps = (before_rps + self._turn_rps) / 2.0
         # Held for a tick, this setpoint turns the vehicle by the mean rate times the tick, by (7).
         setpoint = self._heading_rad + model.held(dt_s).tau_psi_s * mean_rps
@@ -231,8 +231,8 @@ def bend_max_rps2(slots_m: list[Triple], models: list[AutopilotModel]) -> float:
         slots_m: (C,) forward, right and up of the leader; NaN where there is none.
         models: (C,) of the vehicles.
     """
-    most_rps2 = BEND_MAX_RPS2
+    max_rps2 = BEND_MAX_RPS2
     for slot, model in zip(slots_m, models, strict=False):
         if finite(slot[1]):
-            most_rps2 = min(most_rps2, ACCELERATION_SHARE * model.accel_max_mps2 / max(abs(slot[1]), 1.0))
-    return most_rps2
+            max_rps2 = min(max_rps2, ACCELERATION_SHARE * model.accel_max_mps2 / max(abs(slot[1]), 1.0))
+    return max_rps2

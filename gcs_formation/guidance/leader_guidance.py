@@ -21,7 +21,7 @@ from gcs_formation.estimation.setpoint_history import HISTORY_S
 from gcs_formation.guidance.lateral import LateralGuidance, TurnBounds
 from gcs_formation.guidance.timed_progress import Due, TimedProgress
 from gcs_formation.guidance.tracking import (
-    LEAST_MPS,
+    MIN_MPS,
     RouteHeading,
     height_setpoint_m,
     nearest,
@@ -35,7 +35,7 @@ DECISION_S: Final = 2.0
 """How long before the path's start it is decided whether to begin the path or to fly another lap."""
 SETTLE_S: Final = 30.0
 """Shortest straight flight between a turn and the path: followers are back in their slots 10 s after a turn's end."""
-MOST_SETTLES: Final = 4
+MAX_SETTLES: Final = 4
 """Longest such straight, as a multiple; it grows lap by lap."""
 SHORTER_SETTLES: Final = (3.0, 2.0, 1.0, 0.75, 0.5)
 """Multiples that are tried where the fence leaves no room for a longer straight."""
@@ -310,7 +310,7 @@ class LeaderGuidance:
             self.route, self.distance_m = self.path, abreast_m
             return
         begin = PathPoint(state.north_m, state.east_m, state.height_m, course)
-        slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, LEAST_MPS)
+        slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, MIN_MPS)
         radius_m = self.hold_radius_m(state.wind_north_mps, state.wind_east_mps)
         ways: list[tuple[float, JoinRoute, float]] = []
         for ahead in range(1, RETURNS + 1):
@@ -339,7 +339,7 @@ class LeaderGuidance:
 
         With a fence, the first of these ways that fits into it, or else the one that lacks least room.
         """
-        slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, LEAST_MPS)
+        slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, MIN_MPS)
         radius_m = self.hold_radius_m(wind_north_mps, wind_east_mps)
         ways = (
             way
@@ -357,7 +357,7 @@ class LeaderGuidance:
     def _straights_m(self) -> list[float]:
         """Return the possible lengths of the straight before the path, the longest first."""
         settle_m = self.settle_s * self.speed_mps
-        longest_m = max(self.run_in_m, settle_m * min(max(self.rounds, 1), MOST_SETTLES))
+        longest_m = max(self.run_in_m, settle_m * min(max(self.rounds, 1), MAX_SETTLES))
         return [longest_m, *(times * settle_m for times in SHORTER_SETTLES if times * settle_m < longest_m)]
 
 

@@ -26,7 +26,7 @@ BACK_RADPS: Final = 0.3
 of 0.2 s that setpoints are held, leave well damped."""
 OFF_M: Final = 5.0
 """Distance beyond which it is due where it is."""
-MOST_TICK_S: Final = 1.0
+MAX_TICK_S: Final = 1.0
 ALMOST_S: Final = 1e-6
 
 
@@ -113,7 +113,7 @@ class TimedProgress:
         if turn is not None and turn is not self._turn and at is not None and not turn.over(at):
             return Due(0.0, 0.0, 0.0, stands=True, turn=turn)
         table = self.timetable
-        self._time_s += min(max(elapsed_s, 0.0), MOST_TICK_S)
+        self._time_s += min(max(elapsed_s, 0.0), MAX_TICK_S)
         if not math.isnan(self._time_s):
             self._passed = table.passed(self._time_s)
         due_m, speed_mps, _ = table.after(self._time_s)

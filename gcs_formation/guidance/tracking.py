@@ -13,12 +13,12 @@ from flight_model.path import Route
 from flight_model.path_lift_and_displacement import Rise
 from flight_model.slot import LEADS_FROM_MPS
 
-LEAST_MPS: Final = 1.0
+MIN_MPS: Final = 1.0
 """Lower bound of a speed along a route that is divided by: a vehicle that can hover may stand."""
 NEWTON_STEPS: Final = 3
 NEAR_ENOUGH_M: Final = 1e-9
 NEAREST_STEP_M: Final = 10.0
-MOST_ASIDE_RAD: Final = math.radians(30.0)
+MAX_ASIDE_RAD: Final = math.radians(30.0)
 """Largest angle to the path at which a way onto it continues a vehicle's own course."""
 
 
@@ -104,12 +104,12 @@ class Abreast(NamedTuple):
         It flies at `speed_mps` along the path and follows the height setpoint `commanded_m`; NaN where there is none.
         """
         climb_mps, lag_s, other_s = state.climb_mps, model.tau_ha_s, model.tau_hb_s
-        most_mps2 = model.climb_max_mps / (2.0 * (lag_s + other_s))
+        max_mps2 = model.climb_max_mps / (2.0 * (lag_s + other_s))
         to_climb_m = 0.0 if math.isnan(commanded_m) else commanded_m - state.height_m
         change_mps2 = (to_climb_m - (lag_s + other_s) * climb_mps) / (lag_s * other_s)
-        change_mps2 = min(max(change_mps2, -most_mps2), most_mps2)
+        change_mps2 = min(max(change_mps2, -max_mps2), max_mps2)
         # Per metre of the path: on the inside of a bend, the vehicle covers less distance than the path.
-        along_mps = max(speed_mps, LEAST_MPS) / (1.0 - self.point.curvature_1pm * self.right_m)
+        along_mps = max(speed_mps, MIN_MPS) / (1.0 - self.point.curvature_1pm * self.right_m)
         slope = climb_mps / along_mps - self.point.slope
         return Rise(self.up_m, slope, change_mps2 / along_mps**2 - self.point.slope_rate_1pm)
 
@@ -120,4 +120,4 @@ class Abreast(NamedTuple):
             return 0.0
         off_rad = math.remainder(math.atan2(east_mps, north_mps) - self.point.course_rad, math.tau)
         along = 1.0 - self.point.curvature_1pm * self.right_m
-        return along * math.tan(within(off_rad, -MOST_ASIDE_RAD, MOST_ASIDE_RAD))
+        return along * math.tan(within(off_rad, -MAX_ASIDE_RAD, MAX_ASIDE_RAD))

@@ -42,7 +42,7 @@ BETTER: Final = 0.7
 """They count where their deviation is below this multiple of the mean's."""
 GATE: Final = 5.0
 """And where they differ from the mean by less than this multiple of its deviation."""
-LEAST_VARIANCE: Final = 1e-12
+MIN_VARIANCE: Final = 1e-12
 """Lower bound of round trips' variance, s², that is divided by."""
 JITTERY_S: Final = 5e-3
 """Standard deviation of round trips, beyond that of the wait, from which on jitter keeps the clock from being known."""
@@ -210,7 +210,7 @@ class ClockSync:
         wait_s = self.loop_s / 2.0
         if self._count >= FEW:
             wait_s2 = self._variance.wait_s2
-            share = wait_s2 / max(squared(self.scatter_s), wait_s2, LEAST_VARIANCE)
+            share = wait_s2 / max(squared(self.scatter_s), wait_s2, MIN_VARIANCE)
             wait_s += share * (self.round_trip_s - self._mean_s())
         return within(wait_s, 0.0, self.loop_s)
 
@@ -337,10 +337,10 @@ class ClockSync:
 
 def _range(values: vec[float], begin: i64, end: i64) -> float:
     """Return the range (maximum minus minimum) of values[begin:end]."""
-    least = greatest = values[begin]
+    smallest = largest = values[begin]
     for place in range(begin, end):
-        least, greatest = min(least, values[place]), max(greatest, values[place])
-    return greatest - least
+        smallest, largest = min(smallest, values[place]), max(largest, values[place])
+    return largest - smallest
 
 
 def _median(values: vec[float], count: i64) -> float:

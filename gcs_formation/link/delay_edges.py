@@ -62,10 +62,10 @@ class _Edge:
 
     def bound_s(self, drift: float, now_s: float) -> float:
         """Return the edge's delay now, for a drift, times `sign`."""
-        slope, sign, least_s = self._slope * drift, self._sign, math.inf
+        slope, sign, min_s = self._slope * drift, self._sign, math.inf
         for place in range(self._count):
-            least_s = min(least_s, sign * (self._delays[place] + slope * (now_s - self._at[place])))
-        return least_s
+            min_s = min(min_s, sign * (self._delays[place] + slope * (now_s - self._at[place])))
+        return min_s
 
 
 class DelayEdges:

@@ -22,7 +22,7 @@ STALE_S: Final = 5.0
 """A radio reports about once a second; older reports say nothing about now."""
 COUNTS: Final = 65536
 """Counts of RADIO_STATUS begin again there."""
-LEAST_S: Final = 0.2
+MIN_S: Final = 0.2
 """Least time between two reports of one radio that are kept for the record."""
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 
@@ -75,7 +75,7 @@ class RadioReports:
         )
         self._newest[datagram.remote] = report
         kept = self._kept.setdefault(datagram.remote, [])
-        if not kept or seconds_between(kept[-1].at, now) >= LEAST_S:
+        if not kept or seconds_between(kept[-1].at, now) >= MIN_S:
             kept.append(report)
         return True
 

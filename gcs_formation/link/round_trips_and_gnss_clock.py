@@ -114,11 +114,11 @@ class GnssClock:
             return "it has answered too few requests"
         if len(self._steps) == UNSTEADY_STEPS and seconds_between(self._steps[0], self._filter.reference) < UNSTEADY_S:
             return "its clock doesn't run steadily"
-        most_s = UNKNOWN_DRIFT_S * (IN_USE if used else 1.0)
-        if self._disarmed_s is None and self.drift < 0 and -self.drift * self._first_s > most_s:
+        max_s = UNKNOWN_DRIFT_S * (IN_USE if used else 1.0)
+        if self._disarmed_s is None and self.drift < 0 and -self.drift * self._first_s > max_s:
             return "it was armed before it was first heard, and its clock has drifted since"
         unsure_s = self.utc_uncertainty_s()
-        if unsure_s > most_s:
+        if unsure_s > max_s:
             return f"its clock's drift isn't known well enough: {unsure_s:.3f} s more or less since it had UTC last"
         return None
 

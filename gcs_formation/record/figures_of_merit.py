@@ -13,7 +13,7 @@ from flight_model.arrays import Array, Mask, wrap
 from flight_model.slot import CHANNELS
 from formation_scenario.expectation import GAP_S, LATE_PERIODS, SETTLED_M
 from gcs_formation.record.flight import RecordedFlight
-from gcs_formation.record.separations import least_separation_m
+from gcs_formation.record.separations import min_separation_m
 from gcs_formation.record.timeseries import ERROR, SETPOINT
 
 Effort = dict[str, dict[str, float | None]]
@@ -137,10 +137,10 @@ def _in_slot(error_m: Array) -> Mask:
 def separation_m(flight: RecordedFlight, window: Mask) -> Array:
     """Return the least distance of any two airborne vehicles between each tick of the window and the next, (T,) m.
 
-    As `least_separation_m`, at the ticks' positions.
+    As `min_separation_m`, at the ticks' positions.
     """
     places = np.stack([flight.place_in_flight(vehicle)[window].T for vehicle in flight.vehicles], axis=1)
-    return least_separation_m(flight.common["t_s"][window], places)
+    return min_separation_m(flight.common["t_s"][window], places)
 
 
 def gave_way_s(flight: RecordedFlight, window: Mask, rate_hz: float) -> float:
@@ -159,7 +159,7 @@ def if_finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def least(values: Array) -> float | None:
+def minimum(values: Array) -> float | None:
     """Return the least of the finite values, None if there are none."""
     known = values[np.isfinite(values)]
     return float(known.min()) if known.size else None

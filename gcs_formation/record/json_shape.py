@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import NoneType
 from typing import Any, Final, NamedTuple, TypeAlias, cast
 
-MOST_LETTERS: Final = 40
+MAX_LETTERS: Final = 40
 
 
 class Kind(NamedTuple):
@@ -80,7 +80,7 @@ def _each(found: object, shape: Each, where: str, place: str) -> str | None:
 
 def _mismatch(found: object, words: str, where: str, place: str) -> str:
     shown = json.dumps(found, ensure_ascii=False, default=str)
-    shown = shown if len(shown) <= MOST_LETTERS else f"{shown[:MOST_LETTERS]}…"
+    shown = shown if len(shown) <= MAX_LETTERS else f"{shown[:MAX_LETTERS]}…"
     return f"found {shown}{f' for {place}' if place else ''} in {where}; expected: {words}"
 
 

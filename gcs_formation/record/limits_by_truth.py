@@ -19,7 +19,7 @@ from flight_model.arrays import Array, Indices, Mask
 from formation_scenario import Scenario
 from formation_scenario.surroundings import Fence
 from gcs_formation.record.history import Interval
-from gcs_formation.record.separations import STRAIGHT_ON_S, least_separation_m
+from gcs_formation.record.separations import STRAIGHT_ON_S, min_separation_m
 from gcs_formation.record.timeseries import AIRBORNE, PHASES, PLACE, ROWS_AT_ONCE, TRUTH, VIRTUAL_LEADER, flying
 
 Columns = Mapping[str, Array]
@@ -141,7 +141,7 @@ def limit_series(
         _note_pilots(worst, names, motion.time_s[:count], np.where(theirs, outside, 0.0)[:, :count])
         ours = np.where(theirs, 0.0, outside)
         over_ground = np.where(flags(ticks.begun) & ~lands, _clearance_m(scenario, flown), np.nan)
-        nearest_m = least_separation_m(motion.time_s, flown), np.fmin.reduce(over_ground)
+        nearest_m = min_separation_m(motion.time_s, flown), np.fmin.reduce(over_ground)
         rows.append(tuple(each[:count] for each in (motion.time_s, *nearest_m, ours.max(axis=0))))
         led = flags(ticks.leads & ticks.active & ticks.flying) & motion.airborne
         leader: Indices = led.argmax(axis=0)
@@ -204,9 +204,9 @@ def _note_pilots(
 ) -> None:
     """Note the instant at which each pilot's vehicle was farthest outside; `outside_m` is (V, N)."""
     for name, own_m in zip(names, outside_m, strict=True):
-        most = int(own_m.argmax()) if own_m.size else 0
-        if own_m.size and own_m[most] > (worst[name].outside_m if name in worst else 0.0):
-            worst[name] = PilotOutside(name, float(own_m[most]), float(time_s[most]))
+        farthest = int(own_m.argmax()) if own_m.size else 0
+        if own_m.size and own_m[farthest] > (worst[name].outside_m if name in worst else 0.0):
+            worst[name] = PilotOutside(name, float(own_m[farthest]), float(time_s[farthest]))
 
 
 def _clearance_m(scenario: Scenario, place: Array) -> Array:

@@ -26,7 +26,7 @@ GAP_S: Final = 3.0
 REACH: Final = 2.0
 """Multiple of the planned speed that such a search allows for."""
 NEWTON_STEPS: Final = 4
-LEAST_SHARE: Final = 0.2
+MIN_SHARE: Final = 0.2
 """Lower bound of 1 - curvature × distance in Newton's method: nearer to a bend's centre no point is the nearest."""
 OFF_PATH_S: Final = 10.0
 """How long a leader may be farther from its path than `safety.path_distance_m`."""
@@ -103,7 +103,7 @@ def _along_m(path: FlightPath, speed_mps: float, time_s: Array, north_m: Array, 
         cos, sin = np.cos(point.course_rad), np.sin(point.course_rad)
         north, east = north_m - point.north_m, east_m - point.east_m
         bend = 1.0 - point.curvature_1pm * (east * cos - north * sin)
-        along_m = along_m + (north * cos + east * sin) / np.maximum(bend, LEAST_SHARE)
+        along_m = along_m + (north * cos + east * sin) / np.maximum(bend, MIN_SHARE)
     return np.clip(along_m, begin_m, end_m)
 
 
@@ -218,9 +218,9 @@ def _off(allowed_m: float, track: Track, away_m: Array, rows: Indices) -> Iterat
     for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
         for_s = float(time_s[end - 1] - time_s[begin])
         if for_s >= OFF_PATH_S:
-            most = begin + int(away_m[begin:end].argmax())
+            farthest = begin + int(away_m[begin:end].argmax())
             leader = int(track.leader[rows[begin]])
-            yield OffPath(leader, float(time_s[begin]), for_s, float(away_m[most]), float(time_s[most]))
+            yield OffPath(leader, float(time_s[begin]), for_s, float(away_m[farthest]), float(time_s[farthest]))
 
 
 def unknown() -> dict[str, Any]:

@@ -38,8 +38,8 @@ def safety(scenario: Scenario, flight: RecordedFlight, limits: LimitSeries) -> S
     ]
     whole = np.ones(flight.mission_time_s.shape, dtype=bool)
     found = {
-        "min_separation_m": figures.least(limits.separation_m),
-        "min_clearance_m": figures.least(limits.clearance_m),
+        "min_separation_m": figures.minimum(limits.separation_m),
+        "min_clearance_m": figures.minimum(limits.clearance_m),
         "fence_m": float(limits.fence_m.max(initial=0.0)) if fenced else None,
         "violations": sum(map(_episodes, broken)) + len(off),
         "avoidance_s": figures.gave_way_s(flight, whole, scenario.law.rate_hz) if whole.size else 0.0,
@@ -63,14 +63,14 @@ def _leader(names: list[VehicleId], column: int) -> str:
 def _breaches(scenario: Scenario, flight: RecordedFlight, limits: LimitSeries) -> Iterator[str]:
     """Yield in words each limit that was broken, at its worst."""
     allowed = scenario.safety
-    for name, values, least_m in (
+    for name, values, min_m in (
         ("separation", limits.separation_m, allowed.separation_m),
         ("clearance", limits.clearance_m, allowed.clearance_m),
     ):
-        if (values < least_m).any():
+        if (values < min_m).any():
             worst = int(np.nanargmin(values))
-            found, least = distinct_texts(float(values[worst]), least_m)
-            yield f"safety broken: {name} was {found} m {_when(flight, limits, worst)}; allowed: {least} m or more"
+            found, minimum = distinct_texts(float(values[worst]), min_m)
+            yield f"safety broken: {name} was {found} m {_when(flight, limits, worst)}; allowed: {minimum} m or more"
     if (limits.fence_m > 0.0).any():
         worst = int(limits.fence_m.argmax())
         who, outside_m = list(flight.vehicles)[limits.farthest[worst]], float(limits.fence_m[worst])
@@ -119,7 +119,7 @@ def value_within(flight: RecordedFlight, metric: str, from_s: float, to_s: float
     if metric == "fence_m":
         return float(limits.fence_m[window].max())
     if metric == "min_clearance_m":
-        return figures.least(limits.clearance_m[window])
+        return figures.minimum(limits.clearance_m[window])
     return float(limits.separation_m[window].min())
 
 

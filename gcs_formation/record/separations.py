@@ -11,7 +11,7 @@ STRAIGHT_ON_S = 1.0
 """Longest time between two instants over which flight is interpolated by straight lines."""
 
 
-def least_separation_m(time_s: Array, places: Array) -> Array:
+def min_separation_m(time_s: Array, places: Array) -> Array:
     """Return the least distance of any two vehicles between each instant and the next, (T,) m.
 
     Positions are interpolated linearly over up to `STRAIGHT_ON_S`. The distance is infinite with fewer than two.
@@ -45,20 +45,20 @@ def _nearest_m(places: Array, steps: Array) -> Array:
     order: Indices = places[axis].argsort(axis=0)
     order = order * ticks + np.arange(ticks, dtype=np.intp)
     ordered, moved = [each.take(order) for each in places], [each.take(order) for each in steps]
-    most_m, least_m = (pick.reduce(steps[axis], axis=0) for pick in (np.fmax, np.fmin))
-    closing_m = np.nan_to_num(most_m - least_m)
+    max_m, min_m = (pick.reduce(steps[axis], axis=0) for pick in (np.fmax, np.fmin))
+    closing_m = np.nan_to_num(max_m - min_m)
     squared = np.full(ticks, np.inf)
     for apart in range(1, vehicles):
         gaps, changes = ([each[apart:] - each[:-apart] for each in of] for of in (ordered, moved))
-        least_m = np.maximum(np.fmin.reduce(gaps[axis], axis=0, initial=np.inf) - closing_m, 0.0)
-        if not (least_m**2 < squared).any():
+        min_m = np.maximum(np.fmin.reduce(gaps[axis], axis=0, initial=np.inf) - closing_m, 0.0)
+        if not (min_m**2 < squared).any():
             break
-        least = _least_squared(gaps, [np.nan_to_num(each) for each in changes])
-        squared = np.fmin(squared, np.fmin.reduce(least, axis=0, initial=np.inf))
+        minimum = _min_squared(gaps, [np.nan_to_num(each) for each in changes])
+        squared = np.fmin(squared, np.fmin.reduce(minimum, axis=0, initial=np.inf))
     return np.sqrt(squared)
 
 
-def _least_squared(gaps: list[Array], changes: list[Array]) -> Array:
+def _min_squared(gaps: list[Array], changes: list[Array]) -> Array:
     """Return the least square of the distance over gaps (3 arrays, one for each axis) that change by `changes`.
 
     Between two straight lines it is least at the share -gap.change/change.change of the way, or at one of its ends.

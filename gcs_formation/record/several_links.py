@@ -105,14 +105,14 @@ def with_several_links(
     `links`: of each of the V vehicles when which link was in use, and of each link the answered requests, (P, 4) as
     `RoundTrips.delays`; None for a vehicle with one link. Where all have one the blocks stay as they are.
     """
-    most = max((len(each[1]) for each in links if each is not None), default=0)
+    count = max((len(each[1]) for each in links if each is not None), default=0)
     for block in blocks:
-        yield block | _columns(block["t_s"][:, 0], links, most) if most else block
+        yield block | _columns(block["t_s"][:, 0], links, count) if count else block
 
 
-def _columns(time_s: Array, links: Sequence[tuple[Uses, Sequence[Array]] | None], most: int) -> dict[str, Array]:
+def _columns(time_s: Array, links: Sequence[tuple[Uses, Sequence[Array]] | None], count: int) -> dict[str, Array]:
     shape = (time_s.size, len(links))
-    found = {IN_USE: np.full(shape, 1.0)} | {f"link_{1 + n}_delay_s": np.full(shape, math.nan) for n in range(most)}
+    found = {IN_USE: np.full(shape, 1.0)} | {f"link_{1 + n}_delay_s": np.full(shape, math.nan) for n in range(count)}
     for column, each in enumerate(links):
         if each is None:
             continue

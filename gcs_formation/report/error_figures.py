@@ -32,7 +32,7 @@ IN_SLOT_M = 0.01
 """Smallest distance that the figure shows; its scale is logarithmic."""
 MARGIN = 0.06
 LABELS = ("north, m/s", "east, m/s", "down, m/s")
-LEAST_MPS = 0.1
+MIN_MPS = 0.1
 """The axes reach at least this far upwards and downwards."""
 WIDTHS = (0.42, 1.0)
 """Widths of the axes of the transient and of the rest."""
@@ -46,13 +46,13 @@ STEADY_AT_LEAST_M = 0.02
 GONE_M = 10.0
 STANDS_OUT = 50.0
 """An error above `GONE_M` and this many times the median means that a vehicle left; the scale becomes logarithmic."""
-LEAST_M = 0.012
+MIN_M = 0.012
 """The axes reach at least this far upwards and downwards, so that less than a centimetre isn't magnified."""
 AROUND_S = 1.0
 """Laws are compared by the largest error within this time before and after each tick, because errors cross zero."""
 LAW_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1)))
-LEAST_SIZE_M = 1e-3
+MIN_SIZE_M = 1e-3
 """Smallest |error| in the comparison of laws, whose scale is logarithmic."""
 LEAST = r"least possible: $|D|\,T + D^2/2a$"
 GATHERING_M = 1.0
@@ -116,7 +116,7 @@ def disturbance(run: RunData) -> Figure:
     grid = style.axes_grid(figure, shown, 1, sharex=True)
     for (axes,), series in zip(grid, values, strict=False):
         group.draw(axes, run.time_s, series)
-        at_least(axes, -LEAST_MPS, LEAST_MPS)
+        at_least(axes, -MIN_MPS, MIN_MPS)
     span(grid[0][0], run.time_s)
     return finished(figure, run, grid, LABELS[:shown])
 
@@ -139,7 +139,7 @@ def errors(run: RunData) -> Figure:
             _panel(axes, group, run.time_s[window], values[:, window, row])
             _expected(axes, run.scenario.expect, axis)
             _after_gusts(axes, gusted, axis)
-            at_least(axes, -LEAST_M, LEAST_M)
+            at_least(axes, -MIN_M, MIN_M)
     return finished(figure, run, grid, _labels(run, "error"))
 
 
@@ -197,7 +197,7 @@ def _after_gusts(axes: Axes, gusted: list[GustError], axis: str) -> None:
         reach = max(begin, error.at_s), min(end, error.to_s)
         if error.axis == axis and reach[0] < reach[1]:
             _both_ways(axes, reach, error.allowed_m, ALLOWED, color=style.INK, ls=(0, (6, 2)))
-            _both_ways(axes, reach, error.least_m, LEAST, color=style.INK, ls=(0, (1, 1.5)))
+            _both_ways(axes, reach, error.min_m, LEAST, color=style.INK, ls=(0, (1, 1.5)))
 
 
 def _both_ways(axes: Axes, reach: tuple[float, float], size: float, label: str, **look: Any) -> None:
@@ -216,8 +216,8 @@ def law_errors(runs: Mapping[str, RunData], spans: Sequence[tuple[float, float]]
     for axis, row in enumerate(grid):
         for axes, (begin, end) in zip(row, spans, strict=True):
             _laws(axes, {law: (time_s, error_m[:, axis]) for law, (time_s, error_m) in lines.items()}, begin, end)
-        most = max(float(np.nanmax(error_m[:, axis], initial=SETTLED_M)) for _, error_m in lines.values())
-        row[0].set_ylim(LEAST_SIZE_M, 2.0 * most)
+        largest = max(float(np.nanmax(error_m[:, axis], initial=SETTLED_M)) for _, error_m in lines.values())
+        row[0].set_ylim(MIN_SIZE_M, 2.0 * largest)
     first = next(iter(runs.values()))
     return finished(figure, first, grid, _labels(first, "|error|"))
 
@@ -242,15 +242,15 @@ def largest_around_m(run: RunData) -> Array:
 def _laws(axes: Axes, lines: Mapping[str, tuple[Array, Array]], begin: float, end: float) -> None:
     """Draw each law's (T,) |error| of one axis."""
     axes.set_yscale("log")
-    highest_m = LEAST_SIZE_M
+    highest_m = MIN_SIZE_M
     axes.yaxis.set_major_formatter("{x:g}")
     for index, (law, (time_s, error_m)) in enumerate(lines.items()):
         colour, dash = LAW_COLOURS[index % len(LAW_COLOURS)], DASHES[index % len(DASHES)]
         kept = (time_s >= begin) & (time_s <= end)
-        sizes_m = np.maximum(error_m[kept], LEAST_SIZE_M)
+        sizes_m = np.maximum(error_m[kept], MIN_SIZE_M)
         draw_line(axes, time_s[kept], sizes_m, color=colour, ls=dash, lw=style.LINE, label=law)
-        highest_m = max(highest_m, float(sizes_m.max(initial=LEAST_SIZE_M)))
-    if highest_m <= LEAST_SIZE_M:
+        highest_m = max(highest_m, float(sizes_m.max(initial=MIN_SIZE_M)))
+    if highest_m <= MIN_SIZE_M:
         style.note(axes, "all below 1 mm")
     axes.axhline(SETTLED_M, color=style.GREY, lw=style.THIN, ls=(0, (4, 2)), label="settled: within 0.5 m")
     span(axes, (begin, end))

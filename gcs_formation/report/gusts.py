@@ -26,7 +26,7 @@ MEASURED_OVER_S = 10.0
 """Time before the gust over which the median of the measured delay is taken."""
 
 
-def least_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, accel_max_mps2: npt.ArrayLike) -> Array:
+def min_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, accel_max_mps2: npt.ArrayLike) -> Array:
     """Return the least possible maximum error, m, along one axis after a step of relative velocity; shapes broadcast.
 
     The vehicle is carried for the round trip T, then brakes as hard as it can: |D| T + D^2 / (2 a).
@@ -66,7 +66,7 @@ def response_s(begun_s: float, tick_s: Array, stamp_s: Array, up_s: float) -> fl
 
 def allowed_gust_error_m(gust_mps: npt.ArrayLike, round_trip_s: npt.ArrayLike, accel_max_mps2: npt.ArrayLike) -> Array:
     """Return the maximum error, m, that is allowed after such a step."""
-    return SHARE * least_gust_error_m(gust_mps, round_trip_s, accel_max_mps2) + SPARE_M
+    return SHARE * min_gust_error_m(gust_mps, round_trip_s, accel_max_mps2) + SPARE_M
 
 
 class GustError(NamedTuple):
@@ -77,7 +77,7 @@ class GustError(NamedTuple):
     vehicle: VehicleId
     axis: str
     round_trip_s: float
-    least_m: float
+    min_m: float
     """|D| T + D² / (2 a): no law can do better."""
     allowed_m: float
     found_m: float
@@ -137,8 +137,8 @@ def _errors(
     for i, axis in enumerate("xy"):
         found_m, gust = float(np.fmax.reduce(sizes[:, i], initial=np.nan)), (along_mps[i], round_trip_s, limits_mps2[i])
         if np.isfinite((psi, round_trip_s, found_m)).all():
-            least_m, allowed_m = float(least_gust_error_m(*gust)), float(allowed_gust_error_m(*gust))
-            yield GustError(at_s, to_s, identity, axis, round_trip_s, least_m, allowed_m, found_m)
+            min_m, allowed_m = float(min_gust_error_m(*gust)), float(allowed_gust_error_m(*gust))
+            yield GustError(at_s, to_s, identity, axis, round_trip_s, min_m, allowed_m, found_m)
 
 
 def _response_s(run: RunData, vehicle: VehicleId, at_s: float, tick: int) -> float:

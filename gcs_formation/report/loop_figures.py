@@ -22,12 +22,12 @@ from gcs_formation.report.error_figures import WIDTHS, error_windows
 from gcs_formation.report.time_axes import Group, draw_line, everyone, finished, followers_of, span
 from gcs_formation.stability.mismatch import NEAR
 
-MOST_COLUMNS = 4
+MAX_COLUMNS = 4
 GAINS = {"kp": "$k_p$", "ki": "$k_i$", "kd": "$k_d$"}
 COLUMNS = {"speed": "speed_mps", "heading": "heading_rad", "height": "height_m"}
 """Names of setpoint columns; the response to a speed is an airspeed."""
 STEPS = {"speed": "airspeed step, m/s", "heading": "heading step, °", "height": "height step, m"}
-LEAST_STEP = 0.01
+MIN_STEP = 0.01
 """The axis of steps reaches at least this far."""
 LABELS = {"speed": "airspeed, m/s", "heading": "heading, °", "height": "height, m"}
 SILENT = 8.0
@@ -92,7 +92,7 @@ def steps(run: RunData) -> Figure:
         if channel == "heading":
             sizes = [np.degrees(size) for size in sizes]
         group.draw_spread(axes, run.time_s, sizes)
-        axes.set_ylim(0.0, max(1.05 * float(axes.dataLim.y1), LEAST_STEP))
+        axes.set_ylim(0.0, max(1.05 * float(axes.dataLim.y1), MIN_STEP))
     span(grid[0][0], run.time_s)
     return finished(figure, run, grid, STEPS.values())
 
@@ -103,7 +103,7 @@ def _ticks_following(columns: Columns) -> int:
 
 def _shown(run: RunData) -> list[VehicleId]:
     leaders = [run.leader] if run.leader else []
-    worst = set(run.worst_first()[: MOST_COLUMNS - len(leaders)])
+    worst = set(run.worst_first()[: MAX_COLUMNS - len(leaders)])
     return leaders + [vehicle for vehicle in run.followers if vehicle in worst and vehicle not in leaders]
 
 
@@ -157,9 +157,9 @@ def separation(run: RunData) -> Figure:
     grid = style.axes_grid(figure, 2, 1, sharex=True)
     (apart,), (above,) = grid
     if len(group.vehicles) > 1:
-        least = figures_of_merit.separation_m(run.flown, np.ones(run.time_s.shape, dtype=bool))
-        least = np.where(np.isfinite(least), least, np.nan)
-        draw_line(apart, run.time_s, least, color=style.NEAREST, lw=1.2, label="nearest pair")
+        minimum = figures_of_merit.separation_m(run.flown, np.ones(run.time_s.shape, dtype=bool))
+        minimum = np.where(np.isfinite(minimum), minimum, np.nan)
+        draw_line(apart, run.time_s, minimum, color=style.NEAREST, lw=1.2, label="nearest pair")
         _limit(apart, limits.separation_m)
     else:
         style.note(apart, "one vehicle: nothing to be separated from")
@@ -186,9 +186,9 @@ def _age_scale(axes: Axes, ages_ms: Array) -> None:
     """Begin at 0. If a vehicle falls silent, end where the others fit, and print its largest age."""
     _from_zero(axes)
     known = ages_ms[np.isfinite(ages_ms)]
-    most_ms = SILENT * max(float(np.median(known)), 1.0) if known.size else np.inf
-    if known.size and known.max() > most_ms:
-        axes.set_ylim(top=most_ms)
+    max_ms = SILENT * max(float(np.median(known)), 1.0) if known.size else np.inf
+    if known.size and known.max() > max_ms:
+        axes.set_ylim(top=max_ms)
         beyond = f"a silent vehicle: up to {known.max() / 1e3:.1f} s"
         axes.text(0.99, 0.96, beyond, transform=axes.transAxes, ha="right", va="top", color=style.GREY)
 

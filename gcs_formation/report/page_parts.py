@@ -22,7 +22,7 @@ from gcs_formation.record.verdict import WORDS
 from gcs_formation.report import RunData
 from gcs_formation.report.gusts import gusts
 
-MOST_EVENTS = 500
+MAX_EVENTS = 500
 AXES = ("x", "y", "z")
 NONE = "–"
 STEP_MPS = 0.6
@@ -136,14 +136,14 @@ def cards(run: RunData) -> str:
     summary, control, stability = run.summary, run.summary["control"], run.summary["stability"]
     factor, loop_delay_s = summary["real_time_factor"], number(stability["worst_loop_delay_s"], 2, " s")
     pace = f"{summary['clock']} clock" + (f", {factor:.1f} × real time" if factor else "")
-    least = {"separation": run.scenario.safety.separation_m, "clearance": run.scenario.safety.clearance_m}
+    limits = {"separation": run.scenario.safety.separation_m, "clearance": run.scenario.safety.clearance_m}
     outside_m = summary["safety"].get("fence_m")
     found = [
         ("Flown", number(summary["duration_s"], 1, " s"), pace),
         *_settled(summary["followers"]),
         *(
             (f"Least {what}", number(summary["safety"][f"min_{what}_m"], 1, " m"), f"{WHOLE}; limit {limit:g} m")
-            for what, limit in least.items()
+            for what, limit in limits.items()
         ),
         *([("Outside the fence", number(outside_m, 1, " m"), WHOLE)] if outside_m is not None else []),
         *_off_path(summary.get("path")),
@@ -278,9 +278,9 @@ def events(run: RunData) -> str:
     """Return the events in order."""
     rows = [
         [number(float(event["t_s"]) - run.zero_s, 1), *(str(event.get(key, "")) for key in ("kind", "vehicle", "text"))]
-        for event in run.events[:MOST_EVENTS]
+        for event in run.events[:MAX_EVENTS]
     ]
-    more = len(run.events) - MOST_EVENTS
+    more = len(run.events) - MAX_EVENTS
     tail = f'<p class="note">… and {more} more in events.jsonl.</p>' if more > 0 else ""
     heads = ["Mission time, s" if run.begun else "Time, s", "Event", "Vehicle", "In words"]
     return table(heads, rows, (1, 2, 3)) + tail
@@ -301,10 +301,10 @@ def beside_the_paper(run: RunData) -> str:
         return ""
     window = run.flown.window(step.at_s, float(run.time_s[-1]))
     errors_m = np.concatenate([run.flown.error(vehicle)[window] for vehicle in run.followers])
-    most = [float(each) if np.isfinite(each) else None for each in np.fmax.reduce(np.abs(errors_m))]
+    largest = [float(each) if np.isfinite(each) else None for each in np.fmax.reduce(np.abs(errors_m))]
     rows = [
         [f"largest |error| {axis} from the step on, m", number(REPORTED_M.get(axis), 2), number(found)]
-        for axis, found in zip(AXES, most, strict=True)
+        for axis, found in zip(AXES, largest, strict=True)
     ]
     rows += [
         [f"least {what} of the whole run, m", "no collision", number(run.summary["safety"][f"min_{what}_m"], 1)]

@@ -56,12 +56,12 @@ CHARACTER_PT = 4.9
 """Mean width of a character."""
 HANDLE_EM, BETWEEN_EM = 1.8, 1.4
 """Length of a legend's lines and the space between its columns, in font sizes."""
-MOST_COLUMNS = 5
+MAX_COLUMNS = 5
 
 PATH_POINTS = 2000
 SAME_S = 0.5
 """Marks with the same label within this time are shown once."""
-MOST_EVENTS = 12
+MAX_EVENTS = 12
 """Largest number of events shown; a link that comes and goes would hide everything else."""
 WORDS = {
     "delay_ms": "delay {:g} ms",
@@ -144,7 +144,7 @@ def _width_pt(label: str) -> float:
 
 def _columns_that_fit(widths_pt: Sequence[float], room_pt: float) -> int:
     """Return the largest number of columns, filled row by row, that fit."""
-    wide_pt = {n: sum(max(widths_pt[i::n]) for i in range(n)) for n in range(min(MOST_COLUMNS, len(widths_pt)), 1, -1)}
+    wide_pt = {n: sum(max(widths_pt[i::n]) for i in range(n)) for n in range(min(MAX_COLUMNS, len(widths_pt)), 1, -1)}
     return next((columns for columns, needed_pt in wide_pt.items() if needed_pt <= room_pt), 1)
 
 
@@ -235,7 +235,7 @@ def _planned(run: RunData) -> Iterator[Mark]:
 
 def _happened(run: RunData) -> Iterator[Mark]:
     marked = (Mark(float(e["t_s"]) - run.zero_s, words) for e in run.events if (words := _words(e)) is not None)
-    return islice(marked, MOST_EVENTS)
+    return islice(marked, MAX_EVENTS)
 
 
 def _words(event: Mapping[str, Any]) -> str | None:

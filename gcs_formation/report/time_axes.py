@@ -15,7 +15,7 @@ from flight_model.arrays import Array
 from gcs_formation.report import RunData, style
 
 LEVEL_PT = 10.0
-MOST_LEVELS = 5
+MAX_LEVELS = 5
 BETWEEN_PT = 25.0
 """How far a mark's name may reach into the gap to the axes on the right."""
 BESIDE_PT = 1.0
@@ -100,7 +100,7 @@ def _label(axes: Axes, marks: Sequence[style.Mark], beyond_pt: float) -> int:
 
     The last mark comes first, so that lines up to later names don't cross earlier ones.
     """
-    taken: list[list[tuple[float, float]]] = [[] for _ in range(MOST_LEVELS)]
+    taken: list[list[tuple[float, float]]] = [[] for _ in range(MAX_LEVELS)]
     across = axes.get_xaxis_transform()
     for mark in reversed(marks):
         begin_pt, end_pt, shift_pt, aligned = _place(axes, mark, beyond_pt)
@@ -239,10 +239,10 @@ def _stretches(time_s: Array, values: Sequence[Array]) -> tuple[Array, list[Arra
 
 def _bands(axes: Axes, time_s: Array, values: Array) -> None:
     """Draw the median, the 5th to 95th percentile and the extremes of (T, N) values."""
-    least, low, middle, high, most = _percentiles(values, (0, 5, 50, 95, 100))
+    minimum, low, middle, high, maximum = _percentiles(values, (0, 5, 50, 95, 100))
     axes.fill_between(time_s, low, high, color=style.BAND, alpha=0.25, lw=0, label="5th to 95th percentile")
     axes.plot(time_s, middle, color=style.BAND, label="median")
-    for extreme in (least, most):
+    for extreme in (minimum, maximum):
         draw_line(axes, time_s, extreme, color=style.GREY, lw=style.THIN, label="smallest and largest")
 
 

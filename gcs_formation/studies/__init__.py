@@ -16,7 +16,7 @@ from formation_scenario.extensions import Registry
 from formation_scenario.fields import WHOLE, Allowed, Fraction, Keys, Name, NonNegative, Number, Open, Positive, key
 from gcs_formation.app.operator_at_terminal import Record
 
-MOST_VALUES = 10_000
+MAX_VALUES = 10_000
 INVARIANTS = "broken_invariants"
 """Number of invariants of `gcs-formation stress` that a flight broke."""
 FIGURES = (*METRICS, INVARIANTS)
@@ -41,7 +41,7 @@ class Range(Keys):
     """Evenly spaced values, both ends included."""
 
     range: Annotated[
-        tuple[Number, Number, Annotated[int, Field(ge=1, le=MOST_VALUES)]], Allowed("[first, last, how many]")
+        tuple[Number, Number, Annotated[int, Field(ge=1, le=MAX_VALUES)]], Allowed("[first, last, how many]")
     ] = key(..., "first, last, how many", [0, 500, 6])
 
 
@@ -73,11 +73,11 @@ class Cases(Keys):
     ] = key(..., "name of each -> the scenario's keys that it sets", {"5 % loss": {"links.default.loss": 0.05}})
 
 
-Values = Annotated[list[Any], Field(min_length=1, max_length=MOST_VALUES)]
+Values = Annotated[list[Any], Field(min_length=1, max_length=MAX_VALUES)]
 Parameter = Annotated[
     Values | Range | Uniform | Normal | LogUniform | Cases,
     Allowed(
-        f"a list of 1 to {MOST_VALUES:,} values, {{range: [first, last, how many: 1 or more]}}, "
+        f"a list of 1 to {MAX_VALUES:,} values, {{range: [first, last, how many: 1 or more]}}, "
         "{uniform: [least, most: more than that]}, {normal: [mean, sigma: more than 0]}, "
         "{log_uniform: [least: more than 0, most: more than that]} or {cases: {name: {dotted.key: value}}}"
     ),
@@ -128,7 +128,7 @@ class Bisection(Keys):
         return _one_bound(self, self.below, self.above)
 
     @property
-    def most_flights(self) -> int:
+    def max_flights(self) -> int:
         """The flights that a search takes at most."""
         return 2 + max(0, math.ceil(math.log2((self.high - self.low) / self.tolerance)))
 
@@ -228,7 +228,7 @@ class Study(Keys):
     @property
     def flights_of_a_sample(self) -> int:
         """How many numbers of flights each sample takes: its seeds, and for each the steps of a search."""
-        return self.seeds.count * (self.bisect.most_flights if self.bisect else 1)
+        return self.seeds.count * (self.bisect.max_flights if self.bisect else 1)
 
     @property
     def draws(self) -> bool:

@@ -23,7 +23,7 @@ from gcs_formation.control import laws
 from gcs_formation.errors import RecordError
 from gcs_formation.record import path_distance
 from gcs_formation.record.expectations import figure_of as figure_in
-from gcs_formation.record.figures_of_merit import least, of_follower, separation_m
+from gcs_formation.record.figures_of_merit import minimum, of_follower, separation_m
 from gcs_formation.record.history import history
 from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.record.timeseries import ERROR
@@ -207,7 +207,7 @@ def _figures(run: RunData, window_s: tuple[float, float]) -> dict[str, Any]:
         "path": {who: path_distance.figures(each, within) for who, each in off.items()},
         "effort": {channel: {name: worst_of(f"effort.{channel}.{name}") for name in EFFORTS} for channel in CHANNELS},
         "followed_share": worst("in_slot_share", [each["followed_share"] for each in found]),
-        "min_separation_m": least(separation_m(run.flown, within)),
+        "min_separation_m": minimum(separation_m(run.flown, within)),
         "delay_margin_s": stability["delay_margin_s"],
         "margin_used": stability.get("margin_used"),
         "warnings": tuple(warnings(scenario, law_margins(scenario), lag_margins(scenario)[0])),

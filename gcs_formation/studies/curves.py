@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from flight_model.arrays import Array, Mask
 from gcs_formation.report.style import BAND, FOLLOWERS, LIMIT, THIN, axes_grid, legend_below, new_figure, panels
 from gcs_formation.studies.dataset import NO_CLUSTERS, Flights
-from gcs_formation.studies.flight import LEAST_IS_WORST
+from gcs_formation.studies.flight import LOWER_IS_WORSE
 from gcs_formation.studies.intervals import by_cluster, share_interval
 
 LEVELS_UP_TO = 12
@@ -60,12 +60,12 @@ def up_to(values: Array, clusters: Array = NO_CLUSTERS) -> Curve:
     return _curve(np.where(np.isfinite(values), values, np.inf), clusters)
 
 
-def worse_than(values: Array, clusters: Array = NO_CLUSTERS, *, least_is_worst: bool) -> Curve:
+def worse_than(values: Array, clusters: Array = NO_CLUSTERS, *, lower_is_worse: bool) -> Curve:
     """Return the share of flights that are worse than each value, the worst value last; NaN is worse than all.
 
     Arguments and band are those of `up_to`.
     """
-    sign = -1.0 if least_is_worst else 1.0
+    sign = -1.0 if lower_is_worse else 1.0
     up = _curve(np.where(np.isfinite(values), sign * values, np.inf), clusters)
     return Curve(sign * up.values, 1.0 - up.share, 1.0 - up.high, 1.0 - up.low)
 
@@ -217,19 +217,19 @@ def _draw(axes: Axes, curve: Curve, colour: str, label: str, alpha: float, unit:
 def _tail(axes: Axes, flights: Flights, metric: str, inside: Mask, colour: str, label: str, alpha: float) -> None:
     """Draw the share of some flights that is worse; beyond the worst value the band goes on to the panel's edge."""
     values, clusters = flights.metrics[metric][inside], flights.clusters_within(inside)
-    curve = worse_than(values, clusters, least_is_worst=metric in LEAST_IS_WORST)
+    curve = worse_than(values, clusters, lower_is_worse=metric in LOWER_IS_WORSE)
     if curve.values.size:
-        end = _end(_known(flights, metric, inside), metric in LEAST_IS_WORST)
+        end = _end(_known(flights, metric, inside), metric in LOWER_IS_WORSE)
         curve = Curve(np.append(curve.values, end), *(np.append(each, each[-1]) for each in curve[1:]))
     floor = _floor(inside.sum()) / 2.0
     above = curve._replace(share=np.maximum(curve.share, floor), low=np.maximum(curve.low, floor))
     _draw(axes, above, colour, label, alpha, flights.chance.unit)
 
 
-def _end(values: Array, least_is_worst: bool) -> float:
+def _end(values: Array, lower_is_worse: bool) -> float:
     """Return a value slightly worse than all values."""
     low, high = float(values.min()), float(values.max())
-    worst, sign = (low, -1.0) if least_is_worst else (high, 1.0)
+    worst, sign = (low, -1.0) if lower_is_worse else (high, 1.0)
     return worst + sign * (0.2 * worst if is_wide(values) else 0.05 * (high - low))
 
 
@@ -246,7 +246,7 @@ def _finish_tail(axes: Axes, flights: Flights, metric: str, fewest: int) -> None
     axes.set(xlabel=metric, yscale="log", ylim=(_floor(fewest), 1.1))
     axes.yaxis.set_major_formatter(FuncFormatter(_percent))
     _finish(axes, flights, metric)
-    if metric in LEAST_IS_WORST:
+    if metric in LOWER_IS_WORSE:
         axes.xaxis.set_inverted(True)
     _shares(axes, flights, metric)
 

@@ -357,7 +357,7 @@ def sample_table(study: Study, rows: Sequence[Row], crossings: Sequence[tuple[Pl
 def _searches(
     study: Study, search: Bisection, rows: Sequence[Row], crossings: Sequence[tuple[Planned, Crossing]]
 ) -> tuple[list[str], Iterator[list[str]]]:
-    name, each = search.parameter, search.most_flights
+    name, each = search.parameter, search.max_flights
     others = [metric for metric in study.measured if metric != search.metric]
 
     def cells() -> Iterator[list[str]]:
@@ -382,8 +382,8 @@ def _figures(study: Study, rows: Sequence[Row]) -> Iterator[str]:
     for metric in study.measured:
         known = [row[metric] for row in rows if row[metric] is not None]
         middle = _shown(median(known)) if known else NONE
-        least = _shown(worst(metric, [row[metric] for row in rows]))
-        yield middle if len(rows) == 1 else f"{middle} ({least})"
+        lowest = _shown(worst(metric, [row[metric] for row in rows]))
+        yield middle if len(rows) == 1 else f"{middle} ({lowest})"
 
 
 def _shown(value: object) -> str:

@@ -95,7 +95,7 @@ def _along(axes: Axes, middles: Array, spread: tuple[Array, Array, Array], named
     axes.plot(middles, middle, color=INK, lw=1.2, ls="" if named else "-", marker="o", ms=2.5, label="median")
 
 
-def most_influential(flights: Flights, metric: str, most: int) -> list[str]:
+def most_influential(flights: Flights, metric: str, maximum: int) -> list[str]:
     """Return the parameters in their order; of more than `most`, those with the largest effect on a metric.
 
     The effect is the share of the variance of the metric's ranks that lies between a parameter's levels or bins.
@@ -108,7 +108,7 @@ def most_influential(flights: Flights, metric: str, most: int) -> list[str]:
         means = {i: ranks[cell == i].mean() for i in np.unique(cell).tolist()}
         return float(np.var([means[i] for i in cell.tolist()]))
 
-    best = sorted(flights.parameters, key=between, reverse=True)[:most]
+    best = sorted(flights.parameters, key=between, reverse=True)[:maximum]
     return [name for name in flights.parameters if name in best]
 
 
@@ -153,8 +153,8 @@ class _Table(NamedTuple):
 
 
 def _table(flights: Flights, values: Array, pair: tuple[str, str]) -> _Table:
-    most = int(np.sqrt(values.size / IN_A_BIN))
-    columns, rows = (edges_of(flights, name, most) for name in pair)
+    maximum = int(np.sqrt(values.size / IN_A_BIN))
+    columns, rows = (edges_of(flights, name, maximum) for name in pair)
     column, row = (cells_of(flights.parameters[name], edges) for name, edges in zip(pair, (columns, rows), strict=True))
     cells: Array = np.full((len(rows) - 1, len(columns) - 1), np.nan)
     for place in np.ndindex(*cells.shape):
@@ -204,7 +204,7 @@ def _room(table: _Table, maps: int) -> int:
     """Return the digits with which the narrowest cell's value fits, with `maps` in a row; 0 if it doesn't."""
     widths = np.diff(table.columns)
     beside = maps * float(widths.sum() / widths.min())
-    return next((digits for most, digits in ROOM if beside <= most + 1e-9), 0)
+    return next((digits for maximum, digits in ROOM if beside <= maximum + 1e-9), 0)
 
 
 def _write(axes: Axes, table: _Table, norm: Normalize, digits: int) -> None:
@@ -266,12 +266,12 @@ def _row_at(
     return next((row for row in same if all(row.get(name) == entry.get(name) for name in names)), none)
 
 
-def edges_of(flights: Flights, name: str, most: int) -> Array:
+def edges_of(flights: Flights, name: str, maximum: int) -> Array:
     """Return the borders of a parameter's levels, halfway between them; of drawn values, those of equally full bins."""
     levels: Array = np.unique(flights.parameters[name])
     listed = isinstance(flights.study.parameters.get(name), LISTED)
     if flights.draws(name) or levels.size > (LISTED_UP_TO if listed else LEVELS_UP_TO):
-        bins = int(np.clip(most, 2, LEVELS_UP_TO))
+        bins = int(np.clip(maximum, 2, LEVELS_UP_TO))
         return np.quantile(levels, np.linspace(0.0, 1.0, bins + 1))
     if levels.size == 1:
         return np.array([levels[0] - 0.5, levels[0] + 0.5])

@@ -34,7 +34,7 @@ from gcs_formation.studies.records import kept_at
 VERSION: Final = installed_version()
 REPEATED_EVERY = 10
 """If invariants are checked, every flight whose seed is a multiple of this is repeated and compared byte for byte."""
-LEAST_IS_WORST = ("min_separation_m", "min_clearance_m", "in_slot_share", "delay_margin_s", "left_at_s")
+LOWER_IS_WORSE = ("min_separation_m", "min_clearance_m", "in_slot_share", "delay_margin_s", "left_at_s")
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def worst(metric: str, each: Sequence[Any]) -> float | None:
     known = [float(value) for value in each if value is not None]
     if not known or (len(known) < len(each) and metric != "left_at_s"):
         return None
-    return min(known) if metric in LEAST_IS_WORST else max(known)
+    return min(known) if metric in LOWER_IS_WORSE else max(known)
 
 
 def _measured(metric: str, task: Task, summary: Summary, wrong: list[str]) -> float | None:

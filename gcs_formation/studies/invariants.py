@@ -98,15 +98,15 @@ def broken(flown: FlightRecord) -> list[str]:
 
 def separation(flown: FlightRecord) -> Iterator[str]:
     """No two flying vehicles come closer than `safety.separation_m`, from the first take-off to the end."""
-    least_m = flown.scenario.safety.separation_m
+    min_m = flown.scenario.safety.separation_m
     for one, other in combinations(flown.scenario.vehicles, 2):
         ours, theirs = flown.rows(one), flown.rows(other)
         apart_m = np.linalg.norm([ours[name] - theirs[name] for name in TRUTH[:3]], axis=0)
         flying = (ours[timeseries.AIRBORNE] > 0) & (theirs[timeseries.AIRBORNE] > 0)
         near = np.where(flying, apart_m, np.inf)
-        if near.min(initial=np.inf) < least_m:
+        if near.min(initial=np.inf) < min_m:
             worst = int(near.argmin())
-            found, allowed = distinct_texts(float(near[worst]), least_m)
+            found, allowed = distinct_texts(float(near[worst]), min_m)
             flown_s, phase = ours["mission_time_s"][worst], timeseries.PHASES[int(ours["phase"][worst])]
             when = "before the path" if np.isnan(flown_s) else f"at {flown_s:.1f} s"
             yield (

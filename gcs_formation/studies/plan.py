@@ -124,7 +124,7 @@ class Plan:
         """Number the flights: samples first, then seeds, then the largest possible number of flights of a search."""
         self.study = study
         self._samples = samples(study)
-        self._each = study.bisect.most_flights if study.bisect else 1
+        self._each = study.bisect.max_flights if study.bisect else 1
         self._chains: dict[int, list[tuple[float, bool]]] = {}
 
     def begin(self) -> Iterator[Planned]:
@@ -160,7 +160,7 @@ class Plan:
 
 def count_flights(study: Study) -> int:
     """Return the largest possible number of a study's flights, without planning them."""
-    return count_samples(study) * study.seeds.count * (study.bisect.most_flights if study.bisect else 1)
+    return count_samples(study) * study.seeds.count * (study.bisect.max_flights if study.bisect else 1)
 
 
 def keeps(bound: Any, row: Row) -> bool:  # noqa: ANN401 - whatever has a metric and bounds

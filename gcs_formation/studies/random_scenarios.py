@@ -23,7 +23,7 @@ ASSEMBLY_S = 7.0
 """How long a leader in the air waits for followers; flying another lap would take five minutes."""
 FIRST_TROUBLE_S = 5.0
 LEG_M = 600.0
-MOST_DRAWS = 100
+MAX_DRAWS = 100
 ALL_SHARE = 0.2
 """Share of faults of telemetry that are every vehicle's."""
 
@@ -94,10 +94,10 @@ def draw(seed: int, severity: Severity = USUAL, registry: Registry | None = None
     Faults that extensions register are drawn like ours, with the defaults of their keys.
 
     Raises:
-        ScenarioError: none of `MOST_DRAWS` can be flown.
+        ScenarioError: none of `MAX_DRAWS` can be flown.
     """
     rng, registry = np.random.default_rng(seed), registry or Registry()
-    for _ in range(MOST_DRAWS - 1):
+    for _ in range(MAX_DRAWS - 1):
         with suppress(ScenarioError):
             return load_scenario(_scenario(rng, seed, severity, registry), plugins=registry)
     return load_scenario(_scenario(rng, seed, severity, registry), plugins=registry)
@@ -267,8 +267,8 @@ def _vehicle(rng: np.random.Generator, count: int) -> int:
     return int(rng.integers(1, count + 1))
 
 
-def _vector(rng: np.random.Generator, *most: float) -> list[float]:
-    return [float(rng.uniform(-each, each)) for each in most]
+def _vector(rng: np.random.Generator, *limits: float) -> list[float]:
+    return [float(rng.uniform(-each, each)) for each in limits]
 
 
 def _one_of(rng: np.random.Generator, *choices: Choice) -> Choice:

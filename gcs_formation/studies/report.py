@@ -40,10 +40,10 @@ from gcs_formation.studies import Study
 from gcs_formation.studies.curves import by_level, distributions, exceedances, has_tail, split_by
 from gcs_formation.studies.dataset import RESULT, Flights, flights_of, read_rows, read_study
 from gcs_formation.studies.figures import heat_maps, marginals, pairs, searched
-from gcs_formation.studies.flight import LEAST_IS_WORST
+from gcs_formation.studies.flight import LOWER_IS_WORSE
 
 WORST = 3
-MOST_FAILED = 50
+MAX_FAILED = 50
 Rows = list[dict[str, Any]]
 RESULT_SHAPE: Shape = {
     "expect": Each(
@@ -119,7 +119,7 @@ def _over_parameters(flights: Flights, metric: str) -> Iterator[Plate]:
 def _page(study: Study, rows: Rows, result: Mapping[str, Any], gallery: str, directory: Path, words: str) -> str:
     failed = [row for row in rows if row["exit"] > 1]
     heads = ["Flight", "Exit", "In words"]
-    failures = table(heads, [[str(r["flight"]), str(r["exit"]), r["words"]] for r in failed[:MOST_FAILED]], (2,))
+    failures = table(heads, [[str(r["flight"]), str(r["exit"]), r["words"]] for r in failed[:MAX_FAILED]], (2,))
     flown = counted(len(rows), "flight")
     return page_parts.document(
         study.name,
@@ -210,4 +210,4 @@ def _badness(metric: str, value: float | None) -> float:
     """Return a sort key of how bad a figure is; a missing one, such as of a flight that never settled, is worst."""
     if value is None:
         return math.inf
-    return -value if metric in LEAST_IS_WORST else value
+    return -value if metric in LOWER_IS_WORSE else value

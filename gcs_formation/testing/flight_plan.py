@@ -30,7 +30,7 @@ from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import PHASES, read_parquet
 
 AXES = "xyz"
-MOST_NAMED = 8
+MAX_NAMED = 8
 Against = Literal["emulators", "real endpoints"]
 Way = Literal["both", "uplink", "downlink"]
 WORDS = {
@@ -136,8 +136,8 @@ class FlownFlight:
         self._require(not late, f"not settled before {before_s:g} s", late)
         return self
 
-    def keeps_apart(self, least_m: float) -> Self:
-        """Check that no two vehicles come closer than `least_m`, in a flight that was recorded to its end.
+    def keeps_apart(self, min_m: float) -> Self:
+        """Check that no two vehicles come closer than `min_m`, in a flight that was recorded to its end.
 
         As with `expect`, the check fails if vehicles are on the ground or ticks are missing.
         """
@@ -145,11 +145,11 @@ class FlownFlight:
         end_s = self.figures["duration_s"]
         down_s, recorded = self._flight.down_from_s(0.0, end_s), covered(self._flight, 0.0, end_s, self.scenario)
         missing = ("" if recorded.enough else str(recorded)) if down_s is None else nobody_flew(down_s)
-        self._require(not missing, f"not {least_m:g} m apart all through the flight: {missing}")
+        self._require(not missing, f"not {min_m:g} m apart all through the flight: {missing}")
         self._require_as_planned()
         nearest_m = self.figures["safety"]["min_separation_m"]
         seen = nearest_m is not None
-        self._require(seen and nearest_m >= least_m, f"vehicles {nearest_m} m apart; expected: {least_m:g} m or more")
+        self._require(seen and nearest_m >= min_m, f"vehicles {nearest_m} m apart; expected: {min_m:g} m or more")
         return self
 
     def meets_its_expectations(self) -> Self:
@@ -228,9 +228,9 @@ class FlownFlight:
         __tracebackhide__ = True
         if holds:
             return
-        lines = [claim, *(f"  {each}" for each in broken[:MOST_NAMED])]
-        if len(broken) > MOST_NAMED:
-            lines.append(f"  … and {len(broken) - MOST_NAMED} more")
+        lines = [claim, *(f"  {each}" for each in broken[:MAX_NAMED])]
+        if len(broken) > MAX_NAMED:
+            lines.append(f"  … and {len(broken) - MAX_NAMED} more")
         source = "ground truth" if self.figures["truth"] else "telemetry"
         lines += [
             f"seed {self.scenario.seed}, errors by {source}, recorded in {self.directory}",

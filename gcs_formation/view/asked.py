@@ -8,7 +8,7 @@ from typing import Any
 
 from starlette.requests import Request
 
-MOST_BODY = 2000
+MAX_BODY = 2000
 
 
 def number(text: str) -> float | None:
@@ -27,7 +27,7 @@ async def small_object(request: Request) -> dict[str, Any] | None:
     data = b""
     async for chunk in request.stream():
         data += chunk
-        if len(data) > MOST_BODY:
+        if len(data) > MAX_BODY:
             return None
     try:
         found = json.loads(data)

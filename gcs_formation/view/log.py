@@ -19,7 +19,7 @@ from gcs_formation.view.scene import degrees
 from gcs_formation.view.seen_in_frames import FrameReader, of
 
 STEP_S = 0.2
-MOST_SAMPLES = 100_000
+MAX_SAMPLES = 100_000
 """Points of the grid; of a longer log every second one is kept, and so on."""
 CHUNK = 2**20
 ALLOWED = "allowed: a telemetry log as MAVProxy, Mission Planner, QGroundControl and `run` write it"
@@ -65,7 +65,7 @@ class LogRecording:
             raise RecordError(f"found no vehicle's heartbeat in {path}; {ALLOWED}")
         taken.append(reader.take())
         time_s = np.concatenate([times_s for times_s, _, _ in taken])
-        every = 1 + time_s.size // MOST_SAMPLES
+        every = 1 + time_s.size // MAX_SAMPLES
         time_s, self._rows = (
             time_s[::every],
             np.concatenate([of(rows, own, systems) for _, own, rows in taken])[::every],

@@ -29,7 +29,7 @@ RADIO = ("radio_rssi", "radio_remrssi", "radio_noise", "radio_remnoise", "radio_
 """What the radio at our end last reported by RADIO_STATUS of a vehicle's link: levels in its own unit, free buffer."""
 COLUMNS = (*STATE, *SETPOINT, *SLOT, *ERROR, *LINK, *FLAGS, *SEEN, *RADIO)
 COLUMN = {name: index for index, name in enumerate(COLUMNS)}
-MOST_ROWS = 60_000
+MAX_ROWS = 60_000
 """Rows, a vehicle's at a tick, in one answer."""
 HEAD = struct.Struct("<I")
 ALIGN = 8
@@ -156,13 +156,13 @@ def _number(value: float) -> float | None:
     return round(float(value), 6) if math.isfinite(value) else None
 
 
-def chosen(count: int, vehicles: int, begin: int, end: int, rows: int = MOST_ROWS) -> Indices:
+def chosen(count: int, vehicles: int, begin: int, end: int, rows: int = MAX_ROWS) -> Indices:
     """Return the ticks of [begin, end) evenly thinned out to at most `rows` rows, the last one included."""
     begin, end = max(0, min(begin, count)), max(0, min(end, count))
-    most = max(2, min(rows, MOST_ROWS) // max(1, vehicles))
-    if end - begin <= most:
+    rows_max = max(2, min(rows, MAX_ROWS) // max(1, vehicles))
+    if end - begin <= rows_max:
         return np.arange(begin, end, dtype=np.intp)
-    return np.unique(np.linspace(begin, end - 1, most).astype(np.intp))
+    return np.unique(np.linspace(begin, end - 1, rows_max).astype(np.intp))
 
 
 def packed(recording: Recording, ticks: Indices) -> bytes:

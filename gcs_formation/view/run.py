@@ -31,7 +31,7 @@ SILENT_S = 2.0
 """A station that writes nothing for so long, wall time, is silent: stopped, or its machine is."""
 CONCLUDES_S = 120.0
 """How long after its end a station may take to write the summary, wall time."""
-MOST_EVENTS = 100_000
+MAX_EVENTS = 100_000
 FRESH_S = 5.0
 """Where the law knows no state yet, a vehicle is where it said within this time."""
 SEEN_COLUMNS = [COLUMN[name] for name in SEEN]
@@ -151,7 +151,7 @@ class RunRecording:
                 event: Any = json.loads(line)
             except ValueError:
                 continue
-            if isinstance(event, dict) and len(self._events) < MOST_EVENTS:
+            if isinstance(event, dict) and len(self._events) < MAX_EVENTS:
                 self._events.append(event)
         return bool(data)
 
@@ -176,7 +176,7 @@ class RunRecording:
 
     def _read_log(self) -> bool:
         """Read on in the log; what it tells of a finished flight is shown when all of it is read."""
-        data, self._log_at = _appended(self._directory / TLOG, self._log_at, most=LOG_BYTES)
+        data, self._log_at = _appended(self._directory / TLOG, self._log_at, max_bytes=LOG_BYTES)
         if data:
             self._begin_log()
             self._frames.feed(data)
@@ -224,12 +224,12 @@ def _has_line(path: Path) -> bool:
         return file.readline().endswith(b"\n")
 
 
-def _appended(path: Path, begin: int, most: int = -1, *, whole_lines: bool = False) -> tuple[bytes, int]:
+def _appended(path: Path, begin: int, max_bytes: int = -1, *, whole_lines: bool = False) -> tuple[bytes, int]:
     """Return what a file has from a byte on, and the byte after that."""
     try:
         with path.open("rb") as file:
             file.seek(begin)
-            data = file.read(most)
+            data = file.read(max_bytes)
     except FileNotFoundError:
         return b"", begin
     if whole_lines:

@@ -84,7 +84,7 @@ def ground(scenario: Scenario, low: Array, high: Array) -> dict[str, Any] | None
         return None
     low, high = low - AROUND_M, high + AROUND_M
     cell_m = float((high - low).max()) / GROUND_CELLS
-    north, east = (np.arange(least, most, cell_m) for least, most in zip(low, high, strict=True))
+    north, east = (np.arange(low_m, high_m, cell_m) for low_m, high_m in zip(low, high, strict=True))
     height = scenario.ground.height(*np.meshgrid(north, east, indexing="ij"))
     return {
         "south": round(float(low[0]), DIGITS),

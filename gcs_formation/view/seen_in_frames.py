@@ -43,10 +43,10 @@ WINDOW_S = 10.0
 """Losses and rates are of this long before."""
 SILENT_S = 5.0
 """A vehicle that was silent for longer has no rates, and a leap in its numbers isn't counted as loss."""
-MOST_LOST = 128
+MAX_LOST = 128
 """A larger step of the sequence number means that it began anew."""
-MOST_TEXTS = 20_000
-MOST_VEHICLES = 1000
+MAX_TEXTS = 20_000
+MAX_VEHICLES = 1000
 KINDS = (HEARTBEAT, SYS_STATUS, STATUSTEXT, TIMESYNC, GLOBAL_POSITION_INT, VFR_HUD, BATTERY_STATUS)
 READ = frozenset(kind.message_id for kind in KINDS)
 """Frames that are read; of others only the header is."""
@@ -184,7 +184,7 @@ class FrameReader:
             return
         seen = self.seen.get(system)
         if seen is None:
-            if message_id != HEARTBEAT.message_id or len(self.seen) >= MOST_VEHICLES:
+            if message_id != HEARTBEAT.message_id or len(self.seen) >= MAX_VEHICLES:
                 self._sent(raw, message_id, at_s)
                 return
             seen = self.seen[system] = _Seen()
@@ -200,7 +200,7 @@ class FrameReader:
     def _count(self, seen: _Seen, component: int, sequence: int, size: int, at_s: float) -> None:
         before = seen.sequences.get(component)
         missing = 0 if before is None else (sequence - before - 1) % 256
-        if missing < MOST_LOST and at_s - seen.heard_s < SILENT_S:
+        if missing < MAX_LOST and at_s - seen.heard_s < SILENT_S:
             seen.lost += missing
         seen.sequences[component], seen.heard_s = sequence, at_s
         seen.frames += 1
@@ -212,7 +212,7 @@ class FrameReader:
             for frame in StreamParser().feed(raw):
                 if isinstance(frame.message, Timesync) and frame.message.tc1_ns == 0:
                     self._asked[frame.message.ts1_ns] = at_s
-                    if len(self._asked) > MOST_VEHICLES:
+                    if len(self._asked) > MAX_VEHICLES:
                         del self._asked[next(iter(self._asked))]
         place = TARGET.get(message_id)
         target = 0 if place is None else _byte(raw, place)
@@ -287,7 +287,7 @@ class FrameReader:
         self._event(system, "statustext", whole, at_s, severity=said)
 
     def _event(self, system: int, kind: str, text: str, at_s: float, **details: str) -> None:
-        if len(self.events) < MOST_TEXTS:
+        if len(self.events) < MAX_TEXTS:
             self.events.append({"t_s": round(at_s, 3), "kind": kind, "text": text, "vehicle": str(system), **details})
 
     def _sample(self, at_s: float) -> None:

@@ -55,10 +55,10 @@ POLL_S = 0.1
 """Time between looks at the record."""
 STREAM_S = 0.1
 KEEP_ALIVE_S = 1.0
-MOST_STREAMED = 10
+MAX_STREAMED = 10
 """Ticks in a message of the stream; what a browser missed beyond that is left out."""
-MOST_EVENTS = 500
-MOST_STREAMS = 32
+MAX_EVENTS = 500
+MAX_STREAMS = 32
 STAYS_S = 10.0
 """How long a viewer of a flight that is over stays after its last browser."""
 FIRST_S = 15.0
@@ -180,12 +180,12 @@ class Viewer:
 
     async def _events(self, request: Request) -> Response:
         after = int(min(max(number(request.query_params.get("after", "")) or 0, 0), 1e9))
-        found = list(self.recording.events[after : after + MOST_EVENTS])
+        found = list(self.recording.events[after : after + MAX_EVENTS])
         return JSONResponse({"events": found, "next": after + len(found), "total": len(self.recording.events)})
 
     async def _stream(self, request: Request) -> Response:
-        if self.streams >= MOST_STREAMS:
-            return JSONResponse({"error": f"found {MOST_STREAMS} browsers already; allowed: no more"}, 503)
+        if self.streams >= MAX_STREAMS:
+            return JSONResponse({"error": f"found {MAX_STREAMS} browsers already; allowed: no more"}, 503)
         return StreamingResponse(self._messages(request), media_type="text/event-stream")
 
     async def _messages(self, request: Request) -> AsyncIterator[str]:
@@ -213,7 +213,7 @@ class Viewer:
 
     def _newest(self, begin: int, end: int) -> bytes:
         vehicles = len(self.recording.vehicles)
-        return packed(self.recording, chosen(end, vehicles, begin, end, MOST_STREAMED * vehicles))
+        return packed(self.recording, chosen(end, vehicles, begin, end, MAX_STREAMED * vehicles))
 
     async def _order(self, request: Request) -> Response:
         given = await small_object(request)

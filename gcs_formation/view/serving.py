@@ -10,7 +10,7 @@ import uvicorn
 
 from gcs_formation.view.server import POLL_S, Viewer
 
-MOST_HEADER = 16_384
+MAX_HEADER = 16_384
 
 
 async def serve(viewer: Viewer, listening: socket.socket, is_over: Callable[[], bool] | None = None) -> None:
@@ -28,7 +28,7 @@ async def serve(viewer: Viewer, listening: socket.socket, is_over: Callable[[], 
         limit_concurrency=128,
         timeout_keep_alive=5,
         timeout_graceful_shutdown=2,
-        h11_max_incomplete_event_size=MOST_HEADER,
+        h11_max_incomplete_event_size=MAX_HEADER,
     )
     server = uvicorn.Server(config)
     watching = asyncio.create_task(_watch(server, viewer, is_over))

@@ -20,7 +20,7 @@ SCRIPTS = (
     *("orders.js", "timebar.js", "page.js"),
 )
 STYLES = ("vendor/uplot.min.css", "view.css")
-MOST_ROWS = 10_000
+MAX_ROWS = 10_000
 """Rows in a file: with their 140 bytes each, and a third more as text, they stay below 1.9 MB."""
 
 
@@ -49,7 +49,7 @@ class WholeFlight:
         """Do nothing: it is whole."""
 
 
-def telling(recording: Recording, rows: int = MOST_ROWS) -> Indices:
+def telling(recording: Recording, rows: int = MAX_ROWS) -> Indices:
     """Return few ticks that tell most: evenly spaced ones, and those at which anybody's error is largest nearby."""
     count, vehicles = recording.times.time_s.size, len(recording.vehicles)
     even = chosen(count, vehicles, 0, count, rows // 2)

@@ -20,7 +20,7 @@ from gcs_formation.record.timeseries import SLOT as SLOT_FRU
 from gcs_formation.view.recording import COLUMN, COLUMNS, FLAGS, LINK, PLACE, RADIO, SETPOINT, SLOT, STATE, Rows, Times
 
 NUMBER_BYTES = 8
-MOST_VALUES = 200e6
+MAX_VALUES = 200e6
 """Values of a time series in memory; of a longer one every second tick is kept, and so on."""
 TRUE = dict(zip((*PLACE, "airspeed_mps", "heading_rad"), TRUTH[:5], strict=True))
 TIMES = ("t_s", "mission_time_s", "phase")
@@ -126,7 +126,7 @@ class SeriesTicks:
             "vehicle",
         }
         count, ticks, rows = len(order), list[Times](), list[Rows]()
-        every = 1 + int(file.metadata.num_rows * len(COLUMNS) / MOST_VALUES)
+        every = 1 + int(file.metadata.num_rows * len(COLUMNS) / MAX_VALUES)
         left: dict[str, Array] = {}
         for batch in file.iter_batches(batch_size=2**16, columns=sorted(wanted & known)):
             block = {name: _numbers(batch.column(name)) for name in batch.schema.names}

@@ -13,7 +13,7 @@ from gcs_formation.view.access import is_loopback
 
 NEEDED = ("{z}", "{x}", "{y}")
 ALLOWED = "allowed: https://HOST/…{z}…{x}…{y}…, with the key of the map's service where it wants it"
-MOST_LETTERS = 500
+MAX_LETTERS = 500
 
 
 class TileError(ValueError):
@@ -35,8 +35,8 @@ class Tiles(NamedTuple):
         Raises:
             TileError: it lacks a number's place, isn't https, or has a host that can't be named in a policy.
         """
-        if len(address) > MOST_LETTERS or any(name not in address for name in NEEDED):
-            raise TileError(f"found '{address[:MOST_LETTERS]}'; {ALLOWED}")
+        if len(address) > MAX_LETTERS or any(name not in address for name in NEEDED):
+            raise TileError(f"found '{address[:MAX_LETTERS]}'; {ALLOWED}")
         try:
             parts = urlsplit(address)
             host, port = parts.hostname or "", parts.port

@@ -15,7 +15,7 @@ from airlink.checksum import Checksums, checksum
 from airlink.clock import Instant
 from airlink.endpoint import Address
 from airlink.engine import Datagram
-from airlink.frame import HEADER_V1, HEADER_V2, MOST_REFUSED, FrameWriter, Receiver, StreamParser, frame_length
+from airlink.frame import HEADER_V1, HEADER_V2, MAX_REFUSED, FrameWriter, Receiver, StreamParser, frame_length
 from airlink.messages.command import CommandAck, ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude
@@ -283,7 +283,7 @@ def test_a_datagram_of_beginnings_costs_a_few_checksums_and_the_next_frame_is_fo
     receiver, peer = Receiver(), Address("127.0.0.1", 14550)
     data = (beginning * 1400)[:1400]
     assert receiver.first(Datagram(0, peer, data), Instant(0)) is None
-    assert len(tried) <= MOST_REFUSED
+    assert len(tried) <= MAX_REFUSED
     found = receiver.first(Datagram(0, peer, SOUND), Instant(0))
     assert found is not None
     assert found.raw == SOUND

@@ -19,12 +19,12 @@ from flight_model.spline import SplinePath
 LIMITS = TurnLimits(1.0 / 150.0, 1.5 / 150.0 / 120.0)
 """A radius of 150 m, after a transition of 120 m."""
 CLIMBS = Climbs(0.14, 7e-4)
-MOST_M = 100.0
+MAX_M = 100.0
 
 
-def legs(waypoints, *, over: bool = False, circle: bool = False, lack=None, most_m: float = MOST_M) -> LegsPath:
+def legs(waypoints, *, over: bool = False, circle: bool = False, lack=None, max_m: float = MAX_M) -> LegsPath:
     count = len(waypoints) - 1
-    return LegsPath(waypoints, LegPlan(TurnRules([LIMITS] * count, most_m, over, lack), [CLIMBS] * count, circle))
+    return LegsPath(waypoints, LegPlan(TurnRules([LIMITS] * count, max_m, over, lack), [CLIMBS] * count, circle))
 
 
 def lanes(apart_m: float, count: int = 4, length_m: float = 1500.0) -> list[list[float]]:
@@ -115,7 +115,7 @@ def test_a_leg_that_turns_straight_back_ends_and_begins_at_its_waypoint():
 def test_a_turn_that_would_pass_too_far_from_its_waypoint_is_a_detour_over_it():
     sharp = [[0, 0, 100], [3000, 0, 100], [500, 900, 100]]
     assert legs(sharp).passed[0].kind == "detour"
-    inside = legs(sharp, most_m=1000.0)
+    inside = legs(sharp, max_m=1000.0)
     assert inside.passed[0].kind == "turn"
 
 
@@ -128,7 +128,7 @@ def test_a_sharp_corner_is_passed_within_the_distance_and_near_its_legs(degrees)
     assert passed.kind == "overshoot"
     points = path.at(np.arange(0.0, path.length_m, 2.0))
     nearest_m = np.abs(points.north_m + 1j * points.east_m - 2000.0).min()
-    assert nearest_m <= MOST_M + 2.0
+    assert nearest_m <= MAX_M + 2.0
     # A loop over the waypoint is two radii and more from both legs.
     assert deviation(path, waypoints).off_legs_m < (1.0 - math.cos(math.radians(degrees))) * 150.0
 
@@ -220,7 +220,7 @@ def test_what_is_straight_lies_on_a_leg_and_turns_pass_within_the_distance_allow
         if each.kind in ("turn", "overshoot") and each.first == each.last:
             point, (north_m, east_m, _) = path.at(path.waypoints_at_m[each.first]), waypoints[each.first]
             between_m = each.length_m / 48.0 if each.kind == "overshoot" else 1e-3  # that is found by samples
-            assert math.hypot(point.north_m - north_m, point.east_m - east_m) <= MOST_M + between_m
+            assert math.hypot(point.north_m - north_m, point.east_m - east_m) <= MAX_M + between_m
     points = path.at(at_m[~joined])
     flat = np.array(waypoints)[:, :2] @ np.array([1.0, 1j])
     begin, way = flat[:-1, None], np.diff(flat)[:, None]

@@ -27,11 +27,11 @@ def limits_at(speed_mps):
     return TurnLimits(curvature, STEEPEST * curvature / (1.5 * speed_mps))
 
 
-def planned(waypoints, speed_mps=5.0, stops=(), most_m=100.0):
+def planned(waypoints, speed_mps=5.0, stops=(), max_m=100.0):
     flat = np.array([complex(north, east) for north, east, _ in waypoints])
     legs_mps = [speed_mps] * (len(waypoints) - 1)
-    passes = Corners(flat, legs_mps, limits_at, RATES, most_m).chosen(set(stops), set())
-    plan = StopPlan(passes, [CLIMBS] * len(legs_mps), [limits_at(each) for each in legs_mps], most_m)
+    passes = Corners(flat, legs_mps, limits_at, RATES, max_m).chosen(set(stops), set())
+    plan = StopPlan(passes, [CLIMBS] * len(legs_mps), [limits_at(each) for each in legs_mps], max_m)
     return PathWithStops(waypoints, plan)
 
 
@@ -51,10 +51,10 @@ def test_what_is_attainable_can_be_connected_and_is_never_faster_than_allowed(al
 @given(st.lists(st.tuples(st.floats(15.0, 120.0), st.floats(0.0, 12.0), st.booleans()), max_size=5), speeds)
 def test_a_timetable_is_smooth_bounded_and_stops_where_it_is_to(nodes, speed_mps):
     passages, at_m = [], 0.0
-    for room_m, most_mps, stops in nodes:
+    for room_m, max_mps, stops in nodes:
         at_m += room_m
         long_m = 0.0 if stops else 8.0
-        corner_mps = 0.0 if stops else max(most_mps, SLOWEST_MPS)
+        corner_mps = 0.0 if stops else max(max_mps, SLOWEST_MPS)
         passages.append(Passage(at_m, at_m + long_m, corner_mps, 3.0 if stops else 0.0))
         at_m += long_m
     # The first straight may be too short to brake on: that is the scenario's to avoid.
@@ -113,7 +113,7 @@ def test_a_corner_between_short_legs_is_slower_and_one_too_sharp_is_a_stop():
     fast, slow = (planned(each, 8.0).passes[0].speed_mps for each in (roomy, short))
     assert fast == 8.0
     assert SLOWEST_MPS <= slow < 8.0
-    (back,) = planned([[0, 0, 30], [200, 0, 30], [20, 10, 30]], 5.0, most_m=5.0).passed
+    (back,) = planned([[0, 0, 30], [200, 0, 30], [20, 10, 30]], 5.0, max_m=5.0).passed
     assert back.kind == "stop"
 
 

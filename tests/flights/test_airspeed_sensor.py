@@ -61,15 +61,15 @@ def flown(**keys: Any) -> tuple[World, FailedSensor]:
     return world, world.between
 
 
-def least_separation_m(world: World, seconds: float) -> float:
+def min_separation_m(world: World, seconds: float) -> float:
     """Run for a while; return the least true separation."""
-    least_m = np.inf
+    min_m = np.inf
     for _ in range(round(10 * seconds)):
         world.run(0.1)
         states = [each.body.state for each in world.fleet.vehicles]
         places = [np.array([each.north_m, each.east_m, each.height_m]) for each in states]
-        least_m = min(least_m, *(float(np.linalg.norm(one - other)) for one, other in combinations(places, 2)))
-    return least_m
+        min_m = min(min_m, *(float(np.linalg.norm(one - other)) for one, other in combinations(places, 2)))
+    return min_m
 
 
 @pytest.mark.parametrize("number", [1, 2])
@@ -77,9 +77,9 @@ def test_a_sensor_that_reads_0_for_a_while_is_told_of_and_changes_nothing(number
     world, sensor = flown(duration_s=12, vehicles={"count": 2})
     world.fly_to(2.0)
     sensor.fail(number, 0.0)
-    assert least_separation_m(world, 5.0) > 29.0
+    assert min_separation_m(world, 5.0) > 29.0
     sensor.fail(number)
-    assert least_separation_m(world, 4.0) > 29.0
+    assert min_separation_m(world, 4.0) > 29.0
     assert world.worst_m() < 0.1
     first, last = world.words("airspeed")
     assert first == "the 0.0 m/s that it measures isn't believed: velocity over ground and wind show 22.0 m/s"
@@ -97,7 +97,7 @@ def test_a_sensor_that_sticks_costs_a_diamond_in_bends_nothing(number: int, read
     world, sensor = flown(**QUICKSTART)
     world.fly_to(at_s)
     sensor.fail(number, reads_mps)
-    assert least_separation_m(world, 95.0 - at_s) > 40.0
+    assert min_separation_m(world, 95.0 - at_s) > 40.0
     assert world.worst_m(at_s) < 1.0
     assert len(world.times_s("airspeed")) == len(world.times_s("airspeed", number)) == 1
     assert world.words("disobeys") == []
@@ -110,7 +110,7 @@ def test_it_may_have_failed_before_and_in_wind(reads_mps: float) -> None:
     world, sensor = flown(**QUICKSTART, wind={"velocity_mps": [4, 3, 0]})
     sensor.fail(1, reads_mps)
     world.fly_to(0.0)
-    assert least_separation_m(world, 95.0) > 40.0
+    assert min_separation_m(world, 95.0) > 40.0
     assert world.worst_m(60.0) < 1.0
     assert world.station.course.failure is None
 
@@ -122,7 +122,7 @@ def test_a_sensor_that_ices_up_leaves_the_formation_apart(number: int) -> None:
     world, sensor = flown(**QUICKSTART)
     world.fly_to(20.0)
     sensor.fail(number, loses_mps=0.1)
-    assert least_separation_m(world, 75.0) > 30.0
+    assert min_separation_m(world, 75.0) > 30.0
     assert world.worst_m(60.0) < 1.0
 
 
@@ -137,6 +137,6 @@ def test_arduplanes_limits_and_scale_are_kept_while_a_sensor_fails(number: int) 
     assert scale is not None
     ratio = scale.ratio
     sensor.fail(number, 0.0)
-    assert least_separation_m(world, 85.0) > 30.0
+    assert min_separation_m(world, 85.0) > 30.0
     assert scale.ratio == pytest.approx(ratio, abs=1e-4)
     assert len(world.times_s("airspeed")) == 1

@@ -15,8 +15,8 @@ FAR = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [3000, 0, 100], [6000, 800,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("jitter_ms", "most_m"), [(20, 0.02), (5, 0.01)])
-def test_after_two_minutes_jitter_hardly_shows(tmp_path: Path, jitter_ms: float, most_m: float) -> None:
+@pytest.mark.parametrize(("jitter_ms", "max_m"), [(20, 0.02), (5, 0.01)])
+def test_after_two_minutes_jitter_hardly_shows(tmp_path: Path, jitter_ms: float, max_m: float) -> None:
     """300 ms each way, as long as clocks have been known for two minutes; the rms over followers and eight flights.
 
     What is left is nearly constant in a flight, by a clock's error of up to 1 ms, so two flights may be off by half.
@@ -39,4 +39,4 @@ def test_after_two_minutes_jitter_hardly_shows(tmp_path: Path, jitter_ms: float,
             early.append(float(np.nanmean(error_m[(mission_s >= 0) & (mission_s < 30)] ** 2)))
             late.append(float(np.nanmean(error_m[mission_s >= 120] ** 2)))
     assert np.sqrt(max(early)) < 0.15
-    assert np.sqrt(np.mean(late)) < most_m
+    assert np.sqrt(np.mean(late)) < max_m

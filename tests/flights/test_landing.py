@@ -47,15 +47,15 @@ def test_they_land_one_after_another_each_where_it_took_off() -> None:
         finish={"loiter_s": 0},
     )
     began = places(world.fleet.bodies)
-    least_m = math.inf
+    min_m = math.inf
     world.fly_to(5.0)
     while not world.station.flight.ended:
         world.run(0.2)
         flying = [each for each in world.fleet.vehicles if each.pilot.condition is Condition.FLYING]
         assert len([each for each in flying if each.pilot.mode is Mode.AUTOLAND]) <= 1
         apart_m = [math.dist(one, other) for one, other in combinations(places([each.body for each in flying]), 2)]
-        least_m = min([least_m, *apart_m])
-    assert least_m > 12.0
+        min_m = min([min_m, *apart_m])
+    assert min_m > 12.0
     assert world.station.flight.phase is Phase.DONE
     assert [each.pilot.condition for each in world.fleet.vehicles] == [Condition.DISARMED] * 3
     ended = places(world.fleet.bodies)

@@ -175,10 +175,10 @@ def test_a_link_that_is_too_narrow_for_what_goes_over_it_is_warned_of(rate_kbps:
     assert sorted(text.split()[3] for text in told if text.startswith("vehicle 2:")) == ways
 
 
-@pytest.mark.parametrize(("delay_ms", "least_s"), [pytest.param(0, 4.7, marks=pytest.mark.slow), (300, 8.3)])
-def test_a_run_in_too_short_to_begin_at_once_is_warned_of_with_what_it_takes(delay_ms: float, least_s: float) -> None:
+@pytest.mark.parametrize(("delay_ms", "min_s"), [pytest.param(0, 4.7, marks=pytest.mark.slow), (300, 8.3)])
+def test_a_run_in_too_short_to_begin_at_once_is_warned_of_with_what_it_takes(delay_ms: float, min_s: float) -> None:
     """Compared with flights: with a tenth of a second more the path begins at once, with a tenth less it doesn't."""
-    for run_in_s, rounds in ((least_s - 0.2, True), (least_s + 0.1, False)):
+    for run_in_s, rounds in ((min_s - 0.2, True), (min_s + 0.1, False)):
         keys: dict[str, Any] = {
             "start": {"in_air": True, "run_in_s": run_in_s},
             "links": {"default": {"delay_ms": delay_ms}},
@@ -187,7 +187,7 @@ def test_a_run_in_too_short_to_begin_at_once_is_warned_of_with_what_it_takes(del
         told = [text for text in check_report(plan)["warnings"] if text.startswith("start.run_in_s: found")]
         assert bool(told) == rounds
         if told:
-            assert f"allowed: {least_s:.1f} or more" in told[0]
+            assert f"allowed: {min_s:.1f} or more" in told[0]
         world = World(**keys, duration_s=5, vehicles={"count": 2})
         world.run(run_in_s + 1.0)
         assert (world.station.flight.phase is Phase.ASSEMBLING) == rounds
@@ -371,24 +371,24 @@ def started(**keys: Any) -> Assembly:
     return assembly(load_scenario({"vehicles": {"count": 4}, "path": straight, "start": {"in_air": True}} | keys))
 
 
-@pytest.mark.parametrize(("vehicles", "loss", "least_s"), [(1, 0.2, 9.9), (4, 0.2, 12.0), (4, 0.5, 33.3)])
-def test_loss_lengthens_the_run_in_that_assembly_needs(vehicles: int, loss: float, least_s: float) -> None:
+@pytest.mark.parametrize(("vehicles", "loss", "min_s"), [(1, 0.2, 9.9), (4, 0.2, 12.0), (4, 0.5, 33.3)])
+def test_loss_lengthens_the_run_in_that_assembly_needs(vehicles: int, loss: float, min_s: float) -> None:
     """The 95th percentile of the last heartbeat, then of the last answer: negative binomials, one after the other."""
     links = {"default": {"loss": loss}}
     found = started(vehicles={"count": vehicles}, links=links)
     assert found.least_run_in_s is not None
-    assert found.least_run_in_s == pytest.approx(least_s, abs=0.05)
-    assert found.least_run_in_s > (started().least_run_in_s or 0.0) + 1.0
+    assert found.least_run_in_s == pytest.approx(min_s, abs=0.05)
+    assert found.least_run_in_s > (started().min_run_in_s or 0.0) + 1.0
 
 
 def test_a_time_to_assemble_that_a_lap_outlasts_is_warned_of() -> None:
     """60 s from where the leader sets out to its first pass, plus a lap."""
     planned = {"vehicles": {"count": 4}, "path": {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}}
-    least_s = math.ceil(60.0 + assembly(load_scenario(planned)).lap_s)
-    assert no_time_for_a_lap(load_scenario(planned | {"start": {"timeout_s": least_s}})) is None
-    said = no_time_for_a_lap(load_scenario(planned | {"start": {"timeout_s": least_s - 2}})) or ""
-    assert said.startswith(f"start.timeout_s: found {least_s - 2}; the leader's first pass comes 60 s after")
-    assert said.endswith(f"; {least_s} or more wait")
+    min_s = math.ceil(60.0 + assembly(load_scenario(planned)).lap_s)
+    assert no_time_for_a_lap(load_scenario(planned | {"start": {"timeout_s": min_s}})) is None
+    said = no_time_for_a_lap(load_scenario(planned | {"start": {"timeout_s": min_s - 2}})) or ""
+    assert said.startswith(f"start.timeout_s: found {min_s - 2}; the leader's first pass comes 60 s after")
+    assert said.endswith(f"; {min_s} or more wait")
 
 
 def test_a_start_with_loss_is_warned_of_with_the_time_of_a_lap() -> None:

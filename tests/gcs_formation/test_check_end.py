@@ -9,11 +9,11 @@ from gcs_formation.app.check_room import final_circles
 from tests.flights.conftest import scenario
 
 
-@pytest.mark.parametrize(("most_m", "told"), [(684.0, True), (685.0, False)])
-def test_circles_above_the_fence_are_told_with_the_highest(most_m: float, told: bool) -> None:
+@pytest.mark.parametrize(("max_m", "told"), [(684.0, True), (685.0, False)])
+def test_circles_above_the_fence_are_told_with_the_highest(max_m: float, told: bool) -> None:
     """40 vehicles at 100 m, whose circles overlap horizontally, circle 15 m above each other: up to 685 m."""
     formation = {"shape": "circle", "spacing_m": 15}
-    keys = scenario(vehicles={"count": 40}, formation=formation, safety={"fence": {"height_max_m": most_m}})
+    keys = scenario(vehicles={"count": 40}, formation=formation, safety={"fence": {"height_max_m": max_m}})
     said = "vehicles circle one above the other, up to 685 m; 684 m are allowed (safety.fence.height_max_m)"
     assert list(final_circles(load_scenario(keys))) == [f"path at 660 m, the flight's end: {said}"] * told
 

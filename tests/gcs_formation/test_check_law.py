@@ -54,8 +54,8 @@ def test_followers_of_a_virtual_leader_fly_ahead_by_what_is_foretold_where_nothi
     said = ahead_of_virtual(planned)
     assert said is not None
     assert said in check_report(planned)["warnings"]
-    least_m, most_m = (22.0 * each for each in (0.2, 0.3))
-    assert f"{least_m:.2g} to {most_m:.2g} m ahead" in said
+    min_m, max_m = (22.0 * each for each in (0.2, 0.3))
+    assert f"{min_m:.2g} to {max_m:.2g} m ahead" in said
     assert ahead_of_virtual(load_scenario(flight(**keys | {"law": {"delay_compensation": True}}))) is None
     assert ahead_of_virtual(load_scenario(flight(law={"delay_compensation": False}))) is None
 

@@ -17,7 +17,7 @@ import gcs_formation
 
 PAPER = Path(__file__).parents[2] / "configs" / "paper.yaml"
 DISTURBED_S = 60.0
-LEAST_M = 0.011
+MIN_M = 0.011
 """1e-7 degrees, the resolution of positions: no bound is smaller."""
 
 
@@ -30,17 +30,17 @@ def split(up_ms: float, down_ms: float) -> dict[str, Any]:
 
 
 CASES: dict[str, tuple[dict[str, Any], float, float]] = {
-    "100 ms": (both_ways(100), LEAST_M, LEAST_M),
-    "300 ms": (both_ways(300), LEAST_M, LEAST_M),
-    "500 ms": (both_ways(500), LEAST_M, LEAST_M),
+    "100 ms": (both_ways(100), MIN_M, MIN_M),
+    "300 ms": (both_ways(300), MIN_M, MIN_M),
+    "500 ms": (both_ways(500), MIN_M, MIN_M),
     "leader 50, followers 350 ms": (
         both_ways(350) | {"changes": [{"at_s": 0, "vehicles": [1], "delay_ms": 50}]},
-        LEAST_M,
-        LEAST_M,
+        MIN_M,
+        MIN_M,
     ),
-    "150 ms up, 150 ms down": (split(150, 150), LEAST_M, LEAST_M),
-    "50 ms up, 250 ms down": (split(50, 250), LEAST_M, LEAST_M),
-    "5 % loss": ({"default": {"loss": 0.05}}, 0.0123, LEAST_M),
+    "150 ms up, 150 ms down": (split(150, 150), MIN_M, MIN_M),
+    "50 ms up, 250 ms down": (split(50, 250), MIN_M, MIN_M),
+    "5 % loss": ({"default": {"loss": 0.05}}, 0.0123, MIN_M),
     "20 % loss, 5 in a row": ({"default": {"loss": 0.2, "mean_burst": 5.0}}, 0.0311, 0.0504),
 }
 

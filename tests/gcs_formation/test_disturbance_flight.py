@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gcs_formation.record.timeseries import flying
-from gcs_formation.report.gusts import allowed_gust_error_m, gust_acts_s, least_gust_error_m, response_s
+from gcs_formation.report.gusts import allowed_gust_error_m, gust_acts_s, min_gust_error_m, response_s
 from gcs_formation.stability.pid_margins import loop_delay_s
 from gcs_formation.testing.flight_plan import Formation, Plan
 
@@ -57,9 +57,9 @@ def test_after_a_gust_on_the_followers_errors_are_near_the_least_possible(plan, 
     round_trip_s = loop_delay_s(measured_s, measured_s, 10.0, 10.0)
     for follower in (2, 3):
         series = flown.series(follower)
-        for axis, most_mps2 in (("x", 1.5), ("y", 5.5)):
+        for axis, max_mps2 in (("x", 1.5), ("y", 5.5)):
             worst_m = np.nanmax(np.abs(series[f"error_{axis}_m"]))
-            assert worst_m <= allowed_gust_error_m(0.6, round_trip_s, most_mps2)
+            assert worst_m <= allowed_gust_error_m(0.6, round_trip_s, max_mps2)
 
 
 def test_a_gust_north_and_east_moves_followers_along_their_course_alone_if_that_is_north_east(plan):
@@ -67,10 +67,10 @@ def test_a_gust_north_and_east_moves_followers_along_their_course_alone_if_that_
     north_east = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [2000, 2000, 100]]}
     flown = plan(duration_s=8, disturbances=GUST, path=north_east).with_link(delay_ms=100).fly()
     gust_mps, round_trip_s = 0.6 * math.sqrt(2.0), loop_delay_s(0.1, 0.1, 10.0, 10.0)
-    least_m = float(least_gust_error_m(gust_mps, round_trip_s - 0.1, 1.5))
+    min_m = float(min_gust_error_m(gust_mps, round_trip_s - 0.1, 1.5))
     for follower in (2, 3):
         x_m, y_m = (np.nanmax(np.abs(flown.series(follower)[f"error_{axis}_m"])) for axis in "xy")
-        assert least_m < x_m <= allowed_gust_error_m(gust_mps, round_trip_s, 1.5)
+        assert min_m < x_m <= allowed_gust_error_m(gust_mps, round_trip_s, 1.5)
         assert y_m < 0.03
 
 
@@ -84,9 +84,9 @@ def test_whenever_a_gust_on_the_followers_begins_errors_are_near_the_least_possi
         series = flown.series(follower)
         time_s, up_s = series["mission_time_s"], float(np.median(series["delay_s"]))
         response = response_s(gust_acts_s(4 + later_s, up_s), time_s, time_s - series["age_s"], up_s)
-        for axis, most_mps2 in (("x", 1.5), ("y", 5.5)):
+        for axis, max_mps2 in (("x", 1.5), ("y", 5.5)):
             worst_m = np.nanmax(np.abs(series[f"error_{axis}_m"]))
-            assert worst_m <= allowed_gust_error_m(0.6, response, most_mps2)
+            assert worst_m <= allowed_gust_error_m(0.6, response, max_mps2)
 
 
 def test_a_gust_on_all_that_the_leader_cannot_tell_of_for_a_second_moves_nobody_off_its_slot(plan):
@@ -97,15 +97,15 @@ def test_a_gust_on_all_that_the_leader_cannot_tell_of_for_a_second_moves_nobody_
 
 
 @pytest.mark.parametrize(
-    ("delay_ms", "most_m", "rms_m"), [pytest.param(20, 0.4, 0.21, marks=pytest.mark.slow), (300, 0.7, 0.37)]
+    ("delay_ms", "max_m", "rms_m"), [pytest.param(20, 0.4, 0.21, marks=pytest.mark.slow), (300, 0.7, 0.37)]
 )
-def test_a_downdraught_on_one_is_made_up_for_before_the_loops_integral_has_it(plan, delay_ms, most_m, rms_m):
+def test_a_downdraught_on_one_is_made_up_for_before_the_loops_integral_has_it(plan, delay_ms, max_m, rms_m):
     """By (7) alone 0.5 m/s keep a vehicle 0.5 (tau_ha + tau_hb) = 2 m below its setpoint."""
     sinking = [{"at_s": 4, "vehicles": [2], "velocity_mps": [0.0, 0.0, 0.5]}]
     flown = plan(duration_s=25, disturbances=sinking).with_link(delay_ms=delay_ms).fly()
     series = flown.series(2)
     below_m = series["error_z_m"][series["mission_time_s"] > 4]
-    assert 0.1 < np.nanmax(below_m) < most_m
+    assert 0.1 < np.nanmax(below_m) < max_m
     assert np.sqrt(np.nanmean(below_m**2)) < rms_m
     flown.stays_within(0.02, followers=3, from_s=4)
 

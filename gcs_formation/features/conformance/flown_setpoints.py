@@ -11,7 +11,7 @@ from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, respond, within, wrap
 from flight_model.energy import GRAVITY_MPS2
 from flight_model.slot import Triple
-from gcs_formation.estimation.estimator import LEAST_AIRSPEED_MPS
+from gcs_formation.estimation.estimator import MIN_AIRSPEED_MPS
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -29,7 +29,7 @@ OFF_MPS: Final = 2.0
 OFF_S: Final = 8.0
 """An aircraft's height isn't judged while its airspeed is off the setpoint by more than `OFF_MPS`, and this long after:
 it dives for speed or climbs to lose some, and its throttle lags (ArduPlanes were 7 m off 2 s after lacking 2.5 m/s)."""
-LEAST_CHANGE = (1.0, 0.04, 1.5)
+MIN_CHANGE = (1.0, 0.04, 1.5)
 """Airspeed in m/s, heading in rad, height in m: smaller expected changes in the window aren't judged."""
 SIGMAS: Final = 4.0
 """Multiple of the telemetry noise's standard deviation that is added to these."""
@@ -53,16 +53,16 @@ AT_LIMIT_SHARE: Final = 0.9
 it by more than the first share is a command to climb; by more than the second, to climb at the limit."""
 SUNK_M: Final = 15.0
 """A vehicle commanded to climb sinks if it loses more height than this, or, if greater, than the air explains."""
-CLIMBS_LEAST_SHARE: Final = 0.25
+CLIMBS_MIN_SHARE: Final = 0.25
 CHECKS_STUCK: Final = 20
-"""A vehicle is stuck if, commanded to climb at its limit, it climbs at less than `CLIMBS_LEAST_SHARE` of that for so
+"""A vehicle is stuck if, commanded to climb at its limit, it climbs at less than `CLIMBS_MIN_SHARE` of that for so
 many checks, 8 s. Sinking air could explain it too, and then keeps the vehicle from its height as well."""
 CHECKS_DOUBTED: Final = 2
 CHECKS_BROKEN: Final = 4
 """Consecutive checks that a channel fails until its vehicle is doubted, and until it is reported."""
 CHECKS_MENDED: Final = 8
 """Consecutive checks without a failure until it counts as following again."""
-LEAST_NORM: Final = 1e-9
+MIN_NORM: Final = 1e-9
 CHANNELS = ("airspeed", "heading", "height")
 AIRSPEED: Final = 0
 HEADING: Final = 1
@@ -99,7 +99,7 @@ class FlownSetpoints:
             prompt_share: share of an airspeed change that is prompt; the autopilot's integrator does the rest slowly.
         """
         self.vehicle, self.model = vehicle, model
-        self.least = [least + SIGMAS * each for least, each in zip(LEAST_CHANGE, sigma, strict=True)]
+        self.least = [least + SIGMAS * each for least, each in zip(MIN_CHANGE, sigma, strict=True)]
         self.least[AIRSPEED] /= prompt_share
         self.carried_m = _carried_m(model)
         self.reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
@@ -200,7 +200,7 @@ class FlownSetpoints:
         Height setpoints stay within its reach, and so sink with it: within one window it hardly falls short of them.
         """
         told = told_m - seen.height_m > CLIMBS_SHARE * self.reach_m
-        if not told or seen.height_m - self.past[0].height_m > LEAST_CHANGE[HEIGHT]:
+        if not told or seen.height_m - self.past[0].height_m > MIN_CHANGE[HEIGHT]:
             self.highest_m, self.sinks = -math.inf, False
         elif seen.height_m > self.highest_m:
             self.highest_m, self.highest_at = seen.height_m, stamp
@@ -213,7 +213,7 @@ class FlownSetpoints:
     def _stuck(self, told_m: float, risen_m: float) -> NonConformance | None:
         """Return the climb that it fails to fly with a setpoint `told_m` above it, after enough checks."""
         full_m = self.model.climb_max_mps * WINDOW_S
-        stuck = told_m > AT_LIMIT_SHARE * self.reach_m and risen_m < CLIMBS_LEAST_SHARE * full_m
+        stuck = told_m > AT_LIMIT_SHARE * self.reach_m and risen_m < CLIMBS_MIN_SHARE * full_m
         self.stuck = self.stuck + 1 if stuck else 0
         self.good = 0 if stuck else self.good
         return None if self.stuck < CHECKS_STUCK else NonConformance(CHANNELS[HEIGHT], full_m, risen_m)
@@ -245,8 +245,8 @@ class FlownSetpoints:
             self.air_variance += CHECK_S / AIR_MEMORY_S * (air_mps * air_mps - self.air_variance)
         if not self.model.may_stand:
             flown_mps = _by_energy(faster_mps, flown_mps, flown_m - risen_m, max(airspeed_mps, slowest_mps))
-        least_mps = max(gust_mps, LEAST_AIRSPEED_MPS)
-        aside_rad = gust_mps / max(airspeed_mps, least_mps)
+        min_mps = max(gust_mps, MIN_AIRSPEED_MPS)
+        aside_rad = gust_mps / max(airspeed_mps, min_mps)
         carried_m = max(RISING_AIR_MPS, gust_mps) * self.carried_m
         keeps_speed = self._keeps_up(AIRSPEED, faster_mps, flown_mps, 0.0, judged=by_speed)
         keeps_heading = self._keeps_up(HEADING, turned_rad, flown_rad, aside_rad, judged=by_heading)
@@ -293,7 +293,7 @@ def _change_of_velocity(before: FlightState, end: FlightState, seen: FlightState
     """Return the expected change of a multirotor's velocity, and the component of the actual change along it."""
     (north, east), (end_north, end_east), (seen_north, seen_east) = (each.ground_mps() for each in (before, end, seen))
     wanted_north, wanted_east = end_north - north, end_east - east
-    wanted = max(math.hypot(wanted_north, wanted_east), LEAST_NORM)
+    wanted = max(math.hypot(wanted_north, wanted_east), MIN_NORM)
     return wanted, ((seen_north - north) * wanted_north + (seen_east - east) * wanted_east) / wanted
 
 

@@ -1,6 +1,6 @@
 // Vehicles' cards, and events.
 "use strict";
-const MOST_SHOWN = 300;
+const MAX_SHOWN = 300;
 
 class Cards {
   constructor(place, store, select) {
@@ -62,12 +62,12 @@ class Events {
     const wanted = this.text.value.toLowerCase();
     const found = this.store.events.filter((event) => (!this.kind.value || event.kind === this.kind.value) && (!this.vehicle.value || String(event.vehicle) === this.vehicle.value)
       && (!wanted || `${event.kind} ${event.text} ${event.vehicle ?? ""}`.toLowerCase().includes(wanted)));
-    this.list.replaceChildren(...found.slice(-MOST_SHOWN).reverse().map((event) => {
+    this.list.replaceChildren(...found.slice(-MAX_SHOWN).reverse().map((event) => {
       const whose = event.vehicle === undefined ? "" : `vehicle ${event.vehicle}, `;
       const button = element("button", { type: "button", onclick: () => this.seek(event.t_s) }, element("time", {}, this.at(event.t_s)), element("span", {}, `${whose}${String(event.kind).replaceAll("_", " ")}: ${event.text}`));
       return element("li", { class: event.kind === "failure" || event.accepted === false ? "bad" : "" }, button);
     }));
-    say(this.count, found.length > MOST_SHOWN ? `the last ${MOST_SHOWN} of ${found.length}` : `${found.length} events`);
+    say(this.count, found.length > MAX_SHOWN ? `the last ${MAX_SHOWN} of ${found.length}` : `${found.length} events`);
   }
 
   at(time_s) {

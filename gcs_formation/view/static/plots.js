@@ -1,6 +1,6 @@
 // Values over time, by uPlot: errors by axis, setpoint beside response, links.
 "use strict";
-const MOST_LINES = 12;
+const MAX_LINES = 12;
 const KINDS = {
   errors: { name: "Errors", plots: [["x, m", ["error_x_m"]], ["y, m", ["error_y_m"]], ["z, m", ["error_z_m"]]], of: "followers" },
   setpoints: {
@@ -50,9 +50,9 @@ class Plots {
     if (KINDS[this.kind].of === "selected") return [view.selected >= 0 ? view.selected : Math.max(0, store.vehicles.findIndex((name) => name !== store.leaderName))];
     const error = (v) => Math.hypot(...["error_x_m", "error_y_m", "error_z_m"].map((name) => store.get(v, name) || 0));
     const all = [...Array(count).keys()].filter((v) => store.vehicles[v] !== store.leaderName || Number.isFinite(store.get(v, "error_x_m")));
-    if (all.length <= MOST_LINES) return all;
-    const worst = [...all].sort((a, b) => error(b) - error(a)).slice(0, MOST_LINES);
-    if (view.selected >= 0 && !worst.includes(view.selected)) worst[MOST_LINES - 1] = view.selected;
+    if (all.length <= MAX_LINES) return all;
+    const worst = [...all].sort((a, b) => error(b) - error(a)).slice(0, MAX_LINES);
+    if (view.selected >= 0 && !worst.includes(view.selected)) worst[MAX_LINES - 1] = view.selected;
     return worst.sort((a, b) => a - b);
   }
 

@@ -1,8 +1,8 @@
 // A map beneath the plan, from a server that the viewer was started with; without one nothing is fetched.
 "use strict";
-const MOST_TILES = 256; // kept
+const MAX_TILES = 256; // kept
 const TILE_PIXELS = 256;
-const MOST_ZOOM = 19;
+const MAX_ZOOM = 19;
 const EARTH = { semiMajor_m: 6378137, squeezed: 0.00669437999014 }; // WGS 84: semi-major axis, squared eccentricity
 
 // Radii of the meridian and of the parallel at a latitude, m.
@@ -35,10 +35,10 @@ class Tiles {
   // Draw the tiles of a rectangle of metres, about one pixel of theirs to one of the screen.
   draw(context, at, box, scale) {
     if (!this.address) return;
-    const metres = TURN * this.radii.parallel, zoom = Math.max(0, Math.min(MOST_ZOOM, Math.round(Math.log2((metres * scale) / TILE_PIXELS)))), count = 2 ** zoom;
+    const metres = TURN * this.radii.parallel, zoom = Math.max(0, Math.min(MAX_ZOOM, Math.round(Math.log2((metres * scale) / TILE_PIXELS)))), count = 2 ** zoom;
     const [west, north] = this.share(box.north[1], box.east[0]), [east, south] = this.share(box.north[0], box.east[1]);
     const columns = [Math.floor(west * count), Math.floor(east * count)], rows = [Math.floor(north * count), Math.floor(south * count)];
-    if ((columns[1] - columns[0] + 1) * (rows[1] - rows[0] + 1) > MOST_TILES) return;
+    if ((columns[1] - columns[0] + 1) * (rows[1] - rows[0] + 1) > MAX_TILES) return;
     for (let row = Math.max(0, rows[0]); row <= Math.min(count - 1, rows[1]); row++) {
       for (let column = columns[0]; column <= columns[1]; column++) {
         const image = this.image(zoom, ((column % count) + count) % count, row);
@@ -52,7 +52,7 @@ class Tiles {
   image(z, x, y) {
     const key = `${z} ${x} ${y}`, known = this.images.get(key);
     if (known) return known;
-    if (this.images.size >= MOST_TILES) this.images.delete(this.images.keys().next().value);
+    if (this.images.size >= MAX_TILES) this.images.delete(this.images.keys().next().value);
     const image = new Image();
     image.referrerPolicy = "no-referrer";
     image.onload = () => this.arrived();

@@ -103,10 +103,10 @@ def test_the_rate_is_never_exceeded_and_a_change_of_direction_takes_its_time(
     for lane in lanes:
         for before, each in pairwise(lane):
             up = each.offer.direction is UP
-            least_ns = nanoseconds(settings.airtime_s(each.offer.size_bytes, up=up))
+            min_ns = nanoseconds(settings.airtime_s(each.offer.size_bytes, up=up))
             if before.offer.direction is not each.offer.direction:
-                least_ns += nanoseconds(settings.turnaround_s)
-            assert each.at - before.at >= least_ns
+                min_ns += nanoseconds(settings.turnaround_s)
+            assert each.at - before.at >= min_ns
 
 
 @given(radios, traffic())

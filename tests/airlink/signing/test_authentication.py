@@ -13,7 +13,7 @@ from airlink.frame import FrameWriter
 from airlink.messages.system import Heartbeat
 from airlink.signing.authentication import A_MINUTE, EPOCH_US, Authentication, Verdict
 from airlink.signing.key import SigningKey, key_of_passphrase
-from airlink.signing.signature import MOST_TIMESTAMP, signed, timestamp_of
+from airlink.signing.signature import MAX_TIMESTAMP, signed, timestamp_of
 from airlink.signing.signed_links import SignedLink, SignedLinks, VerifyingReceiver
 
 mavlink = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
@@ -70,8 +70,8 @@ def test_timestamps_grow_with_every_frame_and_follow_whichever_clock_is_ahead():
 
 def test_the_last_timestamp_of_all_ends_nothing():
     ours = state()
-    assert ours.judge(frame(MOST_TIMESTAMP), START) is Verdict.AUTHENTIC
-    assert timestamp_of(ours.sign(FrameWriter(255, 25).encode(HEARTBEAT), 0, START)) == MOST_TIMESTAMP
+    assert ours.judge(frame(MAX_TIMESTAMP), START) is Verdict.AUTHENTIC
+    assert timestamp_of(ours.sign(FrameWriter(255, 25).encode(HEARTBEAT), 0, START)) == MAX_TIMESTAMP
 
 
 STAMPS = st.integers(NOW - 2 * A_MINUTE, NOW + 2 * A_MINUTE)

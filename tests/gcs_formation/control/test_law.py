@@ -280,9 +280,9 @@ def test_a_correction_grows_by_a_gusts_answer_besides() -> None:
 @pytest.mark.parametrize("ahead_m", [60.0, -60.0])
 def test_a_gust_is_answered_within_what_a_correction_at_its_limit_leaves(ahead_m: float) -> None:
     """Far ahead of the slot a vehicle is commanded the least airspeed, whatever the gust; far behind, the highest."""
-    least_mps, most_mps = 18.0, 26.0
+    min_mps, max_mps = 18.0, 26.0
     rows = MODEL.table.copy()
-    rows[4:6] = [[least_mps], [most_mps]]
+    rows[4:6] = [[min_mps], [max_mps]]
     correcting = parameters(kp=np.array((9.0, 0.0, 0.0)))
     flying = tables.TableLaw(FormationLaw(correcting, tables.models(AutopilotModels(*rows))))
     wind_mps, told_mps = 0.0, list[Array]()
@@ -291,7 +291,7 @@ def test_a_gust_is_answered_within_what_a_correction_at_its_limit_leaves(ahead_m
         states = carried((wind_mps, 0.0))
         here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] + ahead_m))
         told_mps.append(sent(flying.decide(here, DT_S))[:, 0])
-    np.testing.assert_allclose(told_mps[60:], least_mps if ahead_m > 0.0 else most_mps)
+    np.testing.assert_allclose(told_mps[60:], min_mps if ahead_m > 0.0 else max_mps)
 
 
 def test_setpoints_held_from_tick_to_tick_keep_a_turning_slot() -> None:

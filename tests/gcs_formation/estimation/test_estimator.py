@@ -365,7 +365,7 @@ def test_of_whom_nothing_is_declared_noise_is_taken_as_of_a_gnss_receiver_and_of
     np.testing.assert_allclose(leader.sigma(), (0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
     np.testing.assert_allclose(follower.sigma(), finest)
     for each in (leader, follower):
-        np.testing.assert_allclose(np.sqrt(each._least), finest)
+        np.testing.assert_allclose(np.sqrt(each._minimum), finest)
         assert not each._stated
 
 
@@ -384,7 +384,7 @@ def test_errors_that_last_are_taken_as_large_as_they_are_and_no_smaller(keys, fa
     noise, _ = declared_noise(load_scenario(scenario(vehicles=vehicles, telemetry={"rate_hz": 10})))
     white = np.array((0.3, 0.3, 0.1, 0.1, 0.2, math.radians(0.5)))
     np.testing.assert_allclose(noise.sigma(), factor * white)
-    np.testing.assert_allclose(np.sqrt(noise._least), least * white)
+    np.testing.assert_allclose(np.sqrt(noise._minimum), least * white)
 
 
 def test_the_controller_filters_what_noisy_vehicles_tell():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flight_model.arrays import Array
-from gcs_formation.estimation.noise_and_plausibility import MOST_DRIFT, PositionDrift, VehicleNoise
+from gcs_formation.estimation.noise_and_plausibility import MAX_DRIFT, PositionDrift, VehicleNoise
 
 SIGMA = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 ROW_OF = (0, 0, 1, 2, 2, 3, 4, 5)
@@ -101,8 +101,8 @@ def test_one_position_that_is_off_does_not_stray():
 def test_positions_that_stray_are_followed_by_as_much_up_to_a_limit(walk):
     places = walk * math.sqrt(0.1) * np.cumsum(np.random.default_rng(3).standard_normal((3000, 2)), axis=0)
     found = np.array(strayed(places, np.zeros((3000, 2)), 0.1, 0.003))[300:]
-    assert np.sqrt(np.mean(found**2)) == pytest.approx(min(walk, math.sqrt(MOST_DRIFT)), rel=0.25)
-    assert found.max() <= math.sqrt(MOST_DRIFT)
+    assert np.sqrt(np.mean(found**2)) == pytest.approx(min(walk, math.sqrt(MAX_DRIFT)), rel=0.25)
+    assert found.max() <= math.sqrt(MAX_DRIFT)
 
 
 def test_nothing_is_learnt_over_a_gap():

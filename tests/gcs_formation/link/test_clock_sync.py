@@ -73,9 +73,9 @@ def test_the_answering_loop_is_not_counted_as_delay() -> None:
     assert sync.one_way_s == pytest.approx(0.05, abs=1e-6)
 
 
-@pytest.mark.parametrize(("delay_s", "jitter_s", "most_s"), [(0.0, 0.0, 1e-4), (0.3, 0.0, 1e-4), (0.3, 0.02, 2e-3)])
+@pytest.mark.parametrize(("delay_s", "jitter_s", "max_s"), [(0.0, 0.0, 1e-4), (0.3, 0.0, 1e-4), (0.3, 0.02, 2e-3)])
 def test_the_wait_for_the_answering_loop_does_not_shift_the_clock(
-    delay_s: float, jitter_s: float, most_s: float
+    delay_s: float, jitter_s: float, max_s: float
 ) -> None:
     """The vehicle reads its clock at the end of the wait, so the midpoint is early by half of it: 5 ms of 20."""
     errors_s = list[float]()
@@ -86,7 +86,7 @@ def test_the_wait_for_the_answering_loop_does_not_shift_the_clock(
             read = after(sent, float(up + rng.uniform(0.0, 0.02)))
             sync.observe(sent, read + 77 * NANOSECONDS, after(read, float(down)))
         errors_s.append(sync.to_instant(77.0 + 24.0) / NANOSECONDS - 24.0)
-    assert abs(np.mean(errors_s)) < most_s
+    assert abs(np.mean(errors_s)) < max_s
 
 
 def test_a_step_in_delay_is_followed_within_five_seconds() -> None:

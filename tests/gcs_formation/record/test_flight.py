@@ -6,7 +6,7 @@ import pytest
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from gcs_formation.record.expectations import judge
-from gcs_formation.record.figures_of_merit import clearance_m, least, of_follower, separation_m
+from gcs_formation.record.figures_of_merit import clearance_m, minimum, of_follower, separation_m
 from gcs_formation.record.flight import SCORED, FlightBuilder, judged, split, tables
 from gcs_formation.record.timeseries import MEASURED, PHASES, VIRTUAL_LEADER
 
@@ -166,5 +166,5 @@ def test_a_flight_that_passes_in_blocks_is_the_same(ticks):
 
 
 def test_the_least_of_no_finite_values_is_none():
-    assert least(np.array([np.nan, np.inf])) is None
-    assert least(np.array([np.nan, 3.0, 2.0])) == 2.0
+    assert minimum(np.array([np.nan, np.inf])) is None
+    assert minimum(np.array([np.nan, 3.0, 2.0])) == 2.0

@@ -45,8 +45,8 @@ def test_the_bound_is_of_the_records_round_trip_and_the_models_limits(run):
         samples = zip(run.time_s, run.flown.vehicles[error.vehicle]["age_s"], strict=True)
         answered_s = next(tick_s for tick_s, age_s in samples if tick_s - age_s >= 30.0 + ACTS_S - 1e-3)
         assert error.round_trip_s == pytest.approx(answered_s + UP_S - 30.0 - ACTS_S, abs=1e-3)
-        assert error.least_m == pytest.approx(0.6 * error.round_trip_s + BRAKED_M[error.axis], abs=1e-3)
-        assert error.allowed_m == pytest.approx(1.5 * error.least_m + 0.05)
+        assert error.min_m == pytest.approx(0.6 * error.round_trip_s + BRAKED_M[error.axis], abs=1e-3)
+        assert error.allowed_m == pytest.approx(1.5 * error.min_m + 0.05)
         worst_m = max(np.abs(run.flown.error(vehicle)[window, column]).max() for vehicle in run.followers)
         assert error.found_m == pytest.approx(worst_m)
 
@@ -56,15 +56,15 @@ def test_a_gust_north_and_east_is_along_and_across_by_the_course_it_is_met_on(ma
     each_way = GUST | {"velocity_mps": [0.6, 0.6, 0.0]}
     x, y = gusts(load_run(make_run(straight([2000 * math.sqrt(3), 2000, 100], [each_way]))))
     along_mps, across_mps = 0.3 * (math.sqrt(3) + 1), 0.3 * (math.sqrt(3) - 1)
-    assert x.least_m == pytest.approx(along_mps * x.round_trip_s + along_mps**2 / (2 * 1.5), abs=1e-3)
-    assert y.least_m == pytest.approx(across_mps * y.round_trip_s + across_mps**2 / (2 * 22 * 0.25), abs=1e-3)
+    assert x.min_m == pytest.approx(along_mps * x.round_trip_s + along_mps**2 / (2 * 1.5), abs=1e-3)
+    assert y.min_m == pytest.approx(across_mps * y.round_trip_s + across_mps**2 / (2 * 22 * 0.25), abs=1e-3)
 
 
 def test_it_is_drawn_from_the_gust_on_and_stands_in_the_table(run):
     figure = errors(run)
     drawn = [line for axes in figure.axes for line in axes.get_lines() if line.get_label() in (ALLOWED, LEAST)]
     assert {abs(np.asarray(line.get_ydata()).item(0)) for line in drawn} == {
-        size for error in gusts(run) for size in (error.least_m, error.allowed_m)
+        size for error in gusts(run) for size in (error.min_m, error.allowed_m)
     }
     assert {np.asarray(line.get_xdata()).item(0) for line in drawn} == {30.0}
     cells = re.findall(r"<td>([0-9.]+)</td>", after_gusts(run))
@@ -77,7 +77,7 @@ def test_a_gust_that_ends_is_another_one(make_run):
         error for error in gusts(load_run(make_run(straight_north([GUST | {"until_s": 45}])))) if error.axis == "x"
     ]
     assert [(error.at_s, round(error.to_s)) for error in along] == [(30.0, 45), (45.0, 60)]
-    carried_m = [error.least_m - 0.6 * error.round_trip_s for error in along]
+    carried_m = [error.min_m - 0.6 * error.round_trip_s for error in along]
     assert carried_m == pytest.approx([BRAKED_M["x"]] * 2, abs=1e-3)
 
 

@@ -61,7 +61,7 @@ def test_a_distribution_s_band_is_that_of_the_share_and_flights_without_the_figu
 def test_a_band_is_by_clusters_of_flights():
     """Ten seeds of each of eight samples that all agree say as much as eight flights."""
     values, samples = np.repeat(np.arange(8.0), 10), np.repeat(np.arange(8.0), 10)
-    for curve in (up_to(values, samples), worse_than(-values, samples, least_is_worst=True)):
+    for curve in (up_to(values, samples), worse_than(-values, samples, lower_is_worse=True)):
         assert (curve.low[39], curve.high[39]) == pytest.approx(independent(4, 8), abs=0.02)
     alone = up_to(values)
     assert alone.high[39] - alone.low[39] < 0.25 < curve.high[39] - curve.low[39]
@@ -69,15 +69,15 @@ def test_a_band_is_by_clusters_of_flights():
 
 def test_a_tail_s_band_is_of_the_flights_that_are_worse():
     values = np.array([3.0, 1.0, 4.0, 2.0, np.nan])
-    curve = worse_than(values, least_is_worst=False)
+    curve = worse_than(values, lower_is_worse=False)
     assert curve.values.tolist() == [1, 2, 3, 4]
     assert curve.share == pytest.approx([0.8, 0.6, 0.4, 0.2])
-    least = worse_than(values, least_is_worst=True)
+    least = worse_than(values, lower_is_worse=True)
     assert least.values.tolist() == [4, 3, 2, 1]
     for each in (curve, least):
         expected = [independent(worse, 5) for worse in (4, 3, 2, 1)]
         assert np.stack((each.low, each.high), axis=1) == pytest.approx(np.array(expected))
-    none_worse = worse_than(np.arange(10.0), least_is_worst=False)
+    none_worse = worse_than(np.arange(10.0), lower_is_worse=False)
     assert (none_worse.low[-1], none_worse.high[-1]) == pytest.approx(independent(0, 10))
 
 

@@ -16,12 +16,12 @@ from airlink.endpoint import Address
 from airlink.frame import FrameWriter
 from airlink.messages.system import Heartbeat, Statustext
 from gcs_formation.view.access import Access
-from gcs_formation.view.asked import MOST_BODY
+from gcs_formation.view.asked import MAX_BODY
 from gcs_formation.view.listening import listening_socket
 from gcs_formation.view.log import LogRecording
 from gcs_formation.view.run import RunRecording
-from gcs_formation.view.server import MOST_STREAMS, Viewer
-from gcs_formation.view.serving import MOST_HEADER, serve
+from gcs_formation.view.server import MAX_STREAMS, Viewer
+from gcs_formation.view.serving import MAX_HEADER, serve
 from gcs_formation.view.tiles import TileError, Tiles
 from tests.gcs_formation.view.conftest import Flown
 
@@ -84,8 +84,8 @@ def address(flown: Flown) -> Iterator[Address]:
     "garbage",
     [b"", b"\x00" * 5000, bytes(range(256)) * 40, b"GET", b"GET / HTTP/9.9\r\n\r\n", b"\xfd" * 300,
      b"GET / HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n", b"POST /api/order HTTP/1.1\r\nContent-Length: -5\r\n\r\n",
-     b"GET /" + b"a" * (2 * MOST_HEADER) + b" HTTP/1.1\r\n\r\n",
-     b"GET / HTTP/1.1\r\nX: " + b"a" * (2 * MOST_HEADER) + b"\r\n\r\n",
+     b"GET /" + b"a" * (2 * MAX_HEADER) + b" HTTP/1.1\r\n\r\n",
+     b"GET / HTTP/1.1\r\nX: " + b"a" * (2 * MAX_HEADER) + b"\r\n\r\n",
      b"POST /api/order HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\nffffffffffffffffff\r\n"],
 )  # fmt: skip
 def test_garbage_and_oversized_requests_get_no_page_and_others_do(address: Address, garbage: bytes) -> None:
@@ -98,14 +98,14 @@ def test_a_body_without_end_is_cut_off(address: Address) -> None:
     where = f"Host: {address.host}:{address.port}\r\nContent-Type: application/json\r\n"
     head = f"POST /api/order HTTP/1.1\r\n{where}Content-Length: 10000000\r\n\r\n".encode()
     with socket.create_connection((address.host, address.port), LIMIT_S) as connection:
-        connection.sendall(head + b"1" * (2 * MOST_BODY))
+        connection.sendall(head + b"1" * (2 * MAX_BODY))
         assert connection.recv(100).startswith(b"HTTP/1.1 400")
     assert is_well(asked(address))
 
 
 def test_many_slow_readers_do_not_stop_others(address: Address) -> None:
     """Each asks for all ticks and for the stream, and reads nothing."""
-    open_now = [socket.create_connection((address.host, address.port), LIMIT_S) for _ in range(MOST_STREAMS // 2)]
+    open_now = [socket.create_connection((address.host, address.port), LIMIT_S) for _ in range(MAX_STREAMS // 2)]
     try:
         for number, each in enumerate(open_now):
             path = "/api/stream" if number % 2 else "/api/ticks"
@@ -122,7 +122,7 @@ def test_many_slow_readers_do_not_stop_others(address: Address) -> None:
 
 def test_streams_are_counted_and_bounded(flown: Flown) -> None:
     viewer = Viewer(RunRecording(flown.finished), Access(Address("127.0.0.1", 80), orders=True))
-    viewer.streams = MOST_STREAMS
+    viewer.streams = MAX_STREAMS
     assert _status(viewer, b"/api/stream") == 503
 
 

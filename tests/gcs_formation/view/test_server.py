@@ -14,7 +14,7 @@ from starlette.types import ASGIApp
 from airlink.endpoint import Address
 from formation_scenario.orders import Answer
 from gcs_formation.view.access import Access
-from gcs_formation.view.asked import MOST_BODY
+from gcs_formation.view.asked import MAX_BODY
 from gcs_formation.view.log import LogRecording
 from gcs_formation.view.run import RunRecording
 from gcs_formation.view.served_files import served_files
@@ -202,7 +202,7 @@ def test_a_link_is_impaired_by_the_scenarios_keys(page: Browser, flight: Flight)
 
 @pytest.mark.parametrize(
     ("body", "headers"),
-    [(b"{", JSON), (b"[]", JSON), (b"1" * (MOST_BODY + 1), JSON), (b"[" * 1500, JSON), (b'{"order": 5}', JSON),
+    [(b"{", JSON), (b"[]", JSON), (b"1" * (MAX_BODY + 1), JSON), (b"[" * 1500, JSON), (b'{"order": 5}', JSON),
      (b'{"order": "loiter"}', {"Content-Type": "text/plain"}), (b"\xff\xfe", JSON)],
 )  # fmt: skip
 def test_what_is_no_small_object_of_json_is_refused(page: Browser, flight: Flight, body: bytes, headers) -> None:
