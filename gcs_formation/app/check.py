@@ -29,7 +29,7 @@ from gcs_formation.app import (
 )
 from gcs_formation.app.loop_delays import configured_loop_delay_s, long_silences, longest_hold
 from gcs_formation.control.laws import law_kind
-from gcs_formation.core.present import feature_names
+from gcs_formation.core.present import brought, feature_names
 from gcs_formation.from_scenario import autopilot_for
 from gcs_formation.stability import (
     LawMargins,
@@ -190,7 +190,8 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from check_path.widened_circles(scenario)
     yield from check_room.drifts(scenario)
     yield from check_room.little_left(scenario)
-    yield from check_room.final_circles(scenario)
+    for module in brought("foretold"):
+        yield from module.warnings(scenario)
     yield from check_room.no_room_to_stop(scenario)
     asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
     near = [*slots_without_room(scenario, ROOM_M), starts_without_room(scenario, ROOM_M)]

@@ -10,7 +10,7 @@ from gcs_formation.mission.course import Orders
 class Wanted(Stage):
     """Gives planned orders that are due, and goes on with changes of the formation, before anything is steered by it.
 
-    At the end of the flight, while vehicles separate vertically, nothing changes any more.
+    At the end of the flight nothing changes any more.
     """
 
     name = "wanted"
@@ -50,18 +50,6 @@ class Delays(Stage):
                 cycle.links[leader].loss, cycle.links[leader].mean_gap = each.loss, each.mean_gap
 
 
-class EndHeights(Stage):
-    """Says at which heights vehicles separate at the end of the flight, by where those are that don't respond."""
-
-    name = "end_heights"
-    when = IN_COMMAND
-
-    def run(self, cycle: Cycle) -> None:
-        """Put them into the cycle."""
-        opening = cycle.opening
-        cycle.heights_m = None if opening is None else opening.steer(cycle.links, cycle.now)
-
-
 class Tick(Stage):
     """Begins the record of the cycle: who is commanded, from which state on, by what the links can do."""
 
@@ -95,18 +83,6 @@ class Law(Stage):
     def run(self, cycle: Cycle) -> None:
         """Put setpoints into the tick."""
         cycle.measured = cycle.controller.decide(cycle.tick, cycle.findings.bandwidth, begin_regardless=cycle.late)
-
-
-class AtEndHeights(Stage):
-    """Replaces the law's heights by those of the end, before limits and other vehicles bound them."""
-
-    name = "at_end_heights"
-    when = LED
-
-    def run(self, cycle: Cycle) -> None:
-        """Replace them if there are any."""
-        if cycle.heights_m is not None:
-            cycle.controller.fly_at(cycle.tick, cycle.heights_m)
 
 
 class OwnFilters(Stage):

@@ -19,8 +19,8 @@ from gcs_formation.estimation.estimator import Sample
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.fleet.frame_loss import FrameLoss
 from gcs_formation.mission.course import Course
+from gcs_formation.mission.ending import Ending
 from gcs_formation.mission.reconfiguration import Reconfiguration
-from gcs_formation.mission.vertical_separation import Opening
 from gcs_formation.phases import COMMANDED, Flight, Phase
 from gcs_formation.recorder import Note, Tick, VehicleLink
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -86,8 +86,8 @@ class Cycle:
     """Seconds since the leader passed the start of its path; NaN before."""
     phase: Phase
     """Phase of the run in which the formation is commanded."""
-    opening: Opening | None = None
-    """The vertical separation of the formation at its end, if it had begun before this cycle."""
+    opening: Ending | None = None
+    """The ending of the flight, if it had begun before this cycle and the formation is still commanded."""
     links: list[VehicleLink]
     """(C,) the measured links."""
     measured: Measured
@@ -102,8 +102,6 @@ class Cycle:
     """Whether the formation begins to be commanded in this cycle."""
     late = False
     """Whether the path begins even if followers aren't in their slots."""
-    heights_m: list[float] | None = None
-    """(C,) heights commanded instead of the law's at the end of a flight; NaN where there is none."""
     hold_s = 0.0
     """For how long the leader's setpoints are held back, s."""
 

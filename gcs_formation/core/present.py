@@ -22,7 +22,7 @@ def feature_names() -> tuple[str, ...]:
 
 
 def brought(module: str) -> Iterator[ModuleType]:
-    """Yield the modules of a name that features have, such as `plate`, which only a report needs."""
+    """Yield the modules of a name that features have, such as `plate`, which only a report needs, or `foretold`."""
     for name in feature_names():
         if find_spec(f"{PACKAGE}.{name}.{module}") is not None:
             yield import_module(f"{PACKAGE}.{name}.{module}")

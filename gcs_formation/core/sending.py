@@ -63,7 +63,7 @@ class Events(Stage):
 
 
 class Phases(Stage):
-    """Begins the path when the leader has passed its start, ends the flight in time, and the separation after it."""
+    """Begins the path when the leader has passed its start, ends the flight in time, and lets vehicles leave then."""
 
     name = "phases"
     when = IN_COMMAND
@@ -81,7 +81,7 @@ class Phases(Stage):
             self._heartbeats.hasten(now)
         if opening is None:
             cycle.course.end_in_time(self._until_s, now)
-        elif opening.over(now):
+        elif opening.may_leave(now):
             cycle.course.move(Cause.OPENED, now)
 
 

@@ -12,9 +12,7 @@ from collections.abc import Callable
 from airlink.clock import Instant
 from gcs_formation.core.commanding import (
     Assembled,
-    AtEndHeights,
     Delays,
-    EndHeights,
     Law,
     Leader,
     OwnFilters,
@@ -62,12 +60,10 @@ def core_stages(
         # Before the law: what is wanted, and by which delays.
         Wanted(parts.orders),
         Delays(dispatch),
-        EndHeights(),
         Tick(),
         Leader(),
         # The law.
         Law(),
-        AtEndHeights(),
         # Setpoint filters.
         OwnFilters(),
         # Monitors after them.

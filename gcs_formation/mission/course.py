@@ -16,16 +16,13 @@ from formation_scenario.slot_assignment import column_names
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.errors import NotFiniteError
-from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.fleet.routing_and_dispatch import Dispatch
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.link.link_health import LinkState
-from gcs_formation.mission.ending import Ending
-from gcs_formation.mission.landings import why_not_land
+from gcs_formation.mission.ending import Ending, Endings
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.starting import PreFlight
-from gcs_formation.mission.vertical_separation import Opening, stays
 from gcs_formation.phases import ALL_ENDED, BEFORE_COMMANDS, NOT_ALL_ENDED, OVER, Cause, Flight, Phase
 from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -171,7 +168,7 @@ class Course:
 
         Args:
             scenario: the scenario to fly.
-            controller: separates the formation vertically at the end.
+            controller: steers the leader along its path, which ends the flight.
             membership: lets no loitering vehicle return after that.
             dispatch: its delayed setpoints are dropped when vehicles loiter.
             vehicles: all vehicles.
@@ -194,10 +191,12 @@ class Course:
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
         self._membership, self._dispatch = membership, dispatch
         self._vehicles, self._note, self._preflight = vehicles, note, preflight
-        self._ground, self._late, self._way = GroundFloor(scenario), False, ProgressToStart()
+        self._late, self._way = False, ProgressToStart()
+        self.endings = Endings(vehicles)
+        """Begins the end; a feature may bring others."""
         self._ending: Ending | None = None
-        self.opening: Opening | None = None
-        """The vertical separation of the formation at its end, while it lasts."""
+        self.opening: Ending | None = None
+        """The ending, while the formation is still commanded."""
 
     def move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
         """Move to the phase that `cause` leads to; return whether there is one. `manner`: how the flight ends then."""
@@ -260,7 +259,7 @@ class Course:
 
     def go_home_at_once(self, now: Instant) -> bool:
         """Send vehicles home that were told to stop, however far apart they are; return whether that began."""
-        return self.move(Cause.HASTE, now, "rtl")
+        return self.why_not_end("rtl") is None and self.move(Cause.HASTE, now, "rtl")
 
     def fail(self, text: str, now: Instant, *, begun: bool = True) -> None:
         """End the run with the first reason why it can't continue; vehicles loiter if it had `begun`."""
@@ -295,8 +294,7 @@ class Course:
 
     def why_not_end(self, manner: End) -> str | None:
         """Return why the flight can't be ended in a manner; None if it can."""
-        unable = why_not_land(self._vehicles, self._ground) if manner == "land" else None
-        return f"{unable}; allowed: rtl, loiter" if unable else None
+        return self.endings.why_not(manner)
 
     def end_in_time(self, until_s: float, now: Instant) -> None:
         """End a flight whose path or time is over, or that has reached mission time `until_s`."""
@@ -318,8 +316,8 @@ class Course:
     def _wait_for_loiter(self, ending: Ending, now: Instant) -> None:
         """Continue until vehicles may be left alone; end the run when all are."""
         ending.advance(now)
-        if ending.landings.failure and not self.failure:
-            self.fail(ending.landings.failure, now)
+        if ending.failure and not self.failure:
+            self.fail(ending.failure, now)
         if ending.over(seconds_between(self.flight.since, now)):
             pending = ending.pending()
             for vehicle in pending:
@@ -338,22 +336,10 @@ class Course:
                 self.move((NOT_ALL_ENDED if pending or elsewhere else ALL_ENDED)[ending.manner], now)
 
     def _begin_to_end(self, cause: Cause, manner: End, now: Instant) -> None:
-        """Choose the heights at which vehicles circle, return or wait to land; the formation first separates to them.
-
-        Hovering vehicles are all stopped first: if each braked as its command arrived, they would meet.
-        """
-        opens = self.flight.phase is Phase.ENDING
-        landings = None if self._ending is None else self._ending.landings.call_off()
-        ahead = self._controller.ahead_m if opens else stays
-        gap_m, sway_m = self._scenario.safety.avoidance.distance_m, self._controller.estimator.sway_m
-        climb_mps = min(each.model.climb_max_mps for each in self._scenario.vehicles)
-        ending = Ending(self._vehicles, self._ground, manner, landings, ahead, gap_m, sway_m, climb_mps)
-        self._ending, self.opening = ending, None
-        ending.begin(now, self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0)
-        if opens:
-            stands, limit_s = ending.stands, ending.limit_s
-            if stands:
-                self._controller.guidance.fly_at(0.0)
-            to = ending.stack, self._controller, self._vehicles
-            self.opening = Opening(*to, now, limit_s, climb_mps, stops=stands)
-            self._membership.end(ending.stack.heights_m)
+        """Begin the ending; the formation is commanded meanwhile unless it loiters already."""
+        commanded = self.flight.phase is Phase.ENDING
+        loiter_s = self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0
+        self._ending = ending = self.endings.begin(manner, self._ending, loiter_s, now, commanded=commanded)
+        self.opening = ending if commanded else None
+        if commanded:
+            self._membership.end(ending.circles_m)

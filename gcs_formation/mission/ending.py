@@ -1,32 +1,27 @@
-"""The end of a run: the formation opens in height, then vehicles circle, here or at home, or land.
+"""The end of a run: which vehicles are commanded then, and until when they are waited for.
 
-Whether one flies is judged anew at every tick until it leaves: an unknown place isn't the ground. None goes home that
-refuses its own height there, which it is told before; it circles where it is.
+This is the plain ending: vehicles on the ground stay there, all others circle at the heights that they have. Another
+may take its place: `Course.endings`. Whether a vehicle flies is judged anew at every tick until it leaves: an unknown
+place isn't the ground.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from enum import Enum
-from itertools import combinations
 from typing import Final
 
+from mypy_extensions import mypyc_attr
+
 from airlink import mavlink as m
-from airlink.clock import Instant, seconds_between
+from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
-from gcs_formation.fleet.circle_heights import GroundFloor, may_meet
-from gcs_formation.mission.landings import Landings, lowest_circle_m, may_be_armed, why_not_land
-from gcs_formation.mission.vertical_separation import Ahead, Stack, home_of, place_of, stacked, stays
 from gcs_formation.vehicle.command_delivery import Outcome
-from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
-LOITER_LIMIT_S = 20.0
+LOITER_LIMIT_S: Final = 20.0
 """Longest wait for vehicles to climb out and acknowledge that they loiter."""
-UNANSWERED_FOR_S = 5.0
-"""How long a vehicle may leave the command to go home unanswered."""
 
 
 class EndCommand(Enum):
@@ -43,6 +38,7 @@ FOR_GOOD: Final = (EndCommand.LEAVE, EndCommand.STAY)
 """Commands that aren't judged anew."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
 class Ending:
     """Brings every vehicle to a state in which it may be left alone.
 
@@ -50,46 +46,30 @@ class Ending:
     insisted on, whatever vehicles answer.
     """
 
-    def __init__(
-        self,
-        vehicles: Mapping[VehicleId, Vehicle],
-        ground: GroundFloor,
-        manner: End = "loiter",
-        landings: Landings | None = None,
-        ahead: Ahead = stays,
-        gap_m: float = 0.0,
-        sway_m: float = 0.0,
-        climb_mps: float = math.inf,
-    ) -> None:
-        """Choose the height of each vehicle's circle; no vehicle is commanded yet.
-
-        Args:
-            vehicles: all of them.
-            ground: the ground to keep clear of.
-            manner: how the flight ends.
-            landings: those of an earlier order to land, where a vehicle is still landing; it is left to that.
-            ahead: the way on of a formation that is opened; by default vehicles leave where they are.
-            gap_m: the distance that vehicles must be apart.
-            sway_m: how far the air moves vehicles off their heights, a standard deviation.
-            climb_mps: how fast all of them climb.
-        """
-        self.landings = landings or Landings(lambda: why_not_land(vehicles, ground))
-        commanded = {identity: each for identity, each in vehicles.items() if not each.is_left}
-        self._ours = {identity: each for identity, each in commanded.items() if not self.landings.is_pending(each)}
-        self.stands = manner == "loiter" and all(each.autopilot.stands for each in self._ours.values())
-        """Whether all of them hover where they are, and need no separate heights."""
-        lowest_m = lowest_circle_m(vehicles) if manner == "land" else -math.inf
-        self.stack = Stack(gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=self.stands)
-        homes = {identity: home for identity, each in self._ours.items() if (home := home_of(each))}
-        self.limit_s = stacked(self._places(), self.stack, ground, manner, ahead, climb_mps, homes)
-        """Longest time for which the formation is opened."""
-        self._loiter_s, self._gap_m = 0.0, gap_m
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], manner: End = "loiter") -> None:
+        """Begin with all `vehicles`, none of which is commanded yet; `manner`: how the flight ends."""
         self.manner: End = manner
         self._vehicles = vehicles
-        self._told: dict[VehicleId, tuple[EndCommand, int]] = {}
+        self._ours = {identity: each for identity, each in vehicles.items() if not each.is_left}
+        self._loiter_s = 0.0
+        self._told = dict[VehicleId, tuple[EndCommand, int]]()
         """What each was told, and how often it had restarted then."""
         self._leaving = False
         """Whether vehicles leave; before that only those on the ground are told anything."""
+
+    @property
+    def failure(self) -> str | None:
+        """Why it can't be carried out as ordered; None if it can."""
+        return None
+
+    @property
+    def circles_m(self) -> Mapping[VehicleId, float]:
+        """Heights of the circles that vehicles are assigned, m; it changes as they are."""
+        return {}
+
+    def may_leave(self, now: Instant) -> bool:  # noqa: ARG002
+        """Return whether vehicles may circle: the formation needn't be commanded any longer."""
+        return True
 
     def begin(self, now: Instant, loiter_s: float = 0.0) -> None:
         """Keep vehicles on the ground there, whatever they were doing; the others loiter for `loiter_s` at the end."""
@@ -97,22 +77,13 @@ class Ending:
         self.judge(now)
 
     def leave(self, now: Instant) -> None:
-        """Begin to command vehicles to circle or go home; those that have no height yet get one."""
-        self.stack.add(self._places())
+        """Begin to command vehicles to circle."""
         self._leaving = True
         self.advance(now)
 
     def advance(self, now: Instant) -> None:
-        """Command vehicles that may be in the air and have climbed out to loiter or go home; continue the landings."""
+        """Command vehicles that may be in the air and have climbed out."""
         self.judge(now)
-        climbs_out = False
-        for identity, vehicle in self._ours.items():
-            told = self._heeds(identity, vehicle)
-            if told is EndCommand.LEAVE:
-                self._watch_way_home(identity, vehicle, now)
-            elif told is not EndCommand.STAY and vehicle.member is not Member.PARTED:
-                climbs_out = climbs_out or self._is_pending(identity, vehicle)
-        self.landings.advance(now, climbs_out=climbs_out)
 
     def judge(self, now: Instant) -> None:
         """Command vehicles by their present state; one whose place is unknown counts as flying until it is known."""
@@ -139,85 +110,44 @@ class Ending:
 
     def _tell(self, identity: VehicleId, vehicle: Vehicle, what: EndCommand, now: Instant) -> None:
         self._told[identity] = what, vehicle.restarts
-        self.landings.drop(vehicle)
-        autopilot, seen = vehicle.autopilot, vehicle.telemetry
+        autopilot = vehicle.autopilot
         if what is EndCommand.DOWN:
             _keep_down(vehicle, now)
         elif what is EndCommand.HOLD:
             asked = autopilot.requests(vehicle.rates_hz)
             vehicle.commands.begin((*autopilot.hold(), *asked), now, insist=True)
         elif what is EndCommand.LEAVE:
-            height_m = self._height_m(identity, vehicle)
-            vehicle.commands.begin(autopilot.leave(self.manner, height_m, seen), now, insist=True)
-            if self.manner == "land":
-                self.landings.await_turn(vehicle, height_m)
+            self._send_away(identity, vehicle, now)
         else:
             vehicle.commands.begin((), now)
 
-    def _height_m(self, identity: VehicleId, vehicle: Vehicle) -> float:
-        """Return the height, m, at which a vehicle circles whose position is known."""
-        place = place_of(vehicle)
-        if place is not None:
-            self.stack.add({identity: place})
-        return self.stack.heights_m[identity]
-
-    def _watch_way_home(self, identity: VehicleId, vehicle: Vehicle, now: Instant) -> None:
-        """Let a vehicle that refuses to go home, or its height there, circle here; it leaves when it accepts both.
-
-        A vehicle that doesn't answer circles here too. One that refuses its height on the way home isn't sent there
-        again. No vehicle lands if one refuses.
-        """
-        if self.manner == "loiter":
-            return
-        autopilot, seen, commands = vehicle.autopilot, vehicle.telemetry, vehicle.commands
-        refuses, homeward = commands.refused(now), seen.custom_mode == autopilot.home_mode
-        waits = commands.insists and commands.outcome is Outcome.WAITING and not homeward
-        if not (refuses or (waits and seconds_between(commands.since, now) > UNANSWERED_FOR_S)):
-            return
-        if refuses and self.manner == "land":
-            self.landings.refuse(f"vehicle {identity} refuses {vehicle.refusal}{seen.last_words}")
-        height_m = self._height_m(identity, vehicle)
-        here, home = autopilot.loiter(height_m, seen), autopilot.go_home(height_m, seen)
-        self._told[identity] = EndCommand.STAY, vehicle.restarts
-        commands.begin(here if homeward else (*here, *home), now, insist=True)
-
-    def _places(self) -> dict[VehicleId, ReportedMotion]:
-        armed = {identity: vehicle for identity, vehicle in self._ours.items() if vehicle.telemetry.armed}
-        return {identity: place for identity, vehicle in armed.items() if (place := place_of(vehicle))}
+    def _send_away(self, identity: VehicleId, vehicle: Vehicle, now: Instant) -> None:  # noqa: ARG002
+        """Command a vehicle, whose position is known, to circle."""
+        seen = vehicle.telemetry
+        assert seen.motion is not None, "`_wanted` has seen it"
+        vehicle.commands.begin(vehicle.autopilot.leave("loiter", seen.motion.height_m, seen), now, insist=True)
 
     def hasten(self) -> None:
-        """Begin no further landing, and wait for nothing but acknowledgements."""
+        """Wait for nothing but acknowledgements."""
         self._loiter_s = 0.0
-        self.landings.call_off()
 
     def over(self, waited_s: float) -> bool:
         """Return whether the run is over, this long after vehicles were told to leave."""
-        late = waited_s > self._loiter_s + LOITER_LIMIT_S and not self.landings.under_way
+        late = waited_s > self._loiter_s + LOITER_LIMIT_S and not self._goes_on
         return late or (waited_s >= self._loiter_s and not self.pending())
+
+    @property
+    def _goes_on(self) -> bool:
+        """Whether vehicles do more than circle, and so take longer."""
+        return False
 
     def pending(self) -> list[Vehicle]:
         """Return the vehicles that can be reached and may not be left alone yet."""
         return [vehicle for identity, vehicle in self._vehicles.items() if self._is_pending(identity, vehicle)]
 
     def at_one_height(self) -> list[str]:
-        """Return which pairs of vehicles may circle at one height, with the reason.
-
-        One of the two hasn't acknowledged a height of its own, and by what they told last their heights are nearer than
-        vehicles must be apart. What stands circles nowhere.
-        """
-        if self.stands:
-            return []
-        flying = {identity: each for identity, each in self._vehicles.items() if each.airborne}
-        places = {identity: place for identity, each in flying.items() if (place := each.telemetry.motion)}
-        lacking, found = {identity for identity in places if self._is_pending(identity, flying[identity])}, list[str]()
-        for one, other in combinations(places, 2):
-            off_m = abs(places[one].height_m - places[other].height_m)
-            near = off_m < self._gap_m and may_meet(places[one], places[other])
-            if near and not lacking.isdisjoint((one, other)):
-                who = one if one in lacking else other
-                why = f"refuses {refusal}" if (refusal := flying[who].refusal) else "hasn't acknowledged its height"
-                found.append(f"vehicles {one} and {other} may circle at heights {off_m:.1f} m apart: {who} {why}")
-        return found
+        """Return which pairs of vehicles may circle at one height though they shouldn't, with the reason."""
+        return []
 
     def lacks(self, vehicle: Vehicle) -> str:
         """Return why a vehicle may not be left alone, as the end of a sentence; empty if it only hasn't answered."""
@@ -231,10 +161,51 @@ class Ending:
     def _is_pending(self, identity: VehicleId, vehicle: Vehicle) -> bool:
         if not vehicle.connection.talks:
             return False
-        if vehicle.commands.outcome is Outcome.WAITING or self.landings.is_pending(vehicle):
+        if vehicle.commands.outcome is Outcome.WAITING:
             return True
         ours = identity in self._ours and vehicle.member is not Member.PARTED
         return ours and self._heeds(identity, vehicle) not in FOR_GOOD and may_be_armed(vehicle)
+
+
+@mypyc_attr(allow_interpreted_subclasses=True)
+class Endings:
+    """Begins endings; one may follow another that isn't over."""
+
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle]) -> None:
+        """Take all vehicles."""
+        self._vehicles = vehicles
+
+    def why_not(self, manner: End) -> str | None:
+        """Return why a flight can't be ended in a manner, and what is allowed; None if it can."""
+        return None if manner == "loiter" else f"found {manner}; allowed: loiter"
+
+    def begin(
+        self,
+        manner: End,
+        earlier: Ending | None,  # noqa: ARG002
+        loiter_s: float,
+        now: Instant,
+        *,
+        commanded: bool,  # noqa: ARG002
+    ) -> Ending:
+        """Begin one.
+
+        Args:
+            manner: how the flight ends.
+            earlier: the one that it follows.
+            loiter_s: how long vehicles circle until the run is over, s.
+            now: the instant.
+            commanded: whether the formation is still commanded, until `Ending.may_leave`.
+        """
+        ending = Ending(self._vehicles, manner)
+        ending.begin(now, loiter_s)
+        return ending
+
+
+def may_be_armed(vehicle: Vehicle) -> bool:
+    """Return whether a vehicle is armed, or restarts and hasn't reported it yet."""
+    seen = vehicle.telemetry
+    return seen.armed or seen.heartbeat is None or seen.boots
 
 
 def _keep_down(vehicle: Vehicle, now: Instant) -> None:

@@ -20,7 +20,7 @@ from airlink.frame import StreamParser
 from airlink.messages.command import CommandAck, CommandLong
 from airlink.messages.telemetry import GlobalPositionInt
 from gcs_formation.cli import main
-from gcs_formation.mission.ending import Ending
+from gcs_formation.features.ending.ending import SeparatedEnding
 from gcs_formation.phases import Cause, Phase
 from sim_vehicles.autopilot.modes_and_failsafe import Mode
 from sim_vehicles.fleet import Fleet
@@ -235,7 +235,7 @@ def test_a_run_that_leaves_vehicles_at_one_height_exits_with_1_and_names_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = "vehicles 1 and 2 may circle at heights 0.1 m apart: 1 refuses DO_CHANGE_ALTITUDE: UNSUPPORTED"
-    monkeypatch.setattr(Ending, "at_one_height", lambda _: [text])
+    monkeypatch.setattr(SeparatedEnding, "at_one_height", lambda _: [text])
     file = tmp_path / "short.yaml"
     file.write_text(yaml.safe_dump(scenario(duration_s=2, vehicles={"count": 2})))
     out = tmp_path / "run"

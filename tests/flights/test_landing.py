@@ -15,9 +15,9 @@ from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
+from gcs_formation.features.ending.landings import Landings, why_not_land
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.link.link_health import Connection, LinkState
-from gcs_formation.mission.landings import Landings, why_not_land
 from gcs_formation.phases import Phase
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle

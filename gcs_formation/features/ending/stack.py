@@ -1,22 +1,17 @@
-"""Vertical separation of a formation at its end: each vehicle gets a height of its own before any circles.
+# Compiled by mypyc: it runs every tick.
 
-A vehicle that misses the command to circle thus continues at a height that no other has.
-"""
+"""Heights for vehicles that circle at the end, and how long they take to get there."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
-from gcs_formation.controller import FormationController
-from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
 from gcs_formation.fleet.circle_heights import STACK_M, Band, GroundFloor, loiter_heights, may_meet
-from gcs_formation.recorder import VehicleLink
 from gcs_formation.vehicle.telemetry import ReportedMotion
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 
 COMMANDED_M = 0.5
 """A vehicle counts as sent to its height if its height setpoint is within this distance of it, m."""
@@ -24,10 +19,6 @@ LEAST_S, MOST_S = 30.0, 300.0
 """Least time limit of the separation, and the greatest if heights have to be reassigned."""
 RESERVE_S = 15.0
 """Time added in that limit to the climb to the highest level."""
-UNMOVED_S = 5.0
-"""Time without an answer before the others' heights are moved out of a vehicle's way: links lose in bursts."""
-STANDS_MPS = 0.5
-"""Ground speed below which a stopping vehicle counts as hovering."""
 BESIDE_M = 5.0
 """Vertical distance of circles beyond the separation that vehicles need, in calm air."""
 SWAY_SIGMAS = 4.0
@@ -229,96 +220,12 @@ def _floor_m(
     return ground.highest(begin_m for begin_m, _ in legs).height_m
 
 
-class Opening:
-    """Separates a controller's formation vertically, tick by tick."""
-
-    def __init__(
-        self,
-        stack: Stack,
-        controller: FormationController,
-        vehicles: Mapping[VehicleId, Vehicle],
-        now: Instant,
-        limit_s: float,
-        climb_mps: float,
-        *,
-        stops: bool = False,
-    ) -> None:
-        """Steer to the heights of `stack` for at most `limit_s`, or longer if heights are reassigned.
-
-        `climb_mps`: climb rate of all vehicles; `stops`: it also lasts until all steered vehicles hover.
-        """
-        self._stack, self._controller, self._climb_mps, self._stops = stack, controller, climb_mps, stops
-        self._vehicles, self._since, self._limit_s = list(vehicles.values()), now, limit_s
-        self._fliers = dict[VehicleId, FlyingVehicle]()
-
-    def steer(self, links: list[VehicleLink], now: Instant) -> list[float]:
-        """Update all vehicles' states; return the heights (C,) to command now, NaN where there is none."""
-        self._fliers = dict[VehicleId, FlyingVehicle]()
-        for vehicle in self._vehicles:
-            flier = self._flier(vehicle, links, now)
-            if flier is not None:
-                self._fliers[vehicle.identity] = flier
-        if self._stack.take(self._fliers):
-            self._allow_for_climb(now)
-        heights_m, given_m = [math.nan] * len(links), self._stack.heights_m
-        for vehicle in self._vehicles:
-            heights_m[vehicle.column] = given_m.get(vehicle.identity, math.nan)
-        return heights_m
-
-    def _allow_for_climb(self, now: Instant) -> None:
-        given_m, steered = self._stack.heights_m, ((i, each) for i, each in self._fliers.items() if each.steered)
-        climb_m = max((given_m[identity] - each.place.height_m for identity, each in steered), default=0.0)
-        needed_s = seconds_between(self._since, now) + limit_of_climb_s(climb_m, self._climb_mps)
-        self._limit_s = max(self._limit_s, min(needed_s, MOST_S))
-
-    def over(self, now: Instant) -> bool:
-        """Return whether vehicles may circle, or the time limit is reached."""
-        late = seconds_between(self._since, now) >= self._limit_s
-        return late or (self._stack.apart(self._fliers) and not (self._stops and self._moves()))
-
-    def _moves(self) -> bool:
-        """Return whether a steered vehicle doesn't hover yet."""
-        steered = (flier.place for flier in self._fliers.values() if flier.steered)
-        return any(math.hypot(place.north_mps, place.east_mps) > STANDS_MPS for place in steered)
-
-    def _flier(self, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> FlyingVehicle | None:
-        place, column = vehicle.telemetry.motion, vehicle.column
-        unheard_s = seconds_between(vehicle.connection.last_heard, now)
-        if place is None or not vehicle.telemetry.armed or unheard_s > FORGOTTEN_AFTER_S:
-            return None
-        if vehicle.autopilot.climbs_out(vehicle.telemetry):
-            place = _climbed_out(place, vehicle)
-            return FlyingVehicle(place, place.height_m)
-        answers = seconds_between(vehicle.round_trips.heard_at(now), now) <= UNMOVED_S
-        led = links[column].ready and links[self._controller.plan.leader].ready
-        if led and answers and not links[column].disobeying:
-            return FlyingVehicle(place, self._commanded_m(column), steered=True)
-        orders_m = self._orders_m(vehicle, column, links, answers=answers)
-        heights_m = [place.height_m, *(height_m for height_m in orders_m if math.isfinite(height_m))]
-        return FlyingVehicle(place, heights_m[-1], (min(heights_m), max(heights_m)))
-
-    def _orders_m(self, vehicle: Vehicle, column: int, links: list[VehicleLink], *, answers: bool) -> tuple[float, ...]:
-        """Return the heights to which a vehicle may be on its way, the last order last; NaN where there was none."""
-        if vehicle.member in (Member.HOLDING, Member.RETURNING):
-            return self._heard_m(column, links), vehicle.holds_at_m
-        return () if answers else (self._heard_m(column, links), self._commanded_m(column))
-
-    def _heard_m(self, column: int, links: list[VehicleLink]) -> float:
-        """Return the height setpoint at the time when a vehicle was last known to hear."""
-        _, _, height_m = self._controller.history.commanded(links[column].heard, column)
-        return height_m
-
-    def _commanded_m(self, column: int) -> float:
-        tick = self._controller.last_tick
-        return math.nan if tick is None else tick.setpoints[column][2]
-
-
 def place_of(vehicle: Vehicle) -> ReportedMotion | None:
     """Return a vehicle's position; during its take-off with the height at which that ends."""
     motion = vehicle.telemetry.motion
     if motion is None or not vehicle.autopilot.climbs_out(vehicle.telemetry):
         return motion
-    return _climbed_out(motion, vehicle)
+    return climbed_out(motion, vehicle)
 
 
 def home_of(vehicle: Vehicle) -> tuple[float, float] | None:
@@ -327,7 +234,8 @@ def home_of(vehicle: Vehicle) -> tuple[float, float] | None:
     return vehicle.telemetry.home_m or (None if stood is None else (stood.north_m, stood.east_m))
 
 
-def _climbed_out(motion: ReportedMotion, vehicle: Vehicle) -> ReportedMotion:
+def climbed_out(motion: ReportedMotion, vehicle: Vehicle) -> ReportedMotion:
+    """Return a vehicle's position with the height at which its take-off ends."""
     height_m = motion.height_m - motion.above_home_m + vehicle.autopilot.take_off_m
     velocity = motion.north_mps, motion.east_mps, motion.climb_mps
     return ReportedMotion(motion.stamp_s, motion.north_m, motion.east_m, height_m, *velocity, motion.above_home_m)

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airlink.endpoint import VehicleId
+from gcs_formation.features.ending.stack import FlyingVehicle, Stack
 from gcs_formation.fleet.circle_heights import STACK_M, Band, loiter_heights, may_meet
-from gcs_formation.mission.vertical_separation import FlyingVehicle, Stack
 from gcs_formation.vehicle.telemetry import ReportedMotion
 
 GAP_M = 10.0

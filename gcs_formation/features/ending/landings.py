@@ -13,8 +13,9 @@ from collections.abc import Callable, Mapping
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
+from gcs_formation.features.ending.stack import home_of
 from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M, GroundFloor
-from gcs_formation.mission.vertical_separation import home_of
+from gcs_formation.mission.ending import may_be_armed
 from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
@@ -138,12 +139,6 @@ class Landings:
 
 def _is_ours(vehicle: Vehicle) -> bool:
     return vehicle.member is not Member.PARTED and vehicle.airborne
-
-
-def may_be_armed(vehicle: Vehicle) -> bool:
-    """Return whether a vehicle is armed, or restarts and hasn't reported it yet."""
-    seen = vehicle.telemetry
-    return seen.armed or seen.heartbeat is None or seen.boots
 
 
 def _in_way(home: ReportedMotion, course_rad: float, place: ReportedMotion) -> bool:

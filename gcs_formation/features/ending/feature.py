@@ -1,0 +1,20 @@
+"""Declares the feature."""
+
+from __future__ import annotations
+
+from gcs_formation.core.cycle import Cycle, Stage
+from gcs_formation.core.feature import Feature
+from gcs_formation.features.ending.ending import SeparatedEndings
+from gcs_formation.features.ending.stages import AtEndHeights, EndHeights
+
+
+def _stages(cycle: Cycle) -> list[Stage]:
+    cycle.course.endings = SeparatedEndings(cycle)
+    chosen = EndHeights()
+    return [chosen, AtEndHeights(chosen)]
+
+
+FEATURE = Feature(
+    "ends a flight with vehicles at separate heights, here, at home or on the ground",
+    _stages,
+)
