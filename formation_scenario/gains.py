@@ -153,9 +153,10 @@ def _responses(model: VehicleModel, speed_mps: float) -> Responses:
 
 
 def _delay_and_noise(scenario: Scenario) -> DelayAndNoise:
-    """Return the longest loop delay to design for, and the noise of the worst sensors."""
+    """Return the longest loop delay to design for, dead time included, and the noise of the worst sensors."""
     dt_s, sample_s = 1.0 / scenario.law.rate_hz, 1.0 / scenario.telemetry.rate_hz
-    delay_s = 2.0 * design_delay_s(scenario) + dt_s / 2.0 + sample_s / 2.0
+    dead_s = max(each.model.dead_time_s for each in scenario.vehicles)
+    delay_s = 2.0 * design_delay_s(scenario) + dt_s / 2.0 + sample_s / 2.0 + dead_s
     kinds = dict.fromkeys((each.model, each.navigation) for each in scenario.vehicles)
     noise = [SENSORS]
     for model, keys in kinds:

@@ -38,6 +38,7 @@ from formation_scenario.navigation import Navigation, TrueNavigation
 from formation_scenario.signing import Signing
 
 Lag = Annotated[Positive, Field(ge=0.04, le=100.0)]
+DeadTime = Annotated[NonNegative, Field(le=2.0)]
 Angle = Annotated[Number, Field(ge=-85.0, le=85.0)]
 LeastSpeed = Annotated[Number, Field(ge=0.0, le=1e3)]
 BASE_PORT = 14550
@@ -110,9 +111,7 @@ class EnergyAirframe(Keys):
     airspeed_scale: Annotated[Positive, Field(ge=0.7, le=1.4)] = key(
         1.0, "ratio of the sensor's reading to equivalent airspeed, by its calibration", 0.95
     )
-    dead_time_s: Annotated[NonNegative, Field(le=2.0)] = key(
-        0.1, "time from a setpoint's arrival until it acts, s", 0.2
-    )
+    dead_time_s: DeadTime = key(0.1, "time from a setpoint's arrival until it acts, s", 0.2)
     spread: Annotated[NonNegative, Field(le=0.3)] = key(
         0.02,
         "standard deviation of differences between aircraft (thrust, drag, lift, lags), "
@@ -140,6 +139,12 @@ class VehicleModel(Keys):
     tau_psi_s: TimeConstant = key(1.5, "time constant of heading, s", 3.4)
     tau_ha_s: TimeConstant = key(1.0, "first time constant of height, s", 1.5)
     tau_hb_s: TimeConstant = key(3.0, "second time constant of height, s", 2)
+    dead_time_s: DeadTime = key(
+        0.0,
+        "time from a setpoint's arrival until the autopilot acts on it, the same for airspeed, heading and height, s; "
+        "an airframe's own comes on top",
+        0.2,
+    )
     speed_min_mps: LeastSpeed = key(16.0, "lowest airspeed, m/s; 0 for vehicles that hover, and only for these", 14)
     speed_max_mps: Speed = key(28.0, "highest airspeed, m/s", 29)
     accel_max_mps2: Positive = key(1.5, "largest change of airspeed, m/s²", 1)

@@ -406,7 +406,7 @@ class FormationController:
     def _turn_bounds(self, tick: Tick) -> TurnBounds:
         """Return what bounds changes of the leader's turn rate: its followers, noise, and the delay of its link."""
         sigma_rad, link = self.estimator.filters[tick.leader].course_sigma_rad, tick.links[tick.leader]
-        round_trip_s = 2.0 * link.delay_s if self._compensates and finite(link.delay_s) else 0.0
+        round_trip_s = 2.0 * link.delay_s + link.dead_s if self._compensates and finite(link.delay_s) else 0.0
         return TurnBounds(bend_max_rps2(self.slots_m, self.models), sigma_rad, round_trip_s, link.loss * link.mean_gap)
 
     def _go_on_from_replaced(self, leader: int, state: FlightState) -> None:

@@ -42,9 +42,9 @@ class VehicleLink:
         self.jitter_s, self.loss, self.mean_gap = math.nan, 0.0, 1.0
         """Interarrival jitter of the telemetry, NaN while unknown; the share of its frames that are lost, and how many
         of them in a row on average."""
-        self.lag_s = 0.0
-        """Further delay of a setpoint: half a period of the vehicle's main loop, the mean wait on arrival, and the time
-        for which the station delays it."""
+        self.lag_s = self.dead_s = 0.0
+        """Further delay of a setpoint: half a period of the vehicle's main loop, the mean wait on arrival, its dead
+        time, and the time for which the station delays it; and the autopilot's dead time alone."""
         self.airborne = True
         """Whether the vehicle flies; False after its link is lost."""
         self.flew = True
@@ -69,6 +69,11 @@ class VehicleLink:
     def on_its_way_s(self) -> float:
         """Delay of a setpoint up, s: estimated from the round trip while the split is unknown."""
         return self.delay_s + self.split_s if math.isnan(self.up_s) else self.up_s
+
+    @property
+    def until_it_acts_s(self) -> float:
+        """Delay of a setpoint up and by the autopilot's dead time, s."""
+        return self.on_its_way_s + self.dead_s
 
 
 def unknown_state() -> FlightState:

@@ -288,6 +288,8 @@ def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **gi
         found = identification.identify(recorded, file, vehicle, believed, plugins)
     except (RecordError, ScenarioError) as error:
         fail(str(error))
+    if found["unfit"]:
+        click.echo(found["unfit"], err=True)
     if as_json:
         click.echo(json.dumps(found, indent=2))
     elif not quiet:

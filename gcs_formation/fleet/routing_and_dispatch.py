@@ -23,6 +23,7 @@ from airlink.messages.system import Heartbeat, NamedValueFloat
 from flight_model.autopilot_model import Setpoint, finite
 from flight_model.slot import Triple
 from formation_scenario import Scenario
+from formation_scenario.slot_assignment import column_models
 from gcs_formation.link.link_health import STALE_AFTER_NS, LinkState
 from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.phases import Flight, Phase
@@ -222,6 +223,8 @@ class Dispatch:
         """Since when a column that should get setpoints has had none, (C,)."""
         self._last_due = vec[i64]([0] * self._count)
         """When each column's newest setpoint is to be sent, (C,)."""
+        self._dead_s = [each.dead_time_s for each in column_models(scenario)]
+        """The autopilots' dead times, (C,)."""
 
     def links(self, leader: int, disobeying: list[bool], now: Instant) -> tuple[list[VehicleLink], float]:
         """Return every column's present link, and for how long setpoints of column `leader` are held back, s.
@@ -245,7 +248,8 @@ class Dispatch:
                 if vehicle.autopilot.stands and vehicle.member is Member.HOLDING:
                     link.brakes = vehicle.holds_from
             link.heard = vehicle.round_trips.heard_at(now)
-            link.lag_s = clock.loop_s / 2
+            link.dead_s = self._dead_s[vehicle.column]
+            link.lag_s = clock.loop_s / 2 + link.dead_s
             link.disobeying = may_loiter or disobeying[vehicle.column]
             link.speeds_mps = vehicle.autopilot.speeds_mps
             link.stands_after_s, link.returns_after_s = vehicle.stands_after_s, vehicle.returns_after_s
@@ -342,10 +346,10 @@ class Dispatch:
         """
         if not self._compensates:
             return 0.0
-        own_s, slowest_s = links[leader].on_its_way_s, 0.0
+        own_s, slowest_s = links[leader].until_it_acts_s, 0.0
         for column, link in enumerate(links):
-            if link.ready and column != leader and link.on_its_way_s > slowest_s:
-                slowest_s = link.on_its_way_s
+            if link.ready and column != leader and link.until_it_acts_s > slowest_s:
+                slowest_s = link.until_it_acts_s
         return min(max(0.0, slowest_s - (0.0 if math.isnan(own_s) else own_s)), HOLD_MAX_S)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -15,7 +14,6 @@ import yaml
 from flight_model.arrays import Array
 from flight_model.slot import CHANNELS
 from formation_scenario import Scenario, load_scenario
-from formation_scenario.bounded_read import require_file
 from formation_scenario.extensions import Files
 from formation_scenario.formation import Step
 from formation_scenario.source import Dumper, plain_mapping
@@ -24,7 +22,6 @@ from gcs_formation.errors import RecordError
 from gcs_formation.identify.airframe import AIRFRAME_KEYS, fit_airframe, lags_of
 from gcs_formation.identify.believed import begin_with
 from gcs_formation.identify.fitting import (
-    LAGS,
     QUANTITIES,
     Fit,
     fit,
@@ -32,8 +29,8 @@ from gcs_formation.identify.fitting import (
 )
 from gcs_formation.identify.output_error import autocovariance
 from gcs_formation.identify.recording import STEP_S, Recording, recordings
-from gcs_formation.record.json_shape import NUMBER_OR_NULL, Each, misfit
-from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TLOG
+from gcs_formation.identify.run_summary import delays_s, unfit
+from gcs_formation.record.run_directory import SCENARIO, TLOG
 from gcs_formation.report.style import FOLLOWERS, GREY, INK, axes_grid, new_figure, print_style, save
 
 REST_S, HELD_S = 8.0, 9.0
@@ -206,6 +203,7 @@ def identify(
         "vehicles": [each.system for each in found],
         "setpoints": [_described(each) for each in found],
         "recorded_s": [each.duration_s for each in found],
+        "unfit": None if directory is None else unfit(directory),
         "lags": {name: each._asdict() for name, each in fitted.estimates.items()},
         "unidentified": fitted.unidentified,
         "residual_rms": fitted.residual_rms,
@@ -224,7 +222,7 @@ def _recorded(source: Path, vehicle: int | None) -> list[Recording]:
     lacking = [name for name in (SCENARIO, TLOG) if source.is_dir() and not (source / name).is_file()]
     if lacking:
         raise RecordError(f"found no {lacking[0]} in {source}; allowed: the directory of a run")
-    found = recordings(source / TLOG, _delays_s(source)) if source.is_dir() else recordings(source)
+    found = recordings(source / TLOG, delays_s(source)) if source.is_dir() else recordings(source)
     chosen = [each for each in found if vehicle is None or each.system == vehicle]
     if not chosen:
         raise RecordError(f"--vehicle: found {vehicle}; allowed: {', '.join(str(each.system) for each in found)}")
@@ -246,7 +244,7 @@ def _chosen(recording: Recording, fitted: Fit, begin: VehicleModel) -> tuple[Veh
         return fitted.model, flown
     airframe, flown[AIRFRAME] = fit_airframe(recording, begin.airframe or EnergyAirframe(), begin.turn_rate_max_rps)
     by_airframe, by_lags = (flown[name] - recording.seen[:3] for name in (AIRFRAME, EQUATION))
-    if not is_nearer(by_airframe, by_lags, len(AIRFRAME_KEYS) - len(LAGS)):
+    if not is_nearer(by_airframe, by_lags, len(AIRFRAME_KEYS) - len(fitted.estimates)):
         return fitted.model, flown
     return lags_of(airframe, fitted.model, float(np.median(recording.seen[0]))), flown
 
@@ -317,19 +315,6 @@ def measured(value: float, sigma: float) -> str:
     """Return a value and its standard deviation, to two significant digits of the latter."""
     digits = max(1 - math.floor(math.log10(sigma)), 0) if sigma > 0.0 else 3
     return f"{value:.{digits}f} ± {sigma:.{digits}f}"
-
-
-def _delays_s(directory: Path) -> dict[int, float]:
-    """Return the measured round-trip delay of each vehicle's link, s, as far as the summary has it."""
-    try:
-        require_file(directory / SUMMARY)
-        summary: Any = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    if misfit(summary, {"links": Each({"measured_delay_ms": {"p50": NUMBER_OR_NULL}})}, SUMMARY) is not None:
-        return {}
-    delays = {name.rpartition(":")[2]: each["measured_delay_ms"]["p50"] for name, each in summary["links"].items()}
-    return {int(system): 2e-3 * ms for system, ms in delays.items() if ms is not None and system.isdecimal()}
 
 
 def _rms(recording: Recording, flown: Array) -> Array:

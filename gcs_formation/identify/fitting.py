@@ -32,7 +32,7 @@ WAIT_SIGMA_S = CYCLE_S / 2.0
 the same place of it in one flight. Half a cycle, the distance from its middle to its end, covers a vehicle that always
 acts at the end."""
 UNKNOWN = 0.5
-"""Prior standard deviation of a lag's logarithm."""
+"""Prior standard deviation of a lag's logarithm, and of the dead time in seconds."""
 QUANTITIES = ("airspeed_mps", "heading_rad", "height_m")
 """Quantities in which recordings and models are compared."""
 LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
@@ -41,6 +41,11 @@ LAGS_OF = {"speed": LAGS[:1], "heading": LAGS[1:2], "height": LAGS[2:]}
 KNOWN = 0.25
 """A channel whose lags' sum has a larger standard deviation, relative to it, isn't identified: the search holds it with
 one of 0.35 to 0.5 if nothing is learnt."""
+DEAD = "dead_time_s"
+"""The autopilot's dead time. The search is for it in seconds, for all other parameters in logarithms."""
+DEAD_MAX_S = 2.0
+CLEAR = 1.96
+"""A dead time of fewer standard deviations isn't told from none; the others are then fitted without it."""
 REST = ("prompt_share", "rest_s")
 """Also fitted for vehicles believed to leave part of a speed change to an integrator."""
 LEAST_SHARE = 0.2
@@ -85,10 +90,17 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     fitted = [name for channel in CHANNELS if channel not in still for name in LAGS_OF[channel]]
     every = LAGS if begin.prompt_share == 1.0 else (*LAGS, *REST)
     names = [name for name in every if name in fitted or (name in REST and "speed" not in still)]
+    begin, names = begin.model_copy(update={DEAD: 0.0}), [*names, DEAD]
     logs, covariance = _searched(recordings, begin, names, gentle=begin.hovers)
-    if begin.hovers and _unknown(_estimates(names, logs, covariance), covariance):
-        logs, covariance = _searched(recordings, begin, names, gentle=False)  # nothing was moved but quickly
+    gentle = begin.hovers and not _unknown(_estimates(names, logs, covariance), covariance)
+    if begin.hovers and not gentle:  # nothing was moved but quickly
+        logs, covariance = _searched(recordings, begin, names, gentle=False)
     estimates = _estimates(names, logs, covariance)
+    dead = estimates[DEAD]
+    if not dead.value > CLEAR * dead.sigma:
+        names = names[:-1]
+        logs, covariance = _searched(recordings, begin, names, gentle=gentle)
+        estimates = _estimates(names, logs, covariance)
     unidentified = still | _unknown(estimates, covariance)
     if len(unidentified) == len(CHANNELS):
         raise _too_little(unidentified)
@@ -96,9 +108,10 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
         name: each
         for name, each in estimates.items()
         if not any(name in LAGS_OF[channel] for channel in unidentified)
-        and (name in LAGS or "speed" not in unidentified)
+        and (name not in REST or "speed" not in unidentified)
     }
     model = begin.model_copy(update={name: round(each.value, 3) for name, each in estimates.items()})
+    estimates |= {DEAD: dead._replace(value=max(dead.value, 0.0))}
     rms, explained = _judged(recordings, model)
     kept = [name for name, channel in zip(QUANTITIES, CHANNELS, strict=True) if channel not in unidentified]
     rms, explained = ({name: each[name] for name in kept} for each in (rms, explained))
@@ -108,10 +121,11 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
 def _searched(
     recordings: Sequence[Recording], begin: VehicleModel, names: Sequence[str], *, gentle: bool
 ) -> tuple[Array, Array]:
-    """Return the logarithms (P,) of the named parameters, found from `begin` on, and their covariance (P, P)."""
-    start = np.log([getattr(begin, name) for name in names])
-    flown = partial(_as_flown, recordings, begin, names)
-    known = [_known(_gentle(each) if gentle else each) for each in recordings]
+    """Return the named parameters (P,) as they are searched for, found from `begin` on, and their covariance (P, P)."""
+    start = np.array([getattr(begin, name) if name == DEAD else math.log(getattr(begin, name)) for name in names])
+    spare_s = DEAD_MAX_S if DEAD in names else 0.0
+    flown = partial(_as_flown, recordings, begin, names, spare_s)
+    known = [_known(_gentle(each) if gentle else each, spare_s) for each in recordings]
     search = Search(known, flown, start, np.full(start.size, UNKNOWN))
     search.find()
     return search.logs, search.covariance(partial(flown, later_s=WAIT_SIGMA_S))
@@ -119,20 +133,27 @@ def _searched(
 
 def _estimates(names: Sequence[str], logs: Array, covariance: Array) -> dict[str, Estimate]:
     """Return the parameters, by name: height's lags in order, and the fast fraction within its limits."""
-    values = dict(zip(names, np.exp(logs).tolist(), strict=True))
+    values = _values(names, logs)
     if LAGS[-1] in values:
         values |= zip(LAGS_OF["height"], sorted(values[name] for name in LAGS_OF["height"]), strict=True)
     if REST[0] in values:
         values[REST[0]] = min(max(values[REST[0]], LEAST_SHARE), 1.0)
     sigmas = np.sqrt(np.diag(covariance)).tolist()
-    return {name: Estimate(value, value * sigma) for (name, value), sigma in zip(values.items(), sigmas, strict=True)}
+    each = zip(values.items(), sigmas, strict=True)
+    return {name: Estimate(value, sigma if name == DEAD else value * sigma) for (name, value), sigma in each}
+
+
+def _values(names: Sequence[str], logs: Array) -> dict[str, float]:
+    """Return the parameters as numbers with their units, by name."""
+    each = zip(names, logs.tolist(), strict=True)
+    return {name: min(value, DEAD_MAX_S) if name == DEAD else math.exp(value) for name, value in each}
 
 
 def _judged(recordings: Sequence[Recording], model: VehicleModel) -> tuple[dict[str, float], dict[str, float]]:
     """Return the errors of a model's predictions, RMS, and the share of the changes that these explain, by quantity."""
     values = np.array([getattr(model, name) for name in (*LAGS, *REST)])
     fitted = values if model.prompt_share < 1.0 else values[: len(LAGS)]
-    windows = [_Windows.of(_with_rest(each, model, fitted)) for each in recordings]
+    windows = [_Windows.of(_later(_with_rest(each, model, fitted), model)) for each in recordings]
     errors = np.concatenate([each.errors(values[: len(LAGS)], model) for each in windows], axis=2)
     changes = np.concatenate([each.changes() for each in windows], axis=2)
     rms = np.sqrt((errors**2).mean(axis=(1, 2))).tolist()
@@ -200,23 +221,29 @@ def _gentle(recording: Recording) -> Recording:
     return replace(recording, samples=tuple(samples))
 
 
-def _known(recording: Recording) -> Recording:
-    """Return a recording from the point on where its setpoints act, which is late by the link's delay."""
-    late = math.ceil(recording.delay_s / STEP_S)
+def _known(recording: Recording, spare_s: float = 0.0) -> Recording:
+    """Return a recording from the point on where its setpoints act: late by the link's delay, and a dead time."""
+    late = math.ceil((recording.delay_s + spare_s) / STEP_S)
     measured = tuple((at[at >= late] - late, value[at >= late]) for at, value in recording.measured())
     seen, commanded = recording.seen[:, late:], recording.commanded[:, late:]
     return replace(recording, seen=seen, commanded=commanded, samples=measured)
 
 
 def _as_flown(
-    recordings: Sequence[Recording], limits: VehicleModel, names: Sequence[str], logs: Array, later_s: float = 0.0
+    recordings: Sequence[Recording],
+    limits: VehicleModel,
+    names: Sequence[str],
+    spare_s: float,
+    logs: Array,
+    later_s: float = 0.0,
 ) -> tuple[list[Array], AutopilotModels]:
     """Return the setpoints that act on each vehicle with these parameters, by name, and the model that flies it."""
     every = LAGS if limits.prompt_share == 1.0 else (*LAGS, *REST)
-    found, acting = dict(zip(names, np.exp(logs).tolist(), strict=True)), list[Array]()
+    found, acting = _values(names, logs), list[Array]()
     values = np.array([found.get(name, getattr(limits, name)) for name in every])
+    later_s += found.get(DEAD, limits.dead_time_s)
     for each in recordings:
-        late = math.ceil(each.delay_s / STEP_S)
+        late = math.ceil((each.delay_s + spare_s) / STEP_S)
         acting.append(_acting_setpoints(_with_rest(each, limits, values), later_s)[:, late:])
     return acting, _columns(values[:4], limits, 1)
 
@@ -226,6 +253,11 @@ def _acting_setpoints(recording: Recording, later_s: float = 0.0) -> Array:
     commanded = recording.commanded
     turning = np.broadcast_to(recording.lateral_mps2, commanded[:1].shape)
     return acting(np.concatenate((commanded, turning)), recording.delay_s + later_s)
+
+
+def _later(recording: Recording, model: VehicleModel) -> Recording:
+    """Return a recording whose delay has the model's dead time in it."""
+    return replace(recording, delay_s=recording.delay_s + model.dead_time_s)
 
 
 def _with_rest(recording: Recording, limits: VehicleModel, values: Array) -> Recording:
@@ -295,7 +327,7 @@ def acting(commanded: Array, late_s: float) -> Array:
     """Return setpoints (3, K) as they act, `late_s` after they were sent."""
     whole, part = divmod(late_s / STEP_S, 1.0)
     points: Indices = np.arange(commanded.shape[1], dtype=np.intp) - int(whole)
-    newer, older = np.maximum(points, 0), np.maximum(points - 1, 0)
+    newer, older = (np.clip(each, 0, commanded.shape[1] - 1) for each in (points, points - 1))
     return (1.0 - part) * commanded[:, newer] + part * commanded[:, older]
 
 
@@ -309,4 +341,4 @@ def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
     if model.prompt_share < 1.0:
         recording = _aimed(recording, model, model.prompt_share, model.rest_s)
     columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
-    return simulated([_acting_setpoints(recording)], columns, recording.seen[:, :1].T)[0]
+    return simulated([_acting_setpoints(recording, model.dead_time_s)], columns, recording.seen[:, :1].T)[0]

@@ -76,7 +76,7 @@ def design_gains(  # noqa: PLR0913 - what a design is for, by name
             raise ValueError(f"{name}: found {value!r}; allowed: a number > 0")
     if not (math.isfinite(delay_s) and delay_s >= 0.0):
         raise ValueError(f"delay_s: found {delay_s!r}; allowed: a number >= 0")
-    loop_s = 2.0 * delay_s + 0.5 / law_rate_hz + 0.5 / telemetry_rate_hz
+    loop_s = 2.0 * delay_s + 0.5 / law_rate_hz + 0.5 / telemetry_rate_hz + model.dead_time_s
     noise = DelayAndNoise(1.0 / law_rate_hz, loop_s, position_sigma_m, airspeed_sigma_mps, heading_sigma_rad)
     found, (filter_s, observer_radps, anti_windup_s) = design([responses(model, speed_mps)], speed_mps, mixer, noise)
     speed, heading, height = (PidGains(each.kp, each.ki, each.kd, filter_s) for each in found.values())

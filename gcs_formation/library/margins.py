@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, GainRange
 from gcs_formation.library.gains import LawGains
@@ -12,6 +14,7 @@ from gcs_formation.stability.pid_margins import (
     Loop,
     forward_plant,
     height_plant,
+    less_dead_time,
     right_plant,
     worst_loop_margin,
 )
@@ -41,9 +44,7 @@ def delay_margins(
     """
     found = _loops(gains, model, speed_mps, ahead_m)
     if worst:
-        return {
-            axis: worst_loop_margin(each.pid, each.plant, gain_range, each.aircraft) for axis, each in found.items()
-        }
+        return {axis: _worst_s(each, gain_range) for axis, each in found.items()}
     return {axis: each.delay_margin_s() for axis, each in _at_zero_error(found, gain_range).items()}
 
 
@@ -84,10 +85,12 @@ def _loops(gains: LawGains, model: VehicleModel, speed_mps: float, ahead_m: floa
     plants = forward, right, height_plant(gains.mixer, model)
     pids = gains.speed, gains.speed if model.hovers else gains.heading, gains.height
     each = zip("xyz", pids, plants, aircraft_responses(model, speed_mps), strict=True)
-    return {axis: Loop(pid, plant, aircraft) for axis, pid, plant, aircraft in each}
+    return {axis: Loop(pid, plant, aircraft, model.dead_time_s) for axis, pid, plant, aircraft in each}
+
+
+def _worst_s(loop: Loop, gain_range: GainRange) -> float:
+    return less_dead_time(worst_loop_margin(loop.pid, loop.plant, gain_range, loop.aircraft), loop.dead_time_s)
 
 
 def _at_zero_error(loops: dict[str, Loop], gain_range: GainRange) -> dict[str, Loop]:
-    return {
-        axis: Loop(gain_range.gains(each.pid, SMALL_SIGNAL), each.plant, each.aircraft) for axis, each in loops.items()
-    }
+    return {axis: replace(each, pid=gain_range.gains(each.pid, SMALL_SIGNAL)) for axis, each in loops.items()}

@@ -26,6 +26,7 @@ from gcs_formation.stability.pid_margins import (
     Plant,
     forward_plant,
     height_plant,
+    less_dead_time,
     loop_delay_s,
     loop_margin,
     right_plant,
@@ -70,13 +71,15 @@ def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
     gains_range, nominal = gain_range(scenario), nominal_gains(scenario)
 
     @cache
-    def axis(gains: PidGains, plant: Plant, aircraft: AircraftResponse | None) -> tuple[float, float]:
+    def axis(gains: PidGains, plant: Plant, aircraft: AircraftResponse | None, dead_s: float) -> tuple[float, float]:
         least_s = loop_margin(gains, plant, gains_range, aircraft=aircraft)
-        return least_s, worst_loop_margin(gains, plant, gains_range, aircraft)
+        worst_s = worst_loop_margin(gains, plant, gains_range, aircraft)
+        return less_dead_time(least_s, dead_s), less_dead_time(worst_s, dead_s)
 
     def margins(model: VehicleModel, x_rc_m: float) -> LawMargins:
         plants, aircraft = _plants(scenario, model, x_rc_m), aircraft_responses(model, scenario.path.begin_mps)
-        axes = {name: axis(*loop) for name, *loop in zip("xyz", nominal, plants, aircraft, strict=True)}
+        loops, dead_s = zip("xyz", nominal, plants, aircraft, strict=True), model.dead_time_s
+        axes = {name: axis(*loop, dead_s) for name, *loop in loops}
         return LawMargins(*({name: each[which] for name, each in axes.items()} for which in (0, 1)))
 
     return {
@@ -103,7 +106,7 @@ def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -
     plants = [_plants(scenario, model, x_rc_m) for x_rc_m in sorted(set(places_m))]
     aircraft = aircraft_responses(model, scenario.path.begin_mps)
     return {
-        axis: tuple(dict.fromkeys(Loop(pid, of_slot[i], aircraft[i]) for of_slot in plants))
+        axis: tuple(dict.fromkeys(Loop(pid, of_slot[i], aircraft[i], model.dead_time_s) for of_slot in plants))
         for i, (axis, pid) in enumerate(zip("xyz", gains, strict=True))
     }
 
@@ -208,12 +211,12 @@ def _axis_loops(scenario: Scenario, lag: str) -> list[Loop]:
     """Return the consensus law's loops on the axis that has the autopilot's time constant `lag`."""
     keys, weights, speed_mps = scenario.law.consensus, scenario.adjacency, scenario.path.begin_mps
     kinds = dict.fromkeys(
-        (1.0 / float(getattr(model, lag)), aircraft_responses(model, speed_mps)[LAGS.index(lag)])
+        (1.0 / float(getattr(model, lag)), aircraft_responses(model, speed_mps)[LAGS.index(lag)], model.dead_time_s)
         for model in dict.fromkeys(vehicle.model for vehicle in scenario.vehicles)
     )
     return [
-        replace(loop, aircraft=aircraft)
-        for c, aircraft in sorted(kinds, key=itemgetter(0))
+        replace(loop, aircraft=aircraft, dead_time_s=dead_s)
+        for c, aircraft, dead_s in sorted(kinds, key=itemgetter(0))
         for loop in ground_consensus_loops(weights, keys.k1, keys.k2, c, keys.k3 - c)
     ]
 

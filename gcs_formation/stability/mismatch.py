@@ -73,14 +73,15 @@ def predicted_mismatch_margin(loop: Loop, nominal_delay_s: float) -> MismatchMar
     Args:
         loop: the loop, stable without delay. For one with complex coefficients, evaluate the conjugate too: only
             roots above 0 rad/s are found.
-        nominal_delay_s: T0, the delay that the prediction compensates.
+        nominal_delay_s: the delay that the prediction compensates, without the autopilot's dead time; T0 is their sum.
 
     Returns:
         Both margins; (0, 0) if the loop is unstable without delay.
     """
-    if loop.delay_margin_s() <= 0.0:
+    if loop.whole_margin_s() <= 0.0:
         return MismatchMargin(0.0, 0.0)
-    return MismatchMargin.of(mismatch_crossings(loop, nominal_delay_s, loop), nominal_delay_s)
+    whole_s = nominal_delay_s + loop.dead_time_s
+    return MismatchMargin.of(mismatch_crossings(loop, whole_s, loop), whole_s)
 
 
 @cache
@@ -164,14 +165,14 @@ def _interpolated(x: tuple[float, float, float], f: tuple[float, float, float]) 
 def lag_margin(loop: Loop, delay_s: float) -> float:
     """Return the relative error, 0 to `MOST`, that all lags of the autopilot may have at once.
 
-    The prediction over `delay_s` uses the loop's own plant. Every combination of longer and shorter lags is
-    tried, with an error that rises from 0 until one of them is unstable.
+    The prediction over `delay_s` and the dead time uses the loop's own plant. Every combination of longer and shorter
+    lags is tried, with an error that rises from 0 until one of them is unstable.
     """
 
     def all_stable(shares: Sequence[float]) -> list[bool]:
         off = [each for share in shares for each in _lags_off(loop, share)]
         ways = len(off) // len(shares)
-        stable = predicted_are_stable(loop, off, delay_s)
+        stable = predicted_are_stable(loop, off, delay_s + loop.dead_time_s)
         return [all(stable[i : i + ways]) for i in range(0, len(stable), ways)]
 
     shares = np.linspace(0.0, MOST, _STEPS + 1).tolist()
@@ -191,10 +192,10 @@ def mismatch_margin_with_lags_off(loop: Loop, delay_s: float, share: float = LAG
 
     It is the least over all combinations of signs; 0 if one is unstable without mismatch of the delay.
     """
-    off = _lags_off(loop, share)
-    if not all(predicted_are_stable(loop, off, delay_s)):
+    off, whole_s = _lags_off(loop, share), delay_s + loop.dead_time_s
+    if not all(predicted_are_stable(loop, off, whole_s)):
         return 0.0
-    return min(MismatchMargin.of(mismatch_crossings(loop, delay_s, true), delay_s).least() for true in off)
+    return min(MismatchMargin.of(mismatch_crossings(loop, whole_s, true), whole_s).least() for true in off)
 
 
 def predicted_are_stable(loop: Loop, true: Sequence[Loop], delay_s: float) -> list[bool]:

@@ -117,6 +117,8 @@ class Loop:
     plant: Plant
     aircraft: AircraftResponse | None = None
     """Response of the aircraft, in place of the plant's model (7)."""
+    dead_time_s: float = 0.0
+    """The autopilot's dead time, which uses up delay that the link may have."""
 
     def slowed(self, bandwidth: float) -> Loop:
         """The loop with gains for a share of its bandwidth."""
@@ -131,7 +133,11 @@ class Loop:
         return replace(self, plant=self.plant._replace(output=row))
 
     def delay_margin_s(self) -> float:
-        """Delay margin, s, around the aircraft if there is one; 0 or less if unstable without delay."""
+        """Delay margin, s, around the aircraft if there is one; 0 or less if unstable without delay of the link."""
+        return less_dead_time(self.whole_margin_s(), self.dead_time_s)
+
+    def whole_margin_s(self) -> float:
+        """Delay margin, s, likewise, of which the autopilot's dead time may be a part."""
         loop = self.open_loop()
         if self.aircraft is None:
             return delay_margin(loop)
@@ -141,6 +147,11 @@ class Loop:
         """L(s) around (7), without delay."""
         (pid_zeros, pid_poles), (zeros, poles) = self.pid.transfer(), self.plant.transfer()
         return Rational(_product(pid_zeros, zeros), _product(pid_poles, poles))
+
+
+def less_dead_time(margin_s: float, dead_time_s: float) -> float:
+    """Return what a dead time leaves of a delay margin, s; a loop that is unstable without delay keeps its figure."""
+    return margin_s - dead_time_s if margin_s > 0.0 else margin_s
 
 
 def forward_plant(mixer: Mixer, model: VehicleModel) -> Plant:

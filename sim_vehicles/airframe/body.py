@@ -149,13 +149,22 @@ def _along(state: FlightState) -> tuple[float, float]:
     return state.airspeed_mps * math.cos(state.heading_rad), state.airspeed_mps * math.sin(state.heading_rad)
 
 
+Setpoints = tuple[float, float, float, float, float]
+"""What it aims at: airspeed, m/s, heading, rad, height, m, acceleration, m/s², and lateral acceleration, m/s²."""
+
+
+def dead_cycles(dead_time_s: float) -> int:
+    """Return the cycles of the main loop that a dead time takes."""
+    return round(dead_time_s / LOOP_S)
+
+
 class Body:
     """A vehicle that flies by equation (7), or under total-energy control if its model has an airframe."""
 
     def __init__(self, config: VehicleConfig, wind_mps: tuple[float, float, float], seed: int) -> None:
         """Start as configured; `wind_mps` is north, east and down, `seed` the fleet's."""
         start = config.start
-        self.model = config.model.autopilot()
+        self.model, self._dead_s = config.model.autopilot(), config.model.dead_time_s
         self.state = FlightState(
             start.north_m, start.east_m, start.height_m, 0.0, start.airspeed_mps, start.heading_rad, 0.0, 0.0
         )
@@ -177,6 +186,10 @@ class Body:
         self._rest_mps: float = start.airspeed_mps
         """State of its airspeed integrator, if its model has one."""
         self._motion: Motion | None = None
+        first = start.airspeed_mps, start.heading_rad, start.height_m, math.inf, math.inf
+        held = dead_cycles(self._dead_s)
+        self._waiting: deque[Setpoints] | None = deque([first] * held) if held else None
+        """What it was commanded in its dead time, oldest first."""
 
     @property
     def motion(self) -> Motion:
@@ -242,12 +255,11 @@ class Body:
         self._motion = None
         self._take_setpoints()
         before_rad = state.heading_rad
-        turn_rate_max_rps = steering.lateral_mps2 / max(state.airspeed_mps, LEAST_SPEED_MPS)
-        speed_mps, heading_rad, height_m = self.speed_commanded_mps, self.heading_commanded_rad, self.height_commanded_m
+        speed_mps, heading_rad, height_m, accel_mps2, lateral_mps2 = self._acting()
+        turn_rate_max_rps = lateral_mps2 / max(state.airspeed_mps, LEAST_SPEED_MPS)
         if self._energy is not None and steering.takes_off:
             self._energy.take_off(state, speed_mps, heading_rad, height_m, airborne=steering.airborne)
         elif self._energy is not None and steering.airborne:
-            accel_mps2 = steering.accel_mps2
             self._energy.fly(state, speed_mps, heading_rad, height_m, accel_mps2, turn_rate_max_rps)
         else:
             if self._prompt < 1.0:
@@ -255,7 +267,6 @@ class Body:
             if steering.takes_off and self._full_throttle is not None:
                 self._climb_out(self._full_throttle)
             else:
-                accel_mps2 = steering.accel_mps2
                 advance(state, self.model, speed_mps, heading_rad, height_m, LOOP_S, accel_mps2, turn_rate_max_rps)
             if self._energy is not None:
                 self._energy.roll(state, speed_mps, heading_rad, height_m)
@@ -263,6 +274,16 @@ class Body:
         if state.height_m < 0.0:
             state.height_m = state.climb_mps = 0.0
         self.turn_rate_radps = (state.heading_rad - before_rad) / LOOP_S
+
+    def _acting(self) -> Setpoints:
+        """Return the setpoints that act in this cycle, by its dead time later than they were commanded."""
+        steering = self.steering
+        accel_mps2, lateral_mps2 = steering.accel_mps2, steering.lateral_mps2
+        newest = self.speed_commanded_mps, self.heading_commanded_rad, self.height_commanded_m, accel_mps2, lateral_mps2
+        if self._waiting is None:
+            return newest
+        self._waiting.append(newest)
+        return self._waiting.popleft()
 
     def _climb_out(self, model: AutopilotModel) -> None:
         """Roll, or once airborne climb, for a cycle with full throttle, without levelling off."""
@@ -298,7 +319,7 @@ class Body:
             self.speed_commanded_mps = within(steering.speed_mps, model.speed_min_mps, model.speed_max_mps)
             if self.pitot is not None:
                 self.speed_commanded_mps = self.pitot.true(self.speed_commanded_mps, state.height_m)
-            self.heading_commanded_rad = steering.heading_rad(state, model.tau_psi_s)
+            self.heading_commanded_rad = steering.heading_rad(state, model.tau_psi_s + self._dead_s)
         self.height_commanded_m = steering.height_m if steering.airborne else state.height_m
 
     def _build_motion(self) -> Motion:

@@ -13,7 +13,7 @@ from typing import Final
 
 from flight_model.autopilot_model import within, wrap
 from flight_model.slot import slot_axis
-from sim_vehicles.airframe.body import Body
+from sim_vehicles.airframe.body import Body, dead_cycles
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import VehicleConfig
@@ -57,10 +57,11 @@ class HoveringBody(Body):
         self._accel: tuple[float, float] = (0.0, 0.0)
         self._air_mps: Velocity = wind_mps
         """The air's velocity whose effect has already been applied."""
-        self._commanded: deque[Velocity] = deque([self.velocity_mps] * DEAD_CYCLES[model.firmware])
-        self._sinks: deque[float] = deque([0.0] * CLIMB_DEAD_CYCLES)
+        dead = dead_cycles(model.dead_time_s)
+        self._commanded: deque[Velocity] = deque([self.velocity_mps] * (DEAD_CYCLES[model.firmware] + dead))
+        self._sinks: deque[float] = deque([0.0] * (CLIMB_DEAD_CYCLES + dead))
         self._sink_aimed_mps: float = 0.0
-        self._noses: deque[float] = deque([math.nan] * YAW_DEAD_CYCLES)
+        self._noses: deque[float] = deque([math.nan] * (YAW_DEAD_CYCLES + dead))
         self._nose_aimed_rad: float = start.heading_rad
         self._nose_between_rad: float = start.heading_rad
 

@@ -172,7 +172,7 @@ class Steering:
         """Yaw setpoint; NaN: keep the present one."""
 
     def heading_rad(self, state: FlightState, tau_psi_s: float) -> float:
-        """Return the heading to fly now in the wind of `state`; `tau_psi_s` is the heading's lag."""
+        """Return the heading to fly now in the wind of `state`; `tau_psi_s` is the heading's lag and dead time."""
         if self.kind == HEADING:
             return self.direction_rad
         course_rad = self._circle_course(state, tau_psi_s) if self.kind == CIRCLE else self.direction_rad

@@ -159,6 +159,16 @@ def test_a_longer_delay_and_more_noise_make_slower_loops():
         assert loud[name].bandwidth_radps < near[name].bandwidth_radps
 
 
+@pytest.mark.parametrize("law", [{"type": "pid"}, {"type": "consensus"}])
+def test_gains_are_for_the_dead_time_as_for_a_link_that_is_as_much_slower(law):
+    def of(model, **keys):
+        vehicles = {"count": 2, "model": {"airframe": {}, **model}}
+        designed = load_scenario({"vehicles": vehicles, "path": PATH, "law": law | {"gains": "auto"} | keys}).law
+        return designed.speed, designed.heading, designed.height, designed.consensus.k1
+
+    assert of({"dead_time_s": 0.3}) == of({}, design_delay_ms=150) != of({})
+
+
 def scenario(**law):
     return load_scenario({"vehicles": {"count": 2, "model": "arduplane"}, "path": PATH} | ({"law": law} if law else {}))
 

@@ -10,6 +10,7 @@ from flight_model.autopilot_model import advance
 from formation_scenario.start_states_and_end_times import StartState
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from sim_vehicles.airframe.body import Body
+from sim_vehicles.airframe.hovering import HoveringBody
 from sim_vehicles.config import Pitot, VehicleConfig
 
 LOOP_S = 0.02
@@ -90,6 +91,38 @@ def test_nothing_happens_before_the_dead_time_is_over():
     flown = fly(reported(body({"dead_time_s": 0.6, "spread": 0.0, "airspeed_noise_mps": 0.0}), heading=1.0), 1.0)
     moved = np.abs(flown[:, 5]) > 1e-9
     assert 0.6 <= np.argmax(moved) * LOOP_S <= 0.66
+
+
+STILL = {"spread": 0.0, "airspeed_noise_mps": 0.0}
+HOVERS = {"hovers": True, "speed_min_mps": 0.0, "speed_max_mps": 9.0}
+
+
+def steered(keys, kind=Body):
+    """Return the states (K, 8) of a vehicle whose steering changes in every quantity, each at its own time."""
+    model = VehicleModel(**keys)
+    made = kind(VehicleConfig(VehicleId(1, 1), ENDPOINT, START, model), (0.0, 0.0, 0.0), 1)
+    made.steering.stopped, made.steering.airborne = False, True
+    made.steering.velocity_mps, made.steering.yaw_rad = (22.0, 0.0, 0.0), 0.0
+    flown = [fly(reported(made), 0.1)]
+    made.steering.accel_mps2, made.steering.lateral_mps2 = 0.8, 3.0
+    flown.append(fly(reported(made, speed=25.0), 0.1))
+    made.steering.velocity_mps = (5.0, 1.0, -1.0)
+    flown.append(fly(reported(made, speed=25.0, heading=1.0), 0.1))
+    made.steering.yaw_rad = 1.0
+    flown.append(fly(reported(made, speed=25.0, heading=1.0, height=105.0), 3.0))
+    return np.concatenate([each[1:] for each in flown])
+
+
+@pytest.mark.parametrize(
+    ("keys", "kind"),
+    [({}, Body), ({"prompt_share": 0.6}, Body), ({"airframe": STILL}, Body), (HOVERS, HoveringBody)],
+)
+def test_a_vehicle_with_a_dead_time_flies_as_without_exactly_as_much_later(keys, kind):
+    """0.3 s are 15 cycles. Place differs, since it flies straight on meanwhile."""
+    prompt, late = steered(keys, kind), steered(keys | {"dead_time_s": 0.3}, kind)
+    moved = [2, 3, 4] if kind is HoveringBody else [2, 3, 4, 5]
+    assert np.abs(late[15:, moved] - prompt[:-15, moved]).max() < 1e-9
+    assert np.abs(prompt[15:, moved] - prompt[:-15, moved]).max() > 0.1
 
 
 def height_after_8_s(keys, number, seed=1):

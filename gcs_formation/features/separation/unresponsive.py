@@ -159,7 +159,7 @@ class Unresponsive:
             brakes = links[column].brakes
             if brakes is None or now - seen[column] < BLIND_NS:
                 continue
-            begins, held = brakes + round(links[column].on_its_way_s * NANOSECONDS), int(seen[column])
+            begins, held = brakes + round(links[column].until_it_acts_s * NANOSECONDS), int(seen[column])
             found += [
                 Place(column, begins + later_ns, held=self._history.commanded(held, column)) for later_ns in BRAKES_NS
             ]

@@ -41,9 +41,11 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
     )
 
 
-def dispatch(*delays_s: float, **law: Any) -> Dispatch:
-    """Return the dispatch of a leader and followers with these link delays."""
-    keys = scenario(vehicles={"count": len(delays_s)}, law={"type": "fuzzy_pid", **law})
+def dispatch(*delays_s: float, dead_s: tuple[float, ...] = (0.0, 0.0, 0.0), **law: Any) -> Dispatch:
+    """Return the dispatch of a leader and followers with these link delays and dead times."""
+    planned = [{"id": 1 + column, "model": {"dead_time_s": each}} for column, each in enumerate(dead_s)]
+    planned[0]["role"] = "leader"
+    keys = scenario(vehicles=planned, law={"type": "fuzzy_pid", **law})
     vehicles: dict[VehicleId, Any] = {
         VehicleId(1, 1 + column): vehicle(column, delay_s) for column, delay_s in enumerate(delays_s)
     }
@@ -83,6 +85,14 @@ def test_the_leaders_setpoints_wait_until_the_slowest_followers_act():
 def test_what_is_held_back_counts_as_the_leaders_lag():
     lags_s = [link.lag_s for link in links(dispatch(0.0, 0.0, 0.3))]
     assert lags_s == pytest.approx([0.05 + 0.3, 0.05, 0.05])
+
+
+def test_a_dead_time_is_waited_for_like_a_slower_link():
+    """The second follower's setpoints act last: 0.1 s by its link, 0.4 s by its autopilot."""
+    served = dispatch(0.05, 0.0, 0.1, dead_s=(0.2, 0.0, 0.4))
+    assert hold_s(served) == pytest.approx(0.1 + 0.4 - 0.05 - 0.2)
+    lags_s = [link.lag_s for link in links(served)]
+    assert lags_s == pytest.approx([0.05 + 0.2 + hold_s(served), 0.05, 0.05 + 0.4])
 
 
 @pytest.mark.parametrize(

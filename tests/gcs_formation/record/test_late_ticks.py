@@ -193,6 +193,9 @@ def test_late_ticks_that_spoil_a_flight_are_said_with_what_they_mean() -> None:
     assert "100 of 400" in some
     assert "10 a second on average" in some
     assert lateness(ticks(0.0), 10.0) is None
+    few = [0.02] * 4 + [0.0] * 396
+    assert lateness(ticks(*few), 10.0) is None, "one in a hundred"
+    assert lateness(ticks(0.02, *few), 10.0) is not None
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,23 @@ def test_a_lag_of_1_over_k3_is_the_undelayed_damping_of_the_theory(graph: str, c
     assert margins == pytest.approx((margin_s, margin_s), abs=1e-9)
 
 
+@pytest.mark.parametrize("law", [consensus(0.5), {"type": "fuzzy_pid"}, {"type": "pid", "gains": "noise"}])
+def test_a_dead_time_uses_up_margin(law: dict[str, Any]) -> None:
+    vehicles = {"count": 4, "model": {"dead_time_s": 0.3}}
+    plain = {"schema": 1, "law": law, "path": STRAIGHT, "formation": {"shape": "line"}}
+    late, prompt = (load_scenario({**plain, "vehicles": each}) for each in (vehicles, {"count": 4}))
+    assert scenario_delay_margin(late) == pytest.approx(scenario_delay_margin(prompt) - 0.3)
+    for of in ("small_signal", "worst"):
+        expected = {loop: each - 0.3 for loop, each in getattr(law_margins(prompt), of).items()}
+        assert dict(getattr(law_margins(late), of)) == pytest.approx(expected)
+
+
+def test_a_dead_time_beyond_the_margin_is_unstable_over_any_link() -> None:
+    plain = {"schema": 1, "law": {"type": "fuzzy_pid"}, "path": STRAIGHT}
+    late = load_scenario({**plain, "vehicles": {"count": 2, "model": {"dead_time_s": 1.2}}})
+    assert scenario_delay_margin(late) < 0.0
+
+
 def test_the_axis_of_the_least_margin_counts() -> None:
     """1/tau_psi = 2/3 across and 1/4 along; what k3 requires beyond that is delayed."""
     flown = scenario(consensus(0.25), tau_v_s=4.0, tau_psi_s=1.5)

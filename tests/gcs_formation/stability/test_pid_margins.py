@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -193,6 +195,8 @@ def test_prediction_trades_margin_against_mismatch_for_the_longer_delay():
     loop = Loop(*CHANNELS["x"])
     assert predicted_mismatch_margin(loop, 0.6).least() == pytest.approx(0.13787, abs=1e-5)
     assert predicted_mismatch_margin(loop, 1.5).least() == pytest.approx(0.05158, abs=1e-5)
+    late = replace(loop, dead_time_s=0.9)
+    assert predicted_mismatch_margin(late, 0.6).least() == pytest.approx(0.05158, abs=1e-5), "both are predicted over"
 
 
 def test_prediction_saves_no_loop_that_is_unstable_without_delay():
