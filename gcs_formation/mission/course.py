@@ -345,7 +345,7 @@ class Course:
         opens = self.flight.phase is Phase.ENDING
         landings = None if self._ending is None else self._ending.landings.call_off()
         ahead = self._controller.ahead_m if opens else stays
-        gap_m, sway_m = self._scenario.safety.avoidance.distance_m, self._controller.estimator.sway_m
+        gap_m, sway_m = self._scenario.safety.kept_m, self._controller.estimator.sway_m
         climb_mps = min(each.model.climb_max_mps for each in self._scenario.vehicles)
         ending = Ending(self._vehicles, self._ground, manner, landings, ahead, gap_m, sway_m, climb_mps)
         self._ending, self.opening = ending, None
