@@ -5,18 +5,18 @@ A vehicle file has the model of one kind of aircraft: shipped by name, or writte
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, ValidationError
 
+from formation_scenario.brought_keys import with_brought_defaults
 from formation_scenario.error_messages import problems_of
 from formation_scenario.extensions import AIRCRAFT, Registry, missing
 from formation_scenario.fields import (
     MAX_NAME_LENGTH,
-    MAX_NUMBER,
     MAX_SYSTEM_ID,
     Keys,
     Name,
@@ -28,21 +28,19 @@ from formation_scenario.fields import (
 )
 from formation_scenario.formation import Formation
 from formation_scenario.gains import AUTO, CLEAN, NOISE, gain_set
-from formation_scenario.model import Safety, Scenario
+from formation_scenario.model import Scenario
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
 from formation_scenario.own_aircraft import with_own_aircraft
+from formation_scenario.plain_defaults import each_changed, filled, usable
 from formation_scenario.shipped_aircraft import SHIPPED, SHIPPED_FILES, SUFFIXES, shipped_names
 from formation_scenario.signing import NOT_SIGNED
 from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
 from formation_scenario.vehicles import BASE_PORT, VehicleModel
 
 DURATION_S: float = Scenario.model_fields["duration_s"].default
-SEPARATION_M: float = Safety.model_fields["separation_m"].default
 SPACING_M: float = Formation.model_fields["spacing_m"].default
 GRADE: str = InertialNavigation.model_fields["grade"].default
 RUN_IN_AIR_S, RUN_IN_GROUND_S = 10.0, 60.0
-BUFFER_M = 5.0
-"""Excess of the distance that the separation rule keeps over the least allowed distance."""
 MAY_BE_EMPTY = (
     "origin",
     "telemetry",
@@ -82,20 +80,20 @@ def resolve(source: Source) -> Source:
     data.setdefault("name", Path(source.file).stem[:MAX_NAME_LENGTH] if source.file else "scenario")
     vehicles = data.pop("vehicles", None)
     if vehicles is not None:
-        data["vehicles"] = vehicles = _each(_counted(vehicles), _vehicle)
+        data["vehicles"] = vehicles = each_changed(_counted(vehicles), _vehicle)
     in_air = _group(data, "start").get("in_air") is True
-    data["start"] = _filled(data.get("start"), {"run_in_s": RUN_IN_AIR_S if in_air else RUN_IN_GROUND_S})
+    data["start"] = filled(data.get("start"), {"run_in_s": RUN_IN_AIR_S if in_air else RUN_IN_GROUND_S})
     each = vehicles if isinstance(vehicles, list) else []
     noisy = any(_group(one, "navigation").get("source") == "noisy" for one in each)
-    law = _filled(data.get("law"), {"gains": NOISE if noisy else CLEAN})
+    law = filled(data.get("law"), {"gains": NOISE if noisy else CLEAN})
     data["law"] = _law(law, str(_group(data, "formation").get("frame"))) if isinstance(law, dict) else law
-    formation, safety = _filled(data.get("formation"), {}), _filled(data.get("safety"), {})
+    formation = filled(data.get("formation"), {})
     data["formation"] = _formation(formation) if isinstance(formation, dict) else formation
-    data["safety"] = _safety(safety) if isinstance(safety, dict) else safety
+    data["safety"] = filled(data.get("safety"), {})
     data |= _with_absolute_files(data, _directory(source))
-    to: dict[Key, Plain] = {"to_s": _usable(data.get("duration_s"), DURATION_S)}
-    data["expect"] = _each(data.get("expect", []), lambda expectation: _filled(expectation, to))
-    return Source(source.file, data, source.places)
+    to: dict[Key, Plain] = {"to_s": usable(data.get("duration_s"), DURATION_S)}
+    data["expect"] = each_changed(data.get("expect", []), lambda expectation: filled(expectation, to))
+    return Source(source.file, with_brought_defaults(data), source.places)
 
 
 def standalone(source: Source, registry: Registry | None = None) -> Source:
@@ -153,58 +151,30 @@ def _group(value: Plain, name: str) -> dict[Key, Plain]:
     return inner if isinstance(inner, dict) else {}
 
 
-def _usable(value: Plain, default: float) -> float:
-    """Return a number from which a default is derived, or `default` if the number will be refused."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return default
-    return value if 0.0 <= value <= MAX_NUMBER else default
-
-
-def _filled(value: Plain, defaults: dict[Key, Plain]) -> Plain:
-    """Return a mapping with defaults for missing and null keys."""
-    if value is None:
-        return dict(defaults)
-    if not isinstance(value, dict):
-        return value
-    return value | {name: default for name, default in defaults.items() if value.get(name) is None}
-
-
-def _each(values: Plain, changed: Callable[[dict[Key, Plain]], Plain]) -> Plain:
-    """Return a list with each of its mappings changed."""
-    if not isinstance(values, list):
-        return values
-    return [changed(value) if isinstance(value, dict) else value for value in values]
-
-
 def _law(law: dict[Key, Plain], frame: str) -> Plain:
     groups, filters = gain_set(str(law["gains"]), frame)
-    return _filled(law | {name: _filled(law.get(name), group) for name, group in groups.items()}, filters)
+    return filled(law | {name: filled(law.get(name), group) for name, group in groups.items()}, filters)
 
 
 def _formation(formation: dict[Key, Plain]) -> Plain:
     spacing: dict[Key, Plain] = {"spacing_m": formation.get("spacing_m", SPACING_M)}
     changes = formation.get("changes", [])
     return formation | {
-        "changes": _each(changes, lambda each: each if each.get("shape") is None else _filled(each, spacing))
+        "changes": each_changed(changes, lambda each: each if each.get("shape") is None else filled(each, spacing))
     }
 
 
-def _safety(safety: dict[Key, Plain]) -> Plain:
-    kept: dict[Key, Plain] = {"distance_m": _usable(safety.get("separation_m"), SEPARATION_M) + BUFFER_M}
-    return safety | {"avoidance": _filled(safety.get("avoidance"), kept)}
-
-
 def _vehicle(vehicle: dict[Key, Plain]) -> Plain:
-    filled, navigation = dict(vehicle), _group(vehicle, "navigation")
+    known, navigation = dict(vehicle), _group(vehicle, "navigation")
     if navigation.get("source") == "ins":
         of_grade = GRADES.get(str(navigation.get("grade", GRADE)), ())
         sensors = dict[Key, Plain](zip(InertialSensorKeys.model_fields, of_grade, strict=False))
-        filled["navigation"] = navigation | {"sensors": _filled(navigation.get("sensors"), sensors)}
+        known["navigation"] = navigation | {"sensors": filled(navigation.get("sensors"), sensors)}
     differs, network = vehicle.get("true_model"), whole(vehicle.get("network"))
     if isinstance(differs, dict):
-        filled["true_model"] = _group(vehicle, "model") | differs
+        known["true_model"] = _group(vehicle, "model") | differs
     number = network if isinstance(network, int) and not isinstance(network, bool) else 1
-    return _filled(filled, {"endpoint": f"udpin:127.0.0.1:{BASE_PORT + number - 1}"})
+    return filled(known, {"endpoint": f"udpin:127.0.0.1:{BASE_PORT + number - 1}"})
 
 
 def _counted(vehicles: Plain) -> Plain:

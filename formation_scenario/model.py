@@ -19,6 +19,7 @@ from flight_model.legs.turn import TurnLimits
 from flight_model.path import FlightPath
 from flight_model.path_lift_and_displacement import Bounds
 from flight_model.spline import SplinePath
+from formation_scenario.brought_keys import OpenGroup
 from formation_scenario.expectation import Expectation
 from formation_scenario.extensions import (
     AIRCRAFT,
@@ -59,6 +60,7 @@ from formation_scenario.fields import (
     key,
 )
 from formation_scenario.formation import Formation, Law
+from formation_scenario.kept_distance import BUFFER_M, SEPARATION_M, KeepsDistance
 from formation_scenario.links import Links, LinkStep, link_steps, through_air
 from formation_scenario.orders import PlannedOrder, read_order
 from formation_scenario.path_of_legs import path_of_legs, planned_speeds
@@ -144,19 +146,10 @@ class Wind(Keys):
         return hypot(*self.velocity_mps[:2])
 
 
-class Avoidance(Keys):
-    """The separation rule."""
-
-    enabled: Flag = key(True, "whether setpoints give way to it")
-    distance_m: Positive = key(..., "distance that it keeps, m", 15, derived="safety.separation_m + 5")
-    horizon_s: Annotated[Number, Field(ge=4.0, le=60.0)] = key(12.0, "how far it looks ahead, s", 20)
-
-
-class Safety(Keys):
+class Safety(OpenGroup, group="safety"):
     """Limits that fail a run if they are violated, and the rule that prevents it."""
 
-    separation_m: Distance = key(5.0, "least distance of two vehicles, m", 20)
-    avoidance: Avoidance = key(..., "", derived="its keys'")
+    separation_m: Distance = key(SEPARATION_M, "least distance of two vehicles, m", 20)
     clearance_m: NonNegative = key(5.0, "least height above ground, m", 50)
     fence: Later[Fence] | None = key(
         None, "where vehicles must stay, and so paths, slots and setpoints; without it, anywhere"
@@ -167,8 +160,9 @@ class Safety(Keys):
 
     @property
     def kept_m(self) -> float:
-        """Distance that transitions are planned to keep, m: the separation limit or the rule's if that is more."""
-        return max(self.separation_m, self.avoidance.distance_m)
+        """Distance that vehicles are planned to keep, m: the separation limit, or what is kept in flight if more."""
+        kept_m = [each.kept_m for each in self.each(KeepsDistance)]
+        return max(self.separation_m, *(kept_m or [self.separation_m + BUFFER_M]))
 
 
 class Finish(Keys):

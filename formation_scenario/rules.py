@@ -12,6 +12,7 @@ from formation_scenario.expectation import (
     LINK_METRICS,
 )
 from formation_scenario.extensions import FAULT
+from formation_scenario.feature_folders import brought
 from formation_scenario.fields import FileError, Timed, VehicleSelection
 from formation_scenario.model import Scenario
 from formation_scenario.scripted import ACTS, ScriptedLink, ScriptedOrder
@@ -197,12 +198,12 @@ RULES = (
     path_rules.places,
     wind,
     terrain,
-    vehicle_rules.avoidance,
     fence,
 )
-"""The rules, in the order of the scenario's keys."""
+"""The rules of the core's keys, in the order of these."""
 
 
 def inconsistencies(scenario: Scenario) -> list[Finding]:
     """Return every violation of a rule between keys; `expectations` are checked separately."""
-    return [found for rule in RULES for found in rule(scenario)]
+    theirs = (rule for module in brought("rules") for rule in module.RULES)
+    return [found for rule in (*RULES, *theirs) for found in rule(scenario)]

@@ -275,11 +275,3 @@ def all_hear_one(weights: Array) -> bool:
     for _ in range(len(weights).bit_length()):
         hears = np.sign(hears @ hears)  # each squaring doubles the number of vehicles in between
     return bool(hears.all(axis=0).any())
-
-
-def avoidance(scenario: Scenario) -> Iterator[Finding]:
-    """Yield a distance of the separation rule below the separation limit."""
-    kept, least_m = scenario.safety.avoidance, scenario.safety.separation_m
-    if kept.enabled and kept.distance_m < least_m:
-        path = ("safety", "avoidance", "distance_m")
-        yield path, f"found {kept.distance_m:g}", f"at least separation_m, {least_m:g}"

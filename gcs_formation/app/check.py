@@ -14,6 +14,7 @@ from flight_model.frequency_response import MISMATCH
 from formation_scenario import Scenario, ScenarioError, dump_scenario
 from formation_scenario.expectation import CHANNEL_UNITS, GAP_S, SETTLED_M
 from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
+from formation_scenario.feature_folders import brought, feature_names
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.ground_and_fence import starts_without_room
 from formation_scenario.slot_assignment import columns
@@ -29,7 +30,6 @@ from gcs_formation.app import (
 )
 from gcs_formation.app.loop_delays import configured_loop_delay_s, long_silences, longest_hold
 from gcs_formation.control.laws import law_kind
-from gcs_formation.core.present import brought, feature_names
 from gcs_formation.from_scenario import autopilot_for
 from gcs_formation.stability import (
     LawMargins,
@@ -190,9 +190,7 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from check_path.widened_circles(scenario)
     yield from check_room.drifts(scenario)
     yield from check_room.little_left(scenario)
-    for module in brought("foretold"):
-        yield from module.warnings(scenario)
-    yield from check_room.no_room_to_stop(scenario)
+    yield from of_features(scenario)
     asked = f"{scenario.safety.separation_m:g} m asked for (safety.separation_m)"
     near = [*slots_without_room(scenario, ROOM_M), starts_without_room(scenario, ROOM_M)]
     yield from (f"{found}, {asked}: no {ROOM_M:g} m left for errors" for found in near if found)
@@ -218,6 +216,13 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     if text := check_links.goes_round(scenario):
         yield text
     yield from check_path.far_from_legs(scenario)
+
+
+def of_features(scenario: Scenario) -> Iterator[str]:
+    """Yield what features have to say before a flight."""
+    for module in brought("check_warnings"):
+        for warning in module.WARNINGS:
+            yield from warning(scenario)
 
 
 def _on_delay_without_loops(scenario: Scenario) -> Iterator[str]:

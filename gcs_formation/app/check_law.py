@@ -23,11 +23,12 @@ from flight_model.frequency_response import FREQUENCIES
 from formation_scenario import Scenario
 from formation_scenario.gains import AUTO, design_delay_s, designed
 from formation_scenario.links import Impairment, LinkStep
+from formation_scenario.mean_delays import ways_s
 from formation_scenario.slot_assignment import planned_slots
 from formation_scenario.start_states_and_end_times import planned_end_s
 from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.app.check_links import LEAST_M, PLANES_MOST_HZ
-from gcs_formation.app.loop_delays import configured_loop_delay_s, message_age, since, ways_s
+from gcs_formation.app.loop_delays import configured_loop_delay_s, message_age, since
 from gcs_formation.control.laws import law_kind
 from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
 from gcs_formation.stability.mismatch import DEVIATIONS, NEAR

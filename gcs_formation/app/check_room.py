@@ -26,15 +26,12 @@ from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.start_states_and_end_times import planned_end_s
 from formation_scenario.surroundings import DrydenTurbulence, OwnDisturbance
-from gcs_formation.app.loop_delays import ways_s
 
 GUST_SIGMAS = 2.0
 """Gusts along the path that the remaining speed must cover: standard deviations of two vehicles' difference."""
 LIGHT_MPS = 3.0
 """Wind 6 m above ground in whose turbulence every formation should hold its slots."""
 PLENTY = (math.inf, "")
-SEEN_S = 0.9
-"""Time, besides a round trip, until a follower brakes behind a multirotor that brakes against its orders."""
 DRIFT_SIGMAS = 3.0
 """Standard deviations of the drift that must fit into the room left."""
 MICRO_G = 1e-6 * 9.80665
@@ -68,32 +65,6 @@ def little_left(scenario: Scenario) -> Iterator[str]:
             if left_mps < wanted_mps:
                 left = f"{left_mps:.2g} m/s is left" if left_mps > 0.0 else "nothing is left"
                 yield f"{key}: found {speed:g}; {found}: {left}, {wanted_mps:.2g} should be to hold it against gusts"
-
-
-def no_room_to_stop(scenario: Scenario) -> Iterator[str]:
-    """Yield where multirotors fly too close behind each other for one to stop behind another that stops unasked.
-
-    The follower flies on at its speed until it is commanded, then brakes as hard as the other. Evading sideways or
-    upwards gains it 2 m at most.
-    """
-    least_m, kept = scenario.safety.separation_m, scenario.safety.avoidance.enabled
-    if not scenario.hovers or not kept:
-        return
-    told_mps = [read_order(each.order).speed_mps or 0.0 for _, each in scenario.timed_orders]
-    speed_mps, first = max(scenario.path.fastest_mps, *told_mps, 0.0), 1 if scenario.leader is None else 0
-    round_trips_s = (
-        sum(ways_s(scenario, step)) for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)
-    )
-    enough_m = least_m + speed_mps * (max(round_trips_s) + SEEN_S)
-    for step in slot_schedule(scenario):
-        forward_m, right_m, up_m = np.moveaxis(step.places_m[first:, None] - step.places_m[first:], -1, 0)
-        if not scenario.formation.slots_turn:  # on some course they are behind each other
-            forward_m, right_m = np.hypot(forward_m, right_m), np.zeros_like(right_m)
-        behind = (forward_m > 0.0) & (np.hypot(right_m, up_m) < least_m)
-        nearest_m = float(forward_m[behind].min(initial=math.inf))
-        if nearest_m < enough_m:
-            found = f"formation: found slots {nearest_m:.3g} m behind each other ({step.shape}) at {speed_mps:g} m/s"
-            yield f"{found}; {enough_m:.3g} m or more leave {least_m:g} m behind one that stops without being told"
 
 
 def gusts_mps(scenario: Scenario) -> float:

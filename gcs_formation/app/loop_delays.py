@@ -8,6 +8,7 @@ from typing import NamedTuple
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.links import Impairment, LinkStep
+from formation_scenario.mean_delays import ways_s
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.control.laws import law_kind
 from gcs_formation.fleet.membership_and_succession import SUCCESSION_S
@@ -18,17 +19,6 @@ BURSTS_HZ = 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0
 """Values of law.rate_hz that are tried where bursts of losses last too long."""
 NO_LOSS = 0.5
 """Mean age of the newest periodic message, in periods, without loss."""
-
-
-def ways_s(scenario: Scenario, step: LinkStep) -> tuple[float, float]:
-    """Return the mean delays up and down, s; recorded delays are added to the constant one."""
-
-    def mean_s(way: Impairment) -> float:
-        trace = way.recording
-        recorded_ms = 0.0 if trace is None else scenario.recorded_delays(trace).mean_ms
-        return (way.delay_ms + recorded_ms) / 1e3
-
-    return mean_s(step.uplink), mean_s(step.downlink)
 
 
 def since(at_s: float, comma: str = "") -> str:

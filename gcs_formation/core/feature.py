@@ -13,8 +13,8 @@ from importlib import import_module
 from typing import Any
 
 from flight_model.arrays import Array
+from formation_scenario.feature_folders import PACKAGE, feature_names
 from gcs_formation.core.cycle import Cycle, Stage
-from gcs_formation.core.present import PACKAGE, feature_names
 from gcs_formation.mission.starting import BeforeTakeOff
 
 Derived = Callable[[Array], Mapping[str, Array]]

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from formation_scenario import dump_scenario
 from formation_scenario.extensions import Files, Registry
+from formation_scenario.feature_folders import brought
 from gcs_formation.control.laws import law_kind
-from gcs_formation.core.present import brought
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.record.timeseries import PHASES

@@ -15,8 +15,8 @@ import numpy as np
 import yaml
 
 from formation_scenario.expectation import CHANNEL_UNITS
+from formation_scenario.feature_folders import brought_texts
 from formation_scenario.surroundings import StepDisturbance
-from gcs_formation.core.present import brought_texts
 from gcs_formation.record.expectations import FAILINGS
 from gcs_formation.record.verdict import WORDS
 from gcs_formation.report import RunData

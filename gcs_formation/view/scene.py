@@ -37,7 +37,7 @@ def scene(scenario: Scenario) -> dict[str, Any]:
         "rate_hz": scenario.law.rate_hz,
         "speed_mps": scenario.path.begin_mps,
         "separation_m": safety.separation_m,
-        "avoidance_m": safety.avoidance.distance_m,
+        "avoidance_m": safety.kept_m,
         "origin": degrees(scenario.origin.geodetic),
         "radios": list(_radios(scenario)),
         "delay_margin_s": _finite(scenario_delay_margin(scenario)),

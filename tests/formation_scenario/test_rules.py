@@ -74,16 +74,6 @@ from formation_scenario.source import read_text
         ),
         (["formation.slots_m={1: [0, 0, 0]}"], "formation.slots_m.1: found 1; 2, 3, 4"),
         (
-            ["safety.avoidance.distance_m=4"],
-            "safety.avoidance.distance_m: found 4; at least separation_m, 5",
-        ),
-        (["safety.avoidance.distance_m=0"], "safety.avoidance.distance_m: found 0; "),
-        (["safety.avoidance.horizon_s=3"], "safety.avoidance.horizon_s: found 3; "),
-        (["safety.avoidance.horizon_s=61"], "safety.avoidance.horizon_s: found 61; "),
-        (["safety.avoidance.enabled=perhaps"], "safety.avoidance.enabled: found 'perhaps'; "),
-        (["safety.avoidance=5"], "safety.avoidance: found 5; "),
-        (["safety.avoidance.radius_m=5"], "safety.avoidance.radius_m: "),
-        (
             ["vehicles.1.model={airframe: {}, climb_max_mps: 30}"],
             "vehicles.1.model.climb_max_mps: found 30; up to 16.2 m/s, what the airframe's thrust leaves at its cruis",
         ),

@@ -8,7 +8,6 @@ import pytest
 
 import gcs_formation
 from formation_scenario import load_scenario
-from gcs_formation.app.check import check_text
 from gcs_formation.app.check_room import gusts_mps, little_left
 from tests.flights.conftest import scenario
 
@@ -69,29 +68,3 @@ def test_what_is_warned_of_is_far_out_of_its_slot_and_what_is_not_is_near(tmp_pa
         worst[speed_mps] = max(each["error_x_m"]["rms"] for each in flown.values())
     assert worst[17.0] > 3.0  # 4.3 m, because gusts are answered within the envelope
     assert worst[20.0] < 1.5
-
-
-@pytest.mark.parametrize(
-    ("shape", "spacing_m", "delay_ms", "enough"),
-    [
-        ("follower", 12.0, 300, "8 m/s; 17 m"),
-        ("follower", 12.0, 0, "8 m/s; 12.2 m"),
-        ("follower", 17.5, 300, None),
-        ("line", 12.0, 300, None),
-    ],
-)
-def test_multirotors_too_near_behind_each_other_to_stop_are_warned_of_with_the_distance_that_is_enough(
-    shape: str, spacing_m: float, delay_ms: float, enough: str | None
-) -> None:
-    """Behind one that ignored its setpoints, 12 m with 300 ms at 8 m/s became 2.4 m, and 10 m at 5 m/s 2.6 m."""
-    copters: dict[str, Any] = {
-        "vehicles": {"count": 3, "model": "arducopter"},
-        "formation": {"shape": shape, "spacing_m": spacing_m},
-        "path": {"speed_mps": 8, "waypoints_m": [[0, 0, 50], [900, 0, 50]]},
-        "links": {"default": {"delay_ms": delay_ms}},
-    }
-    found = [
-        each for each in check_text(load_scenario(scenario(**copters))).splitlines() if "behind each other" in each
-    ]
-    assert len(found) == (enough is not None)
-    assert enough is None or enough in found[0]

@@ -205,7 +205,7 @@ class SeparatedEndings(Endings):
         controller, vehicles, climb_mps = self._controller, self._vehicles, self._climb_mps
         landings = earlier.landings.call_off() if isinstance(earlier, SeparatedEnding) else None
         ahead = controller.ahead_m if commanded else stays
-        gap_m, sway_m = self._scenario.safety.avoidance.distance_m, controller.estimator.sway_m
+        gap_m, sway_m = self._scenario.safety.kept_m, controller.estimator.sway_m
         ending = SeparatedEnding(vehicles, self._ground, manner, landings, ahead, gap_m, sway_m, climb_mps)
         ending.begin(now, loiter_s)
         if commanded:

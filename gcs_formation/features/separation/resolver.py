@@ -24,6 +24,7 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.separation.approach import JERK_MPS3, Traffic, sample_times
 from gcs_formation.features.separation.first_look import SLOT_SHARE, FirstLook, KeptDistance
 from gcs_formation.features.separation.giving_way import Conflict, Resolution, resolve
+from gcs_formation.features.separation.keys import SeparationKeys
 from gcs_formation.features.separation.traffic import TrafficPicture
 from gcs_formation.features.separation.unresponsive import Unresponsive, Wandering
 from gcs_formation.recorder import Detail, Event, Tick
@@ -62,7 +63,7 @@ class ConflictResolver:
 
     def __init__(self, scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> None:
         """Take the distance to keep; `history` holds the setpoints sent to the columns, (C,) `models`."""
-        self._keys = scenario.safety.avoidance
+        self._keys = SeparationKeys.of(scenario).avoidance
         self._enabled: bool = self._keys.enabled
         self._hovers: bool = scenario.hovers
         self._virtual, self._predicted = scenario.leader is None, scenario.law.delay_compensation

@@ -1,5 +1,6 @@
-"""Fixtures of whole flights, for the tests of features."""
+"""Fixtures of keys and of whole flights, for the tests of features."""
 
 from tests.flights.conftest import fly
+from tests.formation_scenario.conftest import load, refusal
 
-__all__ = ["fly"]
+__all__ = ["fly", "load", "refusal"]

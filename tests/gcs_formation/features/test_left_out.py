@@ -1,4 +1,7 @@
-"""A feature is a folder, and so is a family: deleted, and nothing else edited, the core imports and flies."""
+"""A feature is a folder, and so is a family: deleted, and nothing else edited, the core imports and flies.
+
+The keys that a feature brings are unknown then, and those of the others aren't.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from formation_scenario.brought_keys import brought_keys
+from formation_scenario.feature_folders import PACKAGE
 from gcs_formation.core.feature import features
 
 ROOT = Path(__file__).parents[3]
@@ -23,13 +28,47 @@ FAMILIES = tuple(
     for each in sorted(ROOT.glob("*/**/families/*/family.py"))
     if each.parent.name != FLOWN and each.relative_to(ROOT).parts[0] in TREE
 )
+KEYS = {
+    f"{each.group}.{key}": each.__module__.removeprefix(f"{PACKAGE}.").partition(".")[0]
+    for each in brought_keys()
+    for key in each.fields()
+}
+"""The keys that features bring, each with the name of its feature."""
+LOAD = """
+import sys
+from formation_scenario.fields import ScenarioError
+from formation_scenario.load import load_scenario
+for key in sys.argv[1:]:
+    try:
+        load_scenario("configs/quickstart.yaml", [f"{key}=[[]]"])
+    except ScenarioError as error:
+        if "unknown key" in str(error):
+            print(key)
+"""
+"""Prints which of some keys are unknown."""
 
 
 def flown_without(tmp_path: Path, *names: str) -> dict[str, object]:
     """Fly the quickstart in a copy of the tree without some features; return the summary."""
     summary = flown_without_folders(tmp_path, *(f"gcs_formation/features/{name}" for name in names))
     assert summary["features"] == [name for name in NAMES if name not in names]
+    assert in_copy(tmp_path, "-c", LOAD, *KEYS).split() == [key for key, feature in KEYS.items() if feature in names]
     return summary
+
+
+def in_copy(tmp_path: Path, *arguments: str) -> str:
+    """Run Python in the copy of the tree; return what it prints."""
+    copy = tmp_path / "tree"
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=copy,
+        env={**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 def flown_without_folders(tmp_path: Path, *folders: str) -> dict[str, object]:
@@ -40,15 +79,7 @@ def flown_without_folders(tmp_path: Path, *folders: str) -> dict[str, object]:
     for folder in folders:
         shutil.rmtree(copy / folder)
     flight = ["run", "configs/quickstart.yaml", "--clock", "virtual", "--until", "4", "--set", "expect=[]"]
-    done = subprocess.run(
-        [sys.executable, "-m", "gcs_formation", *flight, "--quiet", "--out", str(out)],
-        cwd=copy,
-        env={**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    in_copy(tmp_path, "-m", "gcs_formation", *flight, "--quiet", "--out", str(out))
     summary: dict[str, object] = json.loads((out / "summary.json").read_text())
     assert summary["assembled"] is True
     return summary

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Final
 
 import numpy as np
 
@@ -25,7 +26,7 @@ SHORT_M = 0.5
 """A lack of clearance up to this isn't reported."""
 
 
-def warnings(scenario: Scenario) -> Iterator[str]:
+def final_circles(scenario: Scenario) -> Iterator[str]:
     """Yield what is wrong with the vehicles' last circles: ground below them or on the way there, or the fence.
 
     Circles are one above the other, so many vehicles need much height.
@@ -61,7 +62,7 @@ class _Climb:
         self._begin = {
             VehicleId(1, at): ReportedMotion(0.0, *place, 0.0, 0.0, climb_mps, 0.0) for at, place in enumerate(each)
         }
-        self._stack = Stack(scenario.safety.avoidance.distance_m, stand=scenario.hovers)
+        self._stack = Stack(scenario.safety.kept_m, stand=scenario.hovers)
         climb_mps = min(model.climb_max_mps for model in self._models)
         self._limit_s = stacked(self._begin, self._stack, self._floor, "loiter", self._ahead, climb_mps)
         self._stack.add(self._begin)
@@ -133,3 +134,6 @@ def _climbed_m(model: AutopilotModel, begin: ReportedMotion, goal_m: float, coun
         advance(state, model, math.nan, math.nan, goal_m, STEP_S)
         heights_m.append(state.height_m)
     return heights_m[:count]
+
+
+WARNINGS: Final = (final_circles,)
