@@ -51,7 +51,7 @@ def seconds_between(earlier: Instant, later: Instant) -> float:
 
 
 class VirtualClock:
-    """A clock that stands still until its owner moves it."""
+    """A clock that is held until its owner moves it."""
 
     def __init__(self) -> None:
         """Start at instant 0."""

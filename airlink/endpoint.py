@@ -100,8 +100,9 @@ _OPPOSITE: dict[str, Kind] = {"udpin": "udpout", "udpout": "udpin", "tcp": "tcpi
 class Endpoint:
     """One end of a link.
 
-    `udpin` and `tcpin` listen at the address, and answer whom they hear; `udpout` and `tcp` send to it; `serial` is a
-    device, with the baud rate as its port; `mcast` is a group, in which everybody hears everybody.
+    `udpin` and `tcpin` listen at the address, and answer the senders that they receive from; `udpout` and `tcp` send to
+    it; `serial` is a device, with the baud rate as its port; `mcast` is a group, in which every member receives from
+    every other.
     """
 
     kind: Kind
@@ -119,7 +120,7 @@ class Endpoint:
 
     @property
     def peer(self) -> Address | None:
-        """Where everything is sent; None for an end that listens, and answers whom it hears."""
+        """Where everything is sent; None for an end that listens, and answers the senders that it receives from."""
         if self.kind in {"udpin", "tcpin"}:
             return None
         return self.far_end if self.kind == "serial" else self.address

@@ -23,7 +23,7 @@ SHARED = frozenset({"serial", "mcast", "tcpin"})
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class Datagram:
-    """A UDP payload at one of an engine's sockets, with the address at the other end; owned by whoever receives it."""
+    """A UDP payload at one of an engine's sockets, with the address at the other end; owned by its receiver."""
 
     __slots__ = ("arrived", "data", "peer", "socket")
 

@@ -1,6 +1,6 @@
 """Cuts a stream of bytes into frames without reading them, so that what happens to a datagram happens to whole frames.
 
-All bytes pass, in their order: also those between frames, and frames of messages that nobody here knows.
+All bytes pass, in their order: also those between frames, and frames of unknown messages.
 """
 
 from __future__ import annotations

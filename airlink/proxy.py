@@ -182,7 +182,7 @@ class Relay:
 
 
 def _vehicle(remote: int) -> tuple[int, int]:
-    """Return what tells a remote apart from others, as for the random numbers of links."""
+    """Return what distinguishes a remote from others, as for the random numbers of links."""
     return NETWORK, remote + 1
 
 

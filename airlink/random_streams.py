@@ -11,7 +11,7 @@ def random_stream(seed: int, purpose: str, *key: int) -> np.random.Generator:
     Args:
         seed: the run's seed.
         purpose: what the numbers are for, such as "links".
-        *key: tells the streams of one purpose apart, such as a vehicle's network and system id.
+        *key: distinguishes the streams of one purpose, such as a vehicle's network and system id.
     """
     origin = np.random.SeedSequence(seed, spawn_key=(int.from_bytes(purpose.encode(), "big"), *key))
     return np.random.Generator(np.random.Philox(origin))

@@ -39,7 +39,7 @@ def scenario(formation: dict[str, Any], trouble: str) -> dict[str, Any]:
 
 
 def ended(keys: dict[str, Any]) -> str:
-    """Return the least separation, m, and the time, s, at which vehicles were told to loiter."""
+    """Return the minimum separation, m, and the time, s, at which vehicles were commanded to loiter."""
     with flown(keys) as summary:
         begins_s = {event["text"]: event["t_s"] for event in events_of(summary, "phase")}
     return f"{summary.to_dict()['safety']['min_separation_m']:.1f}, {begins_s['loitering'] - begins_s['ending']:.0f} s"

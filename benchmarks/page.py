@@ -202,7 +202,7 @@ def measure_ticks(directory: Path, flights: int = 5) -> dict[str, float]:
 
 
 def _nobody() -> None:
-    """Be told that the record is open."""
+    """Take note that the record is open."""
 
 
 def main() -> None:

@@ -31,7 +31,7 @@ def formation(count: int, spacing_m: float, *, stranger: bool) -> Vehicles:
 
 
 def cost_ms(vehicles: Vehicles) -> tuple[float, int]:
-    """Return the median processor time of a tick, ms, and how many vehicles give way."""
+    """Return the median processor time of a tick, ms, and how many vehicles manoeuvre."""
     took_s: list[float] = []
     giving_way = 0
     for _ in range(TIMES):

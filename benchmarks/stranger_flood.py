@@ -1,8 +1,8 @@
 """What a stranger's flood costs a flight in real time: the same flight with and without it, one after the other.
 
-A process of its own sends datagrams that are no frame to the port at which the station hears its vehicles. Processor
-time is the station's along the path, as the kernel accounts it; on a busy machine compare the flights with each other.
-A tick is late when it starts more than 10 ms after it was due.
+A process of its own sends datagrams that are no frame to the port at which the station receives from its vehicles.
+Processor time is the station's along the path, as the kernel accounts it; on a busy machine compare the flights with
+each other. A tick is late when it starts more than 10 ms after it was due.
 """
 
 from __future__ import annotations

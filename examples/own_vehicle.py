@@ -1,8 +1,8 @@
 """A vehicle of one's own: what the ground station asks of an ArduPlane, by pymavlink. See own_vehicle.yaml.
 
-It answers TIMESYNC, parameters and commands, sends what it is asked for at the intervals it is told, and flies three
-setpoints in GUIDED: speed, altitude and heading, by the machine's own clock, as a real autopilot does. Put your own
-dynamics into `fly`, or your own autopilot in its place.
+It answers TIMESYNC, parameters and commands, sends what it is asked for at the intervals that are commanded, and flies
+three setpoints in GUIDED: speed, altitude and heading, by the machine's own clock, as a real autopilot does. Put your
+own dynamics into `fly`, or your own autopilot in its place.
 """
 
 import math
@@ -32,7 +32,7 @@ TICK_S = 0.01
 
 
 class Vehicle:
-    """One fixed wing: its state, what it was told, and how often it sends what."""
+    """One fixed wing: its state, what it was commanded, and how often it sends what."""
 
     def __init__(self) -> None:
         """Stand on the ground, disarmed, 30 m behind and to the left of the leader."""
@@ -46,7 +46,7 @@ class Vehicle:
         self.sent_at = dict[int, float]()
 
     def fly(self, dt_s: float) -> None:
-        """Follow the setpoints by first-order lags."""
+        """Follow the setpoints by first-order time constants."""
         if not self.armed or self.mode == MANUAL:
             return
         guided = self.mode == GUIDED

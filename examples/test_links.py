@@ -14,7 +14,7 @@ def test_losses_in_bursts(formation):
 
 
 def test_an_outage_affects_one_vehicle_only(formation):
-    """While vehicle 4 hears nothing for 10 s, the others keep their slots; afterwards it comes back to its own."""
+    """While vehicle 4 receives nothing for 10 s, the others keep their slots; afterwards it comes back to its own."""
     flight = formation("diamond.yaml").with_outage(vehicle=4, from_s=20, to_s=30).fly(until=60)
     flight.stays_within(0.1, followers=[2, 3]).keeps_apart(20)
     flight.stays_within(1.0, followers=4, from_s=50)

@@ -18,7 +18,7 @@ for _place, _kind in enumerate(KINDS.values()):
     _kind.place = _place
 _BY_ID: Final[list[Kind | None]] = [KINDS.get(message_id) for message_id in range(max(KINDS) + 1)]
 MISSION_TIME: Final = "MISSION_T"
-"""Name of the NAMED_VALUE_FLOAT in which the ground station tells vehicles the mission time, s."""
+"""Name of the NAMED_VALUE_FLOAT in which the ground station sends vehicles the mission time, s."""
 EKF_READY: Final = (
     m.EKF_ATTITUDE
     | m.EKF_VELOCITY_HORIZ

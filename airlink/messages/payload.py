@@ -137,7 +137,7 @@ def _same(one: object, other: object) -> bool:
 
 
 def _cut(frame: bytes, at: i64, end: i64) -> int:
-    """Return the little-endian number at a place where MAVLink 2 has truncated trailing zero bytes."""
+    """Return the little-endian number at a position where MAVLink 2 has truncated trailing zero bytes."""
     value: i64 = 0
     while end > at:
         end -= 1
@@ -146,7 +146,7 @@ def _cut(frame: bytes, at: i64, end: i64) -> int:
 
 
 def get_u8(frame: bytes, at: i64, end: i64) -> int:
-    """Return the unsigned number of 8 bits at a place of a payload that ends before `end`."""
+    """Return the unsigned number of 8 bits at a position of a payload that ends before `end`."""
     return frame[at] if at < end else 0
 
 

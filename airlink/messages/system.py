@@ -391,7 +391,7 @@ STATUSTEXT: Final = Kind("STATUSTEXT", 253, 83, (51, 54), ("severity", "text", "
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class CurrentMode(Message):
-    """CURRENT_MODE (436): the mode, told when it changes, and the one that was asked for."""
+    """CURRENT_MODE (436): the mode, sent when it changes, and the one that was asked for."""
 
     def __init__(self, standard_mode: int, custom_mode: int, intended_custom_mode: int = 0) -> None:
         self.standard_mode = standard_mode

@@ -20,7 +20,7 @@ from airlink.random_streams import random_stream
 
 T = TypeVar("T")
 Vehicle = tuple[int, ...]
-"""What tells vehicles apart, as a key of random streams."""
+"""What distinguishes vehicles, as a key of random streams."""
 REPORT_S: Final = 1.0
 COUNTS: Final = 0x10000
 """RADIO_STATUS has 16 bits for a count."""
@@ -53,7 +53,7 @@ class SharedRadio(Generic[T]):
     """One radio with all its ends."""
 
     def __init__(self, settings: RadioSettings, seed: int, number: int = 0) -> None:
-        """Start with empty buffers; `number` tells the radios of a run apart, whose `seed` is that of the run."""
+        """Start with empty buffers; `number` distinguishes the radios of a run, whose `seed` is that of the run."""
         self.settings = settings
         self.medium = Medium[_Entered[T]](settings)
         self._seed, self._number = seed, number

@@ -1,8 +1,8 @@
 """Signed frames of MAVLink 2: who has a link's key is who may speak on it.
 
 A signature is appended to a frame: the link's id, a timestamp of 10 µs since 2015, and the first 48 bits of the SHA-256
-of the key and all of that. What is repeated is told from what is new by the timestamp, which grows from frame to frame
-of a stream: of one component, on one of its links.
+of the key and all of that. What is repeated is distinguished from what is new by the timestamp, which grows from frame
+to frame of a stream: of one component, on one of its links.
 
 - `signature`: the bytes, appended, verified, removed; `key`: a key, and the file that it comes from;
 - `authentication`: what one key has seen, and its verdict on a frame; `kept_timestamps` carries that over restarts;

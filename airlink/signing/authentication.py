@@ -1,7 +1,7 @@
 """What one key has signed and seen, and its verdict on a frame.
 
 All links with the same key share it, as ArduPilot's channels do: a frame that was recorded on one link is old on every
-other. Nobody's clock has to be right. A timestamp is at least one more than the last one that was sent, and than any
+other. No clock has to be right. A timestamp is at least one more than the last one that was sent, and than any
 that was received with a valid signature, so both ends go by whichever clock is ahead.
 
 Source: MAVLink guide, "Message Signing", "Timestamp Handling"; `mavlink_signature_check` of its C library.

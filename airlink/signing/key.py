@@ -1,4 +1,4 @@
-"""A link's key, from a file that nobody else can read."""
+"""A link's key, from a file that no other user can read."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ Nothing acknowledges SETUP_SIGNING. What shows that a vehicle has taken a key is
 that it has none any more, one without a signature. Everything sent here is signed with the key: a vehicle without one
 takes that as it takes unsigned frames.
 
-The key is sent as it is. So that nobody listens, links are loopback or a cable, which the caller has to see to.
+The key is sent as it is. So that no one listens, links are loopback or a cable, which the caller has to see to.
 """
 
 from __future__ import annotations

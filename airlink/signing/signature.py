@@ -66,7 +66,7 @@ def signed(raw: bytes, key: bytes, link_id: int, timestamp: int) -> bytes:
 
 
 def unsigned(raw: bytes) -> bytes:
-    """Return a frame without its signature, as records have it, so that nobody collects signatures there."""
+    """Return a frame without its signature, as records have it, so that no one collects signatures there."""
     return _with_flag(raw[: len(raw) - SIGNATURE], 0) if is_signed(raw) else raw
 
 

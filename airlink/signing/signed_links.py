@@ -68,7 +68,7 @@ class SignedLink:
         self.judged = dict[int, Judged]()
         """By the system id that the frames had."""
         self.behind = dict[Address, None]()
-        """Who is to be sent something: all its frames are authentic and old, so it has yet to hear how late it is.
+        """Who is to be sent something: all its frames are authentic and old, so it has yet to learn how late it is.
 
         It may have no clock, or have lost its timestamps. Somebody who plays a recording is sent no more than that.
         """

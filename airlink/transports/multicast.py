@@ -1,4 +1,4 @@
-"""A multicast group, in which everybody hears everybody, as ArduPilot's swarm scripts use it (`mcast:`)."""
+"""A multicast group: every member receives from every other, as in ArduPilot's swarm scripts (`mcast:`)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HOPS: Final = 1
 
 
 class Multicast(Transport):
-    """A member of a group: one socket hears the group, another sends to it, so that its own datagrams are known."""
+    """A member of a group: one socket receives, another sends, so that its own datagrams are known."""
 
     maintained = False
 

@@ -36,7 +36,7 @@ def delayed(random: Random, delay_ms: float, **keys: Any) -> Flight:
 
 
 def off_model(random: Random) -> Flight:
-    """Draw a flight with a step and 300 ms, of vehicles whose lags are up to 30 % off the model's."""
+    """Draw a flight with a step and 300 ms, of vehicles whose time constants are up to 30 % off the model's."""
     vehicles = [
         {"id": 1 + i, "role": "follower" if i else "leader", "true_model": draws.lags(random, 0.3)} for i in range(4)
     ]

@@ -1,4 +1,4 @@
-"""Held-out flights: paths, steps, hills, links and lags, drawn by a seeded generator."""
+"""Held-out flights: paths, steps, hills, links and time constants, drawn by a seeded generator."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def instant(random: Random, min_s: float, max_s: float) -> float:
 
 
 def lags(random: Random, share: float) -> dict[str, float]:
-    """Return lags of equation (7), each off the usual ones by up to a share."""
+    """Return time constants of equation (7), each off the usual ones by up to a share."""
     usual = {"tau_v_s": 4.0, "tau_psi_s": 1.5, "tau_ha_s": 1.0, "tau_hb_s": 3.0}
     return {name: round(value * random.uniform(1 - share, 1 + share), 3) for name, value in usual.items()}
 

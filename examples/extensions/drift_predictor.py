@@ -18,7 +18,7 @@ class Drift(Predictor):
     class Keys(BaseModel):
         """`law.predictor.parameters`."""
 
-        share: float = Field(default=0.05, gt=0.0, le=1.0)  # of a tick's error that is learnt
+        share: float = Field(default=0.05, gt=0.0, le=1.0)  # of a tick's error that is estimated
 
     def begin(self) -> None:
         """Start without any errors."""

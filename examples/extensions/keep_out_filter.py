@@ -1,6 +1,6 @@
 """A setpoint filter: an obstacle rule of one's own. Who heads for a cylinder is turned to the nearer side of it.
 
-A vehicle turns with a lag, so that the radius has room in it.
+A vehicle turns with a time constant, so that the radius has room in it.
 """
 
 import math

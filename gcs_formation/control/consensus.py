@@ -2,8 +2,8 @@
 
 u_p = sum_q a_pq [k1 (x_q - x_p + r_pq) + k2 (v_q - v_p)] + k3 (v_s - v_p), both states at one stamp (errata items 3,
 6, 9). The setpoints are v_s + tau_v u_x for the speed and psi_s + tau_psi u_y / v for the heading. The autopilot's own
-lag (7) acts as damping of 1/tau_v along and 1/tau_psi across the heading, without delay; only the part of k3 beyond
-that is computed here, from the delayed state.
+time constant (7) acts as damping of 1/tau_v along and 1/tau_psi across the heading, without delay; only the part of k3
+beyond that is computed here, from the delayed state.
 
 In a turn, the slots turn with the path. The law therefore replaces the differences of states in (3) by differences of
 deviations from the slots' own motion; on a straight path both are the same. The height loop is closed on board each
@@ -58,7 +58,7 @@ class ConsensusLaw(Law):
 
         Args:
             gains: k1 in 1/s², k2 in 1/s and k3 in 1/s.
-            weights: (C, C): entry (p, q) > 0 when p hears q; a virtual leader hears nobody and is heard by nobody.
+            weights: (C, C): entry (p, q) > 0 when p receives q; a virtual leader receives from none and none from it.
             members: columns of real vehicles.
             frame: frame in which slots are defined.
             models: (C,) autopilot models.
@@ -71,10 +71,10 @@ class ConsensusLaw(Law):
     def _connect(self, leader: int, active: list[bool]) -> None:
         """Set the graph's edges: the leader trades places with column 0, and inactive columns are bridged.
 
-        Bridging is Kron reduction: whoever heard an inactive vehicle hears that vehicle's sources instead. A connected
-        graph stays connected, and on an undirected graph no delay margin is lowered (Doerfler and Bullo, "Kron
-        Reduction of Graphs With Applications to Electrical Networks", IEEE Transactions on Circuits and Systems I 60
-        (2013)).
+        Bridging is Kron reduction: any vehicle that received an inactive one receives that one's sources instead. A
+        connected graph stays connected, and on an undirected graph no delay margin is lowered (Doerfler and Bullo,
+        "Kron Reduction of Graphs With Applications to Electrical Networks", IEEE Transactions on Circuits and Systems I
+        60 (2013)).
         """
         self._leader, self._active, places = leader, active, np.arange(len(self._models))
         places[[0, leader]] = places[[leader, 0]]
@@ -145,7 +145,7 @@ class ConsensusLaw(Law):
         share: float,
         model: AutopilotModel,
     ) -> Triple:
-        """Return one vehicle's setpoint: the slot's own motion, plus u of (3) converted by the autopilot's lags."""
+        """Return one vehicle's setpoint: the slot's own motion, plus u of (3) converted by its time constants."""
         axis, turn_rps, bend_rps2 = leader.state.heading_rad, leader.turn_rps, leader.bend_rps2
         slot = self._seen(slot, leader, axis)
         speed_mps, heading_rad, height_m = feed_forward(
@@ -159,7 +159,7 @@ class ConsensusLaw(Law):
     def _acceleration(
         self, own: _Deviation, neighbours: tuple[float, float], model: AutopilotModel
     ) -> tuple[float, float]:
-        """Return u of (3) along and across the slot's heading, less the damping that the autopilot's lag provides."""
+        """Return u of (3) along and across the slot's heading, less the damping by the autopilot's time constant."""
         axis, k3 = own.target.heading_rad, self._k3
         u_x, u_y = rotated(axis, *neighbours)
         along_mps, across_mps = rotated(axis, own.north_mps, own.east_mps)
@@ -187,7 +187,7 @@ class ConsensusLaw(Law):
 def _reference(situation: Situation, column: int, flown: FlightState, model: AutopilotModel) -> _Reference:
     """Return the guidance's reference motion at the instant of one vehicle's state; `model` is the leader's.
 
-    The reference doesn't lag behind the guidance: it is the leader's setpoints minus the lead for its lags.
+    The reference doesn't lag behind the guidance: it is the leader's setpoints minus the lead for its time constants.
     """
     lead, path = situation.lead, situation.lead.path
     commanded, later_s = lead.commanded[column], (situation.states.instant(column) - lead.at) / NANOSECONDS

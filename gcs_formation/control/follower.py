@@ -162,7 +162,7 @@ class Controller(ABC):
     def _closes_fast(self, model: AutopilotModel) -> bool:
         """Return whether the height error shrinks at a rate near the vehicle's climb limit.
 
-        On a long climb the limit sustains the error; an integral gathered then would only be lost by overshooting.
+        On a long climb the limit sustains the error; an integral accumulated then would only be lost by overshooting.
         """
         maximum = CLIMBING * self._parameters.mixer.k_z * model.climb_max_mps
         return abs(self._height.rate) > maximum and self._height.rate * self.mixed[2] < 0.0
@@ -258,7 +258,7 @@ class FollowerController(Controller):
         The rates of the follower and of its target are means over the tick that ends: a leader whose turn rate begins
         to change in this tick is followed by the feed-forward, and shows no error yet. The target's are those that the
         feed-forward led it by. The follower's own follow from the errors left at the tick's end: (7) gives them with
-        `held` lags shortened by a tick. Positions change by the velocities at the tick's end.
+        `held` time constants shortened by a tick. Positions change by the velocities at the tick's end.
         """
         model, state, slot = pair.model, pair.state, pair.slot
         speed_mps, heading_rad = pair.commanded[0], pair.commanded[1]
@@ -343,8 +343,8 @@ class FollowerController(Controller):
     def _arrives(self, flown_mps: float, dt_s: float) -> bool:
         """Return whether it is arriving at its slot, flying `flown_mps` faster than the slot.
 
-        An integral gathered during the arrival would only be lost again by overshooting. A vehicle that stays far off
-        at its slot's speed isn't arriving: it doesn't fly its speed setpoint, and that error is integrated.
+        An integral accumulated during the arrival would only be lost again by overshooting. A vehicle that stays far
+        off at its slot's speed isn't arriving: it doesn't fly its speed setpoint, and that error is integrated.
         """
         fast = abs(flown_mps) > SLOW_MPS
         self._arriving = self._arriving or (fast and abs(self.error_m[0]) > FAR_M)
@@ -366,7 +366,8 @@ class FollowerController(Controller):
     def _gust(self, pair: Pair, axis_rad: float, dt_s: float) -> tuple[float, float]:
         """Return the rate of change of the filtered drift (follower's wind minus leader's), along and across, m/s².
 
-        The filter's lag is 1/`gust_radps`. The part of the rate that the wind's variance explains is left out.
+        The filter's time constant is 1/`gust_radps`. The part of the rate that the wind's variance explains is left
+        out.
         """
         leader, state, gust_radps = pair.leader.state, pair.state, self._parameters.gust_radps
         north_mps = state.wind_north_mps - leader.wind_north_mps

@@ -83,7 +83,7 @@ class PidGains:
 
         Near crossover the loop of (13), (7) and the derivative falls like an integrator, so its crossover frequency is
         proportional to its gain. The integral's corner ki/kp is lowered with it, or its phase lag would grow; the
-        derivative's corner kp/kd stays, because it cancels the autopilot's own lag.
+        derivative's corner kp/kd stays, because it cancels the autopilot's own time constant.
         """
         return PidGains(self.kp * bandwidth, self.ki * bandwidth**2, self.kd * bandwidth, self.filter_s)
 

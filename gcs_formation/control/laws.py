@@ -36,7 +36,7 @@ class VelocityController(Controller):
 
     A multirotor flies a commanded velocity over ground in any direction and down to 0. Forward and right are therefore
     equal channels: both use the gains of `law.speed`, and neither is divided by a speed. Slots are defined in the
-    leader's frame, which keeps its direction while the leader stands. Setpoints are a speed and a course.
+    leader's frame, which keeps its direction while the leader hovers. Setpoints are a speed and a course.
     """
 
     def decide(self, pair: Pair, dt_s: float) -> None:
@@ -95,8 +95,8 @@ class VelocityController(Controller):
 def _feed_forward(pair: Pair) -> Triple:
     """Return the feed-forward: velocities along and across the leader's heading, and height.
 
-    The velocity is that of a point in the leader's turning frame, plus its acceleration times the vehicle's lags of
-    speed and course.
+    The velocity is that of a point in the leader's turning frame, plus its acceleration times the vehicle's time
+    constants of speed and course.
     """
     leader, slot, model = pair.leader, pair.slot, pair.model
     turn_rps, bend_rps2, speed_mps = leader.turn_rps, leader.bend_rps2, leader.state.airspeed_mps
@@ -134,7 +134,7 @@ class FormationLaw(Law):
     ) -> None:
         """Make a `controller` for each vehicle, with its feedback from outside if there are any.
 
-        The (C,) `models` are read at every tick: their lags are learnt in flight.
+        The (C,) `models` are read at every tick: their time constants are estimated in flight.
         """
         self._models, self._to_north = models, parameters.frame == "north"
         self._controllers = [controller(parameters) for _ in models]

@@ -62,6 +62,6 @@ class Feedback:
         self._law.excess = excess
 
     def reset(self) -> None:
-        """Forget what was gathered."""
+        """Forget what was accumulated."""
         self._law.excess, self._law.replaced = (0.0, 0.0, 0.0), (False, False, False)
         guarded(self._entry, self._law.reset)

@@ -60,7 +60,7 @@ class OwnGuidance:
         return Commanded(*found)
 
     def forget(self) -> NotFiniteError | None:
-        """Forget what was gathered, as another vehicle leads; return the error if that fails."""
+        """Forget what was accumulated, as another vehicle leads; return the error if that fails."""
         try:
             guarded(self._entry, self._own.reset)
         except NotFiniteError as error:

@@ -122,7 +122,7 @@ class GuidedLeader(NamedTuple):
     length_m: float
     """The route's."""
     on_path: bool
-    """Whether the route is the path or its run-in; else it is a turn or a lap that leads to it."""
+    """Whether the route is the path or its run-in; else it is a turn or a holding pattern that leads to it."""
     speed_mps: float
     """The airspeed to fly; 0 of a leader that hovers."""
     turn_rate_max_rps: float

@@ -230,7 +230,7 @@ class TrailingSlot:
 
     Equation (8) with the errors held at zero determines the follower's heading (the zero dynamics, errata item 23):
     x_rc psi_2' = v sin(psi_1 - psi_2) + the slot's velocity sideways. The slot's heading follows the leader's with a
-    lag of x_rc / v, which changes as the slot moves.
+    time constant of x_rc / v, which changes as the slot moves.
     """
 
     def __init__(self) -> None:
@@ -246,8 +246,8 @@ class TrailingSlot:
         due_ps = (slot.right_mps2 - x_rc * leader.bend_rps2 + slot.forward_mps * turn) / speed
         due_rad = math.asin(due)
         off_rad = due_rad if math.isnan(self._off_rad) else self._off_rad
-        # Effective lag: at the rate it gives, a tick covers what an exact lag of x_rc / v, a tick at least, would. The
-        # sine's mean slope between both angles counts: for slots far to the side 0.01 rad is metres.
+        # Effective time constant: at the rate it gives, a tick covers what an exact one of x_rc / v, a tick at least,
+        # would. The sine's mean slope between both angles counts: for slots far to the side 0.01 rad is metres.
         lag_s, to_go_rad = max(x_rc / speed, dt_s), due_rad - off_rad
         slope = (due - math.sin(off_rad)) / to_go_rad if abs(to_go_rad) > TINY_RAD else math.cos(off_rad)
         rate_rps = -to_go_rad * math.expm1(-dt_s * max(slope, MIN_SLOPE) / lag_s) / dt_s

@@ -1,16 +1,16 @@
-"""Airspeed sensors: whether a reading is believed, and the ratio of true airspeed to readings.
+"""Airspeed sensors: whether a reading is accepted, and the ratio of true airspeed to readings.
 
 A failed sensor reads 0, or sticks. Used as airspeed, such readings show accelerations and winds that don't exist. A
 reading outside the flight envelope is rejected as long as the velocity over ground and the wind estimate give an
 airspeed inside the envelope. This synthetic airspeed then replaces it: the wind along the nose is held, the wind across
 it is still estimated. A gust changes airspeed or velocity over ground but keeps the airspeed within the envelope, so
-gusts are believed whatever their size.
+gusts are accepted whatever their size.
 
-Autopilots report and accept readings: equivalent airspeed, if the sensor is calibrated. In thin air true airspeed is
-higher, by 8 % at 1600 m. Used as true airspeed, readings show a wind that turns with the aircraft.
+Autopilots report and accept readings: equivalent airspeed, if the sensor is calibrated. At density altitude true
+airspeed is higher, by 8 % at 1600 m. Used as true airspeed, readings show a wind that turns with the aircraft.
 
 The scale of the readings is estimated from the wind triangle: velocity over ground is wind plus the scaled reading
-along the heading. In turns, scale and wind can be told apart. The equation is linear in both, so a Kalman filter of
+along the heading. In turns, scale and wind can be distinguished. The equation is linear in both, so a Kalman filter of
 three states estimates them.
 
 Sources: ArduPilot, synthetic airspeed of EKF3. PX4, Airspeed Validation. Cho, Kim, Lee, Kee, "Wind Estimation and
@@ -33,7 +33,7 @@ FASTEST_SHARE: Final = 1.2
 OFF_SHARE: Final = 0.25
 """A rejected reading also differs from the synthetic airspeed by more than this share of the lower airspeed limit."""
 RETURN_SHARE: Final = 0.5
-"""Share of these margins that a reading must keep, for `RETURN_S`, to be believed again."""
+"""Share of these margins that a reading must keep, for `RETURN_S`, to be accepted again."""
 RETURN_S: Final = 2.0
 WIND_S: Final = 30.0
 """Averaging time of the wind: a sensor that ices up, and so loses 1 m/s each second, changes it little before it is
@@ -49,8 +49,8 @@ WIND_SIGMA_MPS: Final = 15.0
 WIND_WALK_MPS: Final = 0.1
 """Random walk of each component of the wind, per square root of a second."""
 TRIANGLE_SIGMA_MPS: Final = 3.0
-"""Standard deviation of a wind triangle's error: gusts, sideslip, and lags of the measurements. It makes up for
-correlation: gusts of 0.7 m/s that last for 10 s give all triangles in that time the same error."""
+"""Standard deviation of a wind triangle's error: gusts, sideslip, and time constants of the measurements. It makes up
+for correlation: gusts of 0.7 m/s that last for 10 s give all triangles in that time the same error."""
 PERIOD_S: Final = 0.5
 GAP_S: Final = 10.0
 """After a longer gap in the telemetry the wind is unknown again."""
@@ -61,10 +61,10 @@ LIMITS_STEP: Final = 0.005
 
 
 class AirspeedCheck:
-    """Whether one aircraft's readings are believed, and its synthetic airspeed, which replaces rejected ones."""
+    """Whether one aircraft's readings are accepted, and its synthetic airspeed, which replaces rejected ones."""
 
     def __init__(self, slowest_mps: float, fastest_mps: float) -> None:
-        """Start by believing readings; the two limits are those of commanded airspeeds."""
+        """Start by accepting readings; the two limits are those of commanded airspeeds."""
         self._slowest_mps, self._fastest_mps = slowest_mps, fastest_mps
         self._north_mps: float = 0.0
         self._east_mps: float = 0.0
@@ -73,7 +73,7 @@ class AirspeedCheck:
         self._plausible_s: float = 0.0
         """How long rejected readings have been plausible again."""
         self.believes = True
-        """Whether the newest reading is believed."""
+        """Whether the newest reading is accepted."""
         self.synthetic_mps: float = math.nan
         """The newest true airspeed by velocity over ground and wind."""
 
@@ -86,7 +86,7 @@ class AirspeedCheck:
         reading_mps: float,
         ratio: float,
     ) -> bool:
-        """Return whether an aircraft's reading in the air is believed.
+        """Return whether an aircraft's reading in the air is accepted.
 
         Args:
             stamp_s: when it was measured, by the vehicle's clock.

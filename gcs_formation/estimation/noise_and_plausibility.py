@@ -1,8 +1,8 @@
 """How telemetry samples are weighted: their noise, the drift of their positions, and implausible values.
 
 White noise of variance r makes successive increments that the model doesn't explain anticorrelated: their covariance is
--r. Gusts, and lags that differ from the model's, give increments that are uncorrelated or of the same sign, so they
-aren't taken for noise (autocovariance method: Bélanger, Automatica 10, 1974).
+-r. Gusts, and time constants that differ from the model's, give increments that are uncorrelated or of the same sign,
+so they aren't taken for noise (autocovariance method: Bélanger, Automatica 10, 1974).
 
 A sample has eight values: north, east, height, their rates over ground, airspeed, heading. A value within
 `IMPLAUSIBLE_SIGMAS` standard deviations of the expected one has full weight; beyond, its noise is increased by the

@@ -10,8 +10,8 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, squared
 UPDRAUGHT_GAIN: Final = 2.0
 """Response of the height setpoint to fast changes of height that the model doesn't explain, in metres per metre.
 
-Real autopilots follow fast setpoints further than (7) says: with a gain of 8, a PX4 whose lags add up to 8 s kept
-oscillating by 1 m.
+Real autopilots follow fast setpoints further than (7) says: with a gain of 8, a PX4 whose time constants add up to 8 s
+kept oscillating by 1 m.
 """
 UPDRAUGHT_SIGMAS: Final = 2.0
 """Updraughts within this many standard deviations of the telemetry's climb are taken for noise."""
@@ -41,7 +41,7 @@ class Updraught:
         """Update the estimate by a sample, and the updraught of the sample's `state`.
 
         The vehicle's own climb follows its setpoints by (7). A climb beyond that lasts as long as the updraught; a
-        passing difference decays with both lags. Only the part above the telemetry's noise counts.
+        passing difference decays with both time constants. Only the part above the telemetry's noise counts.
 
         Args:
             state: the corrected state; its updraught is changed.

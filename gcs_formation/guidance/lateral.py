@@ -54,7 +54,7 @@ MIN_MPS: Final = 1.0
 """Lower bound of a speed that is divided by: a vehicle that can hover may stand."""
 REFERENCE_RADPS: Final = 0.2
 """Rate at which the heading that setpoints lead from follows the predicted one: noise of headings is filtered, and what
-the model doesn't know is forgotten. A vehicle whose lag is wrong keeps a difference in every turn."""
+the model doesn't know is forgotten. A vehicle whose time constant is wrong keeps a difference in every turn."""
 TURNS_BACK_SHARE: Final = 0.5
 """Share of the angle to the route that could just be turned back before the route is crossed."""
 TWO_THIRDS: Final = 2.0 / 3.0
@@ -145,10 +145,10 @@ class LateralGuidance:
         self._turn_rps = 0.0
         self._air = RoughAir(dt_s)
         self.setpoint_rps = 0.0
-        """Rate of the heading setpoint when it acts: by (7), the turn rate plus the lag times its change."""
+        """Rate of the heading setpoint when it acts: by (7), the turn rate plus the time constant times its change."""
 
     def forget(self) -> None:
-        """Reset: another vehicle leads, or the leader stands or turns on the spot."""
+        """Reset: another vehicle leads, or the leader hovers or turns on the spot."""
         self._heading_rad = math.nan
         self._air.forget()
 
@@ -195,7 +195,7 @@ class LateralGuidance:
     def _follow(self, state: FlightState, model: AutopilotModel, bend_rps2: float) -> float:
         """Return the setpoint with which the turn rate changes at `bend_rps2`, within the vehicle's limit."""
         dt_s, before_rps, max_rps = self._dt_s, self._turn_rps, model.turn_rate_max_rps
-        # Beyond its own lag's worth of turning, a vehicle hasn't followed: it wasn't commanded for a while.
+        # Beyond its own time constant's worth of turning, a vehicle hasn't followed: it wasn't commanded for a while.
         max_rad, ahead_rad = model.tau_psi_s * max_rps, signed(self._heading_rad - state.heading_rad)
         self._heading_rad = state.heading_rad + within(ahead_rad, -max_rad, max_rad)
         self._turn_rps = within(before_rps + bend_rps2 * dt_s, -max_rps, max_rps)

@@ -32,11 +32,11 @@ from gcs_formation.guidance.turn_on_spot import TurnOnSpot
 from gcs_formation.guidance.way_to_run_in import JoinRoute, join, joins
 
 DECISION_S: Final = 2.0
-"""How long before the path's start it is decided whether to begin the path or to fly another lap."""
+"""How long before the path's start it is decided whether to begin the path or to fly another holding pattern."""
 SETTLE_S: Final = 30.0
 """Shortest straight flight between a turn and the path: followers are back in their slots 10 s after a turn's end."""
 MAX_SETTLES: Final = 4
-"""Longest such straight, as a multiple; it grows lap by lap."""
+"""Longest such straight, as a multiple; it grows with each holding pattern."""
 SHORTER_SETTLES: Final = (3.0, 2.0, 1.0, 0.75, 0.5)
 """Multiples that are tried where the fence leaves no room for a longer straight."""
 ON_EXTENSION_M: Final = 60.0
@@ -130,9 +130,9 @@ class LeaderGuidance:
     """Speed and rate of turns before the path, and on the way back to it, which followers can fly."""
     climb_max_mps: float
     settle_s: float = SETTLE_S
-    """Straight flight between a turn and the path; it is lengthened by as much with each lap."""
+    """Straight flight between a turn and the path; it is lengthened by as much with each holding pattern."""
     fence: LapFence | None = None
-    """Fence that laps are to fit into."""
+    """Fence that holding patterns are to fit into."""
     speeds: SpeedProfile | None = None
     """Planned airspeed along the path, until another speed is ordered; None: `speed_mps` all the way."""
     timed: TimedProgress | None = None
@@ -140,13 +140,13 @@ class LeaderGuidance:
     route: Route | None = None
     distance_m: float = 0.0
     rounds: int = 0
-    """Number of laps flown because followers weren't in their slots."""
+    """Number of holding patterns flown because followers weren't in their slots."""
     amid_m: tuple[float, float] | None = None
     """Range of distances along the path where the leader is when it is first steered; None: before the path's start."""
     joins_m: float | None = None
     """Distance along the path at which the way that returns to it ends."""
     turn: TurnOnSpot | None = None
-    """Turn of a standing leader, whose final heading it then holds; None: it faces along its route."""
+    """Turn of a hovering leader, whose final heading it then holds; None: it faces along its route."""
     dt_s: float = 0.1
     """Time between ticks."""
     _point: PathPoint | None = None
@@ -263,7 +263,7 @@ class LeaderGuidance:
         self.turn = None if heading_rad is None else TurnOnSpot(heading_rad, 0.0, at, LEAST_S)
 
     def fly_at(self, speed_mps: float) -> None:
-        """Fly at another speed from now on; a leader that keeps standing holds its heading."""
+        """Fly at another speed from now on; a leader that keeps hovering holds its heading."""
         self.speeds = None
         if self.timed is not None:
             self.timed.order(speed_mps)
@@ -337,7 +337,7 @@ class LeaderGuidance:
     def lap(self, begin: PathPoint, wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
         """Return the way from a point to the straight before the path: the longest straight, then the shortest way.
 
-        With a fence, the first of these ways that fits into it, or else the one that lacks least room.
+        With a fence, the first of these paths that fits into it, or else the one that lacks least room.
         """
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, MIN_MPS)
         radius_m = self.hold_radius_m(wind_north_mps, wind_east_mps)
@@ -362,7 +362,7 @@ class LeaderGuidance:
 
 
 def _course(state: FlightState) -> float:
-    """Return the course over ground, or the heading of a vehicle that stands, whose velocity is noise."""
+    """Return the course over ground, or the heading of a vehicle that hovers, whose velocity is noise."""
     north_mps, east_mps = state.ground_mps()
     if math.hypot(north_mps, east_mps) < LEADS_FROM_MPS:
         return state.heading_rad

@@ -1,9 +1,9 @@
-"""Slots over terrain: the lift of each slot that keeps its clearance.
+"""Slots over terrain: the terrain-clearance offset of each slot that keeps its clearance.
 
 The leader's height along its route is known in advance, and with it the track of every slot. For the next two
-kilometres every slot gets the least lift that keeps its clearance, within the climb that the leader's own climb leaves.
-The lift continues the previous one. It is computed again where it no longer serves, and whenever the route or the plan
-changes.
+kilometres every slot gets the smallest offset that keeps its clearance, within the climb that the leader's own climb
+leaves. The offset continues the previous one. It is computed again where it no longer serves, and whenever the route or
+the plan changes.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from formation_scenario.slot_frame import axis_rad
 from formation_scenario.terrain import Ground
 
 AHEAD_STEPS: Final = 140
-"""Steps of the lifts' splines."""
+"""Steps of the offsets' splines."""
 MIN_AHEAD_STEPS: Final = 100
 """Of these, how many must be left: 2 km, on which a climb at the formation's limit gains 190 m."""
 ADVANCE_M: Final = 100.0
-"""Distance that the leader flies before lifts are checked again, and computed again unless they still serve."""
+"""Distance that the leader flies before offsets are checked again, and computed again unless they still serve."""
 SAME_BOUNDS: Final = 0.01
-"""Share by which the bound of slope may differ from that for which lifts were computed."""
+"""Share by which the bound of slope may differ from that for which offsets were computed."""
 PATH_VALUES: Final = 8
 SLOPE: Final = 6
 """How many values a path's point has, and which of them is its slope (`PathPoint.values`)."""
 KEPT_M: Final = 40.0
-"""Distance around the present position within which a lift isn't changed, since setpoints act at different times."""
+"""Distance around the present position within which an offset isn't changed, since setpoints act at different times."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class TrackAhead:
     route: Route
     leader: FlightState
     leading: int
-    """Index of the leader's own slot among the N; it is never lifted."""
+    """Index of the leader's own slot among the N; it has no offset."""
     distance_m: float
     along_mps: float
     slots: Callable[[float], Array]
@@ -57,29 +57,29 @@ class TrackAhead:
 
 
 class SlotClearance:
-    """The lifts of N slots, and the route and plan for which they were computed."""
+    """The terrain-clearance offsets of N slots, and the route and plan for which they were computed."""
 
     def __init__(self, ground: Ground, clearance_m: float, bounds: Callable[[float], Bounds], frame: Frame) -> None:
         """Keep `clearance_m` above the ground.
 
-        `bounds`: of the leader's route and the lift together, at the leader's speed over ground, m/s.
+        `bounds`: of the leader's route and the offset together, at the leader's speed over ground, m/s.
         """
         self._ground, self._clearance_m = ground, clearance_m
         self._bounds, self._frame = bounds, frame
         self._route: Route | None = None
         self._plan: Arrangement | None = None
         self._slope = 0.0
-        """The bound of slope for which the lifts were computed."""
+        """The bound of slope for which the offsets were computed."""
         self._first, self._made_at_m = 0, 0.0
         self._control_m = np.zeros((0, 4))
         self._curves = list[LiftCurve]()
         self._held = list[Triple]()
-        """Each lift of the last tick, its slope and its curvature."""
+        """Each offset of the last tick, its slope and its curvature."""
         self._sampled, self._sampled_first = np.zeros((0, PATH_VALUES)), 0
         """The route's points (K, 8) at the samples, and the step at which they begin."""
 
     def look_ahead(self, outlook: TrackAhead, at_m: list[float]) -> None:
-        """Compute the lifts again if they are due; `at_m` (N,) is the leader's distance at each follower's instant.
+        """Compute the offsets again if they are due; `at_m` (N,) is the leader's distance at each follower's instant.
 
         On the same route they continue the present splines. On another route, possibly with another leader, they
         continue the last tick's values.
@@ -93,7 +93,7 @@ class SlotClearance:
         self._held = self.lift(at_m)
 
     def _serve(self, outlook: TrackAhead, at_m: list[float]) -> bool:
-        """Return whether the present lifts reach far enough ahead, within bounds as now, and clear the ground.
+        """Return whether the present offsets reach far enough ahead, within bounds as now, and clear the ground.
 
         The ground is the same as ever; where the slots will be above it varies with the wind, by millimetres in calm.
         """
@@ -141,7 +141,7 @@ class SlotClearance:
         return self._sampled[: len(places)]
 
     def lifted(self, slots: list[Slot], at_m: list[float], along_mps: float) -> list[Slot]:
-        """Return N slots lifted clear of the ground; `at_m`: the leader's distance for each, `along_mps`: its speed."""
+        """Return N slots raised clear of the ground; `at_m`: the leader's distance for each, `along_mps`: its speed."""
         each = zip(slots, self.lift(at_m), strict=True)
         return [
             slot.raised(lift_m, along_mps * slope, along_mps**2 * curvature)
@@ -149,10 +149,10 @@ class SlotClearance:
         ]
 
     def _as_they_were(self, leading: int, first: int, at_m: list[float]) -> list[Array]:
-        """Return the first control points of lifts that continue those of the last tick, relative to the leader's own.
+        """Return the first control points of offsets that continue the last tick's, relative to the leader's own.
 
-        Height, slope and curvature are continuous. A new leader continues from its own lifted height, so followers that
-        were lifted less are below their slots at first.
+        Height, slope and curvature are continuous. A new leader continues from its own raised height, so followers that
+        were raised less are below their slots at first.
         """
         if self._route is None:
             return [np.zeros(0)] * len(at_m)
@@ -166,12 +166,12 @@ class SlotClearance:
         return begun
 
     def lift(self, at_m: list[float]) -> list[Triple]:
-        """Return N lifts, their slopes and their curvatures by the leader's distance, at N distances."""
+        """Return N offsets, their slopes and their curvatures by the leader's distance, at N distances."""
         first = self._first
         return [curve.at(each / STEP_M - first) for curve, each in zip(self._curves, at_m, strict=True)]
 
     def _needed(self, outlook: TrackAhead, places: Array, points: Array) -> Array:
-        """Return the required lifts (N, K) for the leader at distances `places` (K,), the route's `points` (K, 8)."""
+        """Return the required offsets (N, K) for the leader at distances `places` (K,), the route's `points` (K, 8)."""
         north, east, height, course, curvature = points.T[:5]
         leader = outlook.leader
         aside_mps = leader.wind_east_mps * np.cos(course) - leader.wind_north_mps * np.sin(course)

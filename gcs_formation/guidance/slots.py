@@ -1,4 +1,4 @@
-"""Slots over time, and how they change places; over terrain `slot_clearance` lifts them."""
+"""Slots over time, and how they change positions; over terrain `slot_clearance` raises them."""
 
 from __future__ import annotations
 
@@ -44,7 +44,8 @@ class FormationPlan:
         self.kept_m = scenario.safety.kept_m
         """Distance that slots are planned to keep from each other while they move."""
         self.beside: Mask = np.zeros(len(first.places_m), dtype=np.bool_)
-        """(C,) which columns fly beside the turning leader at its speed and heading: slots far aside can't be held."""
+        """(C,) which columns fly alongside the turning leader at its speed and heading: slots far to the side can't be
+        held."""
         self._anybody_beside = False
         self._slots_turn = scenario.formation.frame != "north"
         self._beside_m, self._beside_s, self._turn_rps = first.places_m, 0.0, 0.0

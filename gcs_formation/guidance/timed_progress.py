@@ -22,8 +22,8 @@ from gcs_formation.guidance.parts import BEFORE_M, Part
 from gcs_formation.guidance.turn_on_spot import TurnOnSpot
 
 BACK_RADPS: Final = 0.3
-"""Gain from the distance to where the leader is due, m, to a speed, m/s: half of the bandwidth that lags of 0.6 s, and
-of 0.2 s that setpoints are held, leave well damped."""
+"""Gain from the distance to where the leader is due, m, to a speed, m/s: half of the bandwidth that time constants of
+0.6 s, and of 0.2 s that setpoints are held, leave well damped."""
 OFF_M: Final = 5.0
 """Distance beyond which it is due where it is."""
 MAX_TICK_S: Final = 1.0

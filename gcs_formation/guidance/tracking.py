@@ -77,7 +77,8 @@ def nearest(route: Route, north_m: float, east_m: float, from_m: float, to_m: fl
 def height_setpoint_m(point: PathPoint, state: FlightState, model: AutopilotModel) -> float:
     """Return the height setpoint that keeps a vehicle on its route, whose nearest point is `point`.
 
-    The route's climb is fed forward through both lags of (7), and the updraught, which (7) climbs with, is taken off.
+    The route's climb is fed forward through both time constants of (7), and the updraught, which (7) climbs with, is
+    taken off.
     """
     along_mps, _ = _along_and_aside(state, point.course_rad)
     rise_mps = point.slope * along_mps - state.updraught_mps
@@ -92,7 +93,7 @@ def _along_and_aside(state: FlightState, course_rad: float) -> tuple[float, floa
 
 
 class Abreast(NamedTuple):
-    """The place of a vehicle that takes the lead, beside a point of the path; its way onto the path begins there."""
+    """The position of a vehicle that takes the lead, off a point of the path; its way onto the path begins there."""
 
     point: PathPoint
     right_m: float

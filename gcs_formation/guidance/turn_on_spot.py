@@ -42,7 +42,7 @@ class TurnOnSpot:
         return seconds_between(self.begun, at) >= self.duration_s + LEAST_S
 
     def setpoint(self, at: int, lag_s: float) -> tuple[float, float]:
-        """Return the heading setpoint at an instant (ns) for a vehicle with a heading lag, and its rate, rad/s."""
+        """Return the heading setpoint at an instant (ns) by a heading time constant, and its rate, rad/s."""
         elapsed_s = seconds_between(self.begun, Instant(at))
         share, rate, change = minimum_jerk(min(max(elapsed_s / self.duration_s, 0.0), 1.0))
         rate, change = rate * self.by_rad / self.duration_s, change * self.by_rad / self.duration_s**2

@@ -1,6 +1,7 @@
 """The shortest way to a run-in: a turn, a straight and a turn.
 
-Source: L. E. Dubins, American Journal of Mathematics 79 (1957): shortest ways with a least radius between two points.
+Source: L. E. Dubins, American Journal of Mathematics 79 (1957): shortest paths with a minimum radius between two
+points.
 """
 
 from __future__ import annotations

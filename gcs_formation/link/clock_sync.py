@@ -18,13 +18,13 @@ from gcs_formation.link.delay_edges import DelayEdges
 from gcs_formation.link.trip_variance import FEW, TripVariance
 
 WINDOW: Final = 16
-"""Number of recent round trips (4 s) that are kept for the minimum, mean and scatter."""
+"""Number of recent round trips (4 s) that are kept for the minimum, mean and standard deviation."""
 STEPPED: Final = 8
 """The link's delay has stepped once this many consecutive round trips (2 s) are far (`FAR`) from the earlier ones."""
 SPLIT_S: Final = 30.0
 """Time constant with which the estimate of the delay's split decays: changes too small or slow to detect add up."""
 FAR: Final = 4.0
-"""Groups of round trips are far apart if their medians differ by more than this multiple of their summed scatter."""
+"""Groups of round trips are far apart if their medians differ by more than this multiple of their summed jitter."""
 NORMAL: Final = 1.4826
 """Ratio of standard deviation to median absolute deviation, for normally distributed noise."""
 CRYSTAL_DRIFT: Final = 5e-5
@@ -205,7 +205,7 @@ class ClockSync:
     def _wait_s(self) -> float:
         """Return the last round trip's wait for the answering loop: the best linear estimate from the recent ones.
 
-        All of their scatter up to that of the wait is the wait's, the rest is the link's.
+        All of their jitter up to that of the wait is the wait's, the rest is the link's.
         """
         wait_s = self.loop_s / 2.0
         if self._count >= FEW:
@@ -324,7 +324,7 @@ class ClockSync:
         self._by_edges = False
 
     def _judge(self, log_ratio: float) -> None:
-        """Add a sample's log-likelihood ratio once its scatter is known, and choose the filter."""
+        """Add a sample's log-likelihood ratio once its jitter is known, and choose the filter."""
         if self._count >= FEW and not self._by_edges:
             self._log_ratio = within(self._log_ratio + log_ratio, -REMEMBERED_LOG_RATIO, REMEMBERED_LOG_RATIO)
             self._used = self._any_drift if self._log_ratio > MAX_LOG_RATIO else self._crystal

@@ -126,7 +126,7 @@ class FrameHistory:
             self._copied_at[elsewhere] = now
 
     def is_lost_one(self, frame: Frame, now: Instant, *, elsewhere: bool) -> bool:
-        """Return whether a frame that never came seems to be among the copies that come: it tells of no other sender.
+        """Return whether a frame that never came seems to be among the copies that come: it shows no other sender.
 
         Copies of a minute ago would otherwise look like those of another vehicle, with another clock.
         """

@@ -92,7 +92,7 @@ class SequenceTracker:
 
     A late frame cancels the loss that its gap was counted as; a repeated one counts as neither received nor lost.
     Sequence numbers wrap: the loss in a silence is the count that agrees with them and with the rate before it. A
-    vehicle that hears nothing sends no answers, so its own messages and its answers have separate rates.
+    vehicle that receives nothing sends no answers, so its own messages and its answers have separate rates.
     """
 
     def __init__(self) -> None:
@@ -111,7 +111,7 @@ class SequenceTracker:
         self.asked: i64 = 0
         """Messages sent to the vehicle that it should answer."""
         self.silence: Silence | None = None
-        """The last silence, until the vehicle's clock tells for how long of it the vehicle was sending."""
+        """The last silence, until the vehicle's clock shows for how long of it the vehicle was sending."""
         self._since = self._next = FrameCounts(Instant(0), 0, 0, 0, 0)
         """The counts from which rates are taken, and the next ones to replace them."""
         self._own_hz = 0.0
@@ -122,7 +122,7 @@ class SequenceTracker:
         self._missing: set[int] = set()
         """Numbers counted as lost that may still arrive."""
         self._doubtful = list[int]()
-        """Numbers since the newest, of frames that may be copies: the next number tells."""
+        """Numbers since the newest, of frames that may be copies: the next number shows."""
         self.silent_s = 0.0
         """Time in silences that have ended, s."""
         self._jump: i64 = 0

@@ -43,7 +43,7 @@ class OwnDelays:
         return usual_s if math.isnan(self.ways_s[0]) else self.ways_s
 
     def reset(self) -> None:
-        """Forget what was gathered."""
+        """Forget what was accumulated."""
         if self.failure is None:
             try:
                 guarded(self._entry, self._own.reset)

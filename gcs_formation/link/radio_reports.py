@@ -28,7 +28,7 @@ AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 
 
 def always(_: Connection) -> bool:
-    """Return that a report is believed."""
+    """Return that a report is accepted."""
     return True
 
 
@@ -80,7 +80,7 @@ class RadioReports:
         return True
 
     def of(self, connection: Connection, now: Instant) -> RadioReport | None:
-        """Return the newest report on a vehicle's radio; None without a believed one in the last `STALE_S`."""
+        """Return the newest report on a vehicle's radio; None without an accepted one in the last `STALE_S`."""
         if connection.peer is None or not self._believed(connection):
             return None
         found = self._newest.get((connection.socket, connection.peer))

@@ -1,4 +1,4 @@
-"""TIMESYNC with one vehicle: whether it hears the station, its link's delay, and its clock, optionally against UTC.
+"""TIMESYNC with one vehicle: whether it receives from the station, its link's delay and its clock, also against UTC.
 
 Where UTC is used, a vehicle's stamps are mapped to our instants by it, and it shows how the delay is split. A crystal's
 drift is steady, tens of ppm, while a link's delay isn't. So a two-state Kalman filter takes the drift from the slope of
@@ -193,7 +193,7 @@ class GnssClock:
     def _wait(self, trip_s: float) -> tuple[float, float]:
         """Return a round trip's wait for the answering loop, and the variance of the midpoint.
 
-        It is the best linear estimate: the wait is uniformly distributed, the remaining scatter is the link's.
+        It is the best linear estimate: the wait is uniformly distributed, the remaining jitter is the link's.
         """
         count = len(self._trips)
         mean_s = sum(self._trips) / count
@@ -240,7 +240,7 @@ class GnssClock:
 class StampMap:
     """Maps stamps to instants; a change of the mapping in flight is spread over time.
 
-    With UTC it is a straight line, drawn anew at each tick instead of at each answer.
+    With UTC it is a straight line, drawn again at each tick instead of at each answer.
     """
 
     def __init__(self, round_trips: ClockSync, gnss: GnssClock | None) -> None:
@@ -326,7 +326,7 @@ class RoundTrips:
     def request(self, now: Instant, system: int = 0) -> Timesync:
         """Return a TIMESYNC request to the autopilot of a system; its stamp identifies the answer.
 
-        Routers pass on what names its target, and on a shared line nobody else answers.
+        Routers pass on what names its target, and on a shared line no other answers.
         """
         self._pending.append(now)
         self.requests += 1

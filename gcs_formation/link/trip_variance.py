@@ -1,7 +1,7 @@
 """How much one round trip tells of a vehicle's clock: the variance of the offset that its midpoint shows.
 
 Delays up and down that vary independently leave their difference as uncertain as their sum, however long it is. So
-normal round trips all weigh alike, by a quarter of their variance; one that is longer than they scatter was held up
+normal round trips all weigh alike, by a quarter of their variance; one that is longer than their jitter was held up
 on one way, and is off by up to half of it. The wait for the loop that answers is known by the round trip's length as
 far as it is what makes it vary.
 """

@@ -153,7 +153,7 @@ class Link:
         return self.round_trips.overdue(usual_s, now)
 
     def usable(self, now: Instant) -> bool:
-        """Return whether the vehicle is heard here, and hears us."""
+        """Return whether the vehicle is received here, and receives from us."""
         connection = self.connection
         return connection.talks and self.is_known and self.agrees and not self.failing(now)
 

@@ -135,7 +135,7 @@ def _in_slot(error_m: Array) -> Mask:
 
 
 def separation_m(flight: RecordedFlight, window: Mask) -> Array:
-    """Return the least distance of any two airborne vehicles between each tick of the window and the next, (T,) m.
+    """Return the minimum distance of any two airborne vehicles between each tick of the window and the next, (T,) m.
 
     As `min_separation_m`, at the ticks' positions.
     """
@@ -150,7 +150,7 @@ def gave_way_s(flight: RecordedFlight, window: Mask, rate_hz: float) -> float:
 
 
 def clearance_m(flight: RecordedFlight, window: Mask) -> Array:
-    """Return the least height above ground of airborne vehicles at each tick of the window, (T,) m; NaN without any."""
+    """Return the minimum height above ground of airborne vehicles at each tick of the window, (T,) m, or NaN."""
     return np.fmin.reduce([flight.clearance(vehicle)[window] for vehicle in flight.vehicles])
 
 
@@ -160,7 +160,7 @@ def if_finite(value: float) -> float | None:
 
 
 def minimum(values: Array) -> float | None:
-    """Return the least of the finite values, None if there are none."""
+    """Return the smallest of the finite values, None if there are none."""
     known = values[np.isfinite(values)]
     return float(known.min()) if known.size else None
 

@@ -279,7 +279,7 @@ def _in_order(columns: Columns, scenario: Scenario) -> dict[str, Array]:
 
 
 def _injected(ways_s: Array) -> dict[str, Array]:
-    """Return the columns of delays injected up and down, (T, V, 2) s, and their mean over the ways in use."""
+    """Return the columns of delays injected up and down, (T, V, 2) s, and their mean over the links in use."""
     up_s, down_s = np.ascontiguousarray(ways_s[..., 0]), np.ascontiguousarray(ways_s[..., 1])
     up, down = np.isfinite(up_s), np.isfinite(down_s)
     total_s = np.where(up, up_s, 0.0) + np.where(down, down_s, 0.0)

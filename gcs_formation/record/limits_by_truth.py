@@ -35,7 +35,7 @@ class Track(NamedTuple):
 
     mission_s: Array
     place: Array
-    """(3, N) north, east and height; NaN where nobody is commanded to lead."""
+    """(3, N) north, east and height; NaN where no vehicle is commanded to lead."""
     leader: Indices
     """Who leads: its column, or `NOBODY` for a virtual leader."""
 

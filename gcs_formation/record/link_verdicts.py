@@ -84,7 +84,7 @@ def link_verdict(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool
 
     If the scenario silenced it, the link isn't judged, unless it had broken a bound before. If it fell silent by
     itself, a metric over a window is broken, as nothing was measured; one of the whole flight stands, because it counts
-    the silence. A vehicle that doesn't hear is silent as to delays: it answers no request.
+    the silence. A vehicle that doesn't receive is silent as to delays: it answers no request.
 
     Args:
         verdict: by the figures alone.

@@ -38,11 +38,11 @@ FLUSH_S = 1.0
 EVENT_SCHEMA = 1
 EVENT_SHAPE: Mapping[str, Shape] = {"t_s": NUMBER, "kind": TEXT, "text": TEXT}
 RECORDING = "recording"
-"""Kind of a record's first event, which tells when instant 0 was."""
+"""Kind of a record's first event, which says when instant 0 was."""
 GOES_ON = "goes on"
 """Text of the event of that kind with which a resumed flight begins."""
 PORT = "port"
-"""Kind of the event that tells to which of our ports a vehicle answers."""
+"""Kind of the event that says to which of our ports a vehicle answers."""
 EVENT_DETAILS: Mapping[str, Mapping[str, Shape | Maybe]] = {
     "design": {"design_delay_s": NUMBER},
     PORT: {"endpoint": TEXT, "port": INTEGER},

@@ -109,7 +109,7 @@ def _episodes(broken: Mask) -> int:
 
 
 def value_within(flight: RecordedFlight, metric: str, from_s: float, to_s: float) -> float | None:
-    """Return a limit's figure over a window of mission time on the path; None without one, or if nobody flew then."""
+    """Return a limit's figure over a window of mission time on the path; None without one, or if none flew then."""
     limits = flight.limits
     if limits is None:
         return None

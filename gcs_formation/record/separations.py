@@ -1,4 +1,4 @@
-"""The least distance of any two of many moving vehicles."""
+"""The minimum distance of any two of many moving vehicles."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ STRAIGHT_ON_S = 1.0
 
 
 def min_separation_m(time_s: Array, places: Array) -> Array:
-    """Return the least distance of any two vehicles between each instant and the next, (T,) m.
+    """Return the minimum distance of any two vehicles between each instant and the next, (T,) m.
 
     Positions are interpolated linearly over up to `STRAIGHT_ON_S`. The distance is infinite with fewer than two.
 
@@ -29,11 +29,11 @@ def min_separation_m(time_s: Array, places: Array) -> Array:
 
 
 def _nearest_m(places: Array, steps: Array) -> Array:
-    """Return (T,) the least distance, m, of any two vehicles until the next tick; infinite with fewer than two.
+    """Return (T,) the minimum distance, m, of any two vehicles until the next tick; infinite with fewer than two.
 
     Not every pair is compared. Vehicles are sorted along the axis on which they are spread farthest: first each is
     compared with the next, then with the one after that, and so on. It ends once even the smallest gap along this axis,
-    less what any two close in by until the next tick, is wider than the least distance found.
+    less what any two close in by until the next tick, is wider than the minimum distance found.
 
     Args:
         places: (3, V, T) positions at the ticks; NaN where a vehicle is absent.
@@ -59,7 +59,7 @@ def _nearest_m(places: Array, steps: Array) -> Array:
 
 
 def _min_squared(gaps: list[Array], changes: list[Array]) -> Array:
-    """Return the least square of the distance over gaps (3 arrays, one for each axis) that change by `changes`.
+    """Return the minimum square of the distance over gaps (3 arrays, one for each axis) that change by `changes`.
 
     Between two straight lines it is least at the share -gap.change/change.change of the way, or at one of its ends.
     """

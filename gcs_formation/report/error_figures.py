@@ -56,7 +56,7 @@ MIN_SIZE_M = 1e-3
 """Smallest |error| in the comparison of laws, whose scale is logarithmic."""
 LEAST = r"least possible: $|D|\,T + D^2/2a$"
 GATHERING_M = 1.0
-"""Followers that began in the air, and never were farther from their slots than this, had nothing to gather for."""
+"""Followers that began in the air, and never were farther from their slots than this, had nothing to join up for."""
 ALLOWED = r"held to: $1.5\,(|D|\,T + D^2/2a)$ + 0.05 m"
 
 

@@ -223,7 +223,7 @@ def _tracks(axes: Axes, run: RunData, group: Group, path: Array) -> None:
 
 
 def _lettered(axes: Axes, stills: Sequence[Snapshot]) -> None:
-    """Letter the places of the snapshots, to the right of the leader's direction of flight."""
+    """Letter the positions of the snapshots, to the right of the leader's direction of flight."""
     for still, letter in zip(stills, LETTERS, strict=False):
         place, away = still.reference, (LETTER_PT * np.cos(still.up_rad), -LETTER_PT * np.sin(still.up_rad))
         axes.annotate(

@@ -193,7 +193,7 @@ def _boundary(axes: Axes, table: _Table, level: float, colour: str, label: str) 
 
 
 def crossings_of(places: Array, values: Array, level: float) -> list[float]:
-    """Return the places at which values cross a level, between known neighbours."""
+    """Return the positions at which values cross a level, between known neighbours."""
     off = values - level
     known = np.isfinite(off[:-1]) & np.isfinite(off[1:])
     found = np.flatnonzero(known & ((off[:-1] < 0.0) != (off[1:] < 0.0)))

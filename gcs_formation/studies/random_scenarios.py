@@ -20,7 +20,7 @@ Choice = TypeVar("Choice")
 
 RUN_IN_S = 14.0
 ASSEMBLY_S = 7.0
-"""How long a leader in the air waits for followers; flying another lap would take five minutes."""
+"""How long a leader in the air waits for followers; flying another holding pattern would take five minutes."""
 FIRST_TROUBLE_S = 5.0
 LEG_M = 600.0
 MAX_DRAWS = 100
@@ -196,7 +196,7 @@ def _link_changes(rng: np.random.Generator, severity: Severity, count: int, outa
 
 
 def _outages(rng: np.random.Generator, severity: Severity, count: int, faults: list[Keys]) -> list[Keys]:
-    """Return an outage of a vehicle that has no pilot fault: with both, nobody could know where it is."""
+    """Return an outage of a vehicle that has no pilot fault: with both, its position couldn't be known."""
     if rng.random() > severity.outage_share:
         return []
     begins_s, vehicle = _trouble_at(rng, severity), _vehicle(rng, count)

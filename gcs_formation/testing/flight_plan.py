@@ -219,7 +219,7 @@ class FlownFlight:
         return [known[name] for name in wanted]
 
     def _require_as_planned(self) -> None:
-        """Require that what the scenario planned was done, and that nobody was lost or left unsafe."""
+        """Require that what the scenario planned was done, and that no vehicle was lost or left unsafe."""
         __tracebackhide__ = True
         failings = [text for key in FAILINGS for text in self.figures[key]]
         self._require(not failings, "not flown as planned", failings)

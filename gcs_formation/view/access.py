@@ -1,8 +1,9 @@
 """Who may use the page: the checks of every request, before anything else is looked at.
 
-On the loopback interface, whoever is on the machine; the Host header must name it, so that a page of another site can't
-reach it under a name of its own (DNS rebinding). On another interface, whoever has the token that the printed address
-holds; orders are off there unless they are asked for. What changes anything must come from the page itself (Origin).
+On the loopback interface, any user of the machine; the Host header must name it, so that a page of another site can't
+reach it under a name of its own (DNS rebinding). On another interface, any client that has the token that the printed
+address holds; orders are off there unless they are asked for. What changes anything must come from the page itself
+(Origin).
 """
 
 from __future__ import annotations

@@ -175,7 +175,7 @@ class RunRecording:
         return grew
 
     def _read_log(self) -> bool:
-        """Read on in the log; what it tells of a finished flight is shown when all of it is read."""
+        """Read on in the log; what it says of a finished flight is shown when all of it is read."""
         data, self._log_at = _appended(self._directory / TLOG, self._log_at, max_bytes=LOG_BYTES)
         if data:
             self._begin_log()

@@ -1,4 +1,4 @@
-"""What a telemetry log tells about its vehicles: where they are, and how their links are, on a grid of time."""
+"""What a telemetry log says about its vehicles: where they are, and how their links are, on a grid of time."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ WINDOW_S = 10.0
 SILENT_S = 5.0
 """A vehicle that was silent for longer has no rates, and a leap in its numbers isn't counted as loss."""
 MAX_LOST = 128
-"""A larger step of the sequence number means that it began anew."""
+"""A larger step of the sequence number means that it began again."""
 MAX_TEXTS = 20_000
 MAX_VEHICLES = 1000
 KINDS = (HEARTBEAT, SYS_STATUS, STATUSTEXT, TIMESYNC, GLOBAL_POSITION_INT, VFR_HUD, BATTERY_STATUS)

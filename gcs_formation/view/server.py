@@ -80,7 +80,7 @@ class Viewer:
         self._parts = served_files()
         self.failure: str | None = None
         self.closing = False
-        """Whether it is about to end: browsers are told, so that they don't ask again."""
+        """Whether it is about to end: browsers are notified, so that they don't ask again."""
         self.streams = 0
         self._began_s, self.last_left_s = time.monotonic(), NEVER
         """When the last browser left, wall time; `NEVER` before any came."""

@@ -40,13 +40,13 @@ def test_only_the_vehicle_named_is_altered_while_the_fault_lasts_and_its_frames_
     relay = Relay(1)
     relay.faults = (parse_fault("quantity=height,effect=offset,amount=-20,vehicles=[3],at_s=5,for_s=10"),)
     third, second = FrameWriter(3, 1), FrameWriter(2, 1)
-    told = {}
+    reported = {}
     for time_s in (0.0, 6.0, 16.0):
         both = third.encode(HEARTBEAT) + third.encode(position()) + second.encode(position())
-        told[time_s] = frames(passed(relay, both, time_s))
-    heights = {time_s: [each.message.alt_m for each in found[1:]] for time_s, found in told.items()}
+        reported[time_s] = frames(passed(relay, both, time_s))
+    heights = {time_s: [each.message.alt_m for each in found[1:]] for time_s, found in reported.items()}
     assert heights == {0.0: [130.0, 130.0], 6.0: [110.0, 130.0], 16.0: [130.0, 130.0]}
-    assert [(each.system, each.component, each.sequence) for each in told[6.0]] == [(3, 1, 2), (3, 1, 3), (2, 1, 1)]
+    assert [(each.system, each.component, each.sequence) for each in reported[6.0]] == [(3, 1, 2), (3, 1, 3), (2, 1, 1)]
 
 
 def test_without_faults_that_act_every_byte_passes_as_it_came():
@@ -92,8 +92,8 @@ def test_two_faults_act_one_after_the_other():
 def test_a_fault_typed_while_it_runs_begins_then_and_none_ends_all():
     (fault,) = changed((), "quantity=position,effect=offset,amount=[0, 20, 0],for_s=20", 31.0)
     assert (fault.at_s, fault.for_s, fault.amount, fault.vehicles) == (31.0, 20.0, (0.0, 20.0, 0.0), frozenset())
-    told = "quantity=position,effect=offset,amount=[0.0,20.0,0.0],vehicles=all,at_s=31,for_s=20"
-    assert described(fault) == f"fault: {told}"
+    reported = "quantity=position,effect=offset,amount=[0.0,20.0,0.0],vehicles=all,at_s=31,for_s=20"
+    assert described(fault) == f"fault: {reported}"
     assert changed((fault,), "none", 40.0) == ()
     assert math.isinf(parse_fault("quantity=position,effect=freeze").for_s)
 

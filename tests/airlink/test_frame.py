@@ -209,7 +209,7 @@ def resealed(raw, incompatible_flags):
 
 
 @pytest.mark.parametrize("flags", [0x02, 0x80])
-def test_frames_with_flags_that_nobody_knows_are_dropped(flags):
+def test_frames_with_unknown_flags_are_dropped(flags):
     parser = StreamParser()
     assert raws(parser.feed(resealed(SOUND, flags) + SOUND)) == [SOUND]
     assert (parser.counts.incompatible, parser.counts.bad_checksums) == (1, 0)

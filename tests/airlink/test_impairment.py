@@ -63,7 +63,7 @@ def test_the_quantile_undoes_the_share(name, share):
 
 
 @pytest.mark.parametrize("name", ["normal", "uniform", "pareto"])
-def test_delays_scatter_about_their_mean_by_the_jitter(name):
+def test_delays_vary_about_their_mean_by_the_jitter(name):
     sample = delays(Impairment(delay_s=0.2, jitter_s=0.02, distribution=name))
     assert sample.mean() == pytest.approx(0.2, abs=4 * 0.02 / math.sqrt(MANY))
     assert kstest((sample - 0.2) / 0.02, np.vectorize(CDF[name])).pvalue > 0.01

@@ -63,7 +63,7 @@ def test_a_run_repeats_itself():
     assert record() == record()
 
 
-def test_what_nobody_listens_for_is_lost_and_an_idle_network_stops():
+def test_what_no_one_listens_for_is_lost_and_an_idle_network_stops():
     lonely = Beacon("a", "udpout:127.0.0.1:14550")
     lonely.outbox.append(Datagram(0, GROUND, b"x"))
     network_of(lonely).run(lambda: False)

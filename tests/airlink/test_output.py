@@ -50,7 +50,7 @@ def test_a_closed_pipe_is_no_broken_expectation_and_no_traceback() -> None:
     "words",
     [*(pytest.param(each, marks=pytest.mark.slow) for each in (["run", "nonexist.yaml"], ["runn"])), ["run", "--x"]],
 )
-def test_bad_usage_is_bad_usage_where_nobody_can_be_told(words) -> None:
+def test_bad_usage_is_bad_usage_where_no_one_reads(words) -> None:
     with FULL.open("w") as full:
         done = subprocess.run([*STATION, *words], stderr=full, check=False, timeout=60)
     assert done.returncode == Status.BAD_USAGE
@@ -70,7 +70,7 @@ def test_words_that_a_terminal_has_no_letters_for_are_written_all_the_same(tmp_p
     ("below_m", "status"),
     [(1e-5, Status.EXPECTATION_BROKEN), pytest.param(1e3, Status.FINE, marks=pytest.mark.slow)],
 )
-def test_a_finished_flight_keeps_its_status_where_nobody_takes_its_words(tmp_path, below_m, status) -> None:
+def test_a_finished_flight_keeps_its_status_where_no_one_reads_its_output(tmp_path, below_m, status) -> None:
     path = tmp_path / "short.yaml"
     path.write_text(
         "{schema: 1, name: short, duration_s: 2, start: {in_air: true, run_in_s: 5}, vehicles: {count: 2},"
@@ -84,7 +84,7 @@ def test_a_finished_flight_keeps_its_status_where_nobody_takes_its_words(tmp_pat
         assert subprocess.run(command, stdout=pipe, stderr=pipe, check=False, timeout=60).returncode == status
 
 
-def test_vehicles_fly_on_where_nobody_reads_their_greeting() -> None:
+def test_vehicles_fly_on_where_no_one_reads_their_greeting() -> None:
     reading, writing = os.pipe()
     os.close(reading)
     with os.fdopen(writing, "w") as pipe:

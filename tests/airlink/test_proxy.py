@@ -189,7 +189,7 @@ def test_a_line_changes_what_it_names(line, uplink, downlink):
         ("sideways loss 0.1", "found 'sideways loss 0.1'; allowed: [uplink|downlink] KEY VALUE"),
     ],
 )
-def test_a_bad_line_changes_nothing_and_is_told_what_is_allowed(line, answer, capsys):
+def test_a_bad_line_changes_nothing_and_is_answered_with_what_is_allowed(line, answer, capsys):
     relay = Relay(1)
     Console(relay).take(line.encode() + b"\n")
     assert capsys.readouterr().out.startswith(f"error: {answer}")

@@ -89,7 +89,7 @@ def test_a_silence_that_a_restart_ends_lost_nothing():
 
 
 @pytest.mark.parametrize("every", [False, True])
-def test_after_an_outage_that_both_counts_fit_nobody_is_thought_to_have_answered(every):
+def test_after_an_outage_that_both_counts_fit_none_is_thought_to_have_answered(every):
     """In 15 s: 640 unasked frames; with 256 answers the numbers would be the same."""
     tracker = SequenceTracker()
     heard = heard_for(tracker, 20)

@@ -38,7 +38,7 @@ def test_many_strangers_share_what_is_read_of_all() -> None:
     assert octets <= ALL_AT_ONCE_BYTES + 5 * ALL_BYTES_PER_S + SIZE
 
 
-def test_a_flood_keeps_nobody_else_from_being_heard() -> None:
+def test_a_flood_keeps_no_other_from_being_received() -> None:
     limit, flood, vehicle = StrangerLimit(0), Address(LOOPBACK, 1), Address(LOOPBACK, 2)
     heard = 0
     for at in range(0, 20 * SECOND, SECOND // 4500):

@@ -164,7 +164,7 @@ def test_what_is_no_serial_line_is_named(device):
         open_transport(parse_endpoint(f"serial:{device}:57600"), Inbox())
 
 
-def test_in_a_group_everybody_hears_everybody_but_himself(port):
+def test_in_a_group_every_end_receives_every_other_and_not_itself(port):
     members = [Hearing(f"mcast:239.255.145.51:{port}") for _ in range(2)]
     with Driver(members[0], RealClock()) as here, Driver(members[1], RealClock()) as there:
         run_both(here, there, lambda: members[0].say(b"a") or members[1].heard)

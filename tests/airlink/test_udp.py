@@ -91,7 +91,7 @@ def test_who_cannot_be_reached_is_no_error(port):
 
 
 @pytest.mark.parametrize("platform", [sys.platform, "without recvmmsg"])
-def test_all_that_waits_is_taken_in_its_order_whoever_sent_it(port, platform, monkeypatch):
+def test_all_that_waits_is_taken_in_its_order_from_any_sender(port, platform, monkeypatch):
     monkeypatch.setattr(sys, "platform", platform)
     sent = [b"", bytes(65_507), *(bytes([number % 256]) * (1 + number % 90) for number in range(200))]
     first, second = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))

@@ -45,17 +45,17 @@ def fly(begin, commanded, seconds, steps=1, of=None):
 @pytest.mark.parametrize("moves", [advance, respond])
 def test_what_a_model_keeps_of_its_lags_ends_when_one_changes(lag, moves):
     kept = model()
-    told = {"speed_mps": 23.0, "heading_rad": 0.2, "height_m": 101.0, "time_s": 0.1}
-    moves(state(), kept, **told)
+    commands = {"speed_mps": 23.0, "heading_rad": 0.2, "height_m": 101.0, "time_s": 0.1}
+    moves(state(), kept, **commands)
     fresh = AutopilotModel(*model().values())
     for each in (kept, fresh):
         setattr(each, lag, 2.5)
     one, other = state(), state()
-    moves(one, kept, **told)
-    moves(other, fresh, **told)
+    moves(one, kept, **commands)
+    moves(other, fresh, **commands)
     assert one.values() == other.values()
-    moves(one, kept, **told | {"time_s": 0.3})
-    moves(other, fresh, **told | {"time_s": 0.3})
+    moves(one, kept, **commands | {"time_s": 0.3})
+    moves(other, fresh, **commands | {"time_s": 0.3})
     assert one.values() == other.values()
 
 
@@ -205,9 +205,9 @@ def test_wind_is_added_to_the_way_over_ground():
 
 
 @pytest.mark.parametrize("tau_s", [0.5, 2.0, 40.0])
-@pytest.mark.parametrize("apart", [0.0, 1e-9])
-def test_equal_time_constants_of_the_height_make_a_double_pole(tau_s, apart):
-    end = fly(state(), command(height=101.0), 1.0, of=model(tau_s, tau_s * (1 + apart)))
+@pytest.mark.parametrize("difference", [0.0, 1e-9])
+def test_equal_time_constants_of_the_height_make_a_double_pole(tau_s, difference):
+    end = fly(state(), command(height=101.0), 1.0, of=model(tau_s, tau_s * (1 + difference)))
     left = math.exp(-1 / tau_s)
     assert end.height_m == pytest.approx(101 - (1 + 1 / tau_s) * left, abs=1e-8)
     assert end.climb_mps == pytest.approx(left / tau_s**2, abs=1e-8)
@@ -216,23 +216,23 @@ def test_equal_time_constants_of_the_height_make_a_double_pole(tau_s, apart):
 @settings(max_examples=100, deadline=None)
 @given(st.floats(16, 28), st.floats(-3, 3), st.floats(-3, 3), st.floats(16, 28), st.floats(-9, 9), st.floats(0.01, 5))
 def test_a_response_is_the_flight_without_its_change_of_position(
-    airspeed: float, climb: float, heading: float, speed: float, told_rad: float, seconds: float
+    airspeed: float, climb: float, heading: float, speed: float, commanded_rad: float, seconds: float
 ) -> None:
     begin = state(airspeed_mps=airspeed, climb_mps=climb, heading_rad=heading)
-    end, flown = begin.copy(), fly(begin, command(speed, told_rad, 120.0), seconds)
-    respond(end, model(), speed, told_rad, 120.0, seconds)
+    end, flown = begin.copy(), fly(begin, command(speed, commanded_rad, 120.0), seconds)
+    respond(end, model(), speed, commanded_rad, 120.0, seconds)
     assert end.values()[2:] == flown.values()[2:]
     assert end.values()[:2] == begin.values()[:2]
 
 
 @given(st.floats(0.02, 1.0), st.floats(-0.2, 0.2), st.floats(-4.0, 4.0))
-def test_a_held_models_rates_are_the_means_while_a_setpoint_is_held(held_s, aside, faster):
+def test_a_zero_order_hold_equivalents_rates_are_the_means_while_a_setpoint_is_held(held_s, to_side, faster):
     """Of the error at the beginning, and of the error at the end with lags that are shorter by the elapsed time."""
     begin, held = state(heading_rad=1.0), model().held(held_s)
-    end = fly(begin, command(speed=22.0 + faster, heading=1.0 + aside), held_s)
+    end = fly(begin, command(speed=22.0 + faster, heading=1.0 + to_side), held_s)
     for value, less_s in ((begin, 0.0), (end, held_s)):
         meant_mps2 = rate(22.0 + faster - value.airspeed_mps, held.tau_v_s - less_s, ACCEL)
-        meant_rps = rate(1.0 + aside - value.heading_rad, held.tau_psi_s - less_s, TURN)
+        meant_rps = rate(1.0 + to_side - value.heading_rad, held.tau_psi_s - less_s, TURN)
         assert meant_mps2 == pytest.approx((end.airspeed_mps - begin.airspeed_mps) / held_s, rel=1e-6, abs=1e-12)
         assert meant_rps == pytest.approx((end.heading_rad - begin.heading_rad) / held_s, rel=1e-6, abs=1e-12)
 

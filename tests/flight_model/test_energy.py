@@ -103,8 +103,8 @@ def test_a_demand_that_is_swung_quickly_comes_back_larger():
     one, parameters = aircraft()
     swung = []
     for cycle in range(3000):
-        told_mps = 22.0 + 0.5 * math.sin(0.8 * cycle * energy.CYCLE_S)
-        commanded = energy.Commanded(told_mps, math.inf, 0.0, 1.0, 100.0)
+        commanded_mps = 22.0 + 0.5 * math.sin(0.8 * cycle * energy.CYCLE_S)
+        commanded = energy.Commanded(commanded_mps, math.inf, 0.0, 1.0, 100.0)
         if cycle % energy.CYCLES == 0:
             energy.control(one, commanded, parameters)
         energy.cycle(one, commanded, parameters)

@@ -26,8 +26,9 @@ def test_below_walking_speed_the_axis_stays_near_the_nose(nose_rad, course_rad, 
 
 @given(angles, st.floats(0.5, 4.0))
 def test_the_axis_is_continuous_in_speed(nose_rad, speed_mps):
-    aside = nose_rad + math.pi / 3
+    to_side = nose_rad + math.pi / 3
     one, other = (
-        slot_axis(nose_rad, each * math.cos(aside), each * math.sin(aside)) for each in (speed_mps, speed_mps + 1e-6)
+        slot_axis(nose_rad, each * math.cos(to_side), each * math.sin(to_side))
+        for each in (speed_mps, speed_mps + 1e-6)
     )
     assert math.remainder(one - other, math.tau) == pytest.approx(0.0, abs=1e-4)

@@ -27,8 +27,8 @@ def legs(waypoints, *, over: bool = False, circle: bool = False, lack=None, max_
     return LegsPath(waypoints, LegPlan(TurnRules([LIMITS] * count, max_m, over, lack), [CLIMBS] * count, circle))
 
 
-def lanes(apart_m: float, count: int = 4, length_m: float = 1500.0) -> list[list[float]]:
-    ends = [[[0.0, lane * apart_m, 100.0], [length_m, lane * apart_m, 100.0]] for lane in range(count)]
+def lanes(spacing_m: float, count: int = 4, length_m: float = 1500.0) -> list[list[float]]:
+    ends = [[[0.0, lane * spacing_m, 100.0], [length_m, lane * spacing_m, 100.0]] for lane in range(count)]
     return [end for lane, both in enumerate(ends) for end in (both if lane % 2 == 0 else both[::-1])]
 
 
@@ -63,10 +63,10 @@ def test_the_tangents_of_a_turn_meet_equally_far_from_both_ends():
 @given(st.floats(-900.0, 900.0), st.floats(-900.0, 900.0), st.floats(-math.pi, math.pi))
 @settings(max_examples=60, deadline=None)
 def test_every_detour_ends_where_and_as_it_should_and_the_shortest_is_first(forward_m, right_m, angle_rad):
-    ways = Detours(LIMITS).between(forward_m, right_m, angle_rad)
-    assert ways
-    assert [way.length_m for way in ways] == sorted(way.length_m for way in ways)
-    for way in ways:
+    options = Detours(LIMITS).between(forward_m, right_m, angle_rad)
+    assert options
+    assert [way.length_m for way in options] == sorted(way.length_m for way in options)
+    for way in options:
         end, course, length_m = 0j, 0.0, 0.0
         for part in way.parts:
             turn = turned_m(np.asarray(part.angle_rad), LIMITS.widened(part.widened))
@@ -80,14 +80,14 @@ def test_every_detour_ends_where_and_as_it_should_and_the_shortest_is_first(forw
         assert way.length_m >= abs(end) - 1e-6
 
 
-@pytest.mark.parametrize("apart_m", [40.0, 60.0, 100.0, 200.0, 300.0, 350.0, 400.0])
-def test_every_lane_of_a_survey_is_flown_straight_from_end_to_end(apart_m):
-    waypoints = lanes(apart_m)
+@pytest.mark.parametrize("spacing_m", [40.0, 60.0, 100.0, 200.0, 300.0, 350.0, 400.0])
+def test_every_lane_of_a_survey_is_flown_straight_from_end_to_end(spacing_m):
+    waypoints = lanes(spacing_m)
     path = legs(waypoints)
     at_m = np.arange(0.0, path.length_m, 0.5)
     points = path.at(at_m)
     for lane in range(4):
-        on = (np.abs(points.east_m - lane * apart_m) < 1e-3) & (np.abs(points.curvature_1pm) < 1e-9)
+        on = (np.abs(points.east_m - lane * spacing_m) < 1e-3) & (np.abs(points.curvature_1pm) < 1e-9)
         north_m = points.north_m[on]
         assert north_m.min() < 2.0
         assert north_m.max() > 1498.0

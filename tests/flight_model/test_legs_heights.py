@@ -37,7 +37,7 @@ def test_a_run_that_climbs_too_steeply_altogether_stays_refused() -> None:
     assert steep
 
 
-def test_steep_ways_are_named_by_their_own_index_when_others_are_left_out() -> None:
+def test_steep_climbs_are_named_by_their_own_index_when_others_are_left_out() -> None:
     at_m = np.array([*np.arange(0.0, 2000.0, 18.0), 4000.0, 4100.0, 8000.0])
     heights_m = np.array([*(100.0 + 0.1 * (-1.0) ** np.arange(at_m.size - 3)), 100.0, 200.0, 200.0])
     _, steep = profile(at_m, heights_m, [CLIMBS] * (at_m.size - 1))

@@ -47,7 +47,7 @@ def test_distances_by_time_are_those_of_the_speeds_along_the_way() -> None:
     assert profile.later_m(0.0, took_s) == pytest.approx(3400.0, abs=0.5)
 
 
-def test_places_are_told_apart_by_their_speed_and_those_of_a_change_belong_to_both() -> None:
+def test_positions_are_distinguished_by_their_speed_and_those_of_a_change_belong_to_both() -> None:
     profile, _ = speed_profile(STRAIGHTS, [22.0, 18.0, 22.0], LIMITS)
     at_m = np.array([100.0, 1210.0, 2100.0, 3300.0])
     assert profile.near(at_m, 22.0).tolist() == [True, True, False, True]

@@ -81,20 +81,20 @@ def test_a_timetable_is_smooth_bounded_and_stops_where_it_is_to(nodes, speed_mps
     assert [table.when_s(table.after(each)[0]) for each in moving] == pytest.approx(moving, abs=1e-3)
 
 
-def lanes(apart_m, count=4, length_m=200.0):
+def lanes(spacing_m, count=4, length_m=200.0):
     ends = [[0.0, length_m], [length_m, 0.0]]
-    return [[north, lane * apart_m, 30.0] for lane in range(count) for north in ends[lane % 2]]
+    return [[north, lane * spacing_m, 30.0] for lane in range(count) for north in ends[lane % 2]]
 
 
-@pytest.mark.parametrize("apart_m", [1.5, 10.0, 20.0, 40.0])
+@pytest.mark.parametrize("spacing_m", [1.5, 10.0, 20.0, 40.0])
 @pytest.mark.parametrize("speed_mps", [5.0, 10.0])
-def test_lanes_however_near_are_flown_whole_without_a_loop(apart_m, speed_mps):
-    waypoints = lanes(apart_m)
+def test_lanes_however_near_are_flown_whole_without_a_loop(spacing_m, speed_mps):
+    waypoints = lanes(spacing_m)
     path = planned(waypoints, speed_mps)
     assert deviation(path, waypoints).off_legs_m < 8.0
-    assert path.length_m <= 4 * 200.0 + 3 * apart_m + 1e-6
+    assert path.length_m <= 4 * 200.0 + 3 * spacing_m + 1e-6
     stopped = [each for each in path.passed if each.kind == "stop"]
-    if apart_m < 5.0:
+    if spacing_m < 5.0:
         assert len(stopped) == 6
         assert deviation(path, waypoints).off_legs_m < 1e-6
         assert [each.by_rad for each in path.turns_in_place] == pytest.approx(

@@ -40,9 +40,9 @@ class FailedSensor(Between):
         self.number, self.reads_mps, self.loses_mps, self._lost_mps = number, reads_mps, loses_mps, 0.0
 
     def datagrams_to_send(self) -> list[Datagram]:
-        return [self._told(each) for each in super().datagrams_to_send()]
+        return [self._commanded(each) for each in super().datagrams_to_send()]
 
-    def _told(self, datagram: Datagram) -> Datagram:
+    def _commanded(self, datagram: Datagram) -> Datagram:
         (frame,) = StreamParser().feed(datagram.data)
         message = frame.message
         if frame.system != self.number or message is None:
@@ -73,7 +73,7 @@ def min_separation_m(world: World, seconds: float) -> float:
 
 
 @pytest.mark.parametrize("number", [1, 2])
-def test_a_sensor_that_reads_0_for_a_while_is_told_of_and_changes_nothing(number: int) -> None:
+def test_a_sensor_that_reads_0_for_a_while_is_reported_and_changes_nothing(number: int) -> None:
     world, sensor = flown(duration_s=12, vehicles={"count": 2})
     world.fly_to(2.0)
     sensor.fail(number, 0.0)

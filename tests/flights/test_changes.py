@@ -67,7 +67,7 @@ def test_a_crash_breaks_no_limit_that_the_others_keep(fly: Fly, lost: int) -> No
 
 
 @pytest.mark.slow
-def test_a_slot_that_goes_aside_in_the_followers_own_frame_stays_occupied(fly: Fly) -> None:
+def test_a_slot_that_goes_to_the_side_in_the_followers_own_frame_stays_occupied(fly: Fly) -> None:
     """It turns its own axes on the way, with a lag that changes; one of the slots moves 60 m to the side."""
     formation = {"shape": "arrow", "frame": "follower_heading", "changes": [{"at_s": 5, "shape": "square"}]}
     late = {"default": {"delay_ms": 300}}
@@ -78,7 +78,7 @@ def test_a_slot_that_goes_aside_in_the_followers_own_frame_stays_occupied(fly: F
 
 
 @pytest.mark.slow
-def test_who_is_left_alone_is_near_nobody(fly: Fly) -> None:
+def test_one_that_is_left_alone_is_near_none(fly: Fly) -> None:
     alone = {"metric": "min_separation_m", "from_s": 6, "above": 5.0}
     faults = [{"at_s": 5, "vehicles": [2], "kind": "crash"}]
     summary = fly(duration_s=10, vehicles={"count": 2}, faults=faults, expect=[alone]).to_dict()
@@ -86,7 +86,7 @@ def test_who_is_left_alone_is_near_nobody(fly: Fly) -> None:
 
 
 @pytest.mark.slow
-def test_who_takes_over_on_its_way_aside_goes_on_that_way_and_slots_far_off_are_kept(fly: Fly) -> None:
+def test_one_that_takes_over_on_its_way_to_the_side_goes_on_that_way_and_slots_far_off_are_kept(fly: Fly) -> None:
     """It moves 1.3 m/s to the right; if its nose came round at once, slots 120 m away would jump by 5 m."""
     summary = fly(
         duration_s=45,
@@ -129,8 +129,8 @@ def test_without_succession_a_lost_leader_has_everyone_loiter(fly: Fly, tmp_path
         faults=[{"at_s": 5, "vehicles": [1], "kind": "crash"}],
     )
     assert not events(tmp_path, "leader")
-    told = {event["vehicle"] for event in events(tmp_path, "member") if event["text"] == "told to loiter"}
-    assert told == {"2", "3"}  # nobody follows the lost leader
+    reported = {event["vehicle"] for event in events(tmp_path, "member") if event["text"] == "told to loiter"}
+    assert reported == {"2", "3"}  # nobody follows the lost leader
 
 
 @pytest.mark.slow

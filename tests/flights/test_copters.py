@@ -34,8 +34,8 @@ def test_they_keep_their_slots_through_stops_and_changes(tmp_path):
         assert max(follower[axis]["rms"] for axis in ("error_x_m", "error_y_m", "error_z_m")) < 0.1
         assert max(follower[axis]["max"] for axis in ("error_x_m", "error_y_m", "error_z_m")) < 0.6
     assert flown["safety"]["min_separation_m"] > 8.0
-    told = events(tmp_path / "run")
-    assert [each["text"] for each in told if each["kind"] == "order"] == [
+    reported = events(tmp_path / "run")
+    assert [each["text"] for each in reported if each["kind"] == "order"] == [
         "speed 0: accepted",
         "shape line 12: accepted",
         "speed 5: accepted",
@@ -43,12 +43,12 @@ def test_they_keep_their_slots_through_stops_and_changes(tmp_path):
         "speed 0: accepted",
         "speed 5: accepted",
     ]
-    assert not [each for each in told if each["kind"] in ("disobeys", "separation", "unacknowledged")]
+    assert not [each for each in reported if each["kind"] in ("disobeys", "separation", "unacknowledged")]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("shape", "other", "spacing_m"), [("plus", "line", 12), ("circle", "triangle", 13)])
-def test_nobody_gives_way_in_a_change_that_is_planned(shape, other, spacing_m, tmp_path):
+def test_none_manoeuvres_in_a_change_that_is_planned(shape, other, spacing_m, tmp_path):
     """They pass at 0.6 of the slots' distance or more, which is closer than the rule keeps: they evaded for ever."""
     keys = {
         "start": {"in_air": True},
@@ -202,7 +202,7 @@ STANDING: dict[str, Any] = {
 }
 
 
-def test_what_will_be_refused_of_those_that_stand_is_told_before_the_flight():
+def test_what_will_be_refused_of_those_that_hover_is_reported_before_the_flight():
     orders = [
         "heading 90",
         "speed 0",
@@ -215,8 +215,8 @@ def test_what_will_be_refused_of_those_that_stand_is_told_before_the_flight():
         "speed 99",
     ]
     planned = [{"at_s": 10 * n, "order": order} for n, order in enumerate(orders, 1)]
-    told = list(doomed_orders(load_scenario(STANDING | {"orders": planned, "duration_s": 100})))
-    assert told == [
+    reported = list(doomed_orders(load_scenario(STANDING | {"orders": planned, "duration_s": 100})))
+    assert reported == [
         "orders.0: 'heading 90' will be refused: found a formation that flies at 5 m/s; allowed: after `speed 0`",
         "orders.3: 'speed 4' will be refused: the formation faces 90° off its path; allowed: up to 15°, by `heading 0` "
         "first",
@@ -242,7 +242,7 @@ def test_they_are_refused_in_flight_with_the_same_words():
     ]
 
 
-def test_aircraft_that_may_be_able_to_land_are_not_told_that_they_cannot():
+def test_aircraft_that_may_be_able_to_land_are_not_reported_as_unable():
     keys = scenario(orders=[{"at_s": 5, "order": "land"}])
     assert list(doomed_orders(load_scenario(keys))) == []
 

@@ -62,8 +62,8 @@ def test_a_pair_that_is_stopped_loiters_after_5_s() -> None:
     world.station.course.stop(world.clock.now())
     stopped_s = world.now_s
     world.run()
-    told_s = [world.times_s("mode", number, "LOITER")[0] - stopped_s for number in (1, 2)]
-    assert 4.5 < min(told_s) <= max(told_s) < 6.0
+    commanded_s = [world.times_s("mode", number, "LOITER")[0] - stopped_s for number in (1, 2)]
+    assert 4.5 < min(commanded_s) <= max(commanded_s) < 6.0
 
 
 def test_they_circle_once_all_are_apart_however_long_the_climb_takes() -> None:
@@ -92,7 +92,7 @@ def test_circles_in_rough_air_are_as_far_apart_as_it_asks_for() -> None:
 
 
 @pytest.mark.parametrize("phase", [Phase.ENDING, Phase.LOITERING])
-def test_told_to_stop_once_more_everyone_goes_home_at_once_and_apart(phase: Phase) -> None:
+def test_commanded_to_stop_once_more_all_go_home_at_once_at_separate_heights(phase: Phase) -> None:
     world = World(vehicles={"count": 2}, finish={"loiter_s": 0})
     world.fly_to(1.0)
     world.station.course.stop(world.clock.now())
@@ -100,8 +100,8 @@ def test_told_to_stop_once_more_everyone_goes_home_at_once_and_apart(phase: Phas
     again_s = world.now_s
     assert world.station.course.go_home_at_once(world.clock.now())
     world.run()
-    told_s = [world.times_s("mode", number, "RTL")[0] - again_s for number in (1, 2)]
-    assert max(told_s) < 0.3
+    commanded_s = [world.times_s("mode", number, "RTL")[0] - again_s for number in (1, 2)]
+    assert max(commanded_s) < 0.3
     assert not world.station.course.go_home_at_once(world.clock.now())
     wanted_m = [body.steering.height_m for body in world.fleet.bodies]
     assert abs(wanted_m[0] - wanted_m[1]) >= 15.0
@@ -117,13 +117,13 @@ class Deaf(Between):
         super().__init__(fleet)
         self.refuse: Callable[[CommandLong], int | None] = lambda _: None
         self.hidden: int | None = None
-        self.told: list[CommandLong] = []
+        self.commands: list[CommandLong] = []
 
     def take(self, datagram: Datagram, now: Instant) -> None:
         for frame in StreamParser().feed(datagram.data):
             command = frame.message
             if isinstance(command, CommandLong) and command.command != m.MAV_CMD_SET_MESSAGE_INTERVAL:
-                self.told.append(command)
+                self.commands.append(command)
                 result = self.refuse(command)
                 if result is not None:
                     answering = self.fleet.vehicles[command.target_system - 1].link
@@ -140,11 +140,11 @@ class Deaf(Between):
 
     def disarmed(self) -> list[int]:
         """Return which vehicles were told to disarm."""
-        return [each.target_system for each in self.told if each.command == m.MAV_CMD_COMPONENT_ARM_DISARM]
+        return [each.target_system for each in self.commands if each.command == m.MAV_CMD_COMPONENT_ARM_DISARM]
 
 
 @pytest.mark.parametrize("hides", [False, True])
-def test_one_that_restarts_just_before_the_end_is_told_to_circle_and_never_to_disarm(hides: bool) -> None:
+def test_one_that_restarts_just_before_the_end_is_commanded_to_circle_and_never_to_disarm(hides: bool) -> None:
     """It flies at 100 m, but hasn't sent a position yet, and may never do so."""
     world = World(Deaf, duration_s=60)
     world.fly_to(2.0)
@@ -161,14 +161,14 @@ def test_one_that_restarts_just_before_the_end_is_told_to_circle_and_never_to_di
 
 
 @pytest.mark.parametrize("result", [m.MAV_RESULT_DENIED, m.MAV_RESULT_UNSUPPORTED, m.MAV_RESULT_COMMAND_INT_ONLY])
-def test_one_that_refuses_to_loiter_is_told_again_and_the_run_says_so(result: int) -> None:
+def test_one_that_refuses_to_loiter_is_commanded_again_and_the_run_says_so(result: int) -> None:
     world = World(Deaf, duration_s=60)
     world.fly_to(2.0)
     between = cast("Deaf", world.between)
     between.refuse = lambda command: result if (command.target_system, command.param2) == (2, Mode.LOITER) else None
     world.station.course.stop(world.clock.now())
     world.run()
-    tries = [each for each in between.told if (each.target_system, each.param2) == (2, Mode.LOITER)]
+    tries = [each for each in between.commands if (each.target_system, each.param2) == (2, Mode.LOITER)]
     assert 6 <= len(tries) <= 8, "every 3 s for 20 s"
     assert len(world.times_s("disobeys", 2, "refuses mode LOITER")) == len(world.times_s("unacknowledged", 2)) == 1
     assert world.times_s("unacknowledged") == world.times_s("unacknowledged", 2)
@@ -279,7 +279,7 @@ FAULTS = ["uplink", "downlink", "both", "ignore", "crash", "restart", "pilot"]
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("geometry", GEOMETRIES)
-def test_nobody_comes_near_at_the_end_whatever_fails_then(fly: Fly, geometry: str, fault: str) -> None:
+def test_none_comes_near_at_the_end_whatever_fails_then(fly: Fly, geometry: str, fault: str) -> None:
     for after_end_s in (-3.0, -0.5, 2.0, 6.0):
         begins_s, ends_s = END_S + after_end_s, END_S + after_end_s + 8.0
         keys: dict[str, Any] = {"links": out(fault, begins_s, ends_s)}
@@ -293,7 +293,7 @@ def test_nobody_comes_near_at_the_end_whatever_fails_then(fly: Fly, geometry: st
         assert safety["min_separation_m"] > 7.0, f"{fault} {after_end_s} s after the end"
 
 
-def test_one_that_restarts_while_the_others_circle_is_told_to_circle_again() -> None:
+def test_one_that_restarts_while_the_others_circle_is_commanded_to_circle_again() -> None:
     """It reboots into MANUAL and flies straight on, but had acknowledged LOITER before."""
     world = World(vehicles={"count": 2}, finish={"loiter_s": 30})
     world.fly_to(1.0)

@@ -62,8 +62,8 @@ def test_a_ceiling_holds_all_vehicles_and_the_law_keeps_its_slots_under_it(climb
     home, summary = climb
     found = pq.read_table(home / "run" / TIMESERIES).to_pydict()
     on_path = np.array(found["phase"]) == "flying"
-    told_m, true_m = np.array(found["setpoint_height_m"])[on_path], np.array(found["true_height_m"])[on_path]
-    assert told_m.max() == 104.0
+    commanded_m, true_m = np.array(found["setpoint_height_m"])[on_path], np.array(found["true_height_m"])[on_path]
+    assert commanded_m.max() == 104.0
     assert true_m.max() < 104.2
     assert summary.figures["followers"]["2"]["error_z_m"]["max"] < 0.2
     assert summary.figures["followers"]["2"]["error_x_m"]["max"] < 0.2
@@ -77,7 +77,7 @@ def test_followers_take_a_leader_that_a_filter_holds_to_go_on_as_it_was_commande
     assert summary.figures["followers"]["2"]["error_z_m"]["max"] < 0.05
 
 
-def test_an_event_that_is_raised_tick_after_tick_is_one_and_nobody_disobeys(climb):
+def test_an_event_that_is_raised_tick_after_tick_is_one_and_none_disobeys(climb):
     home, _ = climb
     assert sorted(each["vehicle"] for each in events(home, "ceiling") if each["t_s"] < 40) == ["1", "2", "3"]
     assert not events(home, "disobeys")

@@ -82,8 +82,8 @@ class Listening(Between):
 
     def take(self, datagram: Datagram, now: Instant) -> None:
         messages = (frame.message for frame in StreamParser().feed(datagram.data))
-        told = (each for each in messages if isinstance(each, CommandInt | CommandLong))
-        if any(each.command != m.MAV_CMD_SET_MESSAGE_INTERVAL for each in told):
+        commands = (each for each in messages if isinstance(each, CommandInt | CommandLong))
+        if any(each.command != m.MAV_CMD_SET_MESSAGE_INTERVAL for each in commands):
             self.commanded_s = min(self.commanded_s, now / NANOSECONDS)
         super().take(datagram, now)
 

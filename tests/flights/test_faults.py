@@ -55,11 +55,11 @@ def test_a_silent_follower_is_given_up_step_by_step_and_the_others_fly_on(kind: 
     world, struck_s = flying(kind, 2, duration_s=35)
     world.run()
     (stale_s,), (lost_s,) = world.times_s("link", 2, "stale"), world.times_s("link", 2, "lost")
-    (unheard_s,), (told_s,) = world.times_s("member", 2, "not heard"), world.times_s("member", 2, "told to loiter")
+    (unheard_s,), (commanded_s,) = world.times_s("member", 2, "not heard"), world.times_s("member", 2, "told to loiter")
     assert stale_s - struck_s == pytest.approx(1.5, abs=LAG_S)
     assert lost_s - struck_s == pytest.approx(5.0, abs=LAG_S)
     assert unheard_s - struck_s == pytest.approx(5.0, abs=LAG_S)
-    assert told_s - struck_s == pytest.approx(30.0, abs=LAG_S)
+    assert commanded_s - struck_s == pytest.approx(30.0, abs=LAG_S)
     assert world.times_s("member", 3, "told to loiter") == []
     assert max(max(map(abs, tick.error_m[2])) for tick in world.notes.ticks if tick.mission_time_s > 2.0) < 0.05
     assert world.station.flight.phase is Phase.DONE
@@ -130,12 +130,12 @@ def test_a_restart_on_the_ground_is_left_to_the_pilot_until_it_flies_and_is_give
 
 
 @pytest.mark.parametrize("kind", ["crash", pytest.param("freeze", marks=pytest.mark.slow)])
-def test_followers_of_a_silent_leader_are_told_to_loiter_apart(kind: FaultKind) -> None:
+def test_followers_of_a_silent_leader_are_commanded_to_loiter_at_separate_heights(kind: FaultKind) -> None:
     world, struck_s = flying(kind, 1, duration_s=18, formation={"shape": "arrow", "succession": "none"})
     world.run()
     for number in (2, 3):
-        (told_s,) = world.times_s("member", number, "told to loiter")
-        assert told_s - struck_s == pytest.approx(5.0, abs=LAG_S)
+        (commanded_s,) = world.times_s("member", number, "told to loiter")
+        assert commanded_s - struck_s == pytest.approx(5.0, abs=LAG_S)
         assert world.times_s("mode", number, "LOITER")[0] - struck_s < 5.5
     heights_m = [body.state.height_m for body in world.fleet.bodies[1:]]
     assert abs(heights_m[0] - heights_m[1]) > 10.0

@@ -72,7 +72,7 @@ def test_planes_that_took_off_in_a_row_keep_the_rules_distance_without_it(shape,
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", ["line", "diamond"])
 @pytest.mark.parametrize("air", [{}, WIND], ids=["calm", "windy"])
-def test_copters_that_took_off_9_m_apart_gather_without_the_rule(shape, air, tmp_path):
+def test_copters_that_took_off_9_m_apart_join_up_without_the_rule(shape, air, tmp_path):
     keys = COPTERS | {"formation": {"shape": shape, "spacing_m": 12, "frame": "leader_heading"}}
     nearest_m, _ = gathers(keys | air, tmp_path / "run")
     assert nearest_m > 8.0
@@ -111,7 +111,7 @@ def test_who_is_heard_late_behind_a_turning_leader_is_in_its_slot_when_the_leade
     assert phases["flying"] - phases["assembling"] < 320.0
 
 
-def test_that_no_ways_to_the_slots_are_found_is_told_with_the_reason(
+def test_that_no_trajectories_to_the_slots_are_found_is_reported_with_the_reason(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Thirty aircraft flew laps beside their leader until `start.timeout_s`, and nothing said why."""
@@ -125,5 +125,5 @@ def test_that_no_ways_to_the_slots_are_found_is_told_with_the_reason(
         keys | {"start": {"in_air": True, "run_in_s": 40, "timeout_s": 30}}, clock="virtual", out=tmp_path
     )
     events = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
-    (told,) = [each["text"] for each in events if each["kind"] == "postponed"]
-    assert told.endswith(": vehicle 2 and vehicle 3 would come within 5 m on the way; allowed: 8 m or more")
+    (reported,) = [each["text"] for each in events if each["kind"] == "postponed"]
+    assert reported.endswith(": vehicle 2 and vehicle 3 would come within 5 m on the way; allowed: 8 m or more")

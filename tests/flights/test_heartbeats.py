@@ -52,9 +52,9 @@ def test_a_vehicle_for_which_the_law_has_no_setpoint_gets_no_heartbeat_and_goes_
     monkeypatch.setattr(controller, "conclude", without_the_last)
     world.run(UNGUIDED_S + FAILSAFE_S + 2 * HEARTBEAT_S)
     (home_s,) = world.times_s("mode", 3, "RTL")
-    (told_s,) = world.times_s("heartbeats", 3, "withheld")
-    assert told_s - begun_s < UNGUIDED_S + HEARTBEAT_S + 0.2
-    assert home_s - told_s < FAILSAFE_S + 0.2
+    (commanded_s,) = world.times_s("heartbeats", 3, "withheld")
+    assert commanded_s - begun_s < UNGUIDED_S + HEARTBEAT_S + 0.2
+    assert home_s - commanded_s < FAILSAFE_S + 0.2
     assert world.words("member")[-1] == "parted by its failsafe: 'GCS Failsafe On: RTL'"
     assert world.words("heartbeats") == ["withheld: there is no setpoint for it", "sent again"]
     assert [world.vehicle(number).pilot.mode for number in (1, 2)] == [Mode.GUIDED] * 2

@@ -35,10 +35,10 @@ def test_leader_and_followers_keep_the_clearance_over_a_hill_steeper_than_they_c
     assert 58.0 < summary.to_dict()["safety"]["min_clearance_m"] < 61.0
     columns = read_parquet(tmp_path / "run" / "timeseries.parquet")
     flown = flying(columns)
-    aside = flown & (columns["vehicle"] == 2)
+    to_side = flown & (columns["vehicle"] == 2)
     np.testing.assert_allclose(columns["clearance_m"] + columns["ground_height_m"], columns["true_height_m"])
-    assert columns["slot_up_m"][aside].max() > 5.0  # for the ridge, above which the leader needn't rise
-    assert columns["slot_up_m"][aside].min() >= -1e-6
+    assert columns["slot_up_m"][to_side].max() > 5.0  # for the ridge, above which the leader needn't rise
+    assert columns["slot_up_m"][to_side].min() >= -1e-6
     assert np.nanmax(np.abs(columns["error_z_m"][flown])) < 1.0
 
 
@@ -58,7 +58,7 @@ def test_shapes_and_leaders_change_over_hills_with_everybody_clear_of_ground_and
 
 
 @pytest.mark.slow
-def test_behind_a_leader_that_takes_over_on_a_slope_nobody_is_told_another_height_at_once(
+def test_behind_a_leader_that_takes_over_on_a_slope_none_is_commanded_another_height_at_once(
     fly: Fly, tmp_path: Path
 ) -> None:
     """The successor, 60 m to the side, is lifted for a ridge there; a climb may be up to 0.3 m per tick.
@@ -83,8 +83,8 @@ def test_behind_a_leader_that_takes_over_on_a_slope_nobody_is_told_another_heigh
     around = np.abs(columns["mission_time_s"] - begun_s) < 5.0
     assert 27.0 < begun_s < 30.0
     for vehicle in (2, 3):
-        told_m = columns["setpoint_height_m"][around & (columns["vehicle"] == vehicle)]
-        steps_m = np.diff(told_m)
+        commanded_m = columns["setpoint_height_m"][around & (columns["vehicle"] == vehicle)]
+        steps_m = np.diff(commanded_m)
         sent = np.flatnonzero(steps_m)
         held_ticks = np.diff(sent, prepend=-1)
         assert np.all(np.abs(steps_m[sent]) < 0.5 + 0.3 * np.minimum(held_ticks, 4))

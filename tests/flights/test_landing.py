@@ -53,8 +53,8 @@ def test_they_land_one_after_another_each_where_it_took_off() -> None:
         world.run(0.2)
         flying = [each for each in world.fleet.vehicles if each.pilot.condition is Condition.FLYING]
         assert len([each for each in flying if each.pilot.mode is Mode.AUTOLAND]) <= 1
-        apart_m = [math.dist(one, other) for one, other in combinations(places([each.body for each in flying]), 2)]
-        min_m = min([min_m, *apart_m])
+        distance_m = [math.dist(one, other) for one, other in combinations(places([each.body for each in flying]), 2)]
+        min_m = min([min_m, *distance_m])
     assert min_m > 12.0
     assert world.station.flight.phase is Phase.DONE
     assert [each.pilot.condition for each in world.fleet.vehicles] == [Condition.DISARMED] * 3
@@ -117,7 +117,7 @@ def refusal(*vehicles: Vehicle, ground: GroundFloor = LEVEL) -> str | None:
         ((-140.0, 0.0), 90.0, False),
     ],
 )
-def test_nobody_lands_where_another_stands(place: tuple[float, float], course_deg: float, in_way: bool) -> None:
+def test_none_lands_where_another_stands(place: tuple[float, float], course_deg: float, in_way: bool) -> None:
     """A vehicle that took off at the origin, and another that is on the ground."""
     lands, stands = plane(1, 0.0, 0.0, course_rad=math.radians(course_deg)), plane(2, 0.0, 0.0)
     tell(stands, *place, 0.0, armed=False)
@@ -146,7 +146,7 @@ def waiting(*vehicles: Vehicle) -> Landings:
     return landings
 
 
-def told(vehicle: Vehicle) -> int | None:
+def commanded(vehicle: Vehicle) -> int | None:
     """Return the mode that a vehicle is commanded."""
     command = vehicle.commands.due(NOW)
     return int(command.param2) if command is not None else None
@@ -156,27 +156,27 @@ def test_the_lowest_lands_when_all_are_at_their_heights_and_the_next_when_it_is_
     low, high = plane(1, 0.0, 0.0), plane(2, 0.0, 50.0)
     landings = waiting(low, high)
     landings.advance(NOW)
-    assert (told(low), told(high)) == (None, None)
+    assert (commanded(low), commanded(high)) == (None, None)
     tell(high, 0.0, 50.0, 113.0)
     landings.advance(NOW)
-    assert (told(low), told(high)) == (m.PLANE_MODE_AUTOLAND, None)
+    assert (commanded(low), commanded(high)) == (m.PLANE_MODE_AUTOLAND, None)
     tell(low, 0.0, 0.0, 0.0)
     landings.advance(NOW)
-    assert told(high) is None, "the first one stands there, armed"
+    assert commanded(high) is None, "the first one stands there, armed"
     tell(low, 0.0, 0.0, 0.0, armed=False)
     landings.advance(NOW)
     landings.advance(NOW)
-    assert told(high) == m.PLANE_MODE_AUTOLAND
+    assert commanded(high) == m.PLANE_MODE_AUTOLAND
 
 
-def test_nobody_lands_where_the_one_before_has_rolled_to() -> None:
+def test_none_lands_where_the_one_before_has_rolled_to() -> None:
     low, high = plane(1, 0.0, 0.0), plane(2, 0.0, 50.0, 115.0)
     landings = waiting(low, high)
     landings.advance(NOW)
     tell(low, 10.0, 30.0, 0.0, armed=False)
     landings.advance(NOW)
     landings.advance(NOW)
-    assert told(high) is None
+    assert commanded(high) is None
     assert landings.failure == "vehicle 2 would come in over the place of vehicle 1"
 
 
@@ -184,12 +184,12 @@ def test_when_one_refuses_to_land_the_others_circle_on() -> None:
     low, high = plane(1, 0.0, 0.0), plane(2, 0.0, 50.0, 115.0)
     landings = waiting(low, high)
     landings.advance(NOW)
-    assert told(low) == m.PLANE_MODE_AUTOLAND
+    assert commanded(low) == m.PLANE_MODE_AUTOLAND
     low.commands.acknowledge(CommandAck(m.MAV_CMD_DO_SET_MODE, m.MAV_RESULT_FAILED), NOW)
     landings.advance(after(NOW, 6.0))
     assert landings.failure == "vehicle 1 refused to land (FAILED)"
     landings.advance(after(NOW, 7.0))
-    assert (told(low), told(high), landings.under_way) == (None, None, False)
+    assert (commanded(low), commanded(high), landings.under_way) == (None, None, False)
 
 
 def test_landings_that_are_called_off_end_with_the_one_under_way() -> None:
@@ -201,4 +201,4 @@ def test_landings_that_are_called_off_end_with_the_one_under_way() -> None:
     tell(low, 0.0, 0.0, 0.0, armed=False)
     landings.advance(NOW)
     landings.advance(NOW)
-    assert (told(high), landings.under_way) == (None, False)
+    assert (commanded(high), landings.under_way) == (None, False)

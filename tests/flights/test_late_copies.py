@@ -70,7 +70,7 @@ def copying(**given: Any) -> type[Copying]:
     return type("Copied", (Copying,), given)
 
 
-def told(world: World) -> list[tuple[str, str, Any]]:
+def reported(world: World) -> list[tuple[str, str, Any]]:
     """Return what was noted, but for copies."""
     return [(event.kind, event.text, event.vehicle) for event in world.notes.events if event.kind != "copies"]
 
@@ -116,7 +116,7 @@ def test_a_flight_with_late_copies_is_as_one_without(
     late_s: float, shuffled: bool, elsewhere: bool, alone: World
 ) -> None:
     world = flown(copying(late_s=late_s, shuffled=shuffled, elsewhere=elsewhere))
-    assert told(world) == told(alone)
+    assert reported(world) == reported(alone)
     assert figures(world) == pytest.approx(figures(alone), abs=0.002)
     assert max(each.sequence.whole_loss for each in world.station.vehicles.values()) < LOSS
     assert len(world.words("copies")) == len(world.station.vehicles)
@@ -140,7 +140,7 @@ def test_copies_of_the_very_first_frames_change_nothing(late_s: float, elsewhere
     worlds = [World(each, start={"in_air": False}) for each in (copying(late_s=late_s, elsewhere=elsewhere), Between)]
     for world in worlds:
         world.run(6.0)
-    copied, alone = map(told, worlds)
+    copied, alone = map(reported, worlds)
     assert copied == alone
     assert worlds[0].station.course.failure is None
 
@@ -152,7 +152,7 @@ def test_copies_do_not_keep_a_vehicle_alive_that_has_fallen_silent(late_s: float
         world.fly_to(8.0)
         world.inject(3, "freeze")
         world.run(8.0)
-    assert told(worlds[0]) == told(worlds[1])
+    assert reported(worlds[0]) == reported(worlds[1])
     assert len(worlds[0].times_s("link", 3, "lost")) == 1
 
 
@@ -167,5 +167,7 @@ def test_a_restart_among_late_copies_is_recognised() -> None:
 def test_copies_of_a_minute_ago_change_nothing_either(shuffled: bool) -> None:
     keys: dict[str, Any] = {"duration_s": 120, "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [4000, 0, 100]]}}
     world, alone = (flown(each, 130.0, **keys) for each in (copying(late_s=60.0, shuffled=shuffled), Between))
-    assert sorted(map(str, told(world))) == sorted(map(str, told(alone))), "a heartbeat may count a second later"
+    assert sorted(map(str, reported(world))) == sorted(map(str, reported(alone))), (
+        "a heartbeat may count a second later"
+    )
     assert figures(world) == pytest.approx(figures(alone), abs=0.002)

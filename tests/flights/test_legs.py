@@ -17,22 +17,25 @@ ON_LANE_M = 0.5
 LEVEL_M = 0.1
 
 
-def lanes(apart_m: float, count: int, length_m: float) -> list[list[float]]:
-    ends = [[[0.0, lane * apart_m, 100.0], [length_m, lane * apart_m, 100.0]] for lane in range(count)]
+def lanes(distance_m: float, count: int, length_m: float) -> list[list[float]]:
+    ends = [[[0.0, lane * distance_m, 100.0], [length_m, lane * distance_m, 100.0]] for lane in range(count)]
     return [end for lane, both in enumerate(ends) for end in (both if lane % 2 == 0 else both[::-1])]
 
 
 @pytest.mark.parametrize(
-    ("apart_m", "count", "length_m", "delay_ms"),
+    ("distance_m", "count", "length_m", "delay_ms"),
     [
         (60.0, 2, 350.0, 0),
-        *(pytest.param(apart_m, 4, 1500.0, 300, marks=pytest.mark.slow) for apart_m in (40.0, 60.0, 100.0, 200.0)),
+        *(
+            pytest.param(distance_m, 4, 1500.0, 300, marks=pytest.mark.slow)
+            for distance_m in (40.0, 60.0, 100.0, 200.0)
+        ),
     ],
 )
 def test_every_lane_is_flown_straight_level_and_in_shape(
-    fly: Fly, tmp_path: Path, apart_m: float, count: int, length_m: float, delay_ms: float
+    fly: Fly, tmp_path: Path, distance_m: float, count: int, length_m: float, delay_ms: float
 ) -> None:
-    path = {"kind": "legs", "speed_mps": 22, "waypoints_m": lanes(apart_m, count, length_m)}
+    path = {"kind": "legs", "speed_mps": 22, "waypoints_m": lanes(distance_m, count, length_m)}
     formation = {"shape": "diamond", "spacing_m": 30}
     summary = fly(
         path=path,
@@ -53,9 +56,9 @@ def test_every_lane_is_flown_straight_level_and_in_shape(
     assert np.abs(heights_m - 100.0).max() < LEVEL_M
     for lane in range(count):
         way = np.cos(column["true_heading_rad"][leader]) * (1 if lane % 2 == 0 else -1) > 0.9
-        over = (north_m > 5.0) & (north_m < length_m - 5.0) & (np.abs(east_m - lane * apart_m) < 15.0) & way
+        over = (north_m > 5.0) & (north_m < length_m - 5.0) & (np.abs(east_m - lane * distance_m) < 15.0) & way
         assert np.count_nonzero(over) > 0.8 * (length_m - 10.0) / 22.0 * 10.0
-        assert np.abs(east_m[over] - lane * apart_m).max() < ON_LANE_M
+        assert np.abs(east_m[over] - lane * distance_m).max() < ON_LANE_M
         from_s, to_s = times_s[over].min() + SETTLED_S, times_s[over].max()
         in_shape = flown & (column["mission_time_s"] > from_s) & (column["mission_time_s"] < to_s)
         for axis in "xyz":

@@ -75,7 +75,7 @@ def test_who_is_blown_into_an_exclusion_has_left_the_fence_by_the_truth(fly: Fly
     assert any(each["kind"] == "fence" and each["text"].startswith("turned away") for each in events)
 
 
-def test_a_fence_that_nobody_leaves_is_kept_though_they_take_off_below_it(fly: Fly):
+def test_a_fence_that_none_leaves_is_kept_though_they_take_off_below_it(fly: Fly):
     fence = {"height_min_m": 80, "height_max_m": 200}
     safety = fly(safety={"fence": fence}, duration_s=3, start={"in_air": False}).to_dict()["safety"]
     assert (safety["fence_m"], safety["violations"]) == (0.0, 0)
@@ -104,8 +104,8 @@ def test_separation_is_the_vehicles_whatever_the_station_s_ticks_did(fly: Fly, k
     summary = fly(law={"rate_hz": 0.5}, disturbances=[gust], duration_s=14).to_dict()
     (truth,) = kept_truth
     places = np.stack([truth[name] for name in ("north_m", "east_m", "height_m")])
-    apart_m = [np.linalg.norm(places[..., i] - places[..., j], axis=0).min() for i in range(3) for j in range(i)]
-    assert summary["safety"]["min_separation_m"] == pytest.approx(min(apart_m), abs=2e-3)
+    distance_m = [np.linalg.norm(places[..., i] - places[..., j], axis=0).min() for i in range(3) for j in range(i)]
+    assert summary["safety"]["min_separation_m"] == pytest.approx(min(distance_m), abs=2e-3)
     assert summary["safety"]["unseen_s"] == 0.0
 
 

@@ -39,7 +39,7 @@ def test_a_radio_that_carries_less_than_full_rates_assembles_and_flies(
 
 
 @pytest.mark.slow
-def test_a_link_of_which_the_station_is_told_nothing_is_found_to_be_full_and_emptied(tmp_path: Path) -> None:
+def test_a_link_of_which_the_station_is_given_nothing_is_found_to_be_full_and_emptied(tmp_path: Path) -> None:
     """A line of 9.6 kbit/s each way for each vehicle takes a fifth less than full rates."""
     link = {"rate_kbps": 9.6, "queue_ms": 1000}
     given = {

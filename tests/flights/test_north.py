@@ -71,8 +71,8 @@ def test_followers_stay_north_and_east_of_their_leader_through_a_bend(
                 ("error_x_m", "error_y_m", "error_z_m"),
                 strict=True,
             ):
-                apart_m = (rows[name][own] - rows[name][led])[scored]
-                assert np.nanmax(np.abs(apart_m - wanted_m)) <= figures[str(number)][axis]["max"] + 1e-6
+                distance_m = (rows[name][own] - rows[name][led])[scored]
+                assert np.nanmax(np.abs(distance_m - wanted_m)) <= figures[str(number)][axis]["max"] + 1e-6
     assert summary.figures["path"]["centre"]["across_m"]["max"] < 10.0
 
 

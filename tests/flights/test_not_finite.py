@@ -228,14 +228,14 @@ def test_what_a_vehicle_tells_never_ends_a_flight(value: float):
     spoilt = set[str]()
     for stream in flown.vehicle(2).streams._streams:
 
-        def told(vehicle: Any, build: Callable[[Any], Message] = stream.build) -> Message:
+        def reported(vehicle: Any, build: Callable[[Any], Message] = stream.build) -> Message:
             message = build(vehicle)
             floats = {name: value for name, each in message.values().items() if isinstance(each, float)}
             floats = {name: each for name, each in floats.items() if _can_be_sent(message, name, each)}
             spoilt.update(f"{type(message).__name__}.{name}" for name in floats)
             return message.but(**floats)
 
-        stream.build = told
+        stream.build = reported
     flown.fly_to(12.0)
     station = flown.station
     assert {"Attitude.yaw_rad", "VfrHud.airspeed_mps", "VfrHud.climb_mps"} <= spoilt

@@ -79,7 +79,7 @@ def test_names_and_keys_are_checked_as_all_others(formation, said):
     assert said in str(refused.value)
 
 
-def test_an_order_for_a_shape_that_nobody_registers_is_refused_in_the_scenario():
+def test_an_order_for_a_shape_that_is_not_registered_is_refused_in_the_scenario():
     orders = [{"at_s": 3, "order": "shape vee"}]
     assert loaded({"shape": "line"}, orders=orders).orders[0].order == "shape vee"
     with pytest.raises(ScenarioError, match=r"orders.0.order: found 'shape vee'; .*echelon, circle, custom"):

@@ -25,7 +25,7 @@ def test_a_leader_in_bends_at_nine_tenths_of_its_turn_rate_is_on_its_path(delay_
 
 
 @pytest.mark.slow
-def test_twenty_seconds_after_a_step_of_wind_the_leader_is_back_and_nobody_left_its_slot() -> None:
+def test_twenty_seconds_after_a_step_of_wind_the_leader_is_back_and_none_left_its_slot() -> None:
     gust = [{"at_s": 20, "velocity_mps": [0, 5, 0]}]
     with flown(PAPER, duration_s=60, disturbances=gust, links=both_ways(300.0), expect=[]) as summary:
         run, figures = load_run(summary.run_dir), summary.to_dict()

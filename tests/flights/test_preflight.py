@@ -68,9 +68,9 @@ class OfAnotherEpoch(Listening):
         self.writer = FrameWriter(2, m.MAV_COMP_ID_AUTOPILOT1)
 
     def datagrams_to_send(self) -> list[Datagram]:
-        return [self.told(each) if each.socket == 1 else each for each in super().datagrams_to_send()]
+        return [self.reported(each) if each.socket == 1 else each for each in super().datagrams_to_send()]
 
-    def told(self, datagram: Datagram) -> Datagram:
+    def reported(self, datagram: Datagram) -> Datagram:
         for frame in StreamParser().feed(datagram.data):
             answer = frame.message
             if isinstance(answer, Timesync) and answer.tc1_ns:
@@ -89,7 +89,7 @@ def put(world: World, number: int, name: str, value: float) -> None:
     assert world.vehicle(number).parameters.set(asked)
 
 
-def test_parameters_that_are_not_as_they_should_be_are_told_before_anybody_is_armed() -> None:
+def test_parameters_that_are_not_as_they_should_be_are_reported_before_any_vehicle_is_armed() -> None:
     world = World(caution=READ, **GROUND)
     for name in ("FS_GCS_ENABL", "FS_LONG_ACTN"):
         put(world, 2, name, 1)
@@ -100,7 +100,7 @@ def test_parameters_that_are_not_as_they_should_be_are_told_before_anybody_is_ar
     assert all(vehicle.pilot.condition.armed for vehicle in world.fleet.vehicles)
 
 
-def test_a_parameter_with_which_nobody_can_fly_keeps_everybody_as_they_are() -> None:
+def test_a_parameter_with_which_none_can_fly_keeps_all_as_they_are() -> None:
     world = World(Listening, READ, **GROUND)
     put(world, 2, "AIRSPEED_MAX", 20)
     world.run(30.0)
@@ -116,16 +116,16 @@ def test_all_vehicles_that_cannot_be_flown_are_named_at_once() -> None:
     put(world, 2, "AIRSPEED_MAX", 20)
     world.run(30.0)
     failure = world.station.course.failure or ""
-    assert [told.split(" ")[1] for told in failure.split("vehicle ")[1:]] == ["TKOFF_ALT:", "AIRSPEED_MAX:"]
-    assert sum("AIRSPEED_MAX: found 20" in told for told in world.words("parameters")) == 1
+    assert [reported.split(" ")[1] for reported in failure.split("vehicle ")[1:]] == ["TKOFF_ALT:", "AIRSPEED_MAX:"]
+    assert sum("AIRSPEED_MAX: found 20" in reported for reported in world.words("parameters")) == 1
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
 
 
-def test_of_a_vehicle_that_flies_already_the_same_is_told_and_it_is_taken_over() -> None:
+def test_of_a_vehicle_that_flies_already_the_same_is_reported_and_it_is_taken_over() -> None:
     world = World(caution=READ, vehicles={"count": 2})
     put(world, 2, "AIRSPEED_MAX", 20)
     world.run(3.0)
-    assert any("AIRSPEED_MAX: found 20" in told for told in world.words("parameters"))
+    assert any("AIRSPEED_MAX: found 20" in reported for reported in world.words("parameters"))
     assert world.station.course.failure is None
     assert len(world.times_s("ready")) == 2
 
@@ -162,9 +162,9 @@ def test_airspeeds_that_a_vehicle_tells_bound_what_it_is_commanded() -> None:
 
 def test_a_bend_that_needs_more_than_a_vehicle_tells_is_refused_before_the_take_off_with_the_key_to_change() -> None:
     bend = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [1500, 0, 100], [2500, 800, 100], [2500, 2500, 100]]}
-    aside = {"shape": "custom", "slots_m": {2: [0, -60, 0]}, "frame": "leader_heading"}
+    to_side = {"shape": "custom", "slots_m": {2: [0, -60, 0]}, "frame": "leader_heading"}
     vehicles = [{"id": 1, "role": "leader"}, {"id": 2, "autopilot_parameters": {"AIRSPEED_MAX": 23}}]
-    world = World(Listening, READ, vehicles=vehicles, start={"in_air": False}, path=bend, formation=aside)
+    world = World(Listening, READ, vehicles=vehicles, start={"in_air": False}, path=bend, formation=to_side)
     world.run(30.0)
     failure = world.station.course.failure or ""
     assert failure.startswith("what vehicles tell (vehicle 2: AIRSPEED_MAX 23) isn't enough for path.waypoints_m.2")
@@ -217,7 +217,7 @@ def test_a_dry_run_names_who_flies_already_and_goes_on() -> None:
     assert any("flies already, in LOITER" in text for text in world.station.preflight.warnings.popitem()[1])
 
 
-def test_whoever_takes_off_by_its_pilot_while_the_others_are_waited_for_is_not_taken_either() -> None:
+def test_one_that_takes_off_by_its_pilot_while_the_others_are_waited_for_is_not_taken_either() -> None:
     world = World(Listening, READ, **GROUND)
     pilots, waits = world.vehicle(2), world.vehicle(1)
     waits.inject(Fault(at_s=0.0, kind="freeze"), world.clock.now(), ends=False)
@@ -233,7 +233,7 @@ def test_whoever_takes_off_by_its_pilot_while_the_others_are_waited_for_is_not_t
 
 
 @pytest.mark.parametrize("in_air", [False, True])
-def test_with_confirm_nobody_is_commanded_before_the_word(in_air: bool) -> None:
+def test_with_confirm_no_vehicle_is_commanded_before_the_word(in_air: bool) -> None:
     keys: Any = GROUND | {"start": {"in_air": in_air}}
     world = World(Listening, PreFlightOptions(parameters=True, confirm=True), **keys)
     world.run(20.0 if in_air else 95.0)  # longer than the timeout of the step
@@ -280,7 +280,7 @@ def test_a_rehearsal_ends_when_everybody_is_ready_and_says_what_would_be_sent() 
 
 
 @pytest.mark.parametrize("confirm", [False, True])
-def test_while_one_is_not_ready_nobody_is_commanded(confirm: bool) -> None:
+def test_while_one_is_not_ready_no_vehicle_is_commanded(confirm: bool) -> None:
     """The last one has no position: the station waits for it, then the run ends with all on the ground."""
     world = World(WithoutPosition, PreFlightOptions(parameters=True, confirm=confirm), **GROUND)
     world.run(60.0)
@@ -306,7 +306,7 @@ def test_while_one_is_not_ready_nobody_is_commanded(confirm: bool) -> None:
     ],
     ids=["none", "of another epoch"],
 )
-def test_one_whose_clock_is_not_known_is_not_ready_and_nobody_is_commanded(
+def test_one_whose_clock_is_not_known_is_not_ready_and_no_vehicle_is_commanded(
     between: type[Listening], why: str, caution: PreFlightOptions, in_air: bool
 ) -> None:
     """It would be armed and take off, and never get a setpoint, because no state of it can be dated."""

@@ -136,20 +136,20 @@ def test_killed_the_station_takes_its_vehicles_along(path: Path, tmp_path: Path)
 
 
 @pytest.mark.slow
-def test_a_running_flight_is_told_another_shape_and_to_end(path: Path, tmp_path: Path) -> None:
+def test_a_running_flight_is_ordered_another_shape_and_to_end(path: Path, tmp_path: Path) -> None:
     out = tmp_path / ("a-directory-with-a-long-name-" * 4)
     with started(
         [*STATION, "run", str(path), "--speedup", "2", "--set", "duration_s=170", "--out", str(out)]
     ) as station:
         wait_for_event(out, "flying")
-        told: list[tuple[int, str]] = []
+        reported: list[tuple[int, str]] = []
         for order in ("shape line", "speed 40", "shape blob", "loiter"):
             done = said("tell", str(out), *order.split())
-            told.append((done.exit_code, done.output.strip()))
-        assert told[0] == (0, "shape line: accepted")
-        assert told[1] == (1, "speed 40: refused: found 40 m/s; allowed: 16 to 28 m/s, leader 1's limits")
-        assert told[2][0] == 2
-        assert told[3] == (0, "loiter: accepted")
+            reported.append((done.exit_code, done.output.strip()))
+        assert reported[0] == (0, "shape line: accepted")
+        assert reported[1] == (1, "speed 40: refused: found 40 m/s; allowed: 16 to 28 m/s, leader 1's limits")
+        assert reported[2][0] == 2
+        assert reported[3] == (0, "loiter: accepted")
         assert station.wait(LIMIT_S) == 0
     again = said("tell", str(out), "loiter")
     assert again.exit_code == 3
@@ -188,7 +188,7 @@ def test_a_taken_port_ends_with_3_and_its_name(path: Path, tmp_path: Path) -> No
             assert (out / "events.jsonl").read_text() == "earlier"
 
 
-def test_nobody_there_ends_with_3_and_who_was_missed(path: Path, tmp_path: Path) -> None:
+def test_no_vehicle_there_ends_with_3_and_which_was_missed(path: Path, tmp_path: Path) -> None:
     done = said("fly", str(path), "--speedup", "50", "--out", str(tmp_path / "run"))
     assert done.exit_code == 3
     assert "no vehicle 1, 2, 3 answered at udpin:127.0.0.1" in done.stderr

@@ -65,7 +65,7 @@ def test_a_killed_station_leaves_a_record_of_what_it_had_flown(path: Path, tmp_p
 
 
 @pytest.mark.slow
-def test_a_station_that_was_stopped_for_a_while_hears_what_came_before_it_judges_anybody(
+def test_a_station_that_was_stopped_for_a_while_processes_what_came_before_it_judges_any_vehicle(
     path: Path, tmp_path: Path
 ) -> None:
     """It is stopped for eight seconds; vehicles without setpoints fly on."""

@@ -146,7 +146,7 @@ def killed(tmp_path: Path) -> Generator[Callable[..., Killed]]:
         flight.close()
 
 
-def test_what_flies_is_taken_over_and_nobody_is_commanded_twice(killed: Callable[..., Killed]) -> None:
+def test_what_flies_is_taken_over_and_no_vehicle_is_commanded_twice(killed: Callable[..., Killed]) -> None:
     """A bend begins while there is no station: they fly straight on, and the leader returns to the path from there."""
     path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [200, 0, 100], [500, 200, 100], [700, 900, 100]]}
     flight = killed(duration_s=44, vehicles={"count": 2}, path=path, finish={"loiter_s": 0})
@@ -233,7 +233,7 @@ def enter(world: World, number: int, mode: Mode) -> None:
 @pytest.mark.parametrize(
     ("mode", "take", "taken"), [(Mode.LOITER, False, False), (Mode.RTL, False, False), (Mode.LOITER, True, True)]
 )
-def test_one_that_was_given_another_mode_is_left_to_whoever_did(
+def test_one_that_was_given_another_mode_is_left_alone(
     killed: Callable[..., Killed], mode: Mode, take: bool, taken: bool
 ) -> None:
     flight = killed(duration_s=60)
@@ -253,7 +253,7 @@ def test_one_that_was_given_another_mode_is_left_to_whoever_did(
         assert world.vehicle(3).pilot.mode is Mode.LOITER
 
 
-def test_where_nobody_flies_as_left_it_is_said_how_they_are_and_what_takes_them_and_nobody_is_commanded(
+def test_where_none_flies_as_left_it_is_said_how_they_are_and_what_takes_them_and_none_is_commanded(
     killed: Callable[..., Killed],
 ) -> None:
     flight = killed(duration_s=60, vehicles={"count": 3})
@@ -274,7 +274,7 @@ def test_where_nobody_flies_as_left_it_is_said_how_they_are_and_what_takes_them_
     assert flight.commanded(m.MAV_CMD_DO_SET_MODE) == []
 
 
-def test_where_nobody_who_is_heard_gets_ready_nobody_is_waited_for_without_end(killed: Callable[..., Killed]) -> None:
+def test_where_none_that_is_heard_gets_ready_none_is_waited_for_without_end(killed: Callable[..., Killed]) -> None:
     flight = killed(duration_s=60, vehicles={"count": 2})
     world = flight.world
     world.fly_to(2.0)
@@ -305,7 +305,7 @@ def test_where_the_leader_is_gone_the_nearest_to_its_place_leads(killed: Callabl
 
 
 @pytest.mark.slow
-def test_killed_while_they_take_off_those_in_the_air_go_on_and_nobody_else_is_armed(
+def test_killed_while_they_take_off_those_in_the_air_go_on_and_no_other_is_armed(
     killed: Callable[..., Killed],
 ) -> None:
     flight = killed(start={"in_air": False}, duration_s=20)
@@ -408,8 +408,10 @@ def armings_us(run: Path) -> list[int]:
     """Return when vehicles were commanded to arm, microseconds since 1970."""
     logged = read_tlog(run / "flight.tlog")
     frames = ((time_us, frame) for time_us, raw in logged for frame in StreamParser().feed(raw))
-    told = ((at_us, frame.message) for at_us, frame in frames if isinstance(frame.message, CommandLong))
-    return [at_us for at_us, sent in told if sent.command == m.MAV_CMD_COMPONENT_ARM_DISARM and sent.param1 == 1.0]
+    sent = ((at_us, frame.message) for at_us, frame in frames if isinstance(frame.message, CommandLong))
+    return [
+        at_us for at_us, command in sent if command.command == m.MAV_CMD_COMPONENT_ARM_DISARM and command.param1 == 1.0
+    ]
 
 
 def test_what_can_not_be_resumed_is_refused_in_words(tmp_path: Path) -> None:

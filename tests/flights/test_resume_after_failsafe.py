@@ -128,8 +128,8 @@ def test_and_the_flight_goes_on_along_its_path_or_comes_to_its_end(
 def test_other_families_are_resumed_likewise(killed: Callable[..., Killed], family: str, silent_s: float) -> None:
     """Multirotors fly home, and have landed after a longer time."""
     far = {"speed_mps": 14 if family == "px4" else 5, "waypoints_m": [[0, 0, 60], [1000, 0, 60], [3000, 0, 60]]}
-    ways = {"FS_GCS_ENABLE": 1} if family == "arducopter" else {"NAV_DLL_ACT": 2, "COM_DL_LOSS_T": 5}
-    vehicles = {"count": 2, "model": family, "autopilot_parameters": ways}
+    options = {"FS_GCS_ENABLE": 1} if family == "arducopter" else {"NAV_DLL_ACT": 2, "COM_DL_LOSS_T": 5}
+    vehicles = {"count": 2, "model": family, "autopilot_parameters": options}
     flight = killed(vehicles=vehicles, path=far, duration_s=200)
     world = flight.world
     flying(world)
@@ -140,7 +140,7 @@ def test_other_families_are_resumed_likewise(killed: Callable[..., Killed], fami
     assert len(world.times_s("takeover", text="taken over")) == 2
 
 
-def test_attempts_that_fail_change_nothing_and_the_next_takes_whoever_it_is_told_to(
+def test_attempts_that_fail_change_nothing_and_the_next_takes_those_that_it_is_ordered_to(
     killed: Callable[..., Killed],
 ) -> None:
     """Their failsafes are off, so whoever sent them home isn't known. The first attempt used to end the flight."""

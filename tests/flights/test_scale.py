@@ -26,7 +26,7 @@ def networks(*sizes: int) -> dict[str, Any]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("sizes", [(MAX_SYSTEM_ID,), (40, 40)])
-def test_every_vehicle_is_told_from_every_other_and_holds_its_slot(fly: Fly, sizes: tuple[int, ...]) -> None:
+def test_every_vehicle_is_distinguished_from_every_other_and_holds_its_slot(fly: Fly, sizes: tuple[int, ...]) -> None:
     summary = fly(**networks(*sizes)).to_dict()
     assert len(summary["links"]) == sum(sizes)
     assert len(summary["followers"]) == sum(sizes) - 1

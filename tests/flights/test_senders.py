@@ -110,7 +110,7 @@ def test_in_flight_a_second_vehicle_with_the_same_id_is_reported_and_ignored() -
 
 
 @pytest.mark.slow
-def test_two_vehicles_behind_one_address_are_told_apart_by_their_clocks() -> None:
+def test_two_vehicles_behind_one_address_are_distinguished_by_their_clocks() -> None:
     world = World(Routing, duration_s=12)
     world.fly_to(3.0)
     assert isinstance(world.between, Routing)
@@ -194,8 +194,8 @@ def test_the_place_of_a_lost_vehicle_is_taken_by_heartbeats_alone_and_their_cloc
     other.silent = False
     probed_s = world.now_s
     world.run()
-    (anew_s,) = world.times_s("restarted", 2)
-    assert anew_s - probed_s < 0.5
+    (again_s,) = world.times_s("restarted", 2)
+    assert again_s - probed_s < 0.5
 
 
 @pytest.mark.slow

@@ -43,7 +43,7 @@ def setpoints(world: World) -> np.ndarray:
     return np.array([tick.setpoints for tick in world.notes.ticks])
 
 
-def told(flown: Any) -> list[Any]:
+def reported(flown: Any) -> list[Any]:
     return [flown.figures["followers"], flown.figures["control"]["ticks"], flown.figures["path"]]
 
 
@@ -52,7 +52,7 @@ def test_signed_frames_fly_the_same_and_are_authenticated(fly: Fly, links: dict[
     record = (tmp_path / "run" / "flight.tlog").read_bytes()
     assert {each["authenticated"] for each in plain.figures["links"].values()} == {False}
     flown = fly(duration_s=2, links=links)
-    assert told(flown) == told(plain)
+    assert reported(flown) == reported(plain)
     for link in flown.figures["links"].values():
         assert (link["authenticated"], link["frames_refused"], link["frames_unverified"]) == (True, 0, 0)
     assert (tmp_path / "run" / "flight.tlog").read_bytes() == record
@@ -163,7 +163,7 @@ def test_replayed_altered_and_unsigned_frames_change_nothing_at_either_end_and_a
     assert {each.kind for each in world.notes.events} - {each.kind for each in in_peace.notes.events} == {"signing"}
 
 
-def test_with_another_key_nobody_is_heard_and_the_reason_is_an_event(links: dict[str, Any]) -> None:
+def test_with_another_key_no_vehicle_is_heard_and_the_reason_is_an_event(links: dict[str, Any]) -> None:
     world = World(duration_s=3, links=links)
     others = tuple(replace(each, signing_key=OTHER) for each in world.config.vehicles)
     stranger = World(duration_s=3, links=links)

@@ -121,7 +121,7 @@ def ignores_in_the_air(world: World) -> None:
         ),
     ],
 )
-def test_a_vehicle_that_can_not_be_started_ends_the_run_with_nobody_left_flying_on(
+def test_a_vehicle_that_can_not_be_started_ends_the_run_with_none_left_flying_on(
     between: type[Between], trouble: Callable[[World], None], begins: tuple[str, str], limit_s: float, words: str
 ) -> None:
     """NonConformance is reported 2 s after the command's acknowledgement, 18 s before the step times out at 20 s."""
@@ -143,7 +143,7 @@ def test_a_vehicle_that_can_not_be_started_ends_the_run_with_nobody_left_flying_
 
 
 @pytest.mark.parametrize("seed", [*(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3, 4, 5)), 6])
-def test_half_of_all_datagrams_lost_each_way_keep_nobody_from_starting(seed: int) -> None:
+def test_half_of_all_datagrams_lost_each_way_keep_none_from_starting(seed: int) -> None:
     """Every fourth request is answered, so five take 14 s on average, and often more than 20 s."""
     lossy: dict[str, Any] = {"seed": seed, "vehicles": {"count": 6}, "links": {"default": {"loss": 0.5}}}
     world = World(**ON_THE_GROUND | lossy)
@@ -189,7 +189,7 @@ def test_one_that_makes_no_progress_or_takes_longer_than_the_scenario_allows_end
     assert "EKF_STATUS_REPORT: no " in (world.station.course.failure or "")
 
 
-def test_nobody_takes_off_for_a_formation_of_which_one_never_answers() -> None:
+def test_no_vehicle_takes_off_for_a_formation_of_which_one_never_answers() -> None:
     world = World(Mute, **ON_THE_GROUND)
     world.run()
     assert world.station.course.failure
@@ -205,8 +205,8 @@ def test_after_the_path_has_begun_a_vehicle_that_can_not_be_started_again_is_aba
     world.inject(2, "restart")
     world.inject(2, "ignore")
     world.run(28.0)
-    (told_s,), (abandoned_s,) = world.times_s("disobeys", 2), world.times_s("abandoned", 2)
-    assert abandoned_s - told_s == pytest.approx(18.0, abs=1.0)
+    (commanded_s,), (abandoned_s,) = world.times_s("disobeys", 2), world.times_s("abandoned", 2)
+    assert abandoned_s - commanded_s == pytest.approx(18.0, abs=1.0)
     assert world.words("abandoned") == ["vehicle 2: not done within 20 s after we set mode GUIDED"]
     assert max(np.abs(tick.error_m[2]).max() for tick in world.notes.ticks if tick.mission_time_s > 2.0) < 0.05
     world.inject(2, "ignore", ends=True)
@@ -319,7 +319,7 @@ def test_without_anybody_to_follow_the_run_ends_when_the_time_for_assembly_is_ov
     assert len(world.times_s("postponed")) == len(taken) // 3  # once, though it was tried again for 27 s
 
 
-def test_where_the_leader_turns_off_to_go_round_again_nobody_is_told_to_turn_about() -> None:
+def test_where_the_leader_turns_off_to_go_round_again_none_is_commanded_to_turn_about() -> None:
     """Where the straight line becomes a circle, the leader's setpoint has a step, and its rate of change a spike."""
     world = World(formation={"shape": "diamond", "spacing_m": 40}, **ASSEMBLING)
     world.run(1.0)
@@ -331,7 +331,7 @@ def test_where_the_leader_turns_off_to_go_round_again_nobody_is_told_to_turn_abo
 
 
 @pytest.mark.parametrize("leads", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_whoever_is_taken_over_by_its_pilot_as_it_climbs_is_left_to_it_until_it_is_given_back(leads: bool) -> None:
+def test_one_that_is_taken_over_by_its_pilot_as_it_climbs_is_left_to_it_until_it_is_given_back(leads: bool) -> None:
     number = 1 if leads else LAST
     world = World(**ON_THE_GROUND)
     taken = world.vehicle(number)

@@ -111,8 +111,8 @@ class It(DelayEstimator):
 """
     )
     summary = flown(tmp_path, own(tmp_path, code), telemetry={"clock": "it"}, duration_s=1)
-    told_ms = [summary.figures["links"][name]["measured_up_ms"] for name in "123"]
-    assert told_ms == pytest.approx([100, 200, 300], abs=25)
+    reported_ms = [summary.figures["links"][name]["measured_up_ms"] for name in "123"]
+    assert reported_ms == pytest.approx([100, 200, 300], abs=25)
 
 
 @pytest.mark.slow

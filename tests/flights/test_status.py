@@ -44,6 +44,6 @@ def test_the_result_says_what_was_flown_and_what_came_before_and_fits(tmp_path: 
         assert any(line.split()[:2] == ["vehicle", "max"] for line in lines)
 
 
-@pytest.mark.parametrize(("left_s", "told"), [(None, "0.1"), (53.14, "0.1, left 53.1")])
-def test_the_result_says_when_one_that_had_settled_left_its_slot(left_s: float | None, told: str) -> None:
-    assert _settled({"settled_at_s": 0.1, "left_at_s": left_s}) == told
+@pytest.mark.parametrize(("left_s", "reported"), [(None, "0.1"), (53.14, "0.1, left 53.1")])
+def test_the_result_says_when_one_that_had_settled_left_its_slot(left_s: float | None, reported: str) -> None:
+    assert _settled({"settled_at_s": 0.1, "left_at_s": left_s}) == reported

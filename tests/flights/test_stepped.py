@@ -167,9 +167,9 @@ def test_replaced_setpoints_are_flown_as_a_filters_until_the_program_goes_on_wit
         return seen
 
     seen = fly(tmp_path / "first")
-    told_m = {round(time_s, 1): (height_m, replaced) for time_s, height_m, replaced in seen if time_s >= 0}
-    assert {each for time_s, each in told_m.items() if 1.05 < time_s < 3.05} == {(101.0, True)}, "one tick later"
-    assert not any(replaced for time_s, (_, replaced) in told_m.items() if not 1.05 < time_s < 3.05)
+    commanded_m = {round(time_s, 1): (height_m, replaced) for time_s, height_m, replaced in seen if time_s >= 0}
+    assert {each for time_s, each in commanded_m.items() if 1.05 < time_s < 3.05} == {(101.0, True)}, "one tick later"
+    assert not any(replaced for time_s, (_, replaced) in commanded_m.items() if not 1.05 < time_s < 3.05)
     speeds_mps = {
         row["setpoint_speed_mps"]
         for row in pq.read_table(tmp_path / "first" / "timeseries.parquet").to_pylist()
@@ -265,13 +265,13 @@ def test_an_order_at_a_tick_is_one_thing(tmp_path: Path) -> None:
 
 
 def test_overrides_and_progress_of_run_and_a_table_of_its_result(tmp_path: Path) -> None:
-    told = list[tuple[float, float]]()
+    reported = list[tuple[float, float]]()
     keys: dict[str, Any] = {"clock": "virtual", "until": 4.0, "out": tmp_path / "run"}
     summary = gcs_formation.run(
-        scenario(), overrides={"law.rate_hz": 20}, progress=lambda *now: told.append(now), **keys
+        scenario(), overrides={"law.rate_hz": 20}, progress=lambda *now: reported.append(now), **keys
     )
     assert summary.to_dict()["control"]["rate_hz"] == 20
-    assert {end_s for _, end_s in told} <= {30.0}
+    assert {end_s for _, end_s in reported} <= {30.0}
     head, *rows = summary.table().splitlines()
     assert head.split()[:3] == ["follower", "x", "RMS"]
     assert [row.split()[0] for row in rows] == ["2", "3"]

@@ -68,10 +68,10 @@ def test_they_hover_at_a_stop_for_the_time_asked_turn_and_go_on(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("delay_ms", [0, 300])
-@pytest.mark.parametrize("apart_m", [10, 40])
-def test_lanes_are_flown_whole_in_shape(delay_ms, apart_m, tmp_path):
+@pytest.mark.parametrize("distance_m", [10, 40])
+def test_lanes_are_flown_whole_in_shape(delay_ms, distance_m, tmp_path):
     ends = [[0, 120], [120, 0]]
-    waypoints = [[north, lane * apart_m, 30] for lane in range(3) for north in ends[lane % 2]]
+    waypoints = [[north, lane * distance_m, 30] for lane in range(3) for north in ends[lane % 2]]
     flown = gcs_formation.run(keys(waypoints, delay_ms=delay_ms), clock="virtual", out=tmp_path / "run").to_dict()
     assert worst(flown, "rms") < 0.1
     assert worst(flown, "max") < 0.35

@@ -129,13 +129,13 @@ def test_a_flight_without_faults_has_no_event_of_health(fly):
 
 
 def test_a_program_injects_them_too():
-    told = list[str]()
+    reported = list[str]()
     with Flight(SCENARIO | {"duration_s": 12.0}, clock="virtual") as flight:
         for tick in flight:
             if abs(tick.mission_time_s - 3.0) < 1e-6:
                 flight.inject("telemetry", vehicle=3, quantity="position", effect="freeze", for_s=5)
-            told += [each.text for each in tick.events if each.kind == "health"]
-    assert "position not believed" in told[0]
+            reported += [each.text for each in tick.events if each.kind == "health"]
+    assert "position not believed" in reported[0]
 
 
 @pytest.mark.parametrize(

@@ -41,9 +41,9 @@ def test_followers_settle_from_an_offset(fly: Fly, frame: str, law: str) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("aside_m", [-150, 150])
-def test_a_follower_far_aside_flies_to_its_slot(fly: Fly, aside_m: float) -> None:
-    summary = fly(duration_s=50, start={"in_air": True, "run_in_s": 6, "offset_m": [0, aside_m, 0]})
+@pytest.mark.parametrize("to_side_m", [-150, 150])
+def test_a_follower_far_to_the_side_flies_to_its_slot(fly: Fly, to_side_m: float) -> None:
+    summary = fly(duration_s=50, start={"in_air": True, "run_in_s": 6, "offset_m": [0, to_side_m, 0]})
     for follower in summary.to_dict()["followers"].values():
         assert follower["settled_at_s"] < 60
 
@@ -201,7 +201,7 @@ def test_a_virtual_leader_flies_its_speed_whatever_the_delay(fly: Fly) -> None:
 
 
 @pytest.mark.parametrize("delay_ms", [0, 100, 300])
-def test_behind_a_virtual_leader_nobody_is_ahead_or_behind_whatever_the_delay(fly: Fly, delay_ms: float) -> None:
+def test_behind_a_virtual_leader_none_is_ahead_or_behind_whatever_the_delay(fly: Fly, delay_ms: float) -> None:
     """Its place is of the station's clock, theirs of the clocks that round trips tell: 3 ms off would be 6.3 cm."""
     start, links = {"in_air": True, "run_in_s": 40}, {"default": {"delay_ms": delay_ms}}
     summary = fly(duration_s=10, vehicles=[{"id": 2}, {"id": 3}], start=start, links=links)

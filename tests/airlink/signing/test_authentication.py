@@ -154,7 +154,7 @@ def test_a_radios_own_frames_need_no_key_but_are_none_of_an_autopilot():
     assert signed_link.judged[2].refused == {Verdict.UNSIGNED: 1}
 
 
-def test_links_without_a_key_take_nobody_whose_own_link_has_one():
+def test_links_without_a_key_take_no_one_whose_own_link_has_one():
     receiver = VerifyingReceiver(links := SignedLinks([link(), None], [frozenset(), frozenset({2})]))
     assert receiver.first(Datagram(1, HERE, FrameWriter(2, 1).encode(HEARTBEAT)), START) is None
     assert receiver.first(Datagram(1, HERE, FrameWriter(3, 1).encode(HEARTBEAT)), START) is not None

@@ -97,12 +97,12 @@ def in_formation(heading_rad: float = 0.0) -> FlightStates:
 
 
 def situation(
-    states: FlightStates, told: Setpoints | None = None, turn_rps: float = 0.0, slots: SlotMotion | None = None
+    states: FlightStates, commanded: Setpoints | None = None, turn_rps: float = 0.0, slots: SlotMotion | None = None
 ) -> Situation:
     """Return a situation in which all have the setpoints `told`; by default those that they fly already."""
     as_flown = Setpoints(states.airspeed_mps, states.heading_rad, states.height_m)
-    told = as_flown if told is None else told
-    speed_mps, heading_rad, height_m = told.table[:, LEADER].tolist()
+    commanded = as_flown if commanded is None else commanded
+    speed_mps, heading_rad, height_m = commanded.table[:, LEADER].tolist()
     to_leader = LeaderCommand(speed_mps, heading_rad, height_m, turn_rps)
     lead = Lead(
         LEADER,
@@ -111,7 +111,7 @@ def situation(
         RouteHeading(to_leader.heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS),
     )
     history = SetpointHistory(10.0)
-    tables.send(history, np.full(COUNT, -1), told)
+    tables.send(history, np.full(COUNT, -1), commanded)
     return Situation(
         states=Measured(tables.states(states), vec[i64]([0] * COUNT), [True] * COUNT, vec[i64]([0] * COUNT)),
         lead=lead,
@@ -124,12 +124,12 @@ def situation(
     )
 
 
-def flown(states: FlightStates, told: Setpoints, over_s: float, leader_turns_rps: float = 0.0) -> FlightStates:
+def flown(states: FlightStates, commanded: Setpoints, over_s: float, leader_turns_rps: float = 0.0) -> FlightStates:
     """Fly model (7) without limits, by 400 steps of the midpoint rule, while the leader's heading setpoint turns."""
     table, step_s = states.table.copy(), over_s / 400
 
     def rates(now: Array, at_s: float) -> Array:
-        aim = told.table.copy()
+        aim = commanded.table.copy()
         aim[1, LEADER] += leader_turns_rps * at_s
         speed, heading, (slow, fast) = now[4], now[5], MODEL.table[2:4]
         climbing = (aim[2] - now[2] - (slow + fast) * (now[3] - now[8])) / (slow * fast)

@@ -72,8 +72,8 @@ def situation(
         wind_north_mps=column(0.0),
         wind_east_mps=column(0.0),
     )
-    told = LeaderCommand(SPEED_MPS, heading_rad + TAU_PSI_S * turn_rps, 100.0, turn_rps)
-    lead = Lead(0, Instant(0), [told] * COUNT, RouteHeading(heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS))
+    commanded = LeaderCommand(SPEED_MPS, heading_rad + TAU_PSI_S * turn_rps, 100.0, turn_rps)
+    lead = Lead(0, Instant(0), [commanded] * COUNT, RouteHeading(heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS))
     slots = SlotMotion.at_rest(np.concatenate((np.zeros((1, 3)), SLOTS_M)))
     return Situation(
         states=Measured(tables.states(state), vec[i64]([0] * COUNT), [True] * COUNT, vec[i64]([0] * COUNT)),
@@ -89,8 +89,8 @@ def situation(
 
 def accelerations(decision: Decision, heading_rad: float) -> tuple[Array, Array]:
     """Return the accelerations along and across that setpoints ask of the lags, beyond the path's, m/s^2."""
-    aside = np.remainder(decision.setpoints.heading_rad - heading_rad + np.pi, 2 * np.pi) - np.pi
-    return (decision.setpoints.speed_mps - SPEED_MPS) / TAU_V_S, aside * SPEED_MPS / TAU_PSI_S
+    to_side = np.remainder(decision.setpoints.heading_rad - heading_rad + np.pi, 2 * np.pi) - np.pi
+    return (decision.setpoints.speed_mps - SPEED_MPS) / TAU_V_S, to_side * SPEED_MPS / TAU_PSI_S
 
 
 @given(offsets, headings)
@@ -98,10 +98,10 @@ def test_setpoints_are_the_protocol_on_a_straight_path(offset: Array, heading_ra
     """u = -L (k1 d + k2 w) + (k3 - 1/tau) (v_s - v), d and w the deviations from slots and speed (items 3 and 9)."""
     k3 = 0.4
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)
-    ahead_m, aside_m = offset[0] * cos + offset[1] * sin, offset[1] * cos - offset[0] * sin
+    ahead_m, to_side_m = offset[0] * cos + offset[1] * sin, offset[1] * cos - offset[0] * sin
     matrix = laplacian(GRAPH)
     along = -matrix @ (K1 * ahead_m + K2 * offset[2]) - (k3 - 1 / TAU_V_S) * offset[2]
-    across = -matrix @ (K1 * aside_m + K2 * offset[3]) - (k3 - 1 / TAU_PSI_S) * offset[3]
+    across = -matrix @ (K1 * to_side_m + K2 * offset[3]) - (k3 - 1 / TAU_PSI_S) * offset[3]
     asked = accelerations(law(k3).decide(situation(heading_rad, offset), 0.1), heading_rad)
     np.testing.assert_allclose(asked, (along, across), atol=1e-9)
 
@@ -151,13 +151,13 @@ def test_slots_are_flown_round_a_turn_without_any_term_of_the_protocol(frame: Fr
         speed, axis = SPEED_MPS * np.cos(lead_angle) - turn_rps * right_m, heading_rad + lead_angle
     moved = np.array([places(each) for each in axis])[np.arange(COUNT), :, np.arange(COUNT)].T - places(heading_rad)
     offset = np.stack((*moved, speed * np.cos(lead_angle) - SPEED_MPS, speed * np.sin(lead_angle)))
-    told = law(frame=frame).decide(situation(heading_rad, offset, turn_rps), 0.1).setpoints
-    np.testing.assert_allclose(told.speed_mps, speed)
-    np.testing.assert_allclose(told.heading_rad, heading_rad + lead_angle + TAU_PSI_S * turn_rps)
+    commanded = law(frame=frame).decide(situation(heading_rad, offset, turn_rps), 0.1).setpoints
+    np.testing.assert_allclose(commanded.speed_mps, speed)
+    np.testing.assert_allclose(commanded.heading_rad, heading_rad + lead_angle + TAU_PSI_S * turn_rps)
 
 
 @given(offsets, st.sampled_from(([2], [1], [1, 3])))
-def test_who_heard_one_that_is_lost_hears_whom_that_heard(offset: Array, lost: list[int]) -> None:
+def test_what_received_from_one_that_is_lost_receives_from_its_sources(offset: Array, lost: list[int]) -> None:
     """The remaining graph is the Schur complement of its Laplacian (Kron reduction)."""
     active = np.ones(COUNT, dtype=bool)
     active[lost] = False
@@ -182,5 +182,5 @@ def test_on_a_path_those_behind_one_that_is_lost_stay_tied_to_those_before_it(lo
 
 def test_heights_are_the_path_s_and_the_slots_own() -> None:
     """They contain no state of another vehicle: that loop is closed on board."""
-    told = law().decide(situation(0.0, np.ones((4, COUNT))), 0.1).setpoints
-    np.testing.assert_allclose(told.height_m, [100.0, 100.0, 105.0, 100.0])
+    commanded = law().decide(situation(0.0, np.ones((4, COUNT))), 0.1).setpoints
+    np.testing.assert_allclose(commanded.height_m, [100.0, 100.0, 105.0, 100.0])

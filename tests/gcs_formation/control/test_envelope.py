@@ -24,13 +24,13 @@ def test_what_is_sent_is_inside_the_limits(speed: float, own: float, correction:
 
 
 @given(st.floats(1e-3, 100.0))
-def test_however_far_aside_a_follower_is_it_turns_towards_its_slot(correction: float) -> None:
+def test_however_far_to_the_side_a_follower_is_it_turns_towards_its_slot(correction: float) -> None:
     """A correction of half a turn must not become a turn in the other direction."""
     assert Envelope(0.0, STATE, MODEL).limit(22.0, -correction, 100.0)[1] == -min(correction, math.radians(60.0))
 
 
 @given(st.floats(-0.5, 0.5), st.floats(-3.0, 3.0))
-def test_with_its_back_to_the_leader_a_follower_is_told_its_slot_s_heading_whatever_its_errors(
+def test_with_its_back_to_the_leader_a_follower_is_commanded_its_slot_s_heading_whatever_its_errors(
     beside: float, correction: float
 ) -> None:
     """So it turns to one side; told to turn left and right in alternation, it would fly straight on."""

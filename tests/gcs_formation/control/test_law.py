@@ -58,15 +58,15 @@ def slots_after(slots: SlotMotion, over_s: float) -> SlotMotion:
     return slots.after(np.full(COUNT, over_s))
 
 
-def test_who_moves_as_its_slot_does_is_told_to_accelerate_as_it_does() -> None:
+def test_what_moves_as_its_slot_does_is_commanded_to_accelerate_as_it_does() -> None:
     """Error and rate are 0; the feed-forward leaves no error of second order in time, whatever leader and slots do."""
     states, slots = keeping_up()
     decided = law().decide(situation(states, TURNING, turn_rps=0.06, slots=slots), AT_ONCE_S)
     np.testing.assert_allclose(decided.error_m, 0.0, atol=1e-12)
-    told = Setpoints.of(np.concatenate((TURNING.table[:, :1], decided.setpoints.table), axis=1))
+    commanded = Setpoints.of(np.concatenate((TURNING.table[:, :1], decided.setpoints.table), axis=1))
     over_s = 0.02
-    after = flown(states, told, over_s, leader_turns_rps=0.06)
-    left = law().decide(situation(after, told, slots=slots_after(slots, over_s)), AT_ONCE_S)
+    after = flown(states, commanded, over_s, leader_turns_rps=0.06)
+    left = law().decide(situation(after, commanded, slots=slots_after(slots, over_s)), AT_ONCE_S)
     np.testing.assert_allclose(left.error_m / over_s**2, 0.0, atol=0.01)  # m/s²; the leader's own are 0.4 and more
 
 
@@ -75,16 +75,16 @@ def test_the_rate_is_that_of_the_mixed_error() -> None:
     states, slots = keeping_up()
     off = np.array([[2.0, -1.5], [-1.0, 2.5], [0.8, 1.2], [0.4, -0.3], [1.1, -0.9], [0.06, -0.08]])
     states = with_rows(states, slice(0, 6), states.table[:6, FOLLOWERS] + off)
-    told = Setpoints.of(TURNING.table + np.array([[0.0, 1.0, -1.5], [0.0, 0.0, 0.0], [0.0, 3.0, -2.0]]))
-    told.heading_rad[FOLLOWERS] = states.heading_rad[FOLLOWERS] + (0.2, -0.1)
-    here = situation(states, told, turn_rps=0.06, slots=slots)
+    commanded = Setpoints.of(TURNING.table + np.array([[0.0, 1.0, -1.5], [0.0, 0.0, 0.0], [0.0, 3.0, -2.0]]))
+    commanded.heading_rad[FOLLOWERS] = states.heading_rad[FOLLOWERS] + (0.2, -0.1)
+    here = situation(states, commanded, turn_rps=0.06, slots=slots)
     unit = np.ones(3)
     rate = sent(law(kd=unit).decide(here, AT_ONCE_S)) - sent(law().decide(here, AT_ONCE_S))
     step_s = 0.01
     mixed = [law().decide(here, AT_ONCE_S).mixed]
     for k in (1, 2):
-        after = flown(states, told, k * step_s, leader_turns_rps=0.06)
-        moved = Setpoints.of(told.table + np.array([[0.0], [0.06 * k * step_s], [0.0]]) * [1.0, 0.0, 0.0])
+        after = flown(states, commanded, k * step_s, leader_turns_rps=0.06)
+        moved = Setpoints.of(commanded.table + np.array([[0.0], [0.06 * k * step_s], [0.0]]) * [1.0, 0.0, 0.0])
         mixed.append(law().decide(situation(after, moved, 0.06, slots_after(slots, k * step_s)), AT_ONCE_S).mixed)
     expected = (-3.0 * mixed[0] + 4.0 * mixed[1] - mixed[2]) / (2.0 * step_s)
     np.testing.assert_allclose(rate, expected, atol=2e-4)
@@ -126,7 +126,7 @@ def test_an_integral_grows_by_gain_error_and_time() -> None:
     np.testing.assert_allclose(asked, ki * 1.0 * DT_S * np.arange(4), atol=1e-12)
 
 
-def test_nothing_is_learnt_of_a_setpoint_that_was_replaced_nor_kept_of_one_that_is_not_commanded() -> None:
+def test_nothing_is_estimated_of_a_setpoint_that_was_replaced_nor_kept_of_one_that_is_not_commanded() -> None:
     flying, here = law(ki=np.array((0.5, 0.0, 0.0))), behind(1.0)
     flying.decide(here, DT_S)
     replaced = [AS_DECIDED, (True, False, False), AS_DECIDED]
@@ -194,11 +194,11 @@ def test_a_slot_is_closed_on_no_faster_than_can_be_braked_from(side: float, clos
     states, errors_m = in_formation(), side * np.array((4.0, 6.0))
     states = with_rows(states, 0, states.table[0, FOLLOWERS] - errors_m)
     states = with_rows(states, 4, states.table[4, FOLLOWERS] + side * closing_mps)
-    told = sent(law(kp=np.array((3.0, 0.0, 0.0))).decide(situation(states), DT_S))[:, 0] - SPEED_MPS
+    commanded = sent(law(kp=np.array((3.0, 0.0, 0.0))).decide(situation(states), DT_S))[:, 0] - SPEED_MPS
     most = 1.0 + np.sqrt(MODEL.accel_max_mps2[FOLLOWERS] * np.abs(errors_m))
     most += np.maximum(most - closing_mps, 0.0)
     assert (most < 3.0 * (np.abs(errors_m) - 0.1 * closing_mps)).all()
-    np.testing.assert_allclose(told, side * most)
+    np.testing.assert_allclose(commanded, side * most)
 
 
 def test_nothing_is_integrated_of_an_error_that_is_flown_off() -> None:
@@ -208,8 +208,8 @@ def test_nothing_is_integrated_of_an_error_that_is_flown_off() -> None:
     def gathers(metres: float, faster_mps: float, ticks: int) -> Array:
         states = with_rows(in_formation(), 0, in_formation().table[0, FOLLOWERS] - metres)
         states = with_rows(states, 4, states.table[4, FOLLOWERS] + faster_mps)
-        told = [sent(flying.decide(situation(states), DT_S))[:, 0] for _ in range(ticks)]
-        return told[-1] - told[0]
+        commanded = [sent(flying.decide(situation(states), DT_S))[:, 0] for _ in range(ticks)]
+        return commanded[-1] - commanded[0]
 
     np.testing.assert_allclose(gathers(30.0, 3.0, 20), 0.0, atol=1e-9)
     np.testing.assert_allclose(gathers(0.5, 3.0, 10), 0.0, atol=1e-9)
@@ -285,13 +285,13 @@ def test_a_gust_is_answered_within_what_a_correction_at_its_limit_leaves(ahead_m
     rows[4:6] = [[min_mps], [max_mps]]
     correcting = parameters(kp=np.array((9.0, 0.0, 0.0)))
     flying = tables.TableLaw(FormationLaw(correcting, tables.models(AutopilotModels(*rows))))
-    wind_mps, told_mps = 0.0, list[Array]()
+    wind_mps, commanded_mps = 0.0, list[Array]()
     for tick in range(80):
         wind_mps -= 0.0 if tick < 60 else float(np.copysign(0.1, ahead_m))
         states = carried((wind_mps, 0.0))
         here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] + ahead_m))
-        told_mps.append(sent(flying.decide(here, DT_S))[:, 0])
-    np.testing.assert_allclose(told_mps[60:], min_mps if ahead_m > 0.0 else max_mps)
+        commanded_mps.append(sent(flying.decide(here, DT_S))[:, 0])
+    np.testing.assert_allclose(commanded_mps[60:], min_mps if ahead_m > 0.0 else max_mps)
 
 
 def test_setpoints_held_from_tick_to_tick_keep_a_turning_slot() -> None:
@@ -301,16 +301,16 @@ def test_setpoints_held_from_tick_to_tick_keep_a_turning_slot() -> None:
     table[4], table[5] = np.hypot(forward_mps, right_mps), np.arctan2(right_mps, forward_mps)
     states, plain, derivative = FlightStates(*table), law(), law(kd=np.ones(3))
     ended_s = HELD_S[1] - DT_S  # lags of vehicles that flew at their mean rate at the end of the previous tick
-    told = Setpoints(states.airspeed_mps, states.heading_rad + ended_s * turn_rps, states.height_m)
+    commanded = Setpoints(states.airspeed_mps, states.heading_rad + ended_s * turn_rps, states.height_m)
     for tick in range(20):
-        told.heading_rad[LEADER] = turn_rps * (DT_S * tick + HELD_S[1, LEADER])
-        here = situation(states, told, turn_rps)
+        commanded.heading_rad[LEADER] = turn_rps * (DT_S * tick + HELD_S[1, LEADER])
+        here = situation(states, commanded, turn_rps)
         decided = plain.decide(here, DT_S)
         rate = sent(derivative.decide(here, DT_S)) - sent(decided)
         np.testing.assert_allclose(decided.error_m, 0.0, atol=5e-4)
         np.testing.assert_allclose(rate, 0.0, atol=2e-5)
-        told = Setpoints.of(np.concatenate((told.table[:, [LEADER]], decided.setpoints.table), axis=1))
-        states = flown(states, told, DT_S)
+        commanded = Setpoints.of(np.concatenate((commanded.table[:, [LEADER]], decided.setpoints.table), axis=1))
+        states = flown(states, commanded, DT_S)
 
 
 def test_who_was_not_commanded_meets_no_gust_and_no_slew_afterwards() -> None:

@@ -52,12 +52,12 @@ def test_so_are_those_of_vehicles_that_hover() -> None:
 
 
 @pytest.mark.parametrize("turn_rps", [-0.1, 0.1])
-def test_in_a_turn_all_are_told_the_leaders_own(turn_rps: float) -> None:
+def test_in_a_turn_all_are_commanded_the_leaders_own(turn_rps: float) -> None:
     """A slot outside the turn isn't faster, one inside not slower: each setpoint leads the turn by its own lag."""
     states = in_slots(0.7, np.zeros(3))
-    told = states.table.copy()
+    commanded = states.table.copy()
     found = law(frame=NORTH).decide(
-        situation(states, Setpoints(told[4], 0.7 + turn_rps * MODEL.tau_psi_s, told[2]), turn_rps), DT_S
+        situation(states, Setpoints(commanded[4], 0.7 + turn_rps * MODEL.tau_psi_s, commanded[2]), turn_rps), DT_S
     )
     speed_mps, heading_rad, _ = sent(found).T
     assert speed_mps == pytest.approx(np.full(COUNT - 1, SPEED_MPS), abs=1e-3)

@@ -40,31 +40,33 @@ def test_what_a_heading_sweeps_a_slot_is_no_error_and_damps_as_30_m_behind() -> 
     swept_m, swung_m = near[FOLLOWERS, 1] * off, np.array((1.36 * SPEED_MPS - 10.0, 0.0)) * off
     airspeed_mps = np.array([here.states.of(each, each).airspeed_mps for each in (1, 2)])
     along = 0.1 * (SPEED_MPS - airspeed_mps) + 1.0 * (decided.error_m[:, 0] + swept_m)
-    aside = 0.3 * -np.array((0.12, -0.08)) + 0.05 * (decided.error_m[:, 1] - swung_m)
-    np.testing.assert_allclose(decided.mixed[:, :2].T, (along, aside))
+    to_side = 0.3 * -np.array((0.12, -0.08)) + 0.05 * (decided.error_m[:, 1] - swung_m)
+    np.testing.assert_allclose(decided.mixed[:, :2].T, (along, to_side))
 
 
 def test_the_rate_is_that_of_the_mixed_error() -> None:
     states = towed_and_off()
-    told = Setpoints.of(np.array((states.airspeed_mps, states.heading_rad, states.height_m)))
-    told.table[:, FOLLOWERS] += np.array([[1.0, -1.5], [0.2, -0.1], [3.0, -2.0]])
-    told.height_m[LEADER] = 100.0
-    here = situation(states, told)
+    commanded = Setpoints.of(np.array((states.airspeed_mps, states.heading_rad, states.height_m)))
+    commanded.table[:, FOLLOWERS] += np.array([[1.0, -1.5], [0.2, -0.1], [3.0, -2.0]])
+    commanded.height_m[LEADER] = 100.0
+    here = situation(states, commanded)
     decided = law(kd=np.ones(3), frame="follower_heading").decide(here, AT_ONCE_S)
     rate = (sent(decided) - sent(law(frame="follower_heading").decide(here, AT_ONCE_S))) / decided.gains[:, 6:]
     step_s = 0.01
     mixed = [
-        law(frame="follower_heading").decide(situation(flown(states, told, k * step_s), told), AT_ONCE_S).mixed
+        law(frame="follower_heading")
+        .decide(situation(flown(states, commanded, k * step_s), commanded), AT_ONCE_S)
+        .mixed
         for k in range(3)
     ]
     expected = (-3.0 * mixed[0] + 4.0 * mixed[1] - mixed[2]) / (2.0 * step_s)
     np.testing.assert_allclose(rate, expected, atol=2e-4)
 
 
-def test_the_heading_of_a_slot_aside_has_less_bandwidth() -> None:
+def test_the_heading_of_a_slot_to_the_side_has_less_bandwidth() -> None:
     """0.6 s by itself, plus the time aside, of 1.36 s at most."""
-    aside = np.array([[0.0, 0.0, 0.0], [-30.0, -11.0, 0.0], [-30.0, 44.0, 0.0]])
-    here = situation(in_formation(), slots=SlotMotion.at_rest(aside))
+    to_side = np.array([[0.0, 0.0, 0.0], [-30.0, -11.0, 0.0], [-30.0, 44.0, 0.0]])
+    here = situation(in_formation(), slots=SlotMotion.at_rest(to_side))
     shown = law(np.ones(3), frame="follower_heading").decide(here, DT_S).gains[:, :3]
     np.testing.assert_allclose(shown, [[1.0, 0.6 / (0.6 + 0.5), 1.0], [1.0, 0.6 / (0.6 + 1.36), 1.0]])
 

@@ -71,14 +71,14 @@ def test_a_limit_leaves_nothing_in_the_integral_that_the_error_did_not_put_there
     The integral then has the error's sign and is no larger than the gain can have integrated: 0 at a gain of 0. So the
     output returns to its value before the limit.
     """
-    controller, gathered = pid(kp, ki, kd, windup_s=windup_s), 0.0
+    controller, accumulated = pid(kp, ki, kd, windup_s=windup_s), 0.0
     for k in range(200):
         error = 8.0 if k < 100 else 0.0
         controller.filter_rate(-80.0 if k == 100 else 0.0, DT_S)
         output = controller.output(error)
         controller.integrate(error, clip(output, 6.0) - output, DT_S)
-        gathered += ki * error * DT_S
-        assert -1e-9 <= controller.integral <= gathered + 1e-9
+        accumulated += ki * error * DT_S
+        assert -1e-9 <= controller.integral <= accumulated + 1e-9
     controller.rate = 0.0
     assert ki > 0.0 or controller.output(0.0) == 0.0
 
@@ -94,7 +94,7 @@ def test_a_limit_takes_from_the_integral_what_is_there_and_no_more(held: float, 
 
 
 @pytest.mark.parametrize(("error", "left"), [(8.0, -36.0), (-8.0, -44.0), (60.0, 0.0)])
-def test_an_integral_that_does_not_gather_loses_what_the_error_takes(error: float, left: float) -> None:
+def test_an_integral_that_does_not_accumulate_loses_what_the_error_takes(error: float, left: float) -> None:
     """A limit doesn't reduce it, because the vehicle is on its way to a slot, and its sign doesn't change."""
     controller = pid(ki=1.0)
     controller.integral = -44.0
@@ -102,7 +102,7 @@ def test_an_integral_that_does_not_gather_loses_what_the_error_takes(error: floa
     assert controller.integral == left
 
 
-def test_an_integral_gathers_no_more_than_there_is_to_gather() -> None:
+def test_an_integral_accumulates_no_more_than_there_is_to_accumulate() -> None:
     """If it and the derivative cancel, no limit is reached that would stop it."""
     controller = pid(ki=1.0)
     for _ in range(30):
@@ -118,12 +118,12 @@ def descent_m(up_m: float) -> list[float]:
     model = AutopilotModel(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, climb_max_mps=3.0)
     controller, errors_m = FollowerController(law_parameters(scenario)), list[float]()
     leader = LeaderMotion(level_at(100.0), 0.0, 0.0, 0.0, 0.0)
-    own, told_m, slot = level_at(100.0 + up_m), 100.0 + up_m, Slot([0.0] * 3, [0.0] * 3, [0.0] * 3)
+    own, commanded_m, slot = level_at(100.0 + up_m), 100.0 + up_m, Slot([0.0] * 3, [0.0] * 3, [0.0] * 3)
     for _ in range(600):
-        controller.decide(Pair(leader, own, slot, model, (22.0, 0.0, told_m), 0.0, [1.0] * 3, AS_DECIDED), DT_S)
-        told_m = controller.setpoint[2]
+        controller.decide(Pair(leader, own, slot, model, (22.0, 0.0, commanded_m), 0.0, [1.0] * 3, AS_DECIDED), DT_S)
+        commanded_m = controller.setpoint[2]
         for _ in range(10):
-            own.climb_mps += DT_S / 10 * (told_m - own.height_m - 4.0 * own.climb_mps) / 3.0
+            own.climb_mps += DT_S / 10 * (commanded_m - own.height_m - 4.0 * own.climb_mps) / 3.0
             own.climb_mps = max(-3.0, min(3.0, own.climb_mps))
             own.height_m += DT_S / 10 * own.climb_mps
         errors_m.append(own.height_m - 100.0)
@@ -135,7 +135,7 @@ def level_at(height_m: float) -> FlightState:
 
 
 @pytest.mark.parametrize("up_m", [40.0, -40.0])
-def test_what_an_integrator_could_gather_on_a_long_climb_does_not_overshoot(up_m: float) -> None:
+def test_what_an_integrator_could_accumulate_on_a_long_climb_does_not_overshoot(up_m: float) -> None:
     """40 m at 3 m/s take 13 s; an integrator that ran during the climb used to overshoot by 1.45 m."""
     past_m = [-error_m * math.copysign(1.0, up_m) for error_m in descent_m(up_m)]
     assert 0.0 < max(past_m) < 0.5

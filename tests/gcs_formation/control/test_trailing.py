@@ -35,7 +35,7 @@ def target_of(leader: LeaderMotion, turn_rps: float, slot: Slot) -> Target:
 
 @pytest.mark.parametrize("tick_s", [0.1, 0.02])
 @pytest.mark.parametrize("forward_m", [(-30.0, -60.0), (-60.0, -30.0), (-30.0, 0.0)])
-def test_who_turns_as_trailing_at_the_slots_speed_stays_in_a_slot_that_goes_60_m_aside(
+def test_one_that_turns_as_trailing_at_the_slots_speed_stays_in_a_slot_that_goes_60_m_to_the_side(
     forward_m: tuple[float, float], tick_s: float
 ) -> None:
     """Equation (8) integrated finely: the error left is of first order in the tick; headings turn as computed."""

@@ -33,19 +33,19 @@ class Aircraft:
 
     def fly(self, seconds: float, reads: Callable[[float], float] | None = None) -> list[bool]:
         """Fly for a while; return which readings are trusted. `reads`: reading by time from now, m/s."""
-        believed: list[bool] = []
+        accepted: list[bool] = []
         for tick in range(round(seconds / PERIOD_S)):
             north_mps = self.wind_mps[0] + self.flown_mps * math.cos(self.heading_rad)
             east_mps = self.wind_mps[1] + self.flown_mps * math.sin(self.heading_rad)
             reading_mps = reads(tick * PERIOD_S) if reads else self.flown_mps / self.ratio
-            told = north_mps, east_mps, self.heading_rad, reading_mps, self.ratio
-            believed.append(self.check.take(self.now_s, *told))
+            reported = north_mps, east_mps, self.heading_rad, reading_mps, self.ratio
+            accepted.append(self.check.take(self.now_s, *reported))
             self.now_s += PERIOD_S
-        return believed
+        return accepted
 
 
 @pytest.mark.parametrize("reading_mps", [0.0, 5.0, 11.0, 34.0, 60.0, 400.0])
-def test_a_sensor_that_fails_isnt_believed_and_the_airspeed_follows_from_the_wind_known(reading_mps: float) -> None:
+def test_a_sensor_that_fails_is_rejected_and_the_airspeed_follows_from_the_wind_known(reading_mps: float) -> None:
     """The aircraft accelerates to 25 m/s while its sensor sticks."""
     plane = Aircraft(wind_mps=(-6.0, 3.0))
     assert all(plane.fly(10.0))
@@ -73,7 +73,7 @@ def test_one_that_never_worked_stands_for_calm_air() -> None:
 
 @given(st.lists(st.tuples(st.floats(-15.0, 15.0), st.floats(-15.0, 15.0), speeds, headings), min_size=1, max_size=8))
 @settings(max_examples=60, deadline=None)
-def test_gusts_and_turns_of_any_size_are_believed_within_what_is_flown(
+def test_gusts_and_turns_of_any_size_are_accepted_within_what_is_flown(
     legs: list[tuple[float, float, float, float]],
 ) -> None:
     plane = Aircraft()
@@ -84,7 +84,7 @@ def test_gusts_and_turns_of_any_size_are_believed_within_what_is_flown(
 
 @given(st.floats(0.7, 1.3), st.floats(1.0, 1.25), speeds, headings)
 @settings(max_examples=60, deadline=None)
-def test_sensors_with_a_scale_of_their_own_in_thin_air_are_believed(
+def test_sensors_with_a_scale_of_their_own_at_density_altitude_are_accepted(
     scale: float, thin: float, reading_mps: float, heading_rad: float
 ) -> None:
     """Before anything is known about scale and density, and straight on after a turn."""
@@ -94,7 +94,7 @@ def test_sensors_with_a_scale_of_their_own_in_thin_air_are_believed(
 
 
 @pytest.mark.parametrize("wind_mps", [-10.0, 0.0, 6.0, 10.0])
-def test_a_take_off_is_believed_against_and_with_the_wind(wind_mps: float) -> None:
+def test_a_take_off_is_accepted_against_and_with_the_wind(wind_mps: float) -> None:
     plane = Aircraft(wind_mps=(wind_mps, 0.0))
     for tick in range(100):
         plane.flown_mps = max(0.0, -wind_mps) + 0.2 * tick
@@ -102,7 +102,7 @@ def test_a_take_off_is_believed_against_and_with_the_wind(wind_mps: float) -> No
 
 
 @pytest.mark.parametrize("flown_mps", [10.0, 36.0])
-def test_what_velocity_over_ground_shows_as_well_is_believed_beyond_all_limits(flown_mps: float) -> None:
+def test_what_velocity_over_ground_shows_as_well_is_accepted_beyond_all_limits(flown_mps: float) -> None:
     """As in a dive or a stall."""
     plane = Aircraft(wind_mps=(5.0, 5.0))
     plane.fly(10.0)
@@ -110,7 +110,7 @@ def test_what_velocity_over_ground_shows_as_well_is_believed_beyond_all_limits(f
     assert all(plane.fly(10.0))
 
 
-def test_it_is_believed_again_once_it_has_read_what_is_flown_for_a_while() -> None:
+def test_it_is_accepted_again_once_it_has_read_what_is_flown_for_a_while() -> None:
     plane = Aircraft()
     plane.fly(10.0)
     assert not any(plane.fly(5.0, lambda _: 0.0))
@@ -119,7 +119,7 @@ def test_it_is_believed_again_once_it_has_read_what_is_flown_for_a_while() -> No
     assert PERIOD_S * back.count(False) == pytest.approx(RETURN_S, abs=PERIOD_S)
 
 
-def test_a_loose_contact_is_not_believed_in_between() -> None:
+def test_a_loose_contact_is_rejected_in_between() -> None:
     plane = Aircraft()
     plane.fly(10.0)
     assert not any(plane.fly(20.0, lambda since_s: 0.0 if since_s % 1.0 < 0.5 else FLOWN_MPS))
@@ -129,9 +129,9 @@ def test_what_a_sensor_shows_that_ices_up_makes_little_of_the_wind() -> None:
     """1 m/s less each second counts as wind until the reading is 11 m/s too low."""
     plane = Aircraft()
     plane.fly(60.0)
-    believed = plane.fly(40.0, lambda since_s: max(0.0, FLOWN_MPS - since_s))
-    assert PERIOD_S * believed.count(True) == pytest.approx(FLOWN_MPS - 0.7 * SLOWEST_MPS, abs=2 * PERIOD_S)
-    assert not any(believed[believed.count(True) :])
+    accepted = plane.fly(40.0, lambda since_s: max(0.0, FLOWN_MPS - since_s))
+    assert PERIOD_S * accepted.count(True) == pytest.approx(FLOWN_MPS - 0.7 * SLOWEST_MPS, abs=2 * PERIOD_S)
+    assert not any(accepted[accepted.count(True) :])
     assert plane.check.synthetic_mps == pytest.approx(FLOWN_MPS, abs=2.0)
 
 

@@ -49,7 +49,7 @@ def test_the_standard_atmosphere_s_densities(above_sea_m: float, density_kgpm3: 
     assert true_by_equivalent_airspeed(above_sea_m) == pytest.approx(expected, rel=1e-4)
 
 
-def test_a_sensor_is_believed_to_be_calibrated_until_a_turn_tells_more() -> None:
+def test_a_sensor_is_taken_as_calibrated_until_a_turn_shows_more() -> None:
     learner = flown(AirspeedScale(FIELD_M, SLOWEST_MPS, FASTEST_MPS), 0.0, scale=1.1, wind_mps=(3.0, -4.0))
     assert learner.scale == pytest.approx(1.0, abs=0.01)
     assert learner.true(READING_MPS) == pytest.approx(READING_MPS * true_by_equivalent_airspeed(1600.0), rel=0.01)
@@ -79,7 +79,7 @@ def test_gusts_that_last_are_not_taken_for_a_scale_beyond_what_they_leave_unknow
     assert abs(learner.scale - 1.0) < 0.036  # three standard deviations of what gusts leave
 
 
-def test_what_is_told_is_read_where_it_flies_so_fast_and_lies_within_the_limits() -> None:
+def test_what_is_commanded_is_read_where_it_flies_so_fast_and_lies_within_the_limits() -> None:
     learner = flown(AirspeedScale(FIELD_M, SLOWEST_MPS, FASTEST_MPS), math.pi, scale=1.1)
     for true_mps in (20.0, 22.0, 30.0):
         assert learner.true(learner.reading(true_mps)) == pytest.approx(true_mps)

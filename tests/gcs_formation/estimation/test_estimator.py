@@ -48,9 +48,9 @@ class Flight:
         self.filter.take([Sample(Instant(self.now), *seen)], tables.models(MODEL)[:1], [True])
 
     def fly(self, heading_rad=0.5, yanked_rad=0.0, gust_mps=0.0, off: float | Array = 0.0):
-        told = Setpoints(*(np.array([value]) for value in (22.0, heading_rad, 110.0)))
+        commanded = Setpoints(*(np.array([value]) for value in (22.0, heading_rad, 110.0)))
         since = np.array([self.now])
-        tables.send(self.history, since, told)
+        tables.send(self.history, since, commanded)
         self.now += STEP_NS
         until = np.array([self.now])
         self.true = tables.predict(self.history, FlightStates(*self.true[:, None]), since, until, MODEL).table[:8, 0]
@@ -80,7 +80,7 @@ class Flight:
         whole[2:4, 2:4] = (height.height, height.cross), (height.cross, height.climb)
         return whole
 
-    def learnt(self):
+    def estimated(self):
         """Return the learned noise of each quantity relative to the true one."""
         return np.array(self.filter.filters[0].noise.sigma()) / self.sigma
 
@@ -110,11 +110,11 @@ def test_the_estimate_is_several_times_better_than_a_sample():
 
 
 @pytest.mark.parametrize("times", [0.3, 1.0, 4.0, 10.0])
-def test_noise_that_is_not_as_declared_is_learnt(times):
+def test_noise_that_is_not_as_declared_is_estimated(times):
     flight = Flight(sigma=times * GNSS)
     for _ in range(600):
         flight.fly()
-    assert flight.learnt() == pytest.approx(np.ones(6), abs=0.5)
+    assert flight.estimated() == pytest.approx(np.ones(6), abs=0.5)
 
 
 @pytest.mark.parametrize("wind_radps", [0.2, 2.0])
@@ -137,7 +137,7 @@ def test_one_noisy_quantity_does_not_change_the_others():
     flight = Flight(sigma=GNSS * (10 / 3, 1, 1, 1, 1, 1))
     for _ in range(600):
         flight.fly()
-    assert flight.learnt() == pytest.approx(np.ones(6), abs=0.4)
+    assert flight.estimated() == pytest.approx(np.ones(6), abs=0.4)
 
 
 def test_a_take_off_that_climbs_faster_than_the_model_may_is_followed():
@@ -148,8 +148,8 @@ def test_a_take_off_that_climbs_faster_than_the_model_may_is_followed():
         flight.true = np.array((2.2 * step, 0.0, height_m, climb_mps, 22.0, 0.0, 0.0, 0.0))
         flight.see()
         errors_m.append(flight.error()[2])
-        told = Setpoints(*(np.array([value]) for value in (22.0, 0.0, height_m + 8.0)))
-        tables.send(flight.history, np.array([flight.now]), told)
+        commanded = Setpoints(*(np.array([value]) for value in (22.0, 0.0, height_m + 8.0)))
+        tables.send(flight.history, np.array([flight.now]), commanded)
         flight.now += STEP_NS
         height_m += 0.1 * climb_mps
     assert np.abs(errors_m).max() < 1.0
@@ -165,7 +165,7 @@ def test_a_wind_that_changes_is_not_taken_for_noise():
     assert np.abs(flight.error()[WIND_NORTH:]).max() < 0.2
 
 
-def test_a_gust_on_exact_telemetry_is_believed_at_once():
+def test_a_gust_on_exact_telemetry_is_accepted_at_once():
     flight = Flight(sigma=RESOLUTION, declared=RESOLUTION)
     for _ in range(100):
         flight.fly()
@@ -201,13 +201,13 @@ def test_what_only_looks_like_a_large_gust_is_not_accepted_as_one(off, what):
     assert np.abs(flight.error()[WIND_NORTH:]).max() < 0.5, what
 
 
-def test_what_carries_a_vehicle_up_is_told_from_its_own_climb():
+def test_what_carries_a_vehicle_up_is_distinguished_from_its_own_climb():
     """It climbs by 10 m as commanded; then 0.5 m/s of rising air are added, which (7) doesn't know."""
     flight, felt_mps = Flight(sigma=RESOLUTION, declared=RESOLUTION), []
     for step in range(200):
-        told = Setpoints(*(np.array([value]) for value in (22.0, 0.5, 110.0)))
+        commanded = Setpoints(*(np.array([value]) for value in (22.0, 0.5, 110.0)))
         since, until = np.array([flight.now]), np.array([flight.now + STEP_NS])
-        tables.send(flight.history, since, told)
+        tables.send(flight.history, since, commanded)
         flown = FlightStates(*flight.true[:, None])
         flight.true = tables.predict(flight.history, flown, since, until, MODEL).table[:8, 0]
         carried_mps = 0.5 if step >= 100 else 0.0
@@ -222,7 +222,7 @@ def test_what_carries_a_vehicle_up_is_told_from_its_own_climb():
     assert flight.filter.sway_m == pytest.approx(lags_s * 0.5 * math.sqrt(0.5), rel=0.15), "of the time, half"
 
 
-def test_what_moves_heights_is_remembered_for_a_minute_also_where_states_begin_anew():
+def test_what_moves_heights_is_remembered_for_a_minute_also_where_states_begin_again():
     updraught, still = Updraught(followed=False), FlightState(0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0)
     (model,) = tables.models(MODEL)
 
@@ -261,7 +261,7 @@ def test_a_vehicle_that_somebody_else_turns_is_followed():
     assert min(errors[-6:]) < 4 * GNSS[-1]
 
 
-def test_the_wind_is_kept_where_a_state_begins_anew():
+def test_the_wind_is_kept_where_a_state_begins_again():
     """Somebody else turns the vehicle while its airspeed reads 3 m/s too low: its wind must not change."""
     flight = Flight()
     noise = VehicleNoise(tuple(GNSS.tolist()), tuple((GNSS / 4).tolist()))
@@ -302,19 +302,19 @@ def test_the_transition_is_the_derivative_of_the_prediction(elapsed_s):
     assert found == pytest.approx(derivative, abs=1e-3)
 
 
-@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("commanded", [True, False])
 @pytest.mark.parametrize("off_m", [0.005, 0.9])
-def test_a_step_is_the_extended_kalman_filters(told, off_m, monkeypatch):
+def test_a_step_is_the_extended_kalman_filters(commanded, off_m, monkeypatch):
     """P' = F P F^T + Q, K = P' H^T S^-1, Joseph's form; Q by how far vehicles stray with and without setpoints.
 
     A position that is u times too far off to be plausible, including 1 m/s of straying, counts as if S were u² times as
     large.
     """
     fine = GNSS / 20
-    flight, learnt = Flight(sigma=0 * GNSS, declared=fine), []
+    flight, estimated = Flight(sigma=0 * GNSS, declared=fine), []
 
     def note(_noise, unexplained, _own):
-        learnt.append(unexplained)
+        estimated.append(unexplained)
 
     monkeypatch.setattr(VehicleNoise, "learn", note)
     tables.send(flight.history, np.array([0]), Setpoints(*(np.array([each]) for each in (22.0, 0.3, 100.0))))
@@ -323,9 +323,9 @@ def test_a_step_is_the_extended_kalman_filters(told, off_m, monkeypatch):
     state = tables.predict(flight.history, before, np.array([0]), until, MODEL)
     off = np.array((off_m, -off_m, off_m, *0.3 * fine[QUANTITY_OF][3:]))
     sample = Sample(Instant(STEP_NS), *(filter_on_arrays.expected(state)[:, 0] + off))
-    flight.filter.take([sample], tables.models(MODEL)[:1], [told])
+    flight.filter.take([sample], tables.models(MODEL)[:1], [commanded])
     moved, rows = filter_on_arrays.transition(before, np.array([0.1]), MODEL)[0], filter_on_arrays.sensitivity(state)[0]
-    strays = (0, 0, 0, 0.05, 0.05, 0.003) if told else (0, 0, 0, 1.0, 1.0, 0.3)
+    strays = (0, 0, 0, 0.05, 0.05, 0.003) if commanded else (0, 0, 0, 1.0, 1.0, 0.3)
     wind = 2.0 * math.hypot(fine[2], fine[4]) / math.sqrt(RATE_HZ)
     predicted = moved @ covariance @ moved.T + np.diag((*strays, wind, wind)) ** 2 * 0.1
     own = np.diag(rows @ predicted @ rows.T) + variance
@@ -337,7 +337,7 @@ def test_a_step_is_the_extended_kalman_filters(told, off_m, monkeypatch):
     corrected = kept @ predicted @ kept.T + gain @ np.diag(variance) @ gain.T
     np.testing.assert_allclose(flight.covariance(), corrected, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(flight.state.values()[:8], state.table[:8, 0] + gain @ off, rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(learnt[0], off, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(estimated[0], off, rtol=1e-6, atol=1e-9)
 
 
 def test_the_sensitivity_is_the_derivative_of_the_sample():
@@ -390,8 +390,8 @@ def test_errors_that_last_are_taken_as_large_as_they_are_and_no_smaller(keys, fa
 def test_the_controller_filters_what_noisy_vehicles_tell():
     """The second of three flies straight on; its samples have the declared noise."""
     controller = FormationController(load_scenario(scenario(vehicles={"count": 3, "navigation": {"source": "noisy"}})))
-    told = (np.full(3, value) for value in (22.0, 0.4, 100.0))
-    tables.send(controller.history, np.zeros(3, dtype=np.int64), Setpoints(*told))
+    commanded = (np.full(3, value) for value in (22.0, 0.4, 100.0))
+    tables.send(controller.history, np.zeros(3, dtype=np.int64), Setpoints(*commanded))
     random, errors = np.random.default_rng(1), []
     for tenth in range(300):
         at_s, over_ground_mps = 0.1 * tenth, (22.0 * math.cos(0.4), 22.0 * math.sin(0.4), 0.0)

@@ -42,15 +42,15 @@ def test_the_estimate_is_the_mean_of_products_of_successive_increments() -> None
         np.testing.assert_allclose(noise.ratios(), judged)
 
 
-def test_a_vehicle_that_begins_again_has_what_is_declared_and_the_others_keep_what_was_learnt() -> None:
+def test_a_vehicle_that_begins_again_has_what_is_declared_and_the_others_keep_what_was_estimated() -> None:
     again, other = begun(), begun()
     for number in range(30):
         for each in (again, other):
             each.learn(each_of_eight(0.2 * (-1) ** number), each_of_eight(1.0))
-    learnt = other.sigma()
+    estimated = other.sigma()
     again.begin()
     np.testing.assert_allclose(again.sigma(), SIGMA)
-    np.testing.assert_allclose(other.sigma(), learnt)
+    np.testing.assert_allclose(other.sigma(), estimated)
     for each in (again, other):
         each.learn(each_of_eight(0.2), each_of_eight(1.0))
     np.testing.assert_allclose(again.sigma(), SIGMA * np.sqrt(20.0 / 21.0))
@@ -105,6 +105,6 @@ def test_positions_that_stray_are_followed_by_as_much_up_to_a_limit(walk):
     assert found.max() <= math.sqrt(MAX_DRIFT)
 
 
-def test_nothing_is_learnt_over_a_gap():
+def test_nothing_is_estimated_over_a_gap():
     places = np.cumsum(np.full((100, 2), 3.0), axis=0)
     assert max(strayed(places, np.zeros((100, 2)), 0.3, 0.003)) == 0.0

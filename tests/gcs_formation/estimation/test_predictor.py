@@ -22,16 +22,16 @@ def column(*values: float) -> list[np.ndarray]:
 MODEL = AutopilotModels(*column(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0))
 
 
-def derivative(_: float, y: Any, told: tuple[float, float, float], updraught_mps: float) -> list[float]:
+def derivative(_: float, y: Any, commands: tuple[float, float, float], updraught_mps: float) -> list[float]:
     north, east, height, climb, speed, heading = y
     del north, east
-    error = (told[1] - heading + np.pi) % (2 * np.pi) - np.pi
+    error = (commands[1] - heading + np.pi) % (2 * np.pi) - np.pi
     return [
         speed * np.cos(heading) + 0.7,
         speed * np.sin(heading) - 0.4,
         climb,
-        -(1 / 1.0 + 1 / 3.0) * (climb - updraught_mps) + (told[2] - height) / 3.0,
-        np.clip((told[0] - speed) / 4.0, -1.5, 1.5),
+        -(1 / 1.0 + 1 / 3.0) * (climb - updraught_mps) + (commands[2] - height) / 3.0,
+        np.clip((commands[0] - speed) / 4.0, -1.5, 1.5),
         np.clip(error / 1.5, -0.25, 0.25),
     ]
 
@@ -47,15 +47,21 @@ def derivative(_: float, y: Any, told: tuple[float, float, float], updraught_mps
     st.floats(-1.0, 1.0),
 )
 def test_equals_the_integrated_model(
-    speed: float, heading: float, climb_to: float, told_speed: float, turn: float, duration_s: float, rising_mps: float
+    speed: float,
+    heading: float,
+    climb_to: float,
+    commanded_speed: float,
+    turn: float,
+    duration_s: float,
+    rising_mps: float,
 ) -> None:
     start = (10.0, -20.0, 100.0, 0.2, speed, heading)
-    told = (told_speed, heading + turn, 100.0 + climb_to)
-    args, span_s = (told, rising_mps), (0, duration_s)
+    commands = (commanded_speed, heading + turn, 100.0 + climb_to)
+    args, span_s = (commands, rising_mps), (0, duration_s)
     peer = solve_ivp(derivative, span_s, start, args=args, rtol=1e-10, atol=1e-10, max_step=0.01).y[:, -1]
     ours = advance(
         FlightStates(*column(*start, 0.7, -0.4, rising_mps)),
-        np.array(told)[:, None],
+        np.array(commands)[:, None],
         np.array([duration_s]),
         MODEL,
     )
@@ -68,10 +74,10 @@ def test_equals_the_integrated_model(
 @given(st.floats(0.02, 2.0), st.floats(0.1, 0.9))
 def test_a_way_made_in_two_pieces_ends_at_the_same_place(duration_s: float, share: float) -> None:
     state = FlightStates(*column(0, 0, 100, 0.5, 20, 1.0, 1.0, 2.0))
-    told = np.array([24.0, 1.2, 101.0])[:, None]
-    whole = advance(state, told, np.array([duration_s]), MODEL)
-    first = advance(state, told, np.array([duration_s * share]), MODEL)
-    both = advance(first, told, np.array([duration_s * (1 - share)]), MODEL)
+    commands = np.array([24.0, 1.2, 101.0])[:, None]
+    whole = advance(state, commands, np.array([duration_s]), MODEL)
+    first = advance(state, commands, np.array([duration_s * share]), MODEL)
+    both = advance(first, commands, np.array([duration_s * (1 - share)]), MODEL)
     for name in ("north_m", "east_m", "height_m", "climb_mps", "airspeed_mps", "heading_rad"):
         assert getattr(both, name) == pytest.approx(getattr(whole, name), abs=1e-4)
 
@@ -79,18 +85,18 @@ def test_a_way_made_in_two_pieces_ends_at_the_same_place(duration_s: float, shar
 def test_setpoints_act_when_they_arrive() -> None:
     """The prediction through a history equals its pieces flown one after another, the first of them straight on."""
     history = SetpointHistory(10.0)
-    told = [(22.0, 0.0, 100.0), (24.0, 0.1, 101.0), (20.0, 0.3, 99.0)]
-    for k, values in enumerate(told):
+    commands = [(22.0, 0.0, 100.0), (24.0, 0.1, 101.0), (20.0, 0.3, 99.0)]
+    for k, values in enumerate(commands):
         acts = np.array([round((0.1 * k + 0.3) * NANOSECONDS)])
         tables.send(history, acts, Setpoints(*column(*values)))
     state = FlightStates(*column(0, 0, 100, 0, 22, 0, 0, 0))
     since, until = np.array([round(0.25 * NANOSECONDS)]), np.array([round(0.65 * NANOSECONDS)])
     predicted = tables.predict(history, state, since, until, MODEL)
-    for instant_s, values in ((0.35, told[0]), (0.45, told[1]), (9.0, told[2])):
+    for instant_s, values in ((0.35, commands[0]), (0.45, commands[1]), (9.0, commands[2])):
         assert history.commanded(round(instant_s * NANOSECONDS), 0) == values
     nothing = (math.nan,) * 3
     np.testing.assert_equal(history.commanded(round(0.2 * NANOSECONDS), 0), nothing)
-    for values, duration_s in zip((nothing, *told), (0.05, 0.1, 0.1, 0.15), strict=True):
+    for values, duration_s in zip((nothing, *commands), (0.05, 0.1, 0.1, 0.15), strict=True):
         state = advance(state, np.array(values)[:, None], np.array([duration_s]), MODEL)
     for name in ("north_m", "east_m", "height_m", "airspeed_mps", "heading_rad"):
         assert getattr(predicted, name) == pytest.approx(getattr(state, name), abs=1e-6)
@@ -126,10 +132,10 @@ def test_limits_hold() -> None:
     assert later.height_m[0] <= 103.0
 
 
-@pytest.mark.parametrize("apart", [0.0, 1e-9])
-def test_equal_time_constants_of_the_height_make_a_double_pole(apart: float) -> None:
+@pytest.mark.parametrize("difference", [0.0, 1e-9])
+def test_equal_time_constants_of_the_height_make_a_double_pole(difference: float) -> None:
     """2 s after a step of 1 m with two lags of 2 s, 2/e m are left, and it climbs at 1/(2 e) m/s."""
-    model = AutopilotModels(*column(4.0, 1.5, 2.0, 2.0 * (1 + apart), 16.0, 28.0, 1.5, 0.25, 3.0))
+    model = AutopilotModels(*column(4.0, 1.5, 2.0, 2.0 * (1 + difference), 16.0, 28.0, 1.5, 0.25, 3.0))
     state = FlightStates(*column(0, 0, 100, 0, 22, 0, 0, 0))
     later = advance(state, np.array([22.0, 0.0, 101.0])[:, None], np.array([2.0]), model)
     assert later.height_m == pytest.approx([101 - 2 / math.e], abs=1e-8)

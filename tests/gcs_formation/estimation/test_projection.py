@@ -55,11 +55,11 @@ def test_pairs_are_exact_for_even_motion_whatever_rates_and_ages(period_ms: list
         assert states.instant(0) == stamps.min()
         expected, found = at(np.full(COUNT, stamps.min())), table(states)
         np.testing.assert_allclose(found.table[:5], expected.table[:5], atol=1e-9)
-        apart = found.heading_rad - expected.heading_rad
-        np.testing.assert_allclose(np.sin(apart / 2), 0.0, atol=1e-9)
+        difference = found.heading_rad - expected.heading_rad
+        np.testing.assert_allclose(np.sin(difference / 2), 0.0, atol=1e-9)
 
 
-def test_a_vehicle_that_is_not_active_holds_nobody_back() -> None:
+def test_a_vehicle_that_is_not_active_holds_none_back() -> None:
     pairing, states = Pairing(RATE_HZ), None
     for now in (1000, 1100, 1200):
         stamps = np.array([now, now, 300]) * MS

@@ -21,32 +21,32 @@ def flown(steps: tuple[Step, ...], seconds: float, course_rad: float = 0.0) -> l
     """Return the heading setpoint and the distance to the right of a straight path, at each tick."""
     lateral, added_steps = LateralGuidance(DT_S), AddedSteps(steps, DT_S)
     state = FlightState(0.0, 0.0, 100.0, 0.0, SPEED_MPS, course_rad, 0.0, 0.0)
-    distance_m, told = 0.0, []
+    distance_m, commanded = 0.0, []
     for tick in range(round(seconds / DT_S)):
         steered = added_steps.without(state)
         distance_m = project(PATH, steered.north_m, steered.east_m, distance_m)
         heading = lateral.setpoint_rad(PATH.at(distance_m), steered, MODEL, SPEED_MPS, TurnBounds())
         wanted = Setpoint(SPEED_MPS, heading, 100.0)
         added_steps.add(wanted, tick * DT_S, state, MODEL)
-        told.append((wanted.heading_rad, state.east_m))
+        commanded.append((wanted.heading_rad, state.east_m))
         advance(state, MODEL, wanted.speed_mps, wanted.heading_rad, wanted.height_m, DT_S)
-    return told
+    return commanded
 
 
 def test_a_step_of_heading_is_commanded_as_it_is_and_the_opposite_one_leads_back() -> None:
-    told = flown(DOUBLET, 60.0)
-    assert [heading for heading, _ in told[51:139]] == pytest.approx([math.radians(15)] * 88, abs=1e-3)
-    assert [heading for heading, _ in told[141:229]] == pytest.approx([-math.radians(15)] * 88, abs=1e-3)
+    commanded = flown(DOUBLET, 60.0)
+    assert [heading for heading, _ in commanded[51:139]] == pytest.approx([math.radians(15)] * 88, abs=1e-3)
+    assert [heading for heading, _ in commanded[141:229]] == pytest.approx([-math.radians(15)] * 88, abs=1e-3)
     # By (7) the heading is back at 0, where the distance is largest, tau ln 2 after the opposite step.
-    aside_m = SPEED_MPS * math.sin(math.radians(15)) * (9.0 - MODEL.tau_psi_s * math.log(2.0))
-    assert max(right_m for _, right_m in told) == pytest.approx(aside_m, rel=0.02)
-    assert max(abs(right_m) for _, right_m in told[300:]) < 0.6
+    to_side_m = SPEED_MPS * math.sin(math.radians(15)) * (9.0 - MODEL.tau_psi_s * math.log(2.0))
+    assert max(right_m for _, right_m in commanded) == pytest.approx(to_side_m, rel=0.02)
+    assert max(abs(right_m) for _, right_m in commanded[300:]) < 0.6
 
 
 def test_without_the_opposite_step_the_guidance_leads_back() -> None:
-    told = flown(DOUBLET[:1], 90.0)
-    assert max(right_m for _, right_m in told) > 40.0
-    assert abs(told[-1][1]) < 0.5
+    commanded = flown(DOUBLET[:1], 90.0)
+    assert max(right_m for _, right_m in commanded) > 40.0
+    assert abs(commanded[-1][1]) < 0.5
 
 
 def test_a_leader_off_its_path_comes_back_while_a_step_lasts() -> None:

@@ -37,7 +37,7 @@ def test_a_follower_whose_setpoint_acts_sooner_gets_what_the_leader_still_flies_
     assert (newest.turn_rps, older.turn_rps) == pytest.approx((TURN_RPS, TURN_RPS))
 
 
-def test_outside_of_what_it_was_told_the_nearest_holds():
+def test_outside_of_what_it_was_given_the_nearest_holds():
     oldest, newest = (leader(20).at(instant(at_s)) for at_s in (0.0, 9.0))
     assert (oldest.speed_mps, newest.speed_mps) == pytest.approx((22.0, 22.95))
     assert (oldest.turn_rps, newest.turn_rps) == pytest.approx((0.0, TURN_RPS))

@@ -20,17 +20,17 @@ def there_and(angle_deg: float) -> PathWithStops:
 
 
 @pytest.mark.parametrize("angle_deg", [45, 90, 135, 179, 180])
-@pytest.mark.parametrize("aside_m", [-0.3, 0.0, 0.3])
-def test_a_vehicle_is_followed_there_and_on(angle_deg, aside_m):
+@pytest.mark.parametrize("to_side_m", [-0.3, 0.0, 0.3])
+def test_a_vehicle_is_followed_there_and_on(angle_deg, to_side_m):
     path = there_and(angle_deg)
     follower, course = AlongPath(path), math.radians(angle_deg)
     for along in range(101):
-        assert follower.project(float(along), aside_m) == pytest.approx(along, abs=1.1)
+        assert follower.project(float(along), to_side_m) == pytest.approx(along, abs=1.1)
     for _ in range(20):  # it hovers, a little beyond the point
-        assert follower.project(100.2, aside_m) == pytest.approx(100.0, abs=0.5)
+        assert follower.project(100.2, to_side_m) == pytest.approx(100.0, abs=0.5)
     for along in range(1, 80):
-        north_m = 100.0 + along * math.cos(course) - aside_m * math.sin(course)
-        east_m = along * math.sin(course) + aside_m * math.cos(course)
+        north_m = 100.0 + along * math.cos(course) - to_side_m * math.sin(course)
+        east_m = along * math.sin(course) + to_side_m * math.cos(course)
         assert follower.project(north_m, east_m) == pytest.approx(100.0 + along, abs=1.1)
     assert follower.part.begin_m == 100.0
 

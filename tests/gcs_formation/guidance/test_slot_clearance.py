@@ -74,7 +74,7 @@ def test_a_lift_in_steady_air_is_computed_for_kilometres_and_covers_what_is_ahea
     assert 4 <= len(programmes) <= 6
 
 
-def test_a_wind_that_puts_the_slot_above_other_ground_lifts_it_anew(programmes: list[object]) -> None:
+def test_a_wind_that_puts_the_slot_above_other_ground_raises_it_again(programmes: list[object]) -> None:
     flight, wind_mps = Flight(), -8.0
     flight.on(200.0)
     assert flight.missing_m() <= TRIFLE_M

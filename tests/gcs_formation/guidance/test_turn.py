@@ -21,7 +21,7 @@ def at(turn, share, lag_s=0.0):
 
 
 @given(angles, angles, reaches)
-def test_it_ends_where_it_is_told_to_by_the_shorter_way(goal, begin, reach):
+def test_it_ends_where_it_is_commanded_to_by_the_shorter_way(goal, begin, reach):
     turn = TurnOnSpot.to(goal, begin, BEGUN, reach, SPEED_MPS, ACCEL_MPS2)
     assert math.remainder(turn.goal_rad - goal, math.tau) == pytest.approx(0.0, abs=1e-9)
     assert abs(turn.by_rad) <= math.pi + 1e-9

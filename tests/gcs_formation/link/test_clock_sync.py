@@ -139,7 +139,7 @@ def test_one_that_booted_after_it_was_last_asked_has_restarted_however_late_it_i
     assert sync.to_instant(rate * 199.8) == pytest.approx(heard, abs=2)
 
 
-def test_round_trips_scatter_by_their_sample_deviation() -> None:
+def test_the_jitter_of_round_trips_is_their_sample_deviation() -> None:
     sync = ClockSync(loop_s=0.02)
     for number, (trip_s, scatter_s) in enumerate(((0.10, 0.0), (0.14, 0.02 * math.sqrt(2)), (0.18, 0.04))):
         sent = after(Instant(0), 1.0 * number)
@@ -158,13 +158,13 @@ def test_a_clock_that_runs_fast_is_not_taken_for_a_restarted_one_after_silence()
     assert probe(sync, rng, 225.25, 0.05, 0.0, (-1.015 * 225.1, 0.015))
 
 
-@pytest.mark.parametrize(("drift", "believed", "known_after"), [(3e-5, 5e-5, 0), (0.015, 0.02, 20)])
+@pytest.mark.parametrize(("drift", "accepted", "known_after"), [(3e-5, 5e-5, 0), (0.015, 0.02, 20)])
 def test_offset_and_drift_are_those_of_the_two_state_kalman_filter(
-    drift: float, believed: float, known_after: int
+    drift: float, accepted: float, known_after: int
 ) -> None:
     """In matrices: x' = F x, P' = F P F^T + Q, gain P H^T / (H P H^T + R), R a quarter of the round trips' variance."""
     rng, sync, varies = np.random.default_rng(3), ClockSync(), 0.0
-    walk = (1e-6, 2e-8) if believed < 1e-3 else (1e-4, 2e-6)
+    walk = (1e-6, 2e-8) if accepted < 1e-3 else (1e-4, 2e-6)
     x, p, at_s, trips = np.zeros(2), np.zeros((2, 2)), 0.0, list[float]()
     sent_s = np.cumsum(rng.uniform(0.1, 0.4, 60))
     for number, (begin_s, trip_s) in enumerate(zip(sent_s, rng.uniform(0.1, 0.16, 60), strict=True)):
@@ -182,7 +182,7 @@ def test_offset_and_drift_are_those_of_the_two_state_kalman_filter(
         middle_s = begin_s + trip_s / 2
         sample_s = answered / NANOSECONDS - middle_s
         if number == 0:
-            x, p = np.array((sample_s, 0.0)), np.diag((noise, believed**2))
+            x, p = np.array((sample_s, 0.0)), np.diag((noise, accepted**2))
         else:
             moved = np.array(((1.0, middle_s - at_s), (0.0, 1.0)))
             x, p = moved @ x, moved @ p @ moved.T + np.diag(walk) ** 2 * (middle_s - at_s)
@@ -194,7 +194,7 @@ def test_offset_and_drift_are_those_of_the_two_state_kalman_filter(
 
 
 @pytest.mark.parametrize("after_s", [0.02, 1.0])
-def test_a_step_in_delay_is_the_delay_after_two_seconds_and_no_scatter_but_for_a_moment(after_s: float) -> None:
+def test_a_step_in_delay_is_the_delay_after_two_seconds_and_no_jitter_but_for_a_moment(after_s: float) -> None:
     """The round trips' standard deviation is half of the step meanwhile; jitter alone contributes 7 ms."""
     rng, sync = np.random.default_rng(1), ClockSync()
     for k in range(40):
@@ -212,7 +212,7 @@ def exchanged(sync: ClockSync, at_s: float, up_s: float, down_s: float, offset_s
 
 
 @pytest.mark.parametrize(("up_s", "down_s"), [(0.35, 0.05), (0.05, 0.35), (0.3, 0.3), (0.75, 0.05)])
-def test_a_step_of_one_way_is_told_from_the_clock_and_forgotten(up_s: float, down_s: float) -> None:
+def test_a_step_of_one_way_is_distinguished_from_the_clock_and_forgotten(up_s: float, down_s: float) -> None:
     """The clock continues: its samples step by half of the ways' difference, and the mapping isn't moved."""
     sync, split_s = ClockSync(), (up_s - down_s) / 2
     for k in range(200):
@@ -231,7 +231,7 @@ def test_a_step_of_one_way_is_told_from_the_clock_and_forgotten(up_s: float, dow
 
 
 @pytest.mark.parametrize(("before", "up_s", "down_s"), [(3, 0.4, 0.2), (200, 0.1, 0.1)])
-def test_neither_the_first_slow_probes_nor_a_step_of_both_ways_tells_of_a_split(
+def test_neither_the_first_slow_probes_nor_a_step_of_both_ways_shows_a_delay_asymmetry(
     before: int, up_s: float, down_s: float
 ) -> None:
     sync = ClockSync()
@@ -250,7 +250,7 @@ def test_no_way_is_taken_to_last_less_than_nothing() -> None:
     assert (sync.one_way_s, sync.split_s) == (pytest.approx(0.05), pytest.approx(-0.05, abs=0.001))
 
 
-def test_scatter_that_stays_is_seen_and_moves_no_window() -> None:
+def test_jitter_that_stays_is_seen_and_moves_no_window() -> None:
     """Jitter of 40 ms each way: round trips scatter by 57 ms, and the mean is over the whole window of 4 s."""
     rng, sync, scatters_s, delays_s = np.random.default_rng(2), ClockSync(), [], []
     for k in range(400):

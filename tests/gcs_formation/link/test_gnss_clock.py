@@ -22,9 +22,11 @@ Ways = Callable[[float], tuple[float, float]]
 class Made:
     """A vehicle whose clock booted at 0 and runs `drift` fast, armed at 30 s; probes every 0.25 s."""
 
-    def __init__(self, drift: float, ways: Ways, jitter_s: float = 0.0, armed_s: float = 30.0, seed: int = 1) -> None:
+    def __init__(
+        self, drift: float, options: Ways, jitter_s: float = 0.0, armed_s: float = 30.0, seed: int = 1
+    ) -> None:
         self.clock = GnssClock(LOOP_S)
-        self.drift, self.ways, self.jitter_s, self.armed_s = drift, ways, jitter_s, armed_s
+        self.drift, self.options, self.jitter_s, self.armed_s = drift, options, jitter_s, armed_s
         self._random, self._probes, self._ahead_s = random.Random(seed), 0, UTC_AT_0_S
         self.now_s = self.gained_s = 0.0
 
@@ -35,7 +37,7 @@ class Made:
         while self.now_s < to_s:
             self.now_s += 0.25
             self._probes += 1
-            up_s, down_s = (max(0.0, way + self._random.gauss(0, self.jitter_s)) for way in self.ways(self.now_s))
+            up_s, down_s = (max(0.0, way + self._random.gauss(0, self.jitter_s)) for way in self.options(self.now_s))
             up_s += LOOP_S * ((self._probes * 0.618034) % 1.0)  # the wait for the main loop
             boot_ns = round(self.boot_s(self.now_s + up_s) * NANOSECONDS)
             sent = after(Instant(0), self.now_s)
@@ -45,8 +47,8 @@ class Made:
                 boot_s = self.boot_s(self.now_s)
                 if not armed:
                     self._ahead_s = max(self._ahead_s, UTC_AT_0_S + self.now_s - boot_s)
-                told_s = round(boot_s, 3)
-                self.clock.utc(boot_s + self._ahead_s + jump_s, told_s, armed=armed)
+                commanded_s = round(boot_s, 3)
+                self.clock.utc(boot_s + self._ahead_s + jump_s, commanded_s, armed=armed)
 
     def utc_error_s(self) -> float:
         return self.clock.to_utc_s(self.boot_s(self.now_s)) - UTC_AT_0_S - self.now_s
@@ -73,7 +75,7 @@ def test_utc_and_the_split_are_known_whatever_the_clock_drifts(drift, jitter_s, 
 
 
 @pytest.mark.parametrize(("to_s", "allowed_s"), [(10.0, 0.012), (60.0, 0.008)])
-def test_round_trips_that_are_alike_by_chance_are_not_believed_for_long(to_s: float, allowed_s: float) -> None:
+def test_round_trips_that_are_alike_by_chance_are_not_accepted_for_long(to_s: float, allowed_s: float) -> None:
     """With 20 ms of jitter, for any draw: two equal ones made the first estimate 22 ms off, and 18 ms after 300 s."""
     off_s = list[float]()
     for seed in range(80):
@@ -135,9 +137,9 @@ def test_offset_and_drift_are_those_of_the_two_state_kalman_filter():
         read = round((5.0 + 1.00003 * (begin_s + 0.05 + wait_s)) * NANOSECONDS)
         clock.probe(sent, read, after(sent, trip_s))
         trips = [*trips, trip_s][-12:]
-        believed = 4.0 if len(trips) < 12 else 0.0  # a scatter of 20 ms is assumed until twelve are known
-        off_s2 = sum((each - np.mean(trips)) ** 2 for each in trips) + believed * 0.02**2
-        varied, looped = off_s2 / (len(trips) - 1 + believed), LOOP_S**2 / 12
+        accepted = 4.0 if len(trips) < 12 else 0.0  # a scatter of 20 ms is assumed until twelve are known
+        off_s2 = sum((each - np.mean(trips)) ** 2 for each in trips) + accepted * 0.02**2
+        varied, looped = off_s2 / (len(trips) - 1 + accepted), LOOP_S**2 / 12
         share, off_s = min(1.0, looped / varied), trip_s - np.mean(trips)
         noise = 0.5e-3**2 + (max(0.0, varied - looped) + ((1 - share) * off_s) ** 2) / 4
         middle_s = begin_s + trip_s / 2

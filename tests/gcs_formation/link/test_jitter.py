@@ -13,12 +13,14 @@ from airlink.clock import Instant, after
 from gcs_formation.link.link_health import JitterMeter
 
 
-def measured_s(delays_s: list[float], drift: float = 0.0, told: float | None = None) -> float:
+def measured_s(delays_s: list[float], drift: float = 0.0, reported: float | None = None) -> float:
     """Return the jitter of samples taken 0.1 s apart, with a clock that drifts."""
     meter = JitterMeter()
     for number, delay_s in enumerate(delays_s):
         sent_s = 0.1 * number
-        meter.observe(7.0 + sent_s * (1 + drift), after(Instant(0), sent_s + delay_s), drift if told is None else told)
+        meter.observe(
+            7.0 + sent_s * (1 + drift), after(Instant(0), sent_s + delay_s), drift if reported is None else reported
+        )
     return meter.jitter_s
 
 

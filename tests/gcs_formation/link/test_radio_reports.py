@@ -21,15 +21,15 @@ def taken(reports: RadioReports, message: Message, peer: Address = LINE, socket:
 
 
 def test_a_report_is_about_every_vehicle_that_is_reached_where_it_came_from() -> None:
-    one, other, apart = Connection(0, LINE), Connection(0, LINE), Connection(1, LINE)
-    reports = RadioReports([one, other, apart])
+    one, other, difference = Connection(0, LINE), Connection(0, LINE), Connection(1, LINE)
+    reports = RadioReports([one, other, difference])
     assert taken(reports, FULL)
     for each in (one, other):
         report = reports.of(each, Instant(0))
         assert report is not None
         assert (report.rssi, report.remrssi, report.noise, report.remnoise) == (130, 120, 40, 41)
         assert (report.txbuf_percent, report.rxerrors, report.fixed) == (7, 3, 2)
-    assert reports.of(apart, Instant(0)) is None
+    assert reports.of(difference, Instant(0)) is None
     assert reports.of(Connection(0), Instant(0)) is None
 
 

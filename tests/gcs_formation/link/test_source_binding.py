@@ -67,7 +67,7 @@ def test_before_it_is_heard_the_first_address_counts_and_a_heartbeat_s_more() ->
     assert (connection.socket, connection.peer) == (1, THERE)
 
 
-def test_while_it_is_heard_nobody_takes_its_place_and_two_that_talk_for_a_second_are_two() -> None:
+def test_while_it_is_heard_none_takes_its_place_and_two_that_talk_for_a_second_are_two() -> None:
     ground = Ground()
     rulings = []
     for tenth in range(1, 21):
@@ -132,7 +132,7 @@ def test_heartbeats_alone_take_the_place_of_one_that_is_lost_and_not_before() ->
     assert taken.finding.endswith("nothing tells its clock")
 
 
-def test_two_behind_one_address_are_told_apart_by_their_clocks() -> None:
+def test_two_behind_one_address_are_distinguished_by_their_clocks() -> None:
     ground = Ground()
     rulings = []
     for tenth in range(1, 21):
@@ -143,7 +143,7 @@ def test_two_behind_one_address_are_told_apart_by_their_clocks() -> None:
     assert "from the same address, its clock is another's" in finding
 
 
-def test_the_answer_of_another_clock_is_believed_only_once_its_own_has_not_been_seen_for_2_s() -> None:
+def test_the_answer_of_another_clock_is_accepted_only_once_its_own_has_not_been_seen_for_2_s() -> None:
     ground = Ground()
     assert ground.source_binding.believes(BOOTED_S, ground.now)
     assert not ground.source_binding.believes(7.0, after(ground.now, DISBELIEVED_S - 0.1))

@@ -153,7 +153,7 @@ def test_setpoints_of_a_slower_link_may_come_for_as_long_as_it_is_slower() -> No
     assert drains / NANOSECONDS == pytest.approx(at_s + 0.35, abs=0.02)
 
 
-def test_a_link_on_which_nobody_was_heard_gives_way_to_another() -> None:
+def test_a_link_that_received_nothing_is_replaced_by_another() -> None:
     vehicle = Vehicle(40, 50)
     vehicle.down[0] = False
     vehicle.run(3.0)

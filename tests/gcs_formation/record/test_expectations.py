@@ -57,7 +57,7 @@ def test_a_window_that_somebody_cut_short_is_not_judged():
 
 @pytest.mark.parametrize("metric", ["min_separation_m", "min_clearance_m"])
 @pytest.mark.parametrize(("from_s", "to_s", "held"), [(50, 90, False), (5.01, 5.03, None)])
-def test_a_window_in_which_nobody_was_seen_has_no_least_distance(metric, from_s, to_s, held):
+def test_a_window_in_which_no_vehicle_was_seen_has_no_least_distance(metric, from_s, to_s, held):
     """Nor has it the whole flight's. It was flown, or the flight ended before it."""
     found = verdict(metric=metric, followers="all", below=None, above=10, from_s=from_s, to_s=to_s)
     assert (found.value, found.held) == (None, held)
@@ -88,7 +88,7 @@ def test_a_window_of_which_a_part_was_not_recorded_is_not_judged(from_s: float, 
 
 @pytest.mark.parametrize("metric", ["min_separation_m", "min_clearance_m", "error_x_m.max"])
 @pytest.mark.parametrize("planned", [True, False])
-def test_what_is_expected_of_a_window_at_whose_end_nobody_flies_is_broken(metric: str, planned: bool) -> None:
+def test_what_is_expected_of_a_window_at_whose_end_no_vehicle_flies_is_broken(metric: str, planned: bool) -> None:
     """Also if the scenario's faults crash them all; if they crash one vehicle only, it isn't judged."""
     everyone = [LEADER, FOLLOWER, THIRD]
     faults = [{"at_s": 4.0, "vehicles": "all", "kind": "crash"}] if planned else []
@@ -167,7 +167,7 @@ def test_a_largest_error_that_was_beyond_its_bound_before_the_crash_stays_broken
     assert cut.held is held, "also if somebody cuts the window after that"
 
 
-def test_a_follower_that_crashes_while_nobody_leads_is_not_judged_either():
+def test_a_follower_that_crashes_while_no_vehicle_leads_is_not_judged_either():
     """Both have crashed at 4.1 s, the leader by a fault at 4 s, it by one at 5 s; the third leads from 6 s on."""
     keys = KEYS | {
         "duration_s": 100,

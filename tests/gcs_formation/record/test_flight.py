@@ -89,9 +89,9 @@ def test_a_wreck_counts_neither_in_clearance_nor_in_separation():
     flight = flown(FOLLOWER)
     assert flight.vehicles[FOLLOWER]["true_height_m"].min() == 0.0
     assert clearance_m(flight, WHOLE) == pytest.approx(100.0)
-    apart_m = separation_m(flight, WHOLE)
-    assert apart_m[TIME_S < CRASH_S] == pytest.approx(30.0)
-    assert apart_m[TIME_S > CRASH_S + 0.1] == pytest.approx(60.0)
+    distance_m = separation_m(flight, WHOLE)
+    assert distance_m[TIME_S < CRASH_S] == pytest.approx(30.0)
+    assert distance_m[TIME_S > CRASH_S + 0.1] == pytest.approx(60.0)
 
 
 def test_it_is_out_from_the_first_tick_after_and_no_place_on_its_way_down_counts():
@@ -105,7 +105,7 @@ def test_a_wreck_has_no_error_and_the_others_keep_theirs():
     assert np.abs(flight.error(FOLLOWER)).max() < 1e-9
 
 
-def test_nobody_has_an_error_behind_a_leader_that_is_dead():
+def test_no_vehicle_has_an_error_behind_a_leader_that_is_dead():
     flight = flown(LEADER)
     for follower in (FOLLOWER, THIRD):
         known = np.isfinite(flight.error(follower)).all(axis=1)
@@ -119,7 +119,7 @@ def test_without_truth_the_station_s_knowledge_decides():
     assert np.isfinite(flight.clearance(THIRD)).tolist() == airborne.tolist()
 
 
-def test_expectations_are_of_whoever_follows_in_their_window():
+def test_expectations_are_of_any_vehicle_that_follows_in_their_window():
     """The second vehicle leads from 5 s on, so expectations of later followers concern the first vehicle, not it.
 
     Over a window of which each of them followed for half, neither is judged.

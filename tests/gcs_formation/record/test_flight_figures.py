@@ -53,7 +53,7 @@ def test_a_percentile_is_numpys_to_the_last_bit(values, q):
     assert percentile(np.array(values), q) == np.percentile(values, q)
 
 
-def test_a_vehicle_that_leaves_its_slot_again_is_told_when_and_its_time_there_counts():
+def test_a_vehicle_that_leaves_its_slot_again_is_reported_when_and_its_time_there_counts():
     left = errors(out_from_s=60.0)
     assert left_at_s(TIME_S, left, settled_at_s(TIME_S, left)) == pytest.approx(60.0)
     assert in_slot_share(left) == pytest.approx(751 / 1001)
@@ -117,11 +117,11 @@ def test_separation_is_that_of_the_nearest_two_that_fly_from_tick_to_tick(count,
     places[draw.random((count, 6)) < grounded] = np.nan
     nearest, resolved_m = np.full(6, np.inf), 0.0
     for one, other in combinations(places, 2):
-        apart = one - other
-        steps = np.vstack((np.nan_to_num(np.diff(apart, axis=0)), np.zeros(3)))
+        difference = one - other
+        steps = np.vstack((np.nan_to_num(np.diff(difference, axis=0)), np.zeros(3)))
         resolved_m = max(resolved_m, float(np.linalg.norm(steps, axis=1).max()) / 200.0)
         for share in np.linspace(0.0, 1.0, 101) if closely else (0.0,):
-            nearest = np.fmin(nearest, np.linalg.norm(apart + share * steps, axis=1))
+            nearest = np.fmin(nearest, np.linalg.norm(difference + share * steps, axis=1))
     found = separation_m(with_places(places, 6, 0.1 if closely else 1.5), np.ones(6, dtype=bool))
     assert (found <= nearest + 1e-9).all()
     assert found == pytest.approx(nearest, abs=resolved_m + 1e-9)

@@ -163,7 +163,7 @@ def test_a_settling_time_doesn_t_depend_on_late_ticks(late_s: float) -> None:
     assert settled(1.0, 6.0, late_s) == pytest.approx(1.0)
 
 
-def test_nobody_settles_over_a_gap_that_is_not_judged() -> None:
+def test_none_settles_over_a_gap_that_is_not_judged() -> None:
     assert settled(1.0, 4.0, 2.8) == pytest.approx(1.0)
     assert settled(1.0, 4.0, 3.5) is None
     assert settled(1.0, 4.0, 3.5, ends_s=18.0) == pytest.approx(7.5)

@@ -26,7 +26,7 @@ def test_a_directory_that_another_run_records_into_is_left_alone(tmp_path: Path)
     record(tmp_path).close()
 
 
-def test_an_earlier_run_and_anybody_elses_files_are_left_alone_unless_told_otherwise(tmp_path: Path) -> None:
+def test_an_earlier_run_and_anybody_elses_files_are_left_alone_unless_overwriting(tmp_path: Path) -> None:
     run, other = tmp_path / "run", tmp_path / "other"
     record(run, overwrite=False).close()
     other.mkdir()
@@ -109,7 +109,7 @@ def test_an_earlier_runs_record_stays_until_the_run_has_begun(tmp_path: Path) ->
     assert recorded_in(tmp_path) == flown.path == tmp_path
 
 
-def test_nobody_else_records_where_a_run_is_about_to_begin(tmp_path: Path) -> None:
+def test_no_other_run_records_where_one_is_about_to_begin(tmp_path: Path) -> None:
     record(tmp_path).close()
     beside = record(tmp_path)
     for other in ({"overwrite": True}, {"resume": True}):

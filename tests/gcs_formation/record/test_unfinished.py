@@ -27,7 +27,7 @@ def ordered(*texts: str, accepted: bool = True) -> list[dict[str, Any]]:
     return [begun, *orders]
 
 
-def test_a_formation_that_was_told_to_stand_stands_and_faces_where_it_was_told_to():
+def test_a_formation_that_was_commanded_to_hover_hovers_and_faces_where_it_was_commanded_to():
     scenario = load_scenario(HOVERS)
     assert formation_of(scenario, ordered("speed 0", "heading 90"), 40.0)[1:] == (0.0, pytest.approx(math.pi / 2))
     assert formation_of(scenario, ordered("speed 0", "heading 90", "speed 4"), 40.0)[1:] == (4.0, None)

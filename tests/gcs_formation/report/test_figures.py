@@ -209,7 +209,7 @@ def test_snapshots_show_the_commanded_slots(eventful):
         np.testing.assert_allclose(snapshot(eventful, tick).slots_m, expected[:, [1, 0]], atol=1e-6)
 
 
-def test_a_snapshot_is_of_those_that_fly_around_whoever_leads(make_run):
+def test_a_snapshot_is_of_those_that_fly_around_the_present_leader(make_run):
     run = load_run(make_run(flown_s=20.0))
     lost, heir = run.scenario.vehicles[0].vehicle_id, run.followers[0]
     own = {vehicle: dict(columns) for vehicle, columns in run.flown.vehicles.items()}
@@ -245,7 +245,7 @@ def test_gains_are_of_a_follower_that_follows_to_the_end(make_run):
     assert all(np.isfinite(line.get_ydata()).all() for axes in gains(relieved).axes for line in axes.get_lines()[:3])
 
 
-def test_gains_designed_anew_in_flight_are_the_nominal_ones(make_run):
+def test_gains_designed_again_in_flight_are_the_nominal_ones(make_run):
     scenario = straight([{"id": 1, "role": "leader"}, {"id": 2}], law={"gains": "auto"})
     run = load_run(make_run(scenario, flown_s=20.0))
     slower = redesigned(run.scenario, 0.3).law.speed.kp

@@ -41,7 +41,7 @@ def cut(directory: Path, to: Path, **shares: float) -> Path:
     return to
 
 
-def test_all_that_was_flown_is_told_as_by_a_whole_record_and_what_is_missing_is_said(killed: Path) -> None:
+def test_all_that_was_flown_is_reported_as_by_a_whole_record_and_what_is_missing_is_said(killed: Path) -> None:
     run, whole = load_run(killed), load_run(killed.parent / "whole")
     assert run.summary["followers"] == whole.summary["followers"]
     assert run.summary["safety"] == whole.summary["safety"]

@@ -41,9 +41,9 @@ def grows(loop, true, delay_s, dt_s=0.01, seconds=40.0):
         errors[k] = error = (1.0 if k < 100 else 0.0) - float((c @ predicted).real)
         rate = (error - filtered) / loop.pid.filter_s
         filtered, integral = filtered + dt_s * rate, integral + dt_s * error
-        told = loop.pid.kp * error + loop.pid.ki * integral + loop.pid.kd * rate
-        flown[k + 1] = flown[k] + dt_s * (true_a @ flown[k] + true_b * told)
-        model[k + 1] = model[k] + dt_s * (a @ model[k] + b * told)
+        reported = loop.pid.kp * error + loop.pid.ki * integral + loop.pid.kd * rate
+        flown[k + 1] = flown[k] + dt_s * (true_a @ flown[k] + true_b * reported)
+        model[k + 1] = model[k] + dt_s * (a @ model[k] + b * reported)
     early, end = (np.abs(errors[part]).max() for part in (slice(200, steps // 2), slice(3 * steps // 4, steps)))
     return bool(end > early)
 
@@ -52,9 +52,9 @@ def grows(loop, true, delay_s, dt_s=0.01, seconds=40.0):
 def test_a_loop_flown_with_lags_inside_its_margin_dies_out_and_beyond_it_grows(loop):
     margin = lag_margin(loop, 1.1)
     assert 0.2 < margin < MOST
-    ways = (-1.0, 1.0)
-    assert not any(grows(loop, loop.with_lags(1.0 + 0.9 * margin * way), 1.1) for way in ways)
-    assert any(grows(loop, loop.with_lags(1.0 + 1.1 * margin * way), 1.1) for way in ways)
+    options = (-1.0, 1.0)
+    assert not any(grows(loop, loop.with_lags(1.0 + 0.9 * margin * way), 1.1) for way in options)
+    assert any(grows(loop, loop.with_lags(1.0 + 1.1 * margin * way), 1.1) for way in options)
 
 
 @pytest.mark.parametrize("loop", [X, Y, Z], ids="xyz")

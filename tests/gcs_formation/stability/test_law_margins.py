@@ -98,7 +98,7 @@ def test_margins_of_aircraft_are_around_their_own_response() -> None:
     assert scenario_delay_margin(load_scenario(plain | lagging)) > 0.6
 
 
-def test_a_leader_that_hears_nobody_swings_where_its_own_loop_is_unstable() -> None:
+def test_a_leader_that_receives_from_none_swings_where_its_own_loop_is_unstable() -> None:
     """Without neighbours only its own speed is fed back: k3 below 1/tau_v of an ArduPlane."""
     star = [[0, 0], [1, 0]]
     law = {"type": "consensus", "consensus": {"k1": 1e-6, "k2": 0.0, "k3": 0.25, "graph": star}}

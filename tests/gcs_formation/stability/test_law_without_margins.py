@@ -33,10 +33,10 @@ def test_none_is_computed_or_checked(added):
     assert dict(law_margins(scenario).small_signal) == {}
     assert scenario_delay_margin(scenario) == math.inf
     assert all(axes == {} for axes in law_loops(scenario, succession=True).values())
-    told = check_report(scenario)
-    assert told["delay_margin_s"] == told["delay_margin_worst_s"] == {"x": None, "y": None, "z": None}
-    assert "design" not in told
-    assert any("law.on_delay: found degrade" in each for each in told["warnings"])
+    reported = check_report(scenario)
+    assert reported["delay_margin_s"] == reported["delay_margin_worst_s"] == {"x": None, "y": None, "z": None}
+    assert "design" not in reported
+    assert any("law.on_delay: found degrade" in each for each in reported["warnings"])
     text = check_text(scenario)
     assert "# delay margin: – " in text
     assert text.count("delay margin") <= 2, "the other is the warning"

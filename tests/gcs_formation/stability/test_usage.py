@@ -59,7 +59,7 @@ def test_the_bandwidth_is_the_greatest_that_uses_no_more(mean_s: float, most: fl
         assert usage.of(delay, above) > most
 
 
-def test_a_delay_that_does_not_scatter_is_predicted_over_whatever_it_is() -> None:
+def test_a_delay_that_does_not_vary_is_predicted_over_whatever_it_is() -> None:
     assert Usage([FORWARD], predicted=True).of(LoopDelay(2.0, 0.0)) == 0.0
 
 
@@ -122,9 +122,9 @@ def growth(weights: np.ndarray, gains: tuple[float, float, float, float], delay_
         position, velocity = carry @ states[max(now - late, 0)] * (now >= late) + ahead_of
         sent[now + ahead] = -matrix @ (k1 * position + k2 * velocity) - d * velocity
         states[now + 1] = advance @ states[now] + np.outer(push, sent[now + ahead])
-    apart = np.abs(np.diff(states[:, 0], axis=1)).max(axis=1)
+    difference = np.abs(np.diff(states[:, 0], axis=1)).max(axis=1)
     fifth = steps // 5
-    return float(apart[-fifth:].max() / apart[fifth : 2 * fifth].max())
+    return float(difference[-fifth:].max() / difference[fifth : 2 * fifth].max())
 
 
 @pytest.mark.parametrize(

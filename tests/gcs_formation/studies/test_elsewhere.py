@@ -305,10 +305,10 @@ def _elsewhere(scheduler: str, hidden: Path, place: Path, site: Path):
     user = [] if os.geteuid() == 0 else ["--map-root-user", "--user"]
     worker = [sys.executable, "-m", "distributed.cli.dask_worker", scheduler, "--nthreads", "1", "--no-dashboard"]
     shell = 'mount -t tmpfs none "$0" && exec "$@"'
-    told = ["unshare", *user, "--mount", "sh", "-c", shell, str(hidden), *worker, "--local-directory", str(place)]
+    reported = ["unshare", *user, "--mount", "sh", "-c", shell, str(hidden), *worker, "--local-directory", str(place)]
     found = os.pathsep.join([str(Path(__file__).parents[3]), str(site)])
     environment = os.environ | {"PYTHONPATH": found, "PYTHONSAFEPATH": "1"}
-    process = subprocess.Popen(told, cwd="/", env=environment, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(reported, cwd="/", env=environment, stderr=subprocess.DEVNULL)
     try:
         yield process
     finally:
@@ -326,17 +326,17 @@ def test_workers_that_share_no_disk_leave_the_same_rows_and_records(named, tmp_p
     keys = json.loads((named.parent / "base.yaml").read_text())
     keys["extensions"]["in_slot"] = {"within_m": 2}
     (named.parent / "base.yaml").write_text(json.dumps(keys))
-    told = [named, "--quiet", *(part for each in plugins_of(named) for part in ("--plugin", each))]
+    reported = [named, "--quiet", *(part for each in plugins_of(named) for part in ("--plugin", each))]
     here, there, away = (tmp_path / each for each in ("here", "there", "away"))
-    assert command("study", *told, "--out", here, "--workers", 1).exit_code == 0
+    assert command("study", *reported, "--out", here, "--workers", 1).exit_code == 0
     with distributed.LocalCluster(n_workers=0, dashboard_address=None, host="127.0.0.1") as empty:
         address = empty.scheduler_address
         with _elsewhere(address, named.parent, tmp_path / "worker", site):
             with distributed.Client(address) as client:
                 wait_for(client.nthreads)
-            assert command("study", *told, "--out", there, "--scheduler", address).exit_code == 0
-            told += ["--records", f"file://{away}"]
-            assert command("study", *told, "--out", tmp_path / "o", "--scheduler", address).exit_code == 0
+            assert command("study", *reported, "--out", there, "--scheduler", address).exit_code == 0
+            reported += ["--records", f"file://{away}"]
+            assert command("study", *reported, "--out", tmp_path / "o", "--scheduler", address).exit_code == 0
             left = list((tmp_path / "worker").rglob("study.pickle"))
     assert left == []
     rows = [pq.read_table(each / "flights.parquet").drop(["wall_s", "cpu_s"]) for each in (here, there)]

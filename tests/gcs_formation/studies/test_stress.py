@@ -109,7 +109,7 @@ def test_a_flight_that_raises_is_one_that_broke_something(monkeypatch: pytest.Mo
     assert flown(7) == "raised ZeroDivisionError('by nothing')"
 
 
-def test_what_an_earlier_run_left_is_replaced_when_told_only(tmp_path: Path) -> None:
+def test_what_an_earlier_run_left_is_replaced_with_overwrite_only(tmp_path: Path) -> None:
     (tmp_path / "run.yaml").touch()
     result = CliRunner().invoke(main, ["stress", "--count", "1", "--out", str(tmp_path)])
     assert (result.exit_code, "found an earlier run" in result.stderr) == (2, True)

@@ -179,7 +179,9 @@ def test_texts_of_vehicles_scenarios_and_logs_are_text(tab: Any, tmp_path: Path)
         assert tab.query_selector_all("#viewer :is(img, script, b[onclick])") == []
 
 
-def test_telemetry_that_is_not_believed_is_marked_on_its_card_until_it_is_again(flown: Flown, tab: Any, tmp_path: Path):
+def test_telemetry_that_is_rejected_is_marked_on_its_card_until_it_is_accepted_again(
+    flown: Flown, tab: Any, tmp_path: Path
+):
     run = tmp_path / "doubted"
     shutil.copytree(flown.finished, run)
     with (run / "events.jsonl").open("a") as events:

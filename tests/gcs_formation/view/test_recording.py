@@ -46,12 +46,12 @@ def test_a_follower_is_in_its_slot_when_its_error_is_nought(flown: Flown) -> Non
     recording = read_whole(flown.finished)
     rows = recording.rows(np.arange(recording.times.time_s.size))[:, 1:]
     error = np.linalg.norm([rows[:, :, COLUMN[f"error_{axis}_m"]] for axis in "xy"], axis=0)
-    apart = np.hypot(
+    difference = np.hypot(
         *(rows[:, :, COLUMN[f"slot_{way}_m"]] - rows[:, :, COLUMN[f"{way}_m"]] for way in ("north", "east"))
     )
     known = np.isfinite(error)
     assert known.any()
-    np.testing.assert_allclose(apart[known], error[known], atol=1e-3)
+    np.testing.assert_allclose(difference[known], error[known], atol=1e-3)
 
 
 def test_frames_tell_what_ticks_do_not(flown: Flown) -> None:
