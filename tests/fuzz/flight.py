@@ -8,6 +8,7 @@ from airlink.clock import NANOSECONDS, VirtualClock
 from airlink.endpoint import LOOPBACK, Address, VehicleId
 from airlink.engine import FIRST_EPHEMERAL_PORT, Datagram, MemoryNetwork
 from gcs_formation.station import Station
+from sim_vehicles.autopilot.autopilot import Autopilot
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 from tests.fuzz.siege import Flown, Notes, check, planned
@@ -37,6 +38,18 @@ class Flight:
         """Send a message in the name of the follower's own autopilot to the station."""
         peer = Address(LOOPBACK, FIRST_EPHEMERAL_PORT + FOLLOWER.system - 1)
         self.station.receive([Datagram(0, peer, frame)], self.clock.now())
+
+    @property
+    def follower(self) -> Autopilot:
+        """The follower's own autopilot."""
+        return self.fleet.vehicles[FOLLOWER.system - 1]
+
+    def next_number(self) -> int:
+        """Return the sequence number of the follower's next frame to the station, and count it as sent."""
+        (writer,) = (peer.writer for peer in self.follower.link._peers.values())
+        number = int(writer._sequence)
+        writer._sequence = (number + 1) % 256
+        return number
 
     def tell_vehicle(self, frame: bytes) -> None:
         """Send a message in the name of the ground station to the follower."""
