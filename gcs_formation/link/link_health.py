@@ -62,7 +62,7 @@ class Silence:
     answers: float
     """Number of answers that it would have sent besides, had it received the requests."""
     run: float
-    """Longest run of frames that the link plausibly loses at its usual loss."""
+    """Longest run of frames that the link plausibly loses at its usual loss, and has lost or a filter has kept back."""
 
     def missed(self, seconds: float) -> int:
         """Return the number of frames lost if the vehicle sent for `seconds`.
@@ -101,6 +101,8 @@ class SequenceTracker:
         self.lost: i64 = 0
         self.gaps: i64 = 0
         """Number of gaps that `lost` frames were counted at."""
+        self._longest: i64 = 0
+        """The most numbers skipped at one of them."""
         self.repeated: i64 = 0
         self.missed: i64 = 0
         """Frames lost in silences, counted apart from `lost`: they don't tell the link's loss in normal operation."""
@@ -178,6 +180,7 @@ class SequenceTracker:
         self._newest = sequence
         if gap:
             self.gaps += 1
+            self._longest = max(self._longest, gap)
             self._jump, self._jumped = gap, self.received
         if gap or self._missing:
             self._missing.update(int((newest + ahead) % MODULUS) for ahead in range(1, gap + 1))
@@ -186,8 +189,13 @@ class SequenceTracker:
         return gap > 0
 
     def may_follow(self, sequence: i64, now: Instant, heard: Instant) -> bool:
-        """Return whether a number is the next one, or others as may be lost here or in a silence are between."""
+        """Return whether a number is in its turn.
+
+        It is the next one, or others as may be lost here or in a silence are between; or others overtook it just now.
+        """
         if sequence == self._expected or self._newest == ANY or now - heard >= STALE_AFTER_NS:
+            return True
+        if sequence in self._missing and (self._newest - sequence) % MODULUS < NEAR:
             return True
         gap = (sequence - self._newest - 1) % MODULUS
         return gap == 0 or float(gap) <= run_length(self.loss, RARELY)
@@ -270,7 +278,7 @@ class SequenceTracker:
         self.silent_s += silent_s
         if gap:
             own = self._own_rate_hz(heard) * silent_s
-            silence = Silence(silent_s, gap, own, self._answers_due(), run_length(self.loss, RARELY))
+            silence = Silence(silent_s, gap, own, self._answers_due(), self._usual_run())
             missed, self.silence = silence.missed(silent_s), silence
         self.missed += missed
         self.received += 1
@@ -279,6 +287,14 @@ class SequenceTracker:
         self._missing.clear()
         self._expect()
         return missed > 0
+
+    def _usual_run(self) -> float:
+        """Return the longest run of numbers that may be skipped as usual.
+
+        Losses by chance may come in a run with the probability `RARELY`. But numbers that a router keeps back by kinds
+        come in short runs however many they are, so none longer than those seen is usual.
+        """
+        return min(run_length(self.loss, RARELY), float(self._longest))
 
     def _own_rate_hz(self, heard: Instant) -> float:
         """Return the rate of the vehicle's unasked frames until `heard`; too short a time keeps the earlier rate."""
