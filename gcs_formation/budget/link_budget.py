@@ -7,6 +7,7 @@ more than it did, after a time in any case, which is doubled whenever that fails
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -157,11 +158,10 @@ class LinkBudget:
 
         What is held back is a delay, too: where a loop has little of its margin left every change is sent.
         """
-        near = any(used > NEAR for used in margins_used)
         found, changes = list[tuple[Vehicle, Message]](), dict[int, list[VehicleBudget]]()
         for each in self._each:
             vehicle = each.vehicle
-            each.look(now, near=near)
+            each.look(now, near=_is_near(vehicle.column, margins_used))
             if not vehicle.connection.talks or vehicle.is_left:
                 continue
             report = self._reports.of(vehicle.connection, now)
@@ -197,6 +197,15 @@ class LinkBudget:
             text = f"{of} has room again: {level.words}"
         one = those[0].vehicle if len(those) == 1 else None
         self._note(now, "link_load", text, one, {"vehicles": who, "level": those[0].level})
+
+
+def _is_near(column: int, margins_used: Sequence[float]) -> bool:
+    """Return whether a vehicle's loop is near its margin; one without a loop, which others follow, if any of these is.
+
+    What one loop needs changes nothing on the links of others.
+    """
+    own = margins_used[column] if column < len(margins_used) else math.nan
+    return any(used > NEAR for used in margins_used) if math.isnan(own) else own > NEAR
 
 
 def link_budget(
