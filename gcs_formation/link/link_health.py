@@ -189,8 +189,13 @@ class SequenceTracker:
         return gap > 0
 
     def may_follow(self, sequence: i64, now: Instant, heard: Instant) -> bool:
-        """Return whether a number is the next one, or others as may be lost here or in a silence are between."""
+        """Return whether a number is in its turn.
+
+        It is the next one, or others as may be lost here or in a silence are between; or others overtook it just now.
+        """
         if sequence == self._expected or self._newest == ANY or now - heard >= STALE_AFTER_NS:
+            return True
+        if sequence in self._missing and (self._newest - sequence) % MODULUS < NEAR:
             return True
         gap = (sequence - self._newest - 1) % MODULUS
         return gap == 0 or float(gap) <= run_length(self.loss, RARELY)

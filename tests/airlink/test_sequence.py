@@ -190,3 +190,27 @@ def test_what_a_silence_without_an_end_lost_is_what_was_sent_unasked_before():
     tracker.break_off(heard, after(heard, 30.0))
     assert tracker.missed == pytest.approx(30 * 64 * 2 / 3, rel=0.01)
     assert tracker.loss == 0.0
+
+
+def test_a_filter_that_keeps_back_four_of_five_is_no_reason_to_think_that_a_vehicle_hung():
+    """Four numbers in a row are skipped as usual; of losses by chance, as many, one run in a thousand would have 31.
+
+    Before 10 s of silence a frame comes each 29 ms. 1741 numbers are expected meanwhile, and 1806 were sent.
+    """
+    tracker, heard, number = SequenceTracker(), Instant(0), 0
+    for frame in range(700):
+        now = after(Instant(1), 0.02877 * frame)
+        number = 5 * frame % MODULUS
+        tracker.observe(number, now, heard)
+        heard = now
+    tracker.observe((number + 1 + 1806) % MODULUS, after(heard, 10.02), heard)
+    assert tracker.missed == 1806
+
+
+def test_a_number_that_others_have_just_overtaken_is_in_its_turn_and_a_repeated_one_is_not():
+    """Also if the same frame was received before, as a heartbeat may be, whose number comes again after 255 others."""
+    tracker = tracked([*range(40), 41, 42, 43])
+    assert tracker.may_follow(40, *AT_ONCE)
+    assert not tracker.may_follow(41, *AT_ONCE)
+    tracker.observe(40, *AT_ONCE)
+    assert not tracker.may_follow(40, *AT_ONCE)
