@@ -99,6 +99,11 @@ class Search:
         self._coloured = True
         self._search()
 
+    def refine(self, logs: Array) -> None:
+        """Search on from parameters near the solution; the prior's mean stays where it is."""
+        self.logs, self._coloured = logs, True
+        self._search()
+
     def _search(self) -> None:
         for _ in range(ITERATIONS):
             points = self.points(self.logs)
