@@ -68,7 +68,7 @@ class Swings:
         least_m, most = (AMPLITUDE_M / 2.0, 2.0 * ALIKE) if still else (AMPLITUDE_M, ALIKE)
         if len(self._widths_m) < SWINGS or self.amplitude_m < least_m:
             return False
-        overdue = time_s - self._begun_s > (1.0 + ALIKE) * self.period_s
+        overdue = time_s - self._begun_s > self.period_s
         return not overdue and _alike(self._widths_m, most) and _alike(self._times_s, most)
 
     @property
