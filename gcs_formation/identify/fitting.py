@@ -90,17 +90,15 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     fitted = [name for channel in CHANNELS if channel not in still for name in LAGS_OF[channel]]
     every = LAGS if begin.prompt_share == 1.0 else (*LAGS, *REST)
     names = [name for name in every if name in fitted or (name in REST and "speed" not in still)]
-    begin, names = begin.model_copy(update={DEAD: 0.0}), [*names, DEAD]
+    begin = begin.model_copy(update={DEAD: 0.0})
     logs, covariance = _searched(recordings, begin, names, gentle=begin.hovers)
     gentle = begin.hovers and not _unknown(_estimates(names, logs, covariance), covariance)
     if begin.hovers and not gentle:  # nothing was moved but quickly
         logs, covariance = _searched(recordings, begin, names, gentle=False)
     estimates = _estimates(names, logs, covariance)
-    dead = estimates[DEAD]
-    if not dead.value > CLEAR * dead.sigma:
-        names = names[:-1]
-        logs, covariance = _searched(recordings, begin, names, gentle=gentle)
-        estimates = _estimates(names, logs, covariance)
+    dead, more = _dead_time(recordings, begin, (names, logs), gentle=gentle)
+    if more is not None:
+        estimates, covariance = more
     unidentified = still | _unknown(estimates, covariance)
     if len(unidentified) == len(CHANNELS):
         raise _too_little(unidentified)
@@ -118,16 +116,44 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     return Fit(model, estimates, rms, explained, unidentified)
 
 
+def _dead_time(
+    recordings: Sequence[Recording], begin: VehicleModel, known: tuple[Sequence[str], Array], *, gentle: bool
+) -> tuple[Estimate, tuple[dict[str, Estimate], Array] | None]:
+    """Return the dead time, and where it is told from none all estimates with it, and their covariance.
+
+    `known`: the names and the values of the parameters found without a dead time, from which it is searched for first.
+    """
+    names, tried = [*known[0], DEAD], (np.append(known[1], 0.0), None)
+    for near in tried:
+        logs, covariance = _searched(recordings, begin, names, gentle=gentle, near=near)
+        estimates = _estimates(names, logs, covariance)
+        dead = estimates[DEAD]
+        if not dead.value > CLEAR * dead.sigma:
+            return dead, None
+    return dead, (estimates, covariance)
+
+
 def _searched(
-    recordings: Sequence[Recording], begin: VehicleModel, names: Sequence[str], *, gentle: bool
+    recordings: Sequence[Recording],
+    begin: VehicleModel,
+    names: Sequence[str],
+    *,
+    gentle: bool,
+    near: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Return the named parameters (P,) as they are searched for, found from `begin` on, and their covariance (P, P)."""
+    """Return the named parameters (P,) as they are searched for, found from `begin` on, and their covariance (P, P).
+
+    `near`: where the search is to go on, if something near the solution is known.
+    """
     start = np.array([getattr(begin, name) if name == DEAD else math.log(getattr(begin, name)) for name in names])
     spare_s = DEAD_MAX_S if DEAD in names else 0.0
     flown = partial(_as_flown, recordings, begin, names, spare_s)
     known = [_known(_gentle(each) if gentle else each, spare_s) for each in recordings]
     search = Search(known, flown, start, np.full(start.size, UNKNOWN))
-    search.find()
+    if near is None:
+        search.find()
+    else:
+        search.refine(near)
     return search.logs, search.covariance(partial(flown, later_s=WAIT_SIGMA_S))
 
 

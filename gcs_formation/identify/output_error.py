@@ -43,6 +43,8 @@ NUDGE = 0.02
 STEP_MAX = 0.4
 CLOSE = 1e-5
 """Change of the logarithms below which the search ends."""
+NEAR_ENOUGH = 1e-3
+"""The same where the search only has to show whether a further parameter is worth a full one."""
 TINY = 1e-9
 LEAST_KNOWN = 1e-8
 """Directions with less information than this, relative to the largest, count as unknown."""
@@ -99,7 +101,12 @@ class Search:
         self._coloured = True
         self._search()
 
-    def _search(self) -> None:
+    def refine(self, logs: Array) -> None:
+        """Search on from parameters near the solution; the prior's mean stays where it is."""
+        self.logs, self._coloured = logs, True
+        self._search(NEAR_ENOUGH)
+
+    def _search(self, close: float = CLOSE) -> None:
         for _ in range(ITERATIONS):
             points = self.points(self.logs)
             count = sum(int(each.there.sum()) for each in self._measured)
@@ -114,7 +121,7 @@ class Search:
             for place, each in enumerate(points):
                 left = each.full - step @ each.full_slopes
                 self._begins[place] = self._begins[place] - np.linalg.lstsq(each.begin.T, left, rcond=None)[0]
-            if np.abs(step).max() < CLOSE:
+            if np.abs(step).max() < close:
                 return
 
     def points(self, logs: Array, *, anew: bool = True) -> list[Point]:

@@ -1,0 +1,58 @@
+# Compiled by mypyc: it runs every tick.
+
+"""How much later than its model says a vehicle answers its heading setpoints, at the frequency at which it swings."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from flight_model.arrays import Array
+
+KEPT: Final = 1200
+"""Ticks that are kept."""
+PERIODS: Final = 3.0
+"""Periods of the oscillation that are used, the newest."""
+
+
+class Answer:
+    """One vehicle's heading setpoints, and its headings."""
+
+    def __init__(self) -> None:
+        """Start without any."""
+        self._rows = list[tuple[float, float, float, float]]()
+
+    def forget(self) -> None:
+        """Begin again."""
+        self._rows.clear()
+
+    def add(self, acts_s: float, setpoint_rad: float, seen_s: float, heading_rad: float) -> None:
+        """Take a setpoint and when it acts, and the newest heading and when it was flown, s and rad."""
+        if len(self._rows) == KEPT:
+            del self._rows[0]
+        self._rows.append((acts_s, setpoint_rad, seen_s, heading_rad))
+
+    def late_s(self, period_s: float, tau_psi_s: float) -> float:
+        """Return the answer's time beyond that of a time constant, s; NaN if too little was seen.
+
+        Both are fitted by an oscillation about a line; its phase is the time.
+        """
+        acts_s, setpoints_rad, seen_s, headings_rad = np.array(self._rows, dtype=np.float64).reshape(-1, 4).T
+        last_s = seen_s[-1] if seen_s.size else 0.0
+        radps, since_s = math.tau / period_s, last_s - PERIODS * period_s
+        if not seen_s.size or seen_s[0] > since_s:
+            return math.nan
+        asked = _phase_rad(acts_s[acts_s >= since_s] - since_s, setpoints_rad[acts_s >= since_s], radps)
+        flown = _phase_rad(seen_s[seen_s >= since_s] - since_s, headings_rad[seen_s >= since_s], radps)
+        behind_rad = math.fmod(asked - flown, math.tau)
+        behind_rad += math.tau if behind_rad < 0.0 else 0.0
+        return (behind_rad - math.atan(radps * tau_psi_s)) / radps
+
+
+def _phase_rad(times_s: Array, angles_rad: Array, radps: float) -> float:
+    """Return the phase of an oscillation about a line."""
+    rows = np.stack((np.cos(radps * times_s), -np.sin(radps * times_s), np.ones_like(times_s), times_s), axis=1)
+    cos, sin = np.linalg.lstsq(rows, np.unwrap(angles_rad), rcond=None)[0][:2].tolist()
+    return math.atan2(sin, cos)
