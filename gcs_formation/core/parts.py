@@ -11,7 +11,7 @@ from formation_scenario import Scenario
 from gcs_formation.budget.link_budget import link_budget
 from gcs_formation.controller import FormationController
 from gcs_formation.core.cycle import Cycle, Send
-from gcs_formation.fleet.membership_and_succession import Membership
+from gcs_formation.fleet.membership import Membership
 from gcs_formation.fleet.routing_and_dispatch import Dispatch, FloodWatch, HeartbeatScheduler, Senders
 from gcs_formation.fleet.several_links import SeveralLinks
 from gcs_formation.fleet.signature_watch import SignatureWatch

@@ -56,7 +56,7 @@ def core_stages(
         # What vehicles do, and who of them flies in the formation.
         Samples(),
         Estimates(),
-        Members(parts.membership),
+        Members(),
         # Before the law: what is wanted, and by which delays.
         Wanted(parts.orders),
         Delays(dispatch),

@@ -16,7 +16,7 @@ from formation_scenario.slot_assignment import column_names
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.errors import NotFiniteError
-from gcs_formation.fleet.membership_and_succession import Membership
+from gcs_formation.fleet.membership import Membership
 from gcs_formation.fleet.routing_and_dispatch import Dispatch
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.link.link_health import LinkState
@@ -189,7 +189,7 @@ class Course:
         self.flying_on = dict[VehicleId, str]()
         """Vehicles that are still in their guided mode after the run, without setpoints, in words."""
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
-        self._membership, self._dispatch = membership, dispatch
+        self.membership, self._dispatch = membership, dispatch
         self._vehicles, self._note, self._preflight = vehicles, note, preflight
         self._late, self._way = False, ProgressToStart()
         self.endings = Endings(vehicles)
@@ -342,4 +342,4 @@ class Course:
         self._ending = ending = self.endings.begin(manner, self._ending, loiter_s, now, commanded=commanded)
         self.opening = ending if commanded else None
         if commanded:
-            self._membership.end(ending.circles_m)
+            self.membership.end(ending.circles_m)
