@@ -21,8 +21,8 @@ from gcs_formation.fleet.routing_and_dispatch import Dispatch
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.ending import Ending, Endings
+from gcs_formation.mission.gate import Gate
 from gcs_formation.mission.reconfiguration import Reconfiguration
-from gcs_formation.mission.starting import PreFlight
 from gcs_formation.phases import ALL_ENDED, BEFORE_COMMANDS, NOT_ALL_ENDED, OVER, Cause, Flight, Phase
 from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -162,7 +162,7 @@ class Course:
         dispatch: Dispatch,
         vehicles: dict[VehicleId, Vehicle],
         note: Note,
-        preflight: PreFlight,
+        gate: Gate,
     ) -> None:
         """Start in phase CONNECTING.
 
@@ -173,7 +173,7 @@ class Course:
             dispatch: its delayed setpoints are dropped when vehicles loiter.
             vehicles: all vehicles.
             note: reports events.
-            preflight: tells whether vehicles may be commanded; before that a run ends without commands.
+            gate: tells whether vehicles may be commanded; before that a run ends without commands.
         """
         self.flight = Flight()
         self.failure: str | None = None
@@ -190,7 +190,7 @@ class Course:
         """Vehicles that are still in their guided mode after the run, without setpoints, in words."""
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
         self.membership, self._dispatch = membership, dispatch
-        self._vehicles, self._note, self._preflight = vehicles, note, preflight
+        self._vehicles, self._note, self.gate = vehicles, note, gate
         self._late, self._way = False, ProgressToStart()
         self.endings = Endings(vehicles)
         """Begins the end; a feature may bring others."""
@@ -201,7 +201,7 @@ class Course:
     def move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
         """Move to the phase that `cause` leads to; return whether there is one. `manner`: how the flight ends then."""
         unheard = all(vehicle.connection.state is LinkState.SEARCHING for vehicle in self._vehicles.values())
-        if not self._preflight.passed or (cause is Cause.FAILURE and unheard):
+        if not self.gate.passed or (cause is Cause.FAILURE and unheard):
             cause = BEFORE_COMMANDS.get(cause, cause)
         if not self.flight.move(cause, now):
             return False
