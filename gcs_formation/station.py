@@ -23,8 +23,8 @@ from gcs_formation.fleet.routing_and_dispatch import HEARTBEAT
 from gcs_formation.fleet.several_links import receivers
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.vehicle_links import Link
+from gcs_formation.mission.gate import UNCHECKED, PreFlightOptions
 from gcs_formation.mission.resumption import Resumption
-from gcs_formation.mission.starting import UNCHECKED, PreFlightOptions
 from gcs_formation.recorder import Detail, Event, Recorder, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -59,7 +59,7 @@ class Station(Engine):
         self.scenario, self.cycle = parts.scenario, parts.cycle
         self.controller, self.course = parts.controller, parts.course
         self.flight, self.vehicles, self.networks = self.course.flight, parts.vehicles, parts.networks
-        self.preflight, self.orders, self.budget = parts.preflight, parts.orders, parts.budget
+        self.gate, self.orders, self.budget = parts.gate, parts.orders, parts.budget
         self.signatures, self.radio_reports = parts.signatures, parts.radio_reports
         self._failsafes = parts.takeover.failsafes
         self._endpoints, self._receiver, self._senders = parts.endpoints, parts.receiver, parts.senders
@@ -72,7 +72,7 @@ class Station(Engine):
         loaded = features()
         self.features = tuple(loaded)
         """Names of the features that it flies with."""
-        self.preflight.checks += [each.before_take_off for each in loaded.values() if each.before_take_off]
+        self.gate.checks += [each.before_take_off for each in loaded.values() if each.before_take_off]
         core = core_stages(parts, until_s, self._watch_strangers, self._note_link)
         brought = [stage for each in loaded.values() for stage in each.stages(self.cycle)]
         self.cycle.order(ordered(core, brought))
@@ -241,7 +241,7 @@ class Station(Engine):
         elif vehicle.take(frame, now, timed=timed):
             self._note_link(vehicle, now)
         if isinstance(message, ParamValue):
-            self.preflight.take(vehicle, message, now)
+            self.gate.take(vehicle, message, now)
             self._failsafes.take(vehicle, message, now)
 
     def _take_other(self, frame: Frame, datagram: Datagram, now: Instant) -> None:

@@ -35,7 +35,7 @@ def rehearsed(station: Station) -> dict[str, Any]:
                 "mode": vehicle.autopilot.mode_name(vehicle.telemetry),
                 "armed": vehicle.telemetry.armed,
                 "airborne": vehicle.airborne,
-                "parameters": list(station.preflight.warnings.get(identity, ())),
+                "parameters": list(station.gate.warnings.get(identity, ())),
                 "messages": list(_messages(vehicle, *places[str(identity)])),
             }
             for identity, vehicle in station.vehicles.items()

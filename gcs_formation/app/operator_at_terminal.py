@@ -21,7 +21,7 @@ from gcs_formation.recorder import Event, Recorder
 
 if TYPE_CHECKING:
     from gcs_formation.mission.course import Course
-    from gcs_formation.mission.starting import PreFlight
+    from gcs_formation.mission.gate import Gate
 
 ClockName = Literal["real", "virtual"]
 Record = Literal["full", "series", "summary", "none"]
@@ -129,7 +129,7 @@ class Interrupts:
 class Confirmation:
     """Asks the operator when it is time to, and passes the answer on."""
 
-    def __init__(self, gate: PreFlight, recorder: Recorder, terminal: int, decline: Callable[[str], None]) -> None:
+    def __init__(self, gate: Gate, recorder: Recorder, terminal: int, decline: Callable[[str], None]) -> None:
         """Ask for `gate` on the file descriptor of a terminal; `decline` ends the run with the reason."""
         self._gate, self._recorder = gate, recorder
         self._terminal, self._decline = terminal, decline
@@ -160,7 +160,7 @@ class Confirmation:
             self._decline(DECLINED)
 
 
-def question(gate: PreFlight) -> str:
+def question(gate: Gate) -> str:
     """Return what to ask once a gate awaits the operator's word."""
     count, flying = len(gate.vehicles), sum(vehicle.airborne for vehicle in gate.vehicles.values())
     are = f"{counted(count, 'vehicle')} {'is' if count == 1 else 'are'}"

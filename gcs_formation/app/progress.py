@@ -17,7 +17,7 @@ from airlink.endpoint import VehicleId
 from gcs_formation.app import result_text
 from gcs_formation.app.waiting import waits_for
 from gcs_formation.link.link_health import LinkState
-from gcs_formation.mission.starting import IN_ORDER
+from gcs_formation.mission.gate import IN_ORDER
 from gcs_formation.phases import Phase
 from gcs_formation.recorder import Event
 from gcs_formation.station import Station

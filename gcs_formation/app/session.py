@@ -46,8 +46,8 @@ from gcs_formation.extend.in_flight import Sinks, sinks
 from gcs_formation.link.link_health import LOST_AFTER_S
 from gcs_formation.link.radio_reports import RadioReport
 from gcs_formation.link.vehicle_links import Link
+from gcs_formation.mission.gate import PreFlightOptions
 from gcs_formation.mission.resumption import Resumption
-from gcs_formation.mission.starting import PreFlightOptions
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
@@ -299,7 +299,7 @@ class Session:
         def decline(reason: str) -> None:
             self.station.course.fail(reason, self.clock.now())
 
-        return Confirmation(self.station.preflight, self.recorder, sys.stdin.fileno(), decline)
+        return Confirmation(self.station.gate, self.recorder, sys.stdin.fileno(), decline)
 
     def conclude(self, truth: Truth | None) -> Summary:
         """Close the record, and write the time series and the summary, also of a flight that failed.

@@ -9,8 +9,9 @@ from airlink.messages import Message
 from formation_scenario import Scenario
 from gcs_formation.core.cycle import Cycle, Stage
 from gcs_formation.fleet.several_links import SeveralLinks
+from gcs_formation.mission.gate import Gate
 from gcs_formation.mission.resumption import WAIT_S, Takeover
-from gcs_formation.mission.starting import PreFlight, Starting
+from gcs_formation.mission.starting import Starting
 from gcs_formation.phases import Cause, Phase
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -60,20 +61,17 @@ class Start(Stage):
 
     name = "start"
 
-    def __init__(self, preflight: PreFlight, starting: Starting, takeover: Takeover) -> None:
+    def __init__(self, gate: Gate, starting: Starting, takeover: Takeover) -> None:
         """Take both, and what decides on vehicles of a flight that is resumed."""
-        self._preflight, self._starting, self._takeover = preflight, starting, takeover
+        self._gate, self._starting, self._takeover = gate, starting, takeover
 
     def run(self, cycle: Cycle) -> None:
         """Do what is due of both."""
         now = cycle.now
-        cycle.send(self._preflight.requests(now) + self._takeover.failsafes.requests(now), now)
-        self._preflight.watch()
-        vehicles = self._preflight.limits.take_news()
-        if vehicles is not None:
-            cycle.reconfiguration.plan_with(vehicles)
+        cycle.send(self._gate.requests(now) + self._takeover.failsafes.requests(now), now)
+        self._gate.watch()
         self._starting.advance(now)
-        if self._preflight.rehearsed:
+        if self._gate.rehearsed:
             cycle.course.end_rehearsal(now)
 
 
@@ -82,9 +80,9 @@ class Begin(Stage):
 
     name = "begin"
 
-    def __init__(self, scenario: Scenario, preflight: PreFlight, starting: Starting, takeover: Takeover) -> None:
+    def __init__(self, scenario: Scenario, gate: Gate, starting: Starting, takeover: Takeover) -> None:
         """Take what tells whether the leader is ready, and which vehicles a resumed flight takes over."""
-        self._scenario, self._preflight, self._starting, self._takeover = scenario, preflight, starting, takeover
+        self._scenario, self._gate, self._starting, self._takeover = scenario, gate, starting, takeover
 
     def run(self, cycle: Cycle) -> None:
         """Begin if it is time; decide by the phase whether this cycle commands the formation."""
@@ -94,7 +92,7 @@ class Begin(Stage):
 
     def _begin(self, cycle: Cycle, now: Instant) -> None:
         takeover, resumed, course = self._takeover, self._takeover.resumed, cycle.course
-        leads, reason = self._has_leader(cycle, now) and self._preflight.passed, takeover.failure(now)
+        leads, reason = self._has_leader(cycle, now) and self._gate.passed, takeover.failure(now)
         if reason is not None:
             course.fail(reason, now, begun=takeover.took_any)
         elif takeover.is_over(now):

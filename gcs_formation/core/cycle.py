@@ -130,7 +130,8 @@ class Cycle:
         """
         self.scenario, self.controller, self.vehicles = scenario, controller, vehicles
         self.each = list(vehicles.values())
-        self.course, self.reconfiguration, self.note, self.send = course, reconfiguration, note, send
+        self.course, self.membership, self.reconfiguration = course, course.membership, reconfiguration
+        self.note, self.send = note, send
         self.flight: Flight = course.flight
         self.utc_at_0_s = utc_at_0_s
         self.controlled_ticks = self.recorded_ticks = 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from gcs_formation.core.cycle import IN_COMMAND, Cycle, Stage
-from gcs_formation.fleet.membership_and_succession import Membership
 from gcs_formation.phases import Phase
 
 
@@ -38,27 +37,14 @@ class Estimates(Stage):
 
 
 class Members(Stage):
-    """Decides which vehicles fly in the formation, and which one succeeds a lost leader; by the age of their states."""
+    """Decides which vehicles fly in the formation, by the age of their states; without a leader none does."""
 
     name = "members"
 
-    def __init__(self, membership: Membership) -> None:
-        """Take what decides."""
-        self._membership = membership
-
     def run(self, cycle: Cycle) -> None:
         """Decide, unless all loiter."""
-        if cycle.flight.phase is Phase.LOITERING:
-            return
-        now, changes, estimator = cycle.now, cycle.reconfiguration, cycle.controller.estimator
-        leader, connecting = changes.leader, cycle.flight.phase is Phase.CONNECTING
-        beyond, sinking = cycle.findings.beyond, cycle.findings.sinking
-
-        def replaceable() -> bool:
-            return changes.successor(sinking, now) is not None
-
-        if leader and not connecting:
-            sinks = leader.identity in sinking
-            if self._membership.leader_lost(leader, estimator, now, replaceable, beyond, sinks=sinks):
-                changes.succeed(sinking, now)
-        self._membership.judge(changes.leader, estimator, now, connecting=connecting, beyond=beyond)
+        phase = cycle.flight.phase
+        if phase is not Phase.LOITERING:
+            leader, estimator = cycle.reconfiguration.leader, cycle.controller.estimator
+            connecting, beyond = phase is Phase.CONNECTING, cycle.findings.beyond
+            cycle.membership.judge(leader, estimator, cycle.now, connecting=connecting, beyond=beyond)

@@ -15,7 +15,7 @@ from typing import Any
 from flight_model.arrays import Array
 from formation_scenario.feature_folders import PACKAGE, feature_names
 from gcs_formation.core.cycle import Cycle, Stage
-from gcs_formation.mission.starting import BeforeTakeOff
+from gcs_formation.mission.gate import BeforeTakeOff
 
 Derived = Callable[[Array], Mapping[str, Array]]
 """Returns further columns of a time series, (T, V) for V vehicles at T times, s; flags are of type bool."""

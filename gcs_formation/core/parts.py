@@ -11,16 +11,17 @@ from formation_scenario import Scenario
 from gcs_formation.budget.link_budget import link_budget
 from gcs_formation.controller import FormationController
 from gcs_formation.core.cycle import Cycle, Send
-from gcs_formation.fleet.membership_and_succession import Membership
+from gcs_formation.fleet.membership import Membership
 from gcs_formation.fleet.routing_and_dispatch import Dispatch, FloodWatch, HeartbeatScheduler, Senders
 from gcs_formation.fleet.several_links import SeveralLinks
 from gcs_formation.fleet.signature_watch import SignatureWatch
 from gcs_formation.from_scenario import as_known, narrow_links, planned
 from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.mission.course import Course, Orders
+from gcs_formation.mission.gate import Gate, PreFlightOptions
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.resumption import Resumption, Takeover
-from gcs_formation.mission.starting import PreFlight, PreFlightOptions, Starting
+from gcs_formation.mission.starting import Starting
 from gcs_formation.recorder import Note, Recorder
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -50,8 +51,8 @@ class Parts:
         self.endpoints, self.networks, self.vehicles = planned(scenario)
         fleet: tuple[dict[VehicleId, Vehicle], Note] = (self.vehicles, note)
         self.membership, self.dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles)
-        self.preflight = PreFlight(scenario, self.vehicles, caution, note, self._fail, self.controller.bound)
-        self.course = Course(scenario, self.controller, self.membership, self.dispatch, *fleet, self.preflight)
+        self.gate = Gate(scenario, self.vehicles, caution, note, self._fail)
+        self.course = Course(scenario, self.controller, self.membership, self.dispatch, *fleet, self.gate)
         self.reconfiguration = Reconfiguration(scenario, self.controller, *fleet)
         self.cycle = Cycle(
             scenario, self.controller, self.vehicles, self.course, self.reconfiguration, note, send, utc_at_0_s
@@ -65,7 +66,7 @@ class Parts:
         self.takeover = Takeover(resumed, *fleet)
         together = scenario.hovers and not scenario.start.in_air and resumed is None
         self.starting = Starting(
-            self.vehicles, self.endpoints, flight, self.preflight, self.takeover, note, fail, together=together
+            self.vehicles, self.endpoints, flight, self.gate, self.takeover, note, fail, together=together
         )
         self.orders = Orders(scenario, self.course, self.reconfiguration, note)
         self.several_links = SeveralLinks(*fleet)

@@ -50,13 +50,13 @@ def core_stages(
         # Who is there, and ready.
         Links(note_link, parts.several_links),
         Restarts(cycle),
-        Start(parts.preflight, parts.starting, parts.takeover),
-        Begin(parts.scenario, parts.preflight, parts.starting, parts.takeover),
+        Start(parts.gate, parts.starting, parts.takeover),
+        Begin(parts.scenario, parts.gate, parts.starting, parts.takeover),
         Commands(),
         # What vehicles do, and who of them flies in the formation.
         Samples(),
         Estimates(),
-        Members(parts.membership),
+        Members(),
         # Before the law: what is wanted, and by which delays.
         Wanted(parts.orders),
         Delays(dispatch),

@@ -101,8 +101,7 @@ class SequenceTracker:
         self.lost: i64 = 0
         self.gaps: i64 = 0
         """Number of gaps that `lost` frames were counted at."""
-        self._longest: i64 = 0
-        """The most numbers skipped at one of them."""
+        self._longest: i64 = 0  # the most numbers skipped at one of them
         self.repeated: i64 = 0
         self.missed: i64 = 0
         """Frames lost in silences, counted apart from `lost`: they don't tell the link's loss in normal operation."""
@@ -125,9 +124,8 @@ class SequenceTracker:
         """Numbers since the newest, of frames that may be copies: the next number shows."""
         self.silent_s = 0.0
         """Time in silences that have ended, s."""
-        self._jump: i64 = 0
-        self._jumped: i64 = 0
-        """Frames counted as lost at the last gap, and how many had been received by then."""
+        self._jump: i64 = 0  # frames counted as lost at the last gap
+        self._jumped: i64 = 0  # frames that had been received by then
 
     def observe(self, sequence: i64, now: Instant, heard: Instant) -> bool:
         """Take the sequence number of a frame that arrived now; the previous frame arrived at `heard`.

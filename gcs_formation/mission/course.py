@@ -16,13 +16,13 @@ from formation_scenario.slot_assignment import column_names
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.errors import NotFiniteError
-from gcs_formation.fleet.membership_and_succession import Membership
+from gcs_formation.fleet.membership import Membership
 from gcs_formation.fleet.routing_and_dispatch import Dispatch
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.ending import Ending, Endings
+from gcs_formation.mission.gate import Gate
 from gcs_formation.mission.reconfiguration import Reconfiguration
-from gcs_formation.mission.starting import PreFlight
 from gcs_formation.phases import ALL_ENDED, BEFORE_COMMANDS, NOT_ALL_ENDED, OVER, Cause, Flight, Phase
 from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -162,7 +162,7 @@ class Course:
         dispatch: Dispatch,
         vehicles: dict[VehicleId, Vehicle],
         note: Note,
-        preflight: PreFlight,
+        gate: Gate,
     ) -> None:
         """Start in phase CONNECTING.
 
@@ -173,7 +173,7 @@ class Course:
             dispatch: its delayed setpoints are dropped when vehicles loiter.
             vehicles: all vehicles.
             note: reports events.
-            preflight: tells whether vehicles may be commanded; before that a run ends without commands.
+            gate: tells whether vehicles may be commanded; before that a run ends without commands.
         """
         self.flight = Flight()
         self.failure: str | None = None
@@ -189,8 +189,8 @@ class Course:
         self.flying_on = dict[VehicleId, str]()
         """Vehicles that are still in their guided mode after the run, without setpoints, in words."""
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
-        self._membership, self._dispatch = membership, dispatch
-        self._vehicles, self._note, self._preflight = vehicles, note, preflight
+        self.membership, self._dispatch = membership, dispatch
+        self._vehicles, self._note, self.gate = vehicles, note, gate
         self._late, self._way = False, ProgressToStart()
         self.endings = Endings(vehicles)
         """Begins the end; a feature may bring others."""
@@ -201,7 +201,7 @@ class Course:
     def move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
         """Move to the phase that `cause` leads to; return whether there is one. `manner`: how the flight ends then."""
         unheard = all(vehicle.connection.state is LinkState.SEARCHING for vehicle in self._vehicles.values())
-        if not self._preflight.passed or (cause is Cause.FAILURE and unheard):
+        if not self.gate.passed or (cause is Cause.FAILURE and unheard):
             cause = BEFORE_COMMANDS.get(cause, cause)
         if not self.flight.move(cause, now):
             return False
@@ -342,4 +342,4 @@ class Course:
         self._ending = ending = self.endings.begin(manner, self._ending, loiter_s, now, commanded=commanded)
         self.opening = ending if commanded else None
         if commanded:
-            self._membership.end(ending.circles_m)
+            self.membership.end(ending.circles_m)

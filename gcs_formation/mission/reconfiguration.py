@@ -1,9 +1,8 @@
-"""Changes of the formation in flight: planned, ordered, and by succession of a lost leader."""
+"""Changes of the formation in flight: planned, ordered, and behind another leader."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Set
 from typing import Final
 
 import numpy as np
@@ -24,7 +23,6 @@ from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned, 
 from formation_scenario.slot_motion import SlotMotion, Transition
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
-from gcs_formation.fleet.membership_and_succession import Candidate, best_successor, can_lead
 from gcs_formation.guidance.tracking import Abreast
 from gcs_formation.guidance.turn_on_spot import TurnOnSpot
 from gcs_formation.mission.resumption import Resumption
@@ -324,26 +322,11 @@ class Reconfiguration:
         course_rad = 0.0 if guidance.route is None else guidance.route.at(guidance.distance_m).course_rad
         return math.degrees(course_rad) % 360.0
 
-    def successor(self, sinking: Set[VehicleId], now: Instant) -> int | None:
-        """Return the column of the follower that is to take over, None if none can; `sinking` ones can't."""
-        tick, leader = self._controller.last_tick, self._controller.plan.leader
-        if self._scenario.formation.succession == "none" or leader not in self._by_column or tick is None:
-            return None
-        age_s, place = self._controller.estimator.age_s, tick.state[leader]
-        candidates = (
-            Candidate.of(column, vehicle, _distance_m(tick.state[column], place))
-            for column, vehicle in self._by_column.items()
-            if column != leader and vehicle.identity not in sinking and can_lead(vehicle, age_s(column, now), now)
-        )
-        return best_successor(candidates, self._controller.plan.arrangement.spacing_m)
-
-    def succeed(self, sinking: Set[VehicleId], now: Instant) -> None:
-        """Make the successor the leader at once; the others move to their slots behind it as soon as possible."""
-        successor = self.successor(sinking, now)
-        if successor is not None:
-            self._changing = ""  # a change behind the lost leader is void; the move behind another isn't planned
-            self._hand_over(successor, *self._take_over(successor, now), now)
-            self._want(self._wanted or self._controller.plan.arrangement, now)
+    def replace_leader(self, leader: int, now: Instant) -> None:
+        """Make another column the leader at once; the others move to their slots behind it as soon as possible."""
+        self._changing = ""  # a change behind the lost leader is void; the move behind another isn't planned
+        self._hand_over(leader, *self._take_over(leader, now), now)
+        self._want(self._wanted or self._controller.plan.arrangement, now)
 
     def _unflyable(self, scenario: Scenario, wanted: Arrangement, now: Instant) -> str | None:
         """Return why an arrangement can't be flown from here, in the words of `check`; None if it can."""
@@ -447,7 +430,3 @@ class Reconfiguration:
 
     def _in_words(self, wanted: Arrangement) -> str:
         return f"{wanted.shape}, {wanted.spacing_m:g} m, behind {self._names[wanted.leader]}"
-
-
-def _distance_m(one: FlightState, other: FlightState) -> float:
-    return math.hypot(one.north_m - other.north_m, one.east_m - other.east_m, one.height_m - other.height_m)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from formation_scenario.orders import read_order
-from gcs_formation.fleet.membership_and_succession import PARTED
+from gcs_formation.fleet.membership import PARTED
 
 ACCEPTED = ": accepted"
 """End of the text of an order's event."""

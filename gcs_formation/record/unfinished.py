@@ -18,7 +18,7 @@ from formation_scenario import Scenario
 from formation_scenario.orders import Order, read_order
 from formation_scenario.slot_assignment import Arrangement, column_ids, first_arrangement
 from gcs_formation.errors import RecordError
-from gcs_formation.fleet.membership_and_succession import PARTED
+from gcs_formation.fleet.membership import PARTED
 from gcs_formation.guidance.parts import AlongPath
 from gcs_formation.mission.resumption import LEFT, TAKEN, TO_PILOT, RecordedVehicle, Resumption
 from gcs_formation.phases import Cause, Phase

@@ -1,4 +1,4 @@
-"""Checks before the first command: a vehicle's position, and the parameters on which the flight depends.
+"""Checks of the parameters on which the flight depends, and how they are read.
 
 Source: MAVLink guide, "Parameter Protocol".
 """
@@ -11,17 +11,12 @@ from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import NamedTuple
 
-import numpy as np
-
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.messages.command import ParamRequestRead, ParamValue
 from flight_model.energy import GRAVITY_MPS2
-from formation_scenario import Scenario
-from formation_scenario.fields import distinct_texts
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.telemetry import ReportedMotion
 
 RETRY_S = 0.7
 TRIES = 24
@@ -35,10 +30,6 @@ SAME_MPS = 0.05
 """Differences of airspeeds below which messages don't mention the air density."""
 AT_ONCE = 4
 """Number of requests sent at once: autopilots have a short queue for them."""
-HOME_OFF_M = 30.0
-"""Largest height of a home above or below the scenario's ground, m: the sum of both heights' errors above sea level."""
-FAR_M = 10_000.0
-"""How much farther from the path's start a vehicle may be than the path's farthest waypoint, m."""
 
 
 class Finding(NamedTuple):
@@ -172,30 +163,6 @@ def envelope_checks(
             bounds=lambda value: ("turn_rate_max_rps", math.tan(math.radians(value)) * GRAVITY_MPS2 / speed),
         ),
     ]
-
-
-def place_findings(seen: ReportedMotion, scenario: Scenario, *, flies: bool) -> list[Finding]:
-    """Return the findings on a vehicle's position: far from the path, or a home that isn't on the scenario's ground.
-
-    A vehicle that flies may have its home elsewhere: this is only a warning.
-    """
-    points_m = np.array(scenario.path.waypoints_m)[:, :2]
-    away_m = math.hypot(seen.north_m - points_m[0, 0], seen.east_m - points_m[0, 1])
-    most_m = float(np.hypot(*(points_m - points_m[0]).T).max()) + FAR_M
-    if away_m > most_m:
-        away, most = f"{away_m / 1000.0:.1f}", f"{most_m / 1000.0:.1f}"
-        if away == most:
-            away, most = distinct_texts(away_m / 1000.0, most_m / 1000.0)
-        found = f"place: found {away} km from the path's start; allowed: up to {most} km"
-        return [Finding(f"{found}. Set origin.lat_deg and lon_deg to the field's", refuses=True)]
-    home_m, above_sea_m = seen.height_m - seen.above_home_m, scenario.origin.alt_m
-    ground_m = float(scenario.ground.height(np.array([seen.north_m]), np.array([seen.east_m]))[0])
-    if not abs(home_m - ground_m) > HOME_OFF_M:
-        return []
-    found = f"home: found {home_m + above_sea_m:.0f} m above sea level, where the scenario's ground is at"
-    allowed = f"{ground_m + above_sea_m:.0f} m; allowed: {HOME_OFF_M:g} m off"
-    mends = f"Set origin.alt_m, now {above_sea_m:g}, to the field's"
-    return [Finding(f"{found} {allowed}. {mends}", refuses=not flies)]
 
 
 class ParameterReader:

@@ -15,7 +15,7 @@ from formation_scenario import Scenario, load_scenario
 from formation_scenario.surroundings import Fault, FaultKind
 from gcs_formation.app.link_injection import impair
 from gcs_formation.app.signing import flight_signing
-from gcs_formation.mission.starting import UNCHECKED, PreFlightOptions
+from gcs_formation.mission.gate import UNCHECKED, PreFlightOptions
 from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 from sim_vehicles.config import fleet_config

@@ -14,7 +14,7 @@ from airlink.engine import Datagram, Engine
 from airlink.frame import StreamParser
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Statustext
-from gcs_formation.mission.starting import PreFlightOptions
+from gcs_formation.mission.gate import PreFlightOptions
 from gcs_formation.phases import Phase
 from gcs_formation.station import Station
 from sim_vehicles.autopilot.modes_and_failsafe import CopterMode, Mode, Px4Mode
@@ -149,7 +149,7 @@ def dry_run_then_fly(_: str, world: World) -> None:
     rehearses = PreFlightOptions(parameters=True, rehearse=True)
     another_station(world, rehearses)
     world.run(30.0)
-    assert world.station.preflight.rehearsed
+    assert world.station.gate.rehearsed
     assert world.station.flight.phase is Phase.DONE
     silence(world, LONGER_S)
     another_station(world)

@@ -18,7 +18,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario.surroundings import Fault
 from gcs_formation.app.dry_run import rehearsal_text, rehearsed
 from gcs_formation.app.operator_at_terminal import question
-from gcs_formation.mission.starting import PreFlightOptions
+from gcs_formation.mission.gate import PreFlightOptions
 from gcs_formation.phases import Phase
 from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
 from sim_vehicles.fleet import Fleet
@@ -204,8 +204,8 @@ def test_with_confirm_the_question_names_who_flies_already() -> None:
     world = already_flown(PreFlightOptions(parameters=True, confirm=True))
     world.run(12.0)
     assert world.vehicle(2).pilot.mode is Mode.LOITER
-    assert "take over 1 (vehicle 2 from LOITER, under somebody's command)" in question(world.station.preflight)
-    world.station.preflight.confirm()
+    assert "take over 1 (vehicle 2 from LOITER, under somebody's command)" in question(world.station.gate)
+    world.station.gate.confirm()
     world.run(3.0)
     assert world.vehicle(2).pilot.mode is Mode.GUIDED
 
@@ -213,8 +213,8 @@ def test_with_confirm_the_question_names_who_flies_already() -> None:
 def test_a_dry_run_names_who_flies_already_and_goes_on() -> None:
     world = already_flown(PreFlightOptions(parameters=True, rehearse=True))
     world.run(30.0)
-    assert world.station.preflight.rehearsed
-    assert any("flies already, in LOITER" in text for text in world.station.preflight.warnings.popitem()[1])
+    assert world.station.gate.rehearsed
+    assert any("flies already, in LOITER" in text for text in world.station.gate.warnings.popitem()[1])
 
 
 def test_one_that_takes_off_by_its_pilot_while_the_others_are_waited_for_is_not_taken_either() -> None:
@@ -237,12 +237,12 @@ def test_with_confirm_no_vehicle_is_commanded_before_the_word(in_air: bool) -> N
     keys: Any = GROUND | {"start": {"in_air": in_air}}
     world = World(Listening, PreFlightOptions(parameters=True, confirm=True), **keys)
     world.run(20.0 if in_air else 95.0)  # longer than the timeout of the step
-    assert world.station.preflight.awaits_word
+    assert world.station.gate.awaits_word
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
-    asked = question(world.station.preflight)
+    asked = question(world.station.gate)
     assert asked.startswith("2 vehicles are connected, ready and checked (2 with warnings). Type yes to")
     assert ("take over 2" in asked) == in_air
-    world.station.preflight.confirm()
+    world.station.gate.confirm()
     world.run(2.0)
     assert (m.MAV_CMD_GUIDED_CHANGE_SPEED if in_air else m.MAV_CMD_COMPONENT_ARM_DISARM) in commands_to(world)
 
@@ -334,9 +334,9 @@ def test_vehicles_that_fly_in_guided_already_are_not_commanded_in_a_rehearsal_no
         vehicle.enter(Mode.GUIDED)
     world.run(5.0)
     assert world.station.flight.phase is (Phase.DONE if caution.rehearse else Phase.CONNECTING)
-    assert world.station.preflight.awaits_word
+    assert world.station.gate.awaits_word
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
-    world.station.preflight.confirm()
+    world.station.gate.confirm()
     world.run(2.0)
     assert (m.MAV_CMD_GUIDED_CHANGE_SPEED in commands_to(world)) is caution.confirm
 

@@ -8,7 +8,7 @@ from airlink.clock import Instant, VirtualClock, after
 from airlink.engine import MemoryNetwork
 from formation_scenario import load_scenario
 from gcs_formation.app.link_injection import impair
-from gcs_formation.mission.starting import UNCHECKED
+from gcs_formation.mission.gate import UNCHECKED
 from gcs_formation.station import Station
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet

@@ -10,7 +10,7 @@ import math
 from typing import Final
 
 from flight_model.autopilot_model import wrap
-from gcs_formation.mission.starting import AsFound
+from gcs_formation.mission.gate import AsFound
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.checks import Finding
 from gcs_formation.vehicle.telemetry import AIRBORNE_M, ReportedMotion, Telemetry

@@ -16,7 +16,7 @@ NOW = Instant(0)
 
 
 class Gate:
-    """Stands in for a `PreFlight`."""
+    """Stands in for a `Gate`."""
 
     def __init__(self) -> None:
         self.due = self.confirmed = False

@@ -3,100 +3,30 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
-from airlink.endpoint import VehicleId
 from airlink.messages.command import CommandAck
-from airlink.messages.system import Heartbeat, Timesync
+from airlink.messages.system import Timesync
 from airlink.messages.telemetry import GlobalPositionInt
-from flight_model.earth import GeodeticOrigin
-from formation_scenario import load_scenario
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
-from gcs_formation.fleet.membership_and_succession import BACK_S, MUTE_S, SUCCESSION_S, Membership
-from gcs_formation.link.link_health import Connection, LinkState
+from gcs_formation.fleet.membership import BACK_S, MUTE_S
+from gcs_formation.link.link_health import LinkState
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.families.px4.copter import Px4Copter
-from gcs_formation.vehicle.startup import StartUp
-from gcs_formation.vehicle.vehicle import Member, Vehicle
-from tests.flights.conftest import scenario
-from tests.gcs_formation.noted import Noted
-
-ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
-LEADER, FOLLOWER = VehicleId(1, 1), VehicleId(1, 2)
-GUIDED, LOITER, MANUAL = m.PLANE_MODE_GUIDED, m.PLANE_MODE_LOITER, m.PLANE_MODE_MANUAL
-
-
-class Formation:
-    """A leader and a follower in GUIDED, heard and answering at 0 s; the test sets the age of their telemetry."""
-
-    def __init__(self, **law: Any) -> None:
-        planned = load_scenario(scenario(vehicles={"count": 2}, law={"type": "fuzzy_pid", **law}))
-        self.max_age_s = planned.law.max_age_s
-        self.vehicles = {identity: vehicle(identity) for identity in (LEADER, FOLLOWER)}
-        self.notes, self.ages_s, self.beyond = Noted(), [0.0, 0.0], set[VehicleId]()
-        self.membership = Membership(planned, self.vehicles, self.notes)
-        self.estimator: Any = SimpleNamespace(age_s=lambda column, _: self.ages_s[column])
-        self.now = Instant(0)
-        self.judge(0.0)
-
-    def judge(self, at_s: float, *, heard: bool = True) -> Member:
-        """Judge all at a time until which they were heard; return the follower's membership."""
-        self.now = after(Instant(0), at_s)
-        for each in self.vehicles.values():
-            if heard:
-                each.connection.heard(self.now, heartbeat=True)
-                each.round_trips._answered = self.now
-        self.membership.judge(self.vehicles[LEADER], self.estimator, self.now, connecting=False, beyond=self.beyond)
-        return self.follower.member
-
-    def silent(self, at_s: float, of: VehicleId = FOLLOWER) -> Member:
-        """Judge at a time when one of them was last heard at 0 s, and the other just now."""
-        other = LEADER if of == FOLLOWER else FOLLOWER
-        self.vehicles[other].connection.heard(after(Instant(0), at_s), heartbeat=True)
-        self.vehicles[other].round_trips._answered = after(Instant(0), at_s)
-        while self.vehicles[of].connection.check(after(Instant(0), at_s)):
-            pass
-        self.ages_s[0 if of == LEADER else 1] = at_s
-        return self.judge(at_s, heard=False)
-
-    def told(self, number: VehicleId = FOLLOWER) -> list[float]:
-        """Return the modes that a vehicle is being commanded."""
-        return [each.param2 for each in self.vehicles[number].commands._waiting if each.command == SET_MODE]
-
-    def reports(self, mode: int, number: VehicleId = FOLLOWER) -> None:
-        beat(self.vehicles[number], mode)
-
-    @property
-    def follower(self) -> Vehicle:
-        return self.vehicles[FOLLOWER]
-
-
-SET_MODE = m.MAV_CMD_DO_SET_MODE
-
-
-def vehicle(identity: VehicleId) -> Vehicle:
-    made = Vehicle(
-        identity,
-        (LEADER, FOLLOWER).index(identity),
-        ArduPlane(identity.system, ORIGIN, 0.25),
-        Connection(0),
-        10.0,
-    )
-    made.start_up = StartUp((), index=0)
-    lat_rad, lon_rad, alt_m = ORIGIN.from_ned(30.0 * identity.system, 0.0, -100.0)
-    made.telemetry.take(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, 100.0, 22.0, 0.0, 0.0, 0.0))
-    beat(made, GUIDED)
-    return made
-
-
-def beat(of: Vehicle, mode: int) -> None:
-    armed, flies = m.MAV_MODE_FLAG_SAFETY_ARMED, m.MAV_STATE_ACTIVE
-    of.telemetry.take(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, armed, mode, flies))
+from gcs_formation.vehicle.vehicle import Member
+from tests.gcs_formation.fleet.pair import (
+    FOLLOWER,
+    GUIDED,
+    LEADER,
+    LOITER,
+    MANUAL,
+    ORIGIN,
+    SET_MODE,
+    Formation,
+)
 
 
 def test_vehicles_that_are_heard_and_guided_fly_in_the_formation_and_are_told_nothing() -> None:
@@ -288,31 +218,6 @@ def test_one_that_comes_back_needs_fresher_telemetry_than_one_that_never_left() 
     assert formation.told() == [GUIDED]
     formation.reports(GUIDED)
     assert formation.judge(42.0) is Member.FLYING
-
-
-@pytest.mark.parametrize(
-    ("late_s", "replaceable", "lost"),
-    [(SUCCESSION_S - 0.1, True, False), (SUCCESSION_S + 0.1, True, True), (SUCCESSION_S + 0.1, False, False)],
-)
-def test_a_leader_that_can_be_replaced_is_given_up_sooner_than_one_that_can_not(
-    late_s: float, replaceable: bool, lost: bool
-) -> None:
-    formation = Formation()
-    assert late_s < formation.max_age_s
-    formation.ages_s[0], now = late_s, after(Instant(0), late_s)
-    leader = formation.vehicles[LEADER]
-    assert formation.membership.leader_lost(leader, formation.estimator, now, lambda: replaceable) is lost
-
-
-@pytest.mark.parametrize(
-    ("sinks", "replaceable", "lost"), [(True, True, True), (True, False, False), (False, True, False)]
-)
-def test_a_leader_that_sinks_is_lost_where_it_can_be_replaced(sinks: bool, replaceable: bool, lost: bool) -> None:
-    formation = Formation()
-    leader, now = formation.vehicles[LEADER], formation.now
-    given_up = formation.membership.leader_lost(leader, formation.estimator, now, lambda: replaceable, sinks=sinks)
-    assert given_up is lost
-    assert leader.member is Member.FLYING
 
 
 def test_without_a_leader_its_followers_loiter_at_heights_of_their_own() -> None:

@@ -18,7 +18,7 @@ from airlink.messages.system import CurrentMode, Heartbeat
 from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
-from gcs_formation.fleet.membership_and_succession import Membership
+from gcs_formation.fleet.membership import Membership
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.families.px4.plane import Px4Plane
 from gcs_formation.vehicle.families.px4.px4 import LOITER, RTL

@@ -1,10 +1,10 @@
-"""Which vehicles fly in the formation at each tick, what the others do, and which succeeds a lost leader."""
+"""Which vehicles fly in the formation at each tick, and what the others are commanded."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Set
-from typing import Final, NamedTuple, Self
+from collections.abc import Mapping, Set
+from typing import Final
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
@@ -12,68 +12,24 @@ from formation_scenario import Scenario
 from gcs_formation.estimation.estimator import StateEstimator
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
 from gcs_formation.fleet.circle_heights import GroundFloor, loiter_heights, may_meet
+from gcs_formation.fleet.membership_table import Seen, next_membership
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
 
 SUCCESSION_S: Final = 3.0
-"""Silence of a leader, or time without its answers, after which another vehicle takes over, if one can."""
+"""Silence of a leader, or time without its answers, after which it is replaced where another vehicle can lead."""
 MUTE_S: Final = 1.5
 """Longest lack of heartbeats beyond what loss explains; after that a vehicle's mode counts as unknown."""
 ORDER_COMES_S: Final = 5.0
 """Time after it was last sent during which a command to loiter may still reach a vehicle."""
 BACK_S: Final = 3.0
 """Largest age of telemetry with which a vehicle may return to the formation."""
-HEARD_S: Final = 1.0
-"""Largest age of a successor's telemetry, and of the latest time at which it is known to hear."""
-DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
-"""Links that differ by less than about this are equally good: the measurements are no more certain."""
 PARTED: Final = "parted by "
 """Beginning of the text about a vehicle that has left the formation; by whom follows."""
 FAILSAFE_S: Final = 3.0
 """Time before a failsafe's text, and after it or after a reason for one, in which a new mode may be the failsafe's."""
-UNCOMMANDED: Final = (Member.FLYING, Member.UNHEARD)
-"""Memberships of vehicles that haven't been commanded to loiter."""
-
-
-def next_membership(
-    member: Member,
-    *,
-    started: bool,
-    guided: bool,
-    loiters: bool,
-    fresh: bool,
-    loiter_may_be_commanded: bool,
-    order_may_come: bool,
-) -> Member:
-    """Return the next membership. A pilot's change of mode is respected until the pilot reverts it.
-
-    A silent vehicle isn't commanded to loiter at first: it may not hear that, and flies on by its last setpoint, which
-    the others keep clear of.
-
-    Args:
-        member: the present membership.
-        started: whether the start-up is finished and the autopilot isn't booting.
-        guided: whether it's in the mode in which it follows setpoints.
-        loiters: whether it's in its loiter mode.
-        fresh: whether its telemetry is recent enough for prediction and there is a leader to follow.
-        loiter_may_be_commanded: whether it is heard, or has been silent for so long that the others no longer keep
-            clear of it.
-        order_may_come: whether a recently sent command to loiter may still reach it.
-    """
-    if not started:
-        return Member.STARTING
-    if member is Member.STARTING:
-        return Member.FLYING
-    if member is Member.PARTED or not (guided or loiters):
-        return Member.FLYING if guided else Member.PARTED  # our commands lead to no other mode
-    if not fresh:
-        uncommanded = member in UNCOMMANDED and not loiter_may_be_commanded
-        return Member.UNHEARD if uncommanded else Member.HOLDING
-    if member in UNCOMMANDED and not order_may_come:
-        return Member.FLYING if guided else Member.PARTED
-    return Member.FLYING if guided else Member.RETURNING
 
 
 class Membership:
@@ -92,22 +48,6 @@ class Membership:
         self._parted, self._failsafes = dict[VehicleId, Instant](), dict[VehicleId, tuple[Instant, str]]()
         """When each vehicle left without a failsafe's text; time and text of each one's last failsafe."""
 
-    def leader_lost(
-        self,
-        leader: Vehicle,
-        estimator: StateEstimator,
-        now: Instant,
-        replaceable: Callable[[], bool],
-        beyond: Set[VehicleId] = frozenset(),
-        *,
-        sinks: bool = False,
-    ) -> bool:
-        """Judge the leader only; return whether it is lost. A `replaceable` one is given up sooner, or if it sinks."""
-        fresh = self._is_fresh(leader, estimator, beyond, now)
-        late = not self._is_fresh(leader, estimator, beyond, now, SUCCESSION_S)
-        self._judge(leader, estimator, now, fresh=fresh and not (late and replaceable()))
-        return leader.member is not Member.FLYING or (sinks and replaceable())
-
     def judge(
         self,
         leader: Vehicle | None,
@@ -124,11 +64,11 @@ class Membership:
         """
         led = True
         if leader is not None:
-            self._judge(leader, estimator, now, fresh=self._is_fresh(leader, estimator, beyond, now))
+            self.judge_one(leader, estimator, now, fresh=self.is_fresh(leader, estimator, beyond, now))
             led = leader.member is Member.FLYING or connecting
         for vehicle in self._each:
             if vehicle is not leader:
-                self._judge(vehicle, estimator, now, fresh=led and self._is_fresh(vehicle, estimator, beyond, now))
+                self.judge_one(vehicle, estimator, now, fresh=led and self.is_fresh(vehicle, estimator, beyond, now))
 
     def hear(self, vehicle: Vehicle, text: str, now: Instant) -> None:
         """Take a vehicle's text; a failsafe's text may arrive after the mode that the failsafe chose."""
@@ -157,7 +97,8 @@ class Membership:
             return Member.PARTED.value
         return f"{PARTED}its pilot or its failsafe, in {vehicle.autopilot.mode_name(vehicle.telemetry)}"
 
-    def _judge(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> None:
+    def judge_one(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> None:
+        """Decide whether a vehicle flies in the formation; `fresh`: what is known of it is recent enough for that."""
         if seconds_between(vehicle.round_trips.heard_at(now), now) > UNANSWERED_S:
             vehicle.left_alone(now)
         if fresh and vehicle.member is Member.FLYING and vehicle.follows_setpoints:
@@ -177,8 +118,7 @@ class Membership:
         link = vehicle.connection  # after silence a vehicle gets time to answer: it may have hung, and still hear us
         heard = link.talks and seconds_between(link.back_at, now) > UNANSWERED_S
         forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
-        return next_membership(
-            vehicle.member,
+        seen = Seen(
             started=vehicle.start_up.finished and not vehicle.telemetry.boots,
             guided=vehicle.follows_setpoints,
             loiters=vehicle.telemetry.custom_mode == vehicle.autopilot.loiter_mode,
@@ -186,8 +126,9 @@ class Membership:
             loiter_may_be_commanded=heard or forgotten,
             order_may_come=self._order_may_come(vehicle, now),
         )
+        return next_membership(vehicle.member, seen)
 
-    def _is_fresh(
+    def is_fresh(
         self,
         vehicle: Vehicle,
         estimator: StateEstimator,
@@ -195,6 +136,7 @@ class Membership:
         now: Instant,
         limit_s: float = math.inf,
     ) -> bool:
+        """Return whether a vehicle can be flown by what is known of it, which may be `limit_s` old at most."""
         if vehicle.unfit or (self._holds_delayed and vehicle.identity in beyond):
             return False
         if vehicle.member is Member.HOLDING and self._circles_m is not None:
@@ -249,48 +191,3 @@ class Membership:
         taken = [(kept_m[i], kept_m[i]) for i in kept_m if own is not None and may_meet(own, places[i])]
         free = {i: place for i, place in places.items() if i not in kept_m}
         return loiter_heights(free, self._floor_m, taken)[vehicle.identity]
-
-
-class Candidate(NamedTuple):
-    """A follower that could become the leader."""
-
-    column: int
-    distance_m: float
-    """Distance from the leader's position."""
-    delay_s: float
-    """One-way delay; NaN while unknown, as is `jitter_s`."""
-    loss: float
-    jitter_s: float
-
-    @classmethod
-    def of(cls, column: int, vehicle: Vehicle, distance_m: float) -> Self:
-        """Return a vehicle with its measured link."""
-        return cls(column, distance_m, vehicle.clock.one_way_s, vehicle.sequence.loss, vehicle.jitter.jitter_s)
-
-
-def can_lead(vehicle: Vehicle, age_s: float, now: Instant) -> bool:
-    """Return whether a vehicle flies in the formation, hears, and is heard, with a state `age_s` old."""
-    hears = seconds_between(vehicle.round_trips.heard_at(now), now) <= HEARD_S
-    return vehicle.member is Member.FLYING and hears and age_s <= HEARD_S
-
-
-def best_successor(candidates: Iterable[Candidate], spacing_m: float) -> int | None:
-    """Return the column of the best successor, None if there is no candidate.
-
-    Candidates are at most `spacing_m` farther from the leader's position than the nearest one. Among these the least
-    delay decides, then the least loss, jitter and distance (to a metre), and the first column.
-    """
-    known = tuple(candidates)
-    nearest_m = min((each.distance_m for each in known), default=0.0)
-    suited = (each for each in known if each.distance_m <= nearest_m + spacing_m)
-    best = min(suited, key=_rank, default=None)
-    return None if best is None else best.column
-
-
-def _rank(each: Candidate) -> tuple[float, ...]:
-    link = (each.delay_s, DELAY_STEP_S), (each.loss, LOSS_STEP), (each.jitter_s, JITTER_STEP_S)
-    return *(_steps(*figure) for figure in link), round(each.distance_m), each.column
-
-
-def _steps(value: float, step: float) -> float:
-    return math.inf if math.isnan(value) else round(value / step)

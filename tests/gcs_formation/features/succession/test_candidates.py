@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from gcs_formation.fleet.membership_and_succession import Candidate, best_successor
+from gcs_formation.features.succession.candidates import Candidate, best_successor
 
 SPACING_M = 30.0
 GOOD = Candidate(1, 40.0, 0.06, 0.02, 0.002)

@@ -1,9 +1,18 @@
 """Who flies in the formation, by what is seen of each vehicle."""
 
+from itertools import product
+
 import pytest
 
-from gcs_formation.fleet.membership_and_succession import next_membership
+from gcs_formation.fleet import membership_table
+from gcs_formation.fleet.membership_table import TRANSITIONS, Seen
 from gcs_formation.vehicle.vehicle import Member
+from tests.membership_page import PAGE, page
+
+
+def next_membership(member: Member, **seen: bool) -> Member:
+    return membership_table.next_membership(member, Seen(**seen))
+
 
 HEARD = {"started": True, "fresh": True, "loiter_may_be_commanded": True, "order_may_come": False}
 GUIDED = HEARD | {"guided": True, "loiters": False}
@@ -55,3 +64,16 @@ def test_an_order_to_loiter_that_comes_late_is_taken_back_and_isnt_a_pilots_choi
         assert next_membership(member, **late) is Member.RETURNING
         assert next_membership(member, **LOITERS) is Member.PARTED
         assert next_membership(member, **ELSEWHERE | {"order_may_come": True}) is Member.PARTED
+
+
+def test_every_row_of_the_table_decides_somewhere() -> None:
+    names = ("started", "guided", "loiters", "fresh", "loiter_may_be_commanded", "order_may_come")
+    deciding = set()
+    for member, *known in product(Member, *[(False, True)] * len(names)):
+        seen = Seen(**{name: bool(each) for name, each in zip(names, known, strict=True)})
+        deciding.add(next(i for i, row in enumerate(TRANSITIONS) if member in row.of and row.holds(seen)))
+    assert deciding == set(range(len(TRANSITIONS)))
+
+
+def test_the_page_of_membership_is_that_of_the_table() -> None:
+    assert PAGE.read_text(encoding="utf-8") == page(), "write it again: python -m tests.membership_page"

@@ -1,0 +1,1 @@
+"""Checks parameters and positions of vehicles before the first command."""

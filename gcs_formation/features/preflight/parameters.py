@@ -1,0 +1,62 @@
+"""Reads the parameters on which the flight depends, and judges each vehicle by its own."""
+
+from __future__ import annotations
+
+from airlink.clock import Instant
+from airlink.endpoint import VehicleId
+from airlink.messages import Message
+from airlink.messages.command import ParamValue
+from gcs_formation.core.cycle import Cycle
+from gcs_formation.features.preflight.read_limits import ReadLimits
+from gcs_formation.mission.gate import Examination
+from gcs_formation.vehicle.checks import ParameterReader
+from gcs_formation.vehicle.vehicle import Vehicle
+
+
+class ParameterExamination(Examination):
+    """Reads and judges the parameters of all vehicles; their limits bound what is commanded."""
+
+    def __init__(self, cycle: Cycle) -> None:
+        """Prepare to read."""
+        scenario = cycle.scenario
+        self._gate, self._changes = cycle.course.gate, cycle.reconfiguration
+        self._limits = ReadLimits(scenario, cycle.controller.bound)
+        self._readers = dict[VehicleId, ParameterReader]()
+        for planned in scenario.vehicles:
+            autopilot = cycle.vehicles[planned.vehicle_id].autopilot
+            checks = autopilot.checks(planned.model, scenario.path)
+            self._readers[planned.vehicle_id] = ParameterReader(planned.id, checks, autopilot.parameter)
+        self._judged = set[VehicleId]()
+
+    @property
+    def complete(self) -> bool:
+        """Whether all vehicles have been judged."""
+        return len(self._judged) == len(self._readers)
+
+    def requests(self, vehicle: Vehicle, now: Instant) -> list[Message]:
+        """Return the parameter requests to send a vehicle now; judge a complete set of parameters."""
+        if vehicle.identity in self._judged or not vehicle.connection.talks:
+            return []
+        reader = self._readers[vehicle.identity]
+        if not reader.complete:
+            return list(reader.requests(now))
+        self._judge(vehicle, reader, now)
+        return []
+
+    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+        """Take a parameter reported by a vehicle."""
+        self._readers[vehicle.identity].take(message, now)
+
+    def objections(self) -> list[str]:
+        """Return in words what can't be flown within the limits that vehicles tell."""
+        return self._limits.unflyable()
+
+    def _judge(self, vehicle: Vehicle, reader: ParameterReader, now: Instant) -> None:
+        """Record the findings. Those that prevent a take-off are warnings for a vehicle already in flight."""
+        findings, flies = reader.findings(), vehicle.airborne
+        self._limits.take(vehicle, reader.bounds())
+        news = self._limits.take_news()
+        if news is not None:
+            self._changes.plan_with(news)
+        self._judged.add(vehicle.identity)
+        self._gate.record(vehicle, [each._replace(refuses=each.refuses and not flies) for each in findings], now)

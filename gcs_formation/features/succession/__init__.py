@@ -1,0 +1,1 @@
+"""Replaces a lost leader by a follower."""

@@ -1,0 +1,64 @@
+# Compiled by mypyc: it runs every tick.
+
+"""The stage that replaces a lost leader."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from flight_model.autopilot_model import FlightState
+from gcs_formation.core.cycle import Cycle, Stage
+from gcs_formation.features.succession.candidates import Candidate, best_successor, can_lead
+from gcs_formation.fleet.membership import SUCCESSION_S
+from gcs_formation.phases import Phase
+from gcs_formation.vehicle.vehicle import Member, Vehicle
+
+
+class Succession(Stage):
+    """Lets a follower lead when the leader is lost, before it is decided who flies in the formation behind it."""
+
+    name = "succession"
+    after = ("estimates", "motion_seen")
+
+    def run(self, cycle: Cycle) -> None:
+        """Replace the leader if it is lost and another can lead."""
+        leader, phase = cycle.reconfiguration.leader, cycle.flight.phase
+        if leader is None or phase is Phase.CONNECTING or phase is Phase.LOITERING:
+            return
+
+        def replaceable() -> bool:
+            return successor(cycle) is not None
+
+        if is_lost(leader, cycle, replaceable):
+            column = successor(cycle)
+            if column is not None:
+                cycle.reconfiguration.replace_leader(column, cycle.now)
+
+
+def is_lost(leader: Vehicle, cycle: Cycle, replaceable: Callable[[], bool]) -> bool:
+    """Judge the leader alone; return whether it is lost, sooner if it can be replaced, and then if it sinks, too."""
+    membership, estimator, now, beyond = cycle.membership, cycle.controller.estimator, cycle.now, cycle.findings.beyond
+    fresh = membership.is_fresh(leader, estimator, beyond, now)
+    late = not membership.is_fresh(leader, estimator, beyond, now, SUCCESSION_S)
+    membership.judge_one(leader, estimator, now, fresh=fresh and not (late and replaceable()))
+    sinks = leader.identity in cycle.findings.sinking
+    return leader.member is not Member.FLYING or (sinks and replaceable())
+
+
+def successor(cycle: Cycle) -> int | None:
+    """Return the column of the follower that is to take over, None if none can; sinking ones can't."""
+    tick, leader, now = cycle.controller.last_tick, cycle.controller.plan.leader, cycle.now
+    if cycle.scenario.formation.succession == "none" or tick is None:
+        return None
+    age_s, place, sinking = cycle.controller.estimator.age_s, tick.state[leader], cycle.findings.sinking
+    candidates = [
+        Candidate.of(each.column, each, _distance_m(tick.state[each.column], place))
+        for each in cycle.each
+        if each.column != leader and each.identity not in sinking and can_lead(each, age_s(each.column, now), now)
+    ]
+    return best_successor(candidates, cycle.controller.plan.arrangement.spacing_m)
+
+
+def _distance_m(one: FlightState, other: FlightState) -> float:
+    return math.hypot(one.north_m - other.north_m, one.east_m - other.east_m, one.height_m - other.height_m)
