@@ -9,6 +9,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Field
 
 from formation_scenario import shapes
+from formation_scenario.brought_keys import OpenGroup
 from formation_scenario.fields import (
     MAX_NEAR_M,
     OF_AN_EXTENSION,
@@ -217,19 +218,13 @@ class OwnPredictor(Keys):
     parameters: OwnKeys = key(None, OF_AN_EXTENSION, {})
 
 
-class Law(Keys):
+class Law(OpenGroup, group="law"):
     """The control law and its parameters."""
 
     type: LawType = key("fuzzy_pid", "the law: one of these, or one that an extension registers", "consensus")
     rate_hz: Rate = key(10.0, "control ticks a second, Hz", 20)
     delay_compensation: Flag = key(True, "predict the states over the links' delays")
     predictor: Later[OwnPredictor] | None = key(None, "with delay_compensation: by what they are predicted")
-    lag_estimation: Flag = key(True, "learn each vehicle's lags in flight, from half to twice those of its model")
-    on_delay: Literal["degrade", "hold", "warn"] = key(
-        "warn",
-        "when a loop's delay nears its margin: degrade (gains come down until it holds); hold (its vehicle loiters for "
-        "up to 20 s, then as degrade); warn",
-    )
     gains: Literal["auto", "clean", "noise"] = key(
         ...,
         "set of gains that fills what isn't given of mixer, speed, heading, height, derivative_filter_s "

@@ -1,4 +1,4 @@
-"""Mean delays of a scenario's links."""
+"""Mean delays of a scenario's links, and from when on they count."""
 
 from __future__ import annotations
 
@@ -15,3 +15,8 @@ def ways_s(scenario: Scenario, step: LinkStep) -> tuple[float, float]:
         return (way.delay_ms + recorded_ms) / 1e3
 
     return mean_s(step.uplink), mean_s(step.downlink)
+
+
+def since(at_s: float, comma: str = "") -> str:
+    """Return in words from when on a link's step counts, after `comma`; "" from the beginning."""
+    return f"{comma} from {at_s:g} s on" if at_s else ""

@@ -175,8 +175,6 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     `lags_off`: the share by which every lag may be off its model's, by loop.
     """
     yield from _unstable_loops(scenario, margins, lags_off)
-    if scenario.law.on_delay != "warn" and not law_kind(scenario).has_margins:
-        yield from _on_delay_without_loops(scenario)
     for channel, each in figures(scenario).items() if _designed(scenario) else ():
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
@@ -195,7 +193,6 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     near = [*slots_without_room(scenario, ROOM_M), starts_without_room(scenario, ROOM_M)]
     yield from (f"{found}, {asked}: no {ROOM_M:g} m left for errors" for found in near if found)
     for found in (
-        check_law.held_by_links,
         check_law.ahead_of_virtual,
         check_law.of_different_instants,
         check_law.slow_answer,
@@ -223,15 +220,6 @@ def of_features(scenario: Scenario) -> Iterator[str]:
     for module in brought("check_warnings"):
         for warning in module.WARNINGS:
             yield from warning(scenario)
-
-
-def _on_delay_without_loops(scenario: Scenario) -> Iterator[str]:
-    """Yield that `law.on_delay` does nothing, of a law that states no margin, or whose gains can't be lowered."""
-    asked = f"found {scenario.law.on_delay}; it does nothing: law {scenario.law.type}"
-    if not any(law_usages(scenario).values()):
-        yield f"law.on_delay: {asked} has no delay margin of its own"
-    elif scenario.law.on_delay == "degrade":
-        yield f"law.on_delay: {asked} has no gains that could be lowered"
 
 
 def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:

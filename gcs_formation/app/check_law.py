@@ -1,4 +1,4 @@
-"""What `check` says about the law: vehicles held for delay, states of different times, slow loops, errors by gusts.
+"""What `check` says about the law: states of different times, slow loops, errors by gusts.
 
 A gust moves a vehicle at its own velocity until the law has answered. Let d be the gust's velocity, L the open loop
 without its delay T, and O = exp(-sT) w/(s + w) the observer of the wind, whose answer leads the autopilot's lags. The
@@ -13,25 +13,22 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Complex
 from flight_model.frequency_response import FREQUENCIES
 from formation_scenario import Scenario
 from formation_scenario.gains import AUTO, design_delay_s, designed
 from formation_scenario.links import Impairment, LinkStep
-from formation_scenario.mean_delays import ways_s
-from formation_scenario.slot_assignment import planned_slots
+from formation_scenario.mean_delays import since, ways_s
 from formation_scenario.start_states_and_end_times import planned_end_s
 from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.app.check_links import LEAST_M, PLANES_MOST_HZ
-from gcs_formation.app.loop_delays import configured_loop_delay_s, message_age, since
+from gcs_formation.app.loop_delays import configured_loop_delay_s, message_age
 from gcs_formation.control.laws import law_kind
-from gcs_formation.stability import LoopDelay, Usage, law_loops, loop_delay_s
-from gcs_formation.stability.mismatch import DEVIATIONS, NEAR
+from gcs_formation.stability import law_loops
 from gcs_formation.stability.pid_margins import Loop
 
 UNPAIRED_M = 1.75
@@ -40,62 +37,6 @@ SLOW_S = 30.0
 """Longest acceptable time constant of a loop's error: 14 % of an error are left after a minute."""
 FASTER_HZ = 5.0, 10.0, 20.0
 """Values of law.rate_hz that are tried where gains by design are slow."""
-
-
-class _Held(NamedTuple):
-    """How much of its margin a vehicle's loop uses over a link, and the figures that this follows from."""
-
-    used: float
-    vehicle: VehicleId
-    at_s: float
-    loop: str
-    scatter_s: float
-    margin_s: float
-    delay_s: float
-
-
-def held_by_links(scenario: Scenario) -> str | None:
-    """Return that followers will be told to loiter because of delay or jitter of their links; None if they won't be.
-
-    The scatter is known by measurement only, so some are told to when `NEAR` of the margin is in use.
-    """
-    if scenario.law.on_delay != "hold":
-        return None
-    near = [each for each in _uses(scenario) if each.used >= NEAR]
-    if not near:
-        return None
-    found = max(near, key=lambda each: each.used)
-    onwards = since(found.at_s)
-    share = f"{found.used:.0%} of what loop {found.loop} stands" if math.isfinite(found.used) else "more than any delay"
-    who = f"vehicle {', '.join(dict.fromkeys(str(each.vehicle) for each in near))} will be told to loiter"
-    if scenario.law.delay_compensation:
-        used = f"round trips scatter by {1e3 * found.scatter_s:.0f} ms{onwards}, {share} about {found.delay_s:.2f} s"
-        enough = f"{1e3 * found.margin_s / DEVIATIONS:.0f} ms or less is enough; law.on_delay: warn flies on"
-    else:
-        used = f"the loop's delay is {found.delay_s:.3f} s{onwards}, {share}"
-        enough = f"{found.margin_s:.3f} s or less is enough; law.delay_compensation predicts over it"
-    when = "again and again" if found.used >= 1.0 else "now and then"
-    return f"law.on_delay: found hold; {used}: {who} {when}, among the others; {enough}"
-
-
-def _uses(scenario: Scenario) -> Iterator[_Held]:
-    rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
-    predicted, following = scenario.law.delay_compensation, planned_slots(scenario)
-    for vehicle in scenario.vehicles:
-        if vehicle.vehicle_id not in following and not law_kind(scenario).mutual:
-            continue
-        for loop, loops in law_loops(scenario).get(vehicle.vehicle_id, {}).items():
-            usage = Usage(loops, predicted=predicted)
-            for step in scenario.all_link_steps(vehicle):
-                delay = LoopDelay(loop_delay_s(*ways_s(scenario, step), *rates_hz), _scatter_s(step))
-                margin_s = usage.margin_s(delay.mean_s)
-                each = vehicle.vehicle_id, step.at_s, loop, delay.scatter_s, margin_s, delay.mean_s
-                yield _Held(usage.of(delay), *each)
-
-
-def _scatter_s(step: LinkStep) -> float:
-    """Return the standard deviation of the round trip."""
-    return 1e-3 * math.hypot(step.uplink.jitter_ms, step.downlink.jitter_ms)
 
 
 def ahead_of_virtual(scenario: Scenario) -> str | None:

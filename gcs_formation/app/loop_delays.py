@@ -21,11 +21,6 @@ NO_LOSS = 0.5
 """Mean age of the newest periodic message, in periods, without loss."""
 
 
-def since(at_s: float, comma: str = "") -> str:
-    """Return in words from when on a link's step counts, after `comma`; "" from the beginning."""
-    return f"{comma} from {at_s:g} s on" if at_s else ""
-
-
 def message_age(way: Impairment) -> tuple[float, float]:
     """Return mean and variance of the newest message's age, in periods, over a lossy link, without its delay.
 

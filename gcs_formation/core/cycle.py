@@ -55,7 +55,7 @@ class Findings:
         self.losses = {identity: FrameLoss(vehicle) for identity, vehicle in vehicles.items()}
         """What is known of each vehicle's lost frames."""
         self.beyond = set[VehicleId]()
-        """Vehicles with a loop that is unstable by its delay."""
+        """Vehicles that are to be held because a loop is unstable by its delay."""
         self.margin_used = [math.nan] * count
         """(C,) share of the delay margin that the loops use; NaN while unknown."""
         self.bandwidth = [[1.0] * len(CHANNELS) for _ in range(count)]

@@ -37,7 +37,7 @@ class Membership:
 
     def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
         """Judge `vehicles`, the leader first."""
-        self._holds_delayed, self._max_age_s = scenario.law.on_delay == "hold", scenario.law.max_age_s
+        self._max_age_s = scenario.law.max_age_s
         self._vehicles, self._each = vehicles, list(vehicles.values())
         self._note = note
         self._ground = GroundFloor(scenario)
@@ -59,8 +59,8 @@ class Membership:
     ) -> None:
         """Decide which vehicles fly in the formation; after there has been a leader, none does without one.
 
-        `leader` is None for a virtual one; `connecting`: the station waits for its vehicles; `beyond`: vehicles with a
-        loop that is unstable by its delay.
+        `leader` is None for a virtual one; `connecting`: the station waits for its vehicles; `beyond`: vehicles that
+        are to be held because a loop is unstable by its delay.
         """
         led = True
         if leader is not None:
@@ -137,7 +137,7 @@ class Membership:
         limit_s: float = math.inf,
     ) -> bool:
         """Return whether a vehicle can be flown by what is known of it, which may be `limit_s` old at most."""
-        if vehicle.unfit or (self._holds_delayed and vehicle.identity in beyond):
+        if vehicle.unfit or vehicle.identity in beyond:
             return False
         if vehicle.member is Member.HOLDING and self._circles_m is not None:
             return False

@@ -9,43 +9,11 @@ import pytest
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.ground_and_fence import starts_without_room
 from gcs_formation.app.check import check_report
-from gcs_formation.app.check_law import ahead_of_virtual, held_by_links
+from gcs_formation.app.check_law import ahead_of_virtual
 from gcs_formation.app.loop_delays import long_silences
 from tests.flights.conftest import scenario as flight
 
 FOUR = [{"id": each} for each in range(1, 5)]
-
-
-def held(**keys: Any) -> str | None:
-    """Return what is said about a formation that is held because of its links."""
-    law = {"on_delay": "hold"} | keys.pop("law", {})
-    return held_by_links(load_scenario(flight(law=law, links={"default": keys})))
-
-
-def test_jitter_for_which_followers_are_held_again_and_again_is_named_with_what_would_be_enough() -> None:
-    said = held(delay_ms=300, jitter_ms=60)
-    assert said is not None
-    assert "round trips scatter by 85 ms" in said
-    assert "again and again" in said
-    enough_ms = float(said.partition("about")[2].partition("others; ")[2].partition(" ms")[0])
-    assert held(delay_ms=300, jitter_ms=1.05 * enough_ms / 2**0.5) is not None
-    assert held(delay_ms=300, jitter_ms=0.7 * enough_ms / 2**0.5) is None
-    assert held(delay_ms=300, jitter_ms=60, law={"on_delay": "warn"}) is None
-
-
-def test_a_delay_for_which_followers_are_held_without_prediction_is_named() -> None:
-    said = held(delay_ms=500, law={"delay_compensation": False})
-    assert said is not None
-    assert "the loop's delay is 1.100 s" in said
-    assert "law.delay_compensation predicts over it" in said
-
-
-def test_jitter_that_comes_in_flight_holds_too() -> None:
-    change = {"at_s": 30, "jitter_ms": 120}
-    keys = {"law": {"on_delay": "hold"}, "links": {"default": {"delay_ms": 400}, "changes": [change]}}
-    said = held_by_links(load_scenario(flight(**keys)))
-    assert said is not None
-    assert "from 30 s on" in said
 
 
 def test_followers_of_a_virtual_leader_fly_ahead_by_what_is_foretold_where_nothing_is_predicted() -> None:

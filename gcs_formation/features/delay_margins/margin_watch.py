@@ -16,6 +16,7 @@ from airlink.endpoint import VehicleId
 from formation_scenario import Scenario
 from formation_scenario.gains import AUTO, design_delay_s, redesigned
 from gcs_formation.control.laws import law_kind
+from gcs_formation.features.delay_margins.keys import DelayMarginKeys
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_usages, loop_delay_s
 from gcs_formation.stability.mismatch import LAGS_NOTED, NEAR
@@ -137,8 +138,10 @@ class MarginWatch:
         self.longest_s = math.nan
         """Longest loop delay so far."""
         self._mutual = law_kind(scenario).mutual
-        self._degrades = scenario.law.on_delay == "degrade"
-        self._holds = scenario.law.on_delay == "hold"
+        on_delay = DelayMarginKeys.of(scenario).on_delay
+        self._degrades = on_delay == "degrade"
+        self.holds = on_delay == "hold"
+        """Whether vehicles beyond their margin are to be held."""
         self._waits_for_all = self._mutual and not scenario.law.delay_compensation
         self._rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
         self._note = note
@@ -198,7 +201,7 @@ class MarginWatch:
             self.beyond.add(vehicle.identity)
         elif not by_delay >= NEAR:
             self.beyond.discard(vehicle.identity)
-        if self._holds:
+        if self.holds:
             self._bound_hold(now, each)
 
     def _bound_hold(self, now: Instant, each: WatchedVehicle) -> None:

@@ -55,7 +55,9 @@ class DelayMargins(Stage):
     def __init__(self, watch: MarginWatch, cycle: Cycle) -> None:
         """Take what judges; its findings are the cycle's."""
         self._watch, findings = watch, cycle.findings
-        findings.margin_used, findings.bandwidth, findings.beyond = watch.used, watch.bandwidth, watch.beyond
+        findings.margin_used, findings.bandwidth = watch.used, watch.bandwidth
+        if watch.holds:
+            findings.beyond = watch.beyond
         findings.most_used = watch.most_used
 
     def run(self, cycle: Cycle) -> None:

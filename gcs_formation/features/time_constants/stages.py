@@ -7,6 +7,7 @@ from __future__ import annotations
 from formation_scenario.slot_assignment import column_models
 from gcs_formation.core.cycle import EACH_SECOND, IN_COMMAND, Cycle, Stage
 from gcs_formation.estimation.estimator import heading_shown
+from gcs_formation.features.time_constants.keys import TimeConstantKeys
 from gcs_formation.features.time_constants.lags import LagEstimator
 
 
@@ -71,5 +72,5 @@ def lag_estimator(cycle: Cycle) -> LagEstimator:
     scenario, controller = cycle.scenario, cycle.controller
     rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
     learnt = [model.airframe is None and not model.hovers for model in column_models(scenario)]
-    in_use = scenario.law.lag_estimation
+    in_use = TimeConstantKeys.of(scenario).lag_estimation
     return LagEstimator(controller.models, controller.history, *rates_hz, in_use=in_use, learnt=learnt)

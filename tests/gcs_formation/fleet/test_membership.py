@@ -248,11 +248,10 @@ def test_while_the_station_connects_followers_need_no_leader_and_nobody_needs_te
     assert formation.follower.member is Member.FLYING
 
 
-def test_one_that_a_loop_delay_makes_unstable_loiters_where_that_is_asked_for_only() -> None:
-    for on_delay, member in (("hold", Member.HOLDING), ("warn", Member.FLYING)):
-        formation = Formation(on_delay=on_delay)
-        formation.beyond.add(FOLLOWER)
-        assert formation.judge(1.0) is member
+def test_one_that_is_to_be_held_for_its_loop_s_delay_loiters() -> None:
+    formation = Formation()
+    formation.beyond.add(FOLLOWER)
+    assert formation.judge(1.0) is Member.HOLDING
 
 
 def test_at_the_end_nobody_who_circles_is_told_to_come_back_and_each_has_the_height_of_its_circle() -> None:

@@ -22,6 +22,7 @@ from gcs_formation.features.delay_margins.margin_watch import (
     DesignWatch,
     MarginWatch,
 )
+from gcs_formation.features.delay_margins.stages import DelayMargins
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.stability.mismatch import NEAR
 from tests.flights.conftest import scenario
@@ -140,6 +141,15 @@ def test_gains_are_lowered_only_where_that_is_asked_for() -> None:
     formation.use(1.5)
     assert np.all(np.array(formation.watch.bandwidth) == 1.0)
     assert formation.notes.of("gains") == []
+
+
+@pytest.mark.parametrize(("on_delay", "held"), [("hold", True), ("warn", False), ("degrade", False)])
+def test_those_beyond_their_margin_are_held_where_the_scenario_asks_for_that(on_delay: str, held: bool) -> None:
+    watch, findings = Formation(on_delay=on_delay).watch, SimpleNamespace(beyond=set[VehicleId]())
+    cycle: Any = SimpleNamespace(findings=findings)
+    DelayMargins(watch, cycle)
+    watch.beyond.add(VehicleId(1, 2))
+    assert bool(findings.beyond) is held
 
 
 def test_gains_come_down_until_the_margin_holds_and_return_after_ten_calm_looks() -> None:
