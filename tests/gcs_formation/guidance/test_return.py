@@ -116,7 +116,7 @@ def test_aircraft_with_energies_have_twice_the_time_to_settle_in_frames_of_their
     assert from_scenario.leader_guidance(load_scenario(scenario() | keys)).settle_s == times * SETTLE_S
 
 
-@pytest.mark.parametrize("amid_m", [None, (0.0, 2000.0)])
+@pytest.mark.parametrize("centroid_m", [None, (0.0, 2000.0)])
 @pytest.mark.parametrize("noise_mps", [0.05, 0.0, -0.05])
 def test_one_that_stands_sets_out_along_its_nose_not_along_the_noise_of_its_velocity(
     noise_mps: float, centroid_m: tuple[float, float] | None
