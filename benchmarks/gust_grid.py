@@ -44,9 +44,9 @@ def steps(frame: str) -> Iterator[dict[str, Any]]:
     """Yield the steps of the followers' disturbance, each lasting until the next."""
     scenario = load_scenario(PAPER)
     path, speed_mps = scenario.leader_path, scenario.path.begin_mps
-    count, apart_s = STEPS[frame]
+    count, interval_s = STEPS[frame]
     for step in range(count):
-        at_s = round(FIRST_S + apart_s * step + TICK_S * (step * PHASES // count) / PHASES, 3)
+        at_s = round(FIRST_S + interval_s * step + TICK_S * (step * PHASES // count) / PHASES, 3)
         course_rad, sign = path.at(speed_mps * at_s).course_rad, (-1) ** step
         north, east = (math.sqrt(2.0) * wave(course_rad + math.pi / 4) for wave in (math.cos, math.sin))
         velocity_mps = [sign * GUST_MPS * north, sign * GUST_MPS * east, 0.0]
@@ -55,10 +55,10 @@ def steps(frame: str) -> Iterator[dict[str, Any]]:
 
 def fly(case: Case) -> list[GustError]:
     """Fly one case; return the errors after each step and on each axis, of the follower nearest to its limit."""
-    count, apart_s = STEPS[case.frame]
+    count, interval_s = STEPS[case.frame]
     with flown(
         PAPER,
-        duration_s=FIRST_S + apart_s * count,
+        duration_s=FIRST_S + interval_s * count,
         links=both_ways(case.delay_ms),
         expect=[],
         formation__frame=case.frame,

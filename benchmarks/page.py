@@ -193,7 +193,7 @@ def measure_ticks(directory: Path, flights: int = 5) -> dict[str, float]:
     scenario = load_scenario(Path(__file__).parents[1] / "configs" / "quickstart.yaml", keys)
     spent = dict[str, list[float]](without_ms=[], with_ms=[])
     for _ in range(flights):
-        for name, recording in (("without_ms", None), ("with_ms", _nobody)):
+        for name, recording in (("without_ms", None), ("with_ms", _no_viewer)):
             options = RunOptions(directory, "virtual", until_s=20.0, overwrite=True, recording=recording)
             began_s = time.process_time()
             ticks = run(scenario, options, Progress(), Interrupts()).to_dict()["control"]["ticks"]
@@ -201,7 +201,7 @@ def measure_ticks(directory: Path, flights: int = 5) -> dict[str, float]:
     return {name: min(each) for name, each in spent.items()}
 
 
-def _nobody() -> None:
+def _no_viewer() -> None:
     """Take note that the record is open."""
 
 

@@ -74,17 +74,17 @@ class PrototypeVehicle:
         self.end = End(system)
         self.north_m = -30.0 * system
         self.east_m, self.height_m, self.climb_mps, self.speed_mps, self.heading_rad = 0.0, 200.0, 0.0, 22.0, 0.0
-        self.told_mps, self.told_rad, self.told_m = 22.0, 0.0, 200.0
+        self.commanded_mps, self.commanded_rad, self.commanded_m = 22.0, 0.0, 200.0
         step_s = 1.0 / CYCLES
         self._kept = math.exp(-step_s / 4.0), math.exp(-step_s / 1.5)
 
     def fly(self) -> None:
         """Advance by a cycle."""
         step_s, (speed_kept, heading_kept) = 1.0 / CYCLES, self._kept
-        self.speed_mps = self.told_mps + (self.speed_mps - self.told_mps) * speed_kept
-        off_rad = (self.heading_rad - self.told_rad + math.pi) % math.tau - math.pi
-        self.heading_rad = self.told_rad + off_rad * heading_kept
-        self.climb_mps += step_s * ((self.told_m - self.height_m) / 3.0 - self.climb_mps * 4.0 / 3.0)
+        self.speed_mps = self.commanded_mps + (self.speed_mps - self.commanded_mps) * speed_kept
+        off_rad = (self.heading_rad - self.commanded_rad + math.pi) % math.tau - math.pi
+        self.heading_rad = self.commanded_rad + off_rad * heading_kept
+        self.climb_mps += step_s * ((self.commanded_m - self.height_m) / 3.0 - self.climb_mps * 4.0 / 3.0)
         self.height_m += self.climb_mps * step_s
         self.north_m += self.speed_mps * math.cos(self.heading_rad) * step_s
         self.east_m += self.speed_mps * math.sin(self.heading_rad) * step_s
@@ -113,11 +113,11 @@ class PrototypeVehicle:
         if told.get_msgId() != dialect.MAVLINK_MSG_ID_COMMAND_INT:
             return None
         if told.command == SPEED:
-            self.told_mps = told.param2
+            self.commanded_mps = told.param2
         elif told.command == HEIGHT:
-            self.told_m = told.z
+            self.commanded_m = told.z
         elif told.command == HEADING:
-            self.told_rad = math.radians(told.param2)
+            self.commanded_rad = math.radians(told.param2)
         return self.end.encode(dialect.MAVLink_command_ack_message(told.command, 0, 0, 0, 255, 190))
 
 

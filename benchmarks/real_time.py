@@ -120,7 +120,7 @@ class Loop:
             for place in range(count)
         ]
         self._newest: list[dict[str, Any]] = [{} for _ in self._links]
-        self._told: list[dict[int, float]] = [{} for _ in self._links]
+        self._commanded: list[dict[int, float]] = [{} for _ in self._links]
         self._selector = selectors.DefaultSelector()
         for place, link in enumerate(self._links):
             self._selector.register(link.port, selectors.EVENT_READ, place)
@@ -164,7 +164,7 @@ class Loop:
         if position is None:
             return
         link = self._links[place]
-        for command, value in setpoints(self._told[place], (position.lon % 1e7) / E7, each_second=each_second):
+        for command, value in setpoints(self._commanded[place], (position.lon % 1e7) / E7, each_second=each_second):
             link.mav.command_int_send(place + 1, 1, 0, command, 0, 0, 1.0, value, 5.5, 0.0, 0, 0, value)
             self.frames += 1
         if each_second:

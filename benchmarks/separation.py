@@ -33,14 +33,14 @@ def formation(count: int, spacing_m: float, *, stranger: bool) -> Vehicles:
 def cost_ms(vehicles: Vehicles) -> tuple[float, int]:
     """Return the median processor time of a tick, ms, and how many vehicles manoeuvre."""
     took_s: list[float] = []
-    giving_way = 0
+    manoeuvring = 0
     for _ in range(TIMES):
         seen = picture(vehicles, vehicles.state, wanted(vehicles, 0.0))
         begun = process_time()
         resolution = resolve(seen, np.zeros(len(vehicles.rows)))
         took_s.append(process_time() - begun)
-        giving_way = int(np.count_nonzero(resolution.side))
-    return 1e3 * median(took_s), giving_way
+        manoeuvring = int(np.count_nonzero(resolution.side))
+    return 1e3 * median(took_s), manoeuvring
 
 
 def main() -> None:
@@ -48,8 +48,8 @@ def main() -> None:
     rows: list[list[str]] = []
     for count in COUNTS:
         level = [cost_ms(formation(count, spacing_m, stranger=False))[0] for spacing_m in SPACINGS_M]
-        head_on_ms, giving_way = cost_ms(formation(count, SPACINGS_M[0], stranger=True))
-        rows.append([str(count), *(f"{ms:.2f} ms" for ms in level), f"{head_on_ms:.1f} ms, {giving_way} give way"])
+        head_on_ms, manoeuvring = cost_ms(formation(count, SPACINGS_M[0], stranger=True))
+        rows.append([str(count), *(f"{ms:.2f} ms" for ms in level), f"{head_on_ms:.1f} ms, {manoeuvring} give way"])
     heads = ["vehicles", *(f"in slots {spacing_m:g} m apart" for spacing_m in SPACINGS_M), "one head-on"]
     print(markdown(heads, rows))
 

@@ -46,8 +46,8 @@ def draw(flights: pa.Table, path: Path) -> None:
             medians.append(statistics.median(errors))
             below.append(medians[-1] - min(errors))
             above.append(max(errors) - medians[-1])
-        beside_ms = [delay_ms + shift_ms for delay_ms in DELAYS_MS]
-        axes.errorbar(beside_ms, medians, yerr=(below, above), capsize=3, marker="o", label=law)
+        shifted_ms = [delay_ms + shift_ms for delay_ms in DELAYS_MS]
+        axes.errorbar(shifted_ms, medians, yerr=(below, above), capsize=3, marker="o", label=law)
     axes.set(xlabel="delay each way, ms", ylabel="largest error to the side, m", yscale="log", xticks=DELAYS_MS)
     fig.legend(loc="outside lower center", ncols=2)
     fig.savefig(path)

@@ -41,7 +41,7 @@ class Vehicle:
         self.mode, self.armed = MANUAL, False
         self.north_m, self.east_m, self.height_m = -30.0, -30.0, 0.0
         self.speed_mps = self.heading_rad = self.climb_mps = 0.0
-        self.told_mps, self.told_rad, self.told_m = CRUISE_MPS, 0.0, TAKE_OFF_TO_M
+        self.commanded_mps, self.commanded_rad, self.commanded_m = CRUISE_MPS, 0.0, TAKE_OFF_TO_M
         self.interval_s = {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
         self.sent_at = dict[int, float]()
 
@@ -50,9 +50,9 @@ class Vehicle:
         if not self.armed or self.mode == MANUAL:
             return
         guided = self.mode == GUIDED
-        speed_mps, height_m = (self.told_mps, self.told_m) if guided else (CRUISE_MPS, TAKE_OFF_TO_M)
+        speed_mps, height_m = (self.commanded_mps, self.commanded_m) if guided else (CRUISE_MPS, TAKE_OFF_TO_M)
         self.speed_mps += (speed_mps - self.speed_mps) / 4.0 * dt_s
-        off_rad = math.remainder(self.told_rad - self.heading_rad, math.tau) if guided else 0.0
+        off_rad = math.remainder(self.commanded_rad - self.heading_rad, math.tau) if guided else 0.0
         self.heading_rad += max(-0.25, min(0.25, off_rad / 1.5)) * dt_s
         self.climb_mps = max(-3.0, min(3.0, (height_m - self.height_m) / 4.0))
         self.height_m += self.climb_mps * dt_s
@@ -80,11 +80,11 @@ class Vehicle:
         elif number == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
             self.armed = command.param1 == 1.0
         elif number == mavlink.MAV_CMD_GUIDED_CHANGE_SPEED:
-            self.told_mps = command.param2
+            self.commanded_mps = command.param2
         elif number == mavlink.MAV_CMD_GUIDED_CHANGE_ALTITUDE:
-            self.told_m = command.z - ALT_M
+            self.commanded_m = command.z - ALT_M
         elif number == mavlink.MAV_CMD_GUIDED_CHANGE_HEADING:
-            self.told_rad = math.radians(command.param2)
+            self.commanded_rad = math.radians(command.param2)
         elif number != mavlink.MAV_CMD_DO_CHANGE_ALTITUDE:
             return mavlink.MAV_RESULT_UNSUPPORTED
         return mavlink.MAV_RESULT_ACCEPTED

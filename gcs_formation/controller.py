@@ -31,7 +31,7 @@ from gcs_formation.control.finite import (
     require_slots,
 )
 from gcs_formation.control.laws import law_kind, law_parameters
-from gcs_formation.control.setpoint import AS_DECIDED, Envelope, amid
+from gcs_formation.control.setpoint import AS_DECIDED, Envelope, centroid
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.control.straight_on import StraightOn
 from gcs_formation.errors import NotFiniteError
@@ -43,7 +43,7 @@ from gcs_formation.guidance.lateral import TurnBounds, bend_max_rps2
 from gcs_formation.guidance.leader_guidance import (
     LeaderCommand,
     LeaderCommands,
-    way_ahead,
+    path_ahead,
 )
 from gcs_formation.guidance.slot_clearance import TrackAhead
 from gcs_formation.guidance.slots import FormationPlan
@@ -100,7 +100,7 @@ class FormationController:
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
         self._bandwidth = [[1.0] * len(CHANNELS) for _ in range(self.columns)]
-        self._lift_m, self._outside = [0.0] * self.columns, on_ticks(scenario, self.models)
+        self._terrain_offset_m, self._outside = [0.0] * self.columns, on_ticks(scenario, self.models)
         self._placed, self.slots_m = list[Slot](), list[Triple]()
         """The slots commanded last, and their places in the form that a tick records."""
         self._acts = vec[i64]([0] * self.columns)
@@ -144,15 +144,15 @@ class FormationController:
         heading_rad = (filters[leader].state or unknown_state()).heading_rad
         axis = axis_rad(self._frame, heading_rad, heading_rad)
         cos, sin = math.cos(axis), math.sin(axis)
-        unlifted = up - np.array(self._lift_m)
-        return np.stack((north * cos + east * sin, east * cos - north * sin, unlifted), axis=1)
+        above_ground_offset = up - np.array(self._terrain_offset_m)
+        return np.stack((north * cos + east * sin, east * cos - north * sin, above_ground_offset), axis=1)
 
     def ahead_m(self, seconds: float) -> list[tuple[float, float]]:
         """Return the leader's way along its route within some time: points north and east of its place, m."""
         if self.fault is not None:
             return self._straight_on.ahead_m(seconds)
         route, begin_m = self.guidance.route, self.guidance.distance_m
-        return [(0.0, 0.0)] if route is None else way_ahead(route, begin_m, seconds * self.guidance.speed_mps)
+        return [(0.0, 0.0)] if route is None else path_ahead(route, begin_m, seconds * self.guidance.speed_mps)
 
     def take(self, samples: list[Sample | None]) -> None:
         """Take the columns' newest samples, (C,); None for a column without a new one."""
@@ -356,7 +356,7 @@ class FormationController:
             if len(states) < len(followers):
                 return
             slots = self._slots(now, math.nan if flown is None else flown.mission_time_s)
-            state = amid(states, slots.each[1:], self.guidance.speed_mps, self._turn_rps, self._frame)
+            state = centroid(states, slots.each[1:], self.guidance.speed_mps, self._turn_rps, self._frame)
             if self._leader_amid:
                 stamp = Instant(sum(each.stamp for each in followers) // len(followers))
         self.estimator.filters[VIRTUAL].place(state, stamp)
@@ -451,9 +451,9 @@ class FormationController:
         at_m = [outlook.distance_m + along_mps * ((each - lead.at) / NANOSECONDS) for each in instants]
         self._clearance.look_ahead(outlook, at_m)
         now_m = outlook.distance_m - along_mps * ((lead.at - tick.now) / NANOSECONDS)
-        self._lift_m = [lift_m for lift_m, _, _ in self._clearance.lift([now_m] * self.columns)]
-        commanded = [slot.raised(up_m, 0.0, 0.0) for slot, up_m in zip(slots.each, self._lift_m, strict=True)]
-        return self._clearance.lifted(later.each, at_m, along_mps), commanded
+        self._terrain_offset_m = [offset_m for offset_m, _, _ in self._clearance.offsets([now_m] * self.columns)]
+        commanded = [slot.raised(up_m, 0.0, 0.0) for slot, up_m in zip(slots.each, self._terrain_offset_m, strict=True)]
+        return self._clearance.raised(later.each, at_m, along_mps), commanded
 
     def fly_at(self, tick: Tick, heights_m: list[float]) -> None:
         """Replace the law's heights by those for the end of the flight, (C,), within the envelope; slots are given up.

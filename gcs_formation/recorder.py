@@ -35,7 +35,7 @@ class VehicleLink:
         """Whether the vehicle follows setpoints."""
         self.delay_s = 0.0
         """Measured one-way delay, half the round trip."""
-        self.split_s = 0.0
+        self.asymmetry_s = 0.0
         """Excess of the uplink delay over `delay_s`, as estimated from steps."""
         self.up_s = self.down_s = math.nan
         """Delays up and down; NaN while the split of the round trip is unknown."""
@@ -68,7 +68,7 @@ class VehicleLink:
     @property
     def on_its_way_s(self) -> float:
         """Delay of a setpoint up, s: estimated from the round trip while the split is unknown."""
-        return self.delay_s + self.split_s if math.isnan(self.up_s) else self.up_s
+        return self.delay_s + self.asymmetry_s if math.isnan(self.up_s) else self.up_s
 
     @property
     def until_it_acts_s(self) -> float:

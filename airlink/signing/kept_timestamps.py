@@ -56,12 +56,12 @@ class KeptTimestamps:
             streams[stream] = max(newest, streams.get(stream, 0))
         named = {"/".join(map(str, stream)): newest for stream, newest in sorted(streams.items())}
         data = {"schema": SCHEMA, "timestamp": max(timestamp, authentication.timestamp), "streams": named}
-        beside = self.path.with_name(f"{self.path.name}.{os.getpid()}")
+        temporary = self.path.with_name(f"{self.path.name}.{os.getpid()}")
         try:
-            handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, MODE)
+            handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, MODE)
             with os.fdopen(handle, "w", encoding="ascii") as file:
                 json.dump(data, file)
-            beside.replace(self.path)
+            temporary.replace(self.path)
         except OSError as error:
             raise KeyFileError(
                 f"cannot write {self.path}, which keeps timestamps: {error.strerror or error}"

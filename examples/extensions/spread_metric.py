@@ -15,5 +15,5 @@ class Spread(Metric):
         """Return it over the window, m; None for one vehicle alone, or without a tick."""
         names = [f"{'true_' if flight.truth else ''}{each}_m" for each in ("north", "east", "height")]
         places = [np.stack([own[name] for name in names]) for own in flight.vehicles.values()]
-        apart_m = [np.linalg.norm(one - other, axis=0) for one, other in combinations(places, 2)]
-        return float(np.nanmax(apart_m)) if apart_m and flight.time_s.size else None
+        distance_m = [np.linalg.norm(one - other, axis=0) for one, other in combinations(places, 2)]
+        return float(np.nanmax(distance_m)) if distance_m and flight.time_s.size else None

@@ -260,7 +260,7 @@ def _groups(station: Station) -> list[ColumnGroup]:
     errors = [UNKNOWN if tick is None else tick.error_of(each.column) for each in vehicles.values()]
     places = [(str(identity), *_cells(own, 2)) for identity, own in zip(vehicles, errors, strict=True)]
     used = [station.cycle.findings.margin_used[each.column] for each in vehicles.values()]
-    ways = [_cells([1e3 * way_s for way_s in each.round_trips.ways_s], 0) for each in vehicles.values()]
+    ways = [_cells([1e3 * way_s for way_s in each.round_trips.up_down_s], 0) for each in vehicles.values()]
     several = [ColumnGroup(("links ms",), [(_links(each),) for each in vehicles.values()], keep=2)]
     return [
         ColumnGroup(("vehicle", "x", "y", "z"), places, keep=5),

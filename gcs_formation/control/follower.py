@@ -294,8 +294,8 @@ class FollowerController(Controller):
         """
         if self._trailing is None:
             return 1.0
-        aside_s = min(abs(pair.slot.right_m) / pair.leader.state.airspeed_mps, TRAIL_S)
-        return SWING_S / (SWING_S + aside_s)
+        lateral_s = min(abs(pair.slot.right_m) / pair.leader.state.airspeed_mps, TRAIL_S)
+        return SWING_S / (SWING_S + lateral_s)
 
     def _limited(
         self, pair: Pair, target: Target, forward: Triple, output: Triple, gust: tuple[float, float], dt_s: float

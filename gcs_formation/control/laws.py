@@ -49,8 +49,8 @@ class VelocityController(Controller):
         output = self._output(slopes, 1.0, pair, dt_s)
         along_mps, across_mps, height_m = self._limited(pair, _feed_forward(pair), output, dt_s)
         speed_mps = math.hypot(along_mps, across_mps)
-        aside_rad = math.atan2(across_mps, along_mps) if speed_mps > STANDS_MPS else 0.0
-        self.setpoint = speed_mps, axis_rad + aside_rad, height_m
+        lead_rad = math.atan2(across_mps, along_mps) if speed_mps > STANDS_MPS else 0.0
+        self.setpoint = speed_mps, axis_rad + lead_rad, height_m
 
     def _limited(self, pair: Pair, forward: Triple, output: Triple, dt_s: float) -> Triple:
         """Return velocities and height within the limits, and update the integrators by what was limited.
@@ -86,8 +86,8 @@ class VelocityController(Controller):
         model, state, lags_s = pair.model, pair.state, pair.model.tau_ha_s + pair.model.tau_hb_s
         slot_mps = pair.leader.state.climb_mps + pair.slot.up_mps - state.updraught_mps
         max_mps = MIN_CORRECTION_MPS + math.sqrt(2.0 * BRAKING_SHARE * CLIMB_ACCEL_MPS2 * abs(self.error_m[2]))
-        beside_m = state.height_m + lags_s * slot_mps
-        height_m = within(wanted_m, beside_m - lags_s * max_mps, beside_m + lags_s * max_mps)
+        alongside_m = state.height_m + lags_s * slot_mps
+        height_m = within(wanted_m, alongside_m - lags_s * max_mps, alongside_m + lags_s * max_mps)
         reach_m = model.climb_max_mps * lags_s
         return within(height_m, state.height_m - reach_m, state.height_m + reach_m)
 

@@ -102,7 +102,7 @@ def slot_target(
     return Target(speed_mps, leader.heading_rad - off_rad)
 
 
-def amid(
+def centroid(
     followers: list[FlightState], slots: list[Slot], speed_mps: float, turn_rps: float, frame: Frame
 ) -> FlightState:
     """Return the leader's state for which the followers' slot errors are 0 on average.
@@ -112,12 +112,12 @@ def amid(
     """
     count, still = len(followers), FlightState(0.0, 0.0, 0.0, 0.0, speed_mps, 0.0, 0.0, 0.0)
     seen = [slot.turned(0.0, turn_rps, 0.0) for slot in slots] if frame == "north" else slots
-    aside_rad = [slot_target(still, 0.0, 0.0, turn_rps, slot, frame).heading_rad for slot in seen]
-    headings_rad = [each.heading_rad - aside for each, aside in zip(followers, aside_rad, strict=True)]
+    swing_rad = [slot_target(still, 0.0, 0.0, turn_rps, slot, frame).heading_rad for slot in seen]
+    headings_rad = [each.heading_rad - off_rad for each, off_rad in zip(followers, swing_rad, strict=True)]
     heading_rad = math.atan2(sum(map(math.sin, headings_rad)), sum(map(math.cos, headings_rad)))
     leader = FlightState(0.0, 0.0, 0.0, 0.0, speed_mps, heading_rad, 0.0, 0.0)
-    for each, slot, aside in zip(followers, slots, aside_rad, strict=True):
-        north_m, east_m = rotated(-axis_rad(frame, heading_rad, heading_rad + aside), slot.forward_m, slot.right_m)
+    for each, slot, off_rad in zip(followers, slots, swing_rad, strict=True):
+        north_m, east_m = rotated(-axis_rad(frame, heading_rad, heading_rad + off_rad), slot.forward_m, slot.right_m)
         leader.north_m += (each.north_m - north_m) / count
         leader.east_m += (each.east_m - east_m) / count
         leader.height_m += (each.height_m - slot.up_m) / count
@@ -285,7 +285,9 @@ class Envelope:
     def __init__(self, own_heading_rad: float, state: FlightState, model: AutopilotModel) -> None:
         """Compute the limits of a vehicle in `state` whose slot has the heading `own_heading_rad`."""
         off_rad = abs(wrap(state.heading_rad - own_heading_rad))
-        self.aside_max_rad = INTERCEPT_MAX_RAD * within((AWAY_RAD - off_rad) / (AWAY_RAD - INTERCEPT_MAX_RAD), 0.0, 1.0)
+        self.intercept_max_rad = INTERCEPT_MAX_RAD * within(
+            (AWAY_RAD - off_rad) / (AWAY_RAD - INTERCEPT_MAX_RAD), 0.0, 1.0
+        )
         self.own_heading_rad = own_heading_rad
         self.height_m = state.height_m
         self.reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
@@ -300,9 +302,9 @@ class Envelope:
         """
         if not all_finite((speed_mps, heading_rad, height_m)):
             return speed_mps, heading_rad, height_m
-        aside_rad = within(heading_rad - self.own_heading_rad, -self.aside_max_rad, self.aside_max_rad)
+        swing_rad = within(heading_rad - self.own_heading_rad, -self.intercept_max_rad, self.intercept_max_rad)
         return (
             within(speed_mps, self.model.speed_min_mps, self.model.speed_max_mps),
-            self.own_heading_rad + aside_rad,
+            self.own_heading_rad + swing_rad,
             within(height_m, self.height_m - self.reach_m, self.height_m + self.reach_m),
         )

@@ -186,10 +186,10 @@ class AirspeedScale:
             heading_rad: of the nose.
         """
         by_density = true_by_equivalent_airspeed(above_sea_m)
-        apart_s = stamp_s - self._stamp_s
-        if not 0.0 <= apart_s < PERIOD_S and reading_mps >= MIN_MPS:
+        gap_s = stamp_s - self._stamp_s
+        if not 0.0 <= gap_s < PERIOD_S and reading_mps >= MIN_MPS:
             self._stamp_s = stamp_s
-            self._predict(apart_s)
+            self._predict(gap_s)
             north_mps, east_mps, climb_mps = velocity_mps
             level_mps = math.sqrt(max(squared(by_density * reading_mps) - squared(climb_mps), 0.0))
             self._update((1.0, 0.0, level_mps * math.cos(heading_rad)), north_mps)
@@ -199,18 +199,18 @@ class AirspeedScale:
         if abs(self.ratio - self._limits_ratio) > LIMITS_STEP:
             self._limits_ratio = self.ratio
 
-    def _predict(self, apart_s: float) -> None:
+    def _predict(self, gap_s: float) -> None:
         """Grow the covariance over a time, s; after a gap, a step back in time or NaN the wind is unknown."""
         covariance = self._covariance
-        if not 0.0 <= apart_s <= GAP_S:
+        if not 0.0 <= gap_s <= GAP_S:
             for wind in (0, 1):
                 for other in range(3):
                     covariance[wind][other] = covariance[other][wind] = 0.0
                 covariance[wind][wind] = squared(WIND_SIGMA_MPS)
             return
         for wind in (0, 1):
-            covariance[wind][wind] += squared(WIND_WALK_MPS) * apart_s
-        covariance[2][2] += squared(SCALE_WALK) * apart_s
+            covariance[wind][wind] += squared(WIND_WALK_MPS) * gap_s
+        covariance[2][2] += squared(SCALE_WALK) * gap_s
 
     def _update(self, of: tuple[float, float, float], seen_mps: float) -> None:
         """Correct the states by a measured component of the velocity over ground; `of` is its derivative by them."""

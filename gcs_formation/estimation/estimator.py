@@ -203,14 +203,14 @@ class VehicleFilter:
         follows = commanded and before is not None and abs(before.climb_mps) < BEYOND_LIMIT * model.climb_max_mps
         walk = COMMANDED_WALK if follows else UNCOMMANDED_WALK
         variances = self.noise.values
-        self.drift.learn(values, elapsed_s, variances)
+        self.drift.adapt(values, elapsed_s, variances)
         self._predict_covariances(elapsed_s, model, walk)
         jacobian.linearise(predicted)
         difference = innovation(values, predicted, jacobian)
         if self.wind_radps >= GUST_RADPS:
             self._believe_gust(values, predicted, difference, elapsed_s)
         own = innovation_variances(self.level, self.height, jacobian, variances)
-        self.noise.learn(minus(difference, self._residual), own)
+        self.noise.adapt(minus(difference, self._residual), own)
         excess = excesses(difference, own, elapsed_s)
         climb_mps = predicted.climb_mps
         self._move(predicted, jacobian, difference, weighed(variances, own, excess))

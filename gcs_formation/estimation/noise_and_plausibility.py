@@ -93,7 +93,7 @@ class VehicleNoise:
         each = zip(self.sigma(), self._declared, RESOLUTION.tolist(), strict=True)
         return [sigma / declared if declared > finest else 1.0 for sigma, declared, finest in each]
 
-    def learn(self, increments: Values, spread: Values) -> None:
+    def adapt(self, increments: Values, spread: Values) -> None:
         """Update the variances by the increments of a sample's values, and the innovations' variances `spread`.
 
         An increment, an innovation minus the residual of the sample before, is what the model doesn't explain.
@@ -169,7 +169,7 @@ class PositionDrift:
         self._values = values
         self._north_m = self._east_m = 0.0
 
-    def learn(self, values: Values, elapsed_s: float, noise: Values) -> None:
+    def adapt(self, values: Values, elapsed_s: float, noise: Values) -> None:
         """Take the next sample and the variances of its values."""
         before = self._values
         if not 0.0 < elapsed_s < DRIFT_GAP_S:

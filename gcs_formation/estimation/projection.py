@@ -148,10 +148,10 @@ class Prediction(States):
     def _nearest(self, vehicle: i64, stamp: i64) -> TickStates:
         """Return the sample in which a vehicle's stamp is nearest to `stamp`."""
         best = index = len(self._samples) - 1
-        nearest = _apart(self._samples[best].stamps[vehicle], stamp)
+        nearest = _difference(self._samples[best].stamps[vehicle], stamp)
         while index > 0:
             index -= 1
-            older = _apart(self._samples[index].stamps[vehicle], stamp)
+            older = _difference(self._samples[index].stamps[vehicle], stamp)
             if older > nearest:
                 break
             if older < nearest:
@@ -163,7 +163,7 @@ class Prediction(States):
         return self._acts[whose]
 
 
-def _apart(one: i64, other: i64) -> i64:
+def _difference(one: i64, other: i64) -> i64:
     return one - other if one > other else other - one
 
 

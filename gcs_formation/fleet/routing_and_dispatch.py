@@ -236,9 +236,9 @@ class Dispatch:
         for vehicle in self._vehicles:
             link, clock = links[vehicle.column], vehicle.clock
             link.ready = vehicle.member is Member.FLYING
-            link.delay_s, link.split_s = clock.one_way_s, clock.split_s
+            link.delay_s, link.asymmetry_s = clock.one_way_s, clock.asymmetry_s
             if vehicle.round_trips.knows_ways:
-                link.up_s, link.down_s = vehicle.round_trips.ways_s
+                link.up_s, link.down_s = vehicle.round_trips.up_down_s
             link.jitter_s = vehicle.jitter.jitter_s
             link.airborne, link.flew = vehicle.airborne, vehicle.flew
             may_loiter = vehicle.may_loiter

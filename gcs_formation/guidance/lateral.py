@@ -123,12 +123,12 @@ def route_turn(point: PathPoint, state: FlightState, right_m: float) -> RouteTur
 
     The heading is the course less the crab angle, which changes with the course even in constant wind.
     """
-    carried_mps, aside_mps = rotated(point.course_rad, state.wind_north_mps, state.wind_east_mps)
-    air_mps = math.sqrt(max(squared(state.airspeed_mps) - squared(aside_mps), squared(MIN_MPS)))
+    carried_mps, crosswind_mps = rotated(point.course_rad, state.wind_north_mps, state.wind_east_mps)
+    air_mps = math.sqrt(max(squared(state.airspeed_mps) - squared(crosswind_mps), squared(MIN_MPS)))
     over_mps = max(air_mps + carried_mps, 0.0) / max(1.0 - point.curvature_1pm * right_m, NEAREST_SHARE)
     course_rps = point.curvature_1pm * over_mps
     share = 1.0 + carried_mps / air_mps
-    carried_mps2 = course_rps * aside_mps
+    carried_mps2 = course_rps * crosswind_mps
     air_mps2 = carried_mps2 * carried_mps / air_mps
     share_rate = (carried_mps2 - air_mps2 * carried_mps / air_mps) / air_mps
     course_rps2 = point.curvature_rate_1pm2 * squared(over_mps) + point.curvature_1pm * (carried_mps2 + air_mps2)

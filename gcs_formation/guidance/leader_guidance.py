@@ -51,13 +51,13 @@ AHEAD_M: Final = 165.0
 """Interval of the points along the leader's way around which the ground is checked."""
 
 
-def way_ahead(route: Route, begin_m: float, way_m: float) -> list[tuple[float, float]]:
-    """Return points of a route's next `way_m`, m north and east of its point at `begin_m`.
+def path_ahead(route: Route, begin_m: float, ahead_m: float) -> list[tuple[float, float]]:
+    """Return points of a route's next `ahead_m`, m north and east of its point at `begin_m`.
 
     A longer way has the same points, and more.
     """
     here = route.at(begin_m)
-    points = [route.at(begin_m + AHEAD_M * each) for each in range(1 + math.ceil(way_m / AHEAD_M))]
+    points = [route.at(begin_m + AHEAD_M * each) for each in range(1 + math.ceil(ahead_m / AHEAD_M))]
     return [(point.north_m - here.north_m, point.east_m - here.east_m) for point in points]
 
 
@@ -141,7 +141,7 @@ class LeaderGuidance:
     distance_m: float = 0.0
     rounds: int = 0
     """Number of holding patterns flown because followers weren't in their slots."""
-    amid_m: tuple[float, float] | None = None
+    centroid_m: tuple[float, float] | None = None
     """Range of distances along the path where the leader is when it is first steered; None: before the path's start."""
     joins_m: float | None = None
     """Distance along the path at which the way that returns to it ends."""
@@ -204,9 +204,9 @@ class LeaderGuidance:
         heading_rad = self._lateral.setpoint_rad(self._point, state, model, self.speed_mps, bounds or TurnBounds())
         setpoint = Setpoint(self.speed_mps, heading_rad, height_m)
         if self.speeds is not None and self.on_path:
-            self.speed_mps, by_way = self.speeds.at(self.distance_m)
+            self.speed_mps, per_metre = self.speeds.at(self.distance_m)
             # By (7) a speed that changes takes a setpoint that leads it by the time constant.
-            setpoint.speed_mps = self.speed_mps + model.tau_v_s * by_way * self.heading(state).along_mps
+            setpoint.speed_mps = self.speed_mps + model.tau_v_s * per_metre * self.heading(state).along_mps
         elif due is not None:
             setpoint.speed_mps = due.setpoint_mps(model.held(self.dt_s).tau_v_s)
         return setpoint
@@ -254,12 +254,12 @@ class LeaderGuidance:
             self.timed.take_over()
 
     def resume(
-        self, speed_mps: float, at: Instant, heading_rad: float | None, amid_m: tuple[float, float] | None
+        self, speed_mps: float, at: Instant, heading_rad: float | None, centroid_m: tuple[float, float] | None
     ) -> None:
         """Continue a flight: at its speed, with the heading it held if it stood, within a range along the path."""
         if speed_mps != self.speed_mps:
             self.fly_at(speed_mps)
-        self.amid_m = amid_m
+        self.centroid_m = centroid_m
         self.turn = None if heading_rad is None else TurnOnSpot(heading_rad, 0.0, at, LEAST_S)
 
     def fly_at(self, speed_mps: float) -> None:
@@ -287,14 +287,14 @@ class LeaderGuidance:
         return self._point
 
     def _set_out(self, state: FlightState) -> None:
-        if self.amid_m is not None:
-            self._return(state, nearest(self.path, state.north_m, state.east_m, *self.amid_m))
+        if self.centroid_m is not None:
+            self._return(state, nearest(self.path, state.north_m, state.east_m, *self.centroid_m))
             return
         start = self.path.at(0.0)
         along_m, right_m = rotated(start.course_rad, state.north_m - start.north_m, state.east_m - start.east_m)
-        aside = math.remainder(state.heading_rad - start.course_rad, math.tau)
+        off_rad = math.remainder(state.heading_rad - start.course_rad, math.tau)
         climb_m = abs(start.height_m - state.height_m) / CLIMB_SHARE / self.climb_max_mps * self.speed_mps
-        near_enough = abs(right_m) < ON_EXTENSION_M and abs(aside) < ON_EXTENSION_RAD
+        near_enough = abs(right_m) < ON_EXTENSION_M and abs(off_rad) < ON_EXTENSION_RAD
         if near_enough and -along_m > max(climb_m, DECISION_S * self.speed_mps):
             self._follow_path(state)
         else:
@@ -312,13 +312,13 @@ class LeaderGuidance:
         begin = PathPoint(state.north_m, state.east_m, state.height_m, course)
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, MIN_MPS)
         radius_m = self.hold_radius_m(state.wind_north_mps, state.wind_east_mps)
-        ways: list[tuple[float, JoinRoute, float]] = []
+        candidates: list[tuple[float, JoinRoute, float]] = []
         for ahead in range(1, RETURNS + 1):
             to_m = abreast_m + ahead * radius_m
-            way = join(begin, self.path.at(to_m), radius_m, slope)
-            ways.append((way.length_m - (to_m - abreast_m), way, to_m))
-        direct = [way for way in ways if way[0] < radius_m]
-        _, self.route, self.joins_m = direct[0] if direct else min(ways, key=lambda way: way[0])
+            candidate = join(begin, self.path.at(to_m), radius_m, slope)
+            candidates.append((candidate.length_m - (to_m - abreast_m), candidate, to_m))
+        direct = [candidate for candidate in candidates if candidate[0] < radius_m]
+        _, self.route, self.joins_m = direct[0] if direct else min(candidates, key=lambda candidate: candidate[0])
         self.distance_m = 0.0
 
     def _follow_path(self, state: FlightState) -> None:
@@ -341,14 +341,14 @@ class LeaderGuidance:
         """
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, MIN_MPS)
         radius_m = self.hold_radius_m(wind_north_mps, wind_east_mps)
-        ways = (
-            way
+        candidates = (
+            candidate
             for straight_m in self._straights_m()
-            for way in joins(begin, self.path.at(-straight_m), radius_m, slope)
+            for candidate in joins(begin, self.path.at(-straight_m), radius_m, slope)
         )
         if self.fence is None:
-            return next(ways)
-        return self.fence.roomiest(ways, self.speed_mps, wind_north_mps, wind_east_mps)
+            return next(candidates)
+        return self.fence.roomiest(candidates, self.speed_mps, wind_north_mps, wind_east_mps)
 
     def hold_radius_m(self, wind_north_mps: float = 0.0, wind_east_mps: float = 0.0) -> float:
         """Return the radius over ground of turns before the path, allowing for the ground speed in a tailwind."""

@@ -90,7 +90,7 @@ class SlotClearance:
             if changed or not self._serve(outlook, at_m):
                 self._compute(outlook, at_m, going_on=going_on)
             self._made_at_m = outlook.distance_m
-        self._held = self.lift(at_m)
+        self._held = self.offsets(at_m)
 
     def _serve(self, outlook: TrackAhead, at_m: list[float]) -> bool:
         """Return whether the present offsets reach far enough ahead, within bounds as now, and clear the ground.
@@ -104,8 +104,8 @@ class SlotClearance:
             return False
         places = sample_places(first * STEP_M, steps)
         needed = self._needed(outlook, places, self._points(outlook.route, first, places))
-        lifts = [Lift(self._first * STEP_M, row).at(places)[0] for row in self._control_m]
-        short = needed > np.stack(lifts) + TRIFLE_M
+        offsets_m = [Lift(self._first * STEP_M, row).at(places)[0] for row in self._control_m]
+        short = needed > np.stack(offsets_m) + TRIFLE_M
         short[outlook.leading] = False
         return not short.any()
 
@@ -123,7 +123,7 @@ class SlotClearance:
         needed[outlook.leading] = 0.0
         bounds, slope = self._bounds(outlook.along_mps), points[:, SLOPE].copy()
         made = (least_lift(first * STEP_M, row, slope, bounds, own) for row, own in zip(needed, begun, strict=True))
-        self._control_m = np.stack([lift.control_m for lift in made])
+        self._control_m = np.stack([each.control_m for each in made])
         self._curves = [LiftCurve(row) for row in self._control_m.tolist()]
         self._route, self._plan = outlook.route, outlook.plan
         self._first, self._slope = first, bounds.slope
@@ -140,12 +140,12 @@ class SlotClearance:
         self._sampled_first = first
         return self._sampled[: len(places)]
 
-    def lifted(self, slots: list[Slot], at_m: list[float], along_mps: float) -> list[Slot]:
+    def raised(self, slots: list[Slot], at_m: list[float], along_mps: float) -> list[Slot]:
         """Return N slots raised clear of the ground; `at_m`: the leader's distance for each, `along_mps`: its speed."""
-        each = zip(slots, self.lift(at_m), strict=True)
+        each = zip(slots, self.offsets(at_m), strict=True)
         return [
-            slot.raised(lift_m, along_mps * slope, along_mps**2 * curvature)
-            for slot, (lift_m, slope, curvature) in each
+            slot.raised(offset_m, along_mps * slope, along_mps**2 * curvature)
+            for slot, (offset_m, slope, curvature) in each
         ]
 
     def _as_they_were(self, leading: int, first: int, at_m: list[float]) -> list[Array]:
@@ -158,14 +158,14 @@ class SlotClearance:
             return [np.zeros(0)] * len(at_m)
         own, begun = self._held[leading], list[Array]()
         for held, distance_m in zip(self._held, at_m, strict=True):
-            lift_m, slope, curvature = held[0] - own[0], held[1] - own[1], held[2] - own[2]
+            offset_m, slope, curvature = held[0] - own[0], held[1] - own[1], held[2] - own[2]
             ahead = distance_m / STEP_M - first
             x_m = (np.arange(int(ahead) + 4) - 1.0 - ahead) * STEP_M
             # Control points of a quadratic, which a cubic B-spline represents exactly.
-            begun.append(lift_m + slope * x_m + curvature * (x_m**2 / 2.0 - STEP_M**2 / 6.0))
+            begun.append(offset_m + slope * x_m + curvature * (x_m**2 / 2.0 - STEP_M**2 / 6.0))
         return begun
 
-    def lift(self, at_m: list[float]) -> list[Triple]:
+    def offsets(self, at_m: list[float]) -> list[Triple]:
         """Return N offsets, their slopes and their curvatures by the leader's distance, at N distances."""
         first = self._first
         return [curve.at(each / STEP_M - first) for curve, each in zip(self._curves, at_m, strict=True)]
@@ -174,8 +174,8 @@ class SlotClearance:
         """Return the required offsets (N, K) for the leader at distances `places` (K,), the route's `points` (K, 8)."""
         north, east, height, course, curvature = points.T[:5]
         leader = outlook.leader
-        aside_mps = leader.wind_east_mps * np.cos(course) - leader.wind_north_mps * np.sin(course)
-        heading = course - np.arcsin(np.clip(aside_mps / max(leader.airspeed_mps, 1.0), -1.0, 1.0))
+        crosswind_mps = leader.wind_east_mps * np.cos(course) - leader.wind_north_mps * np.sin(course)
+        heading = course - np.arcsin(np.clip(crosswind_mps / max(leader.airspeed_mps, 1.0), -1.0, 1.0))
         later_s = (places - outlook.distance_m) / max(outlook.along_mps, 1.0)
         knots = np.stack([outlook.slots(seconds) for seconds in later_s[::SAMPLES].tolist()], axis=1)
         forward, right, up = np.moveaxis(_between(knots), -1, 0)

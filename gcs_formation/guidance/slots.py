@@ -31,8 +31,8 @@ class FormationPlan:
         self.arrangement = first.arrangement
         self.scheduled: deque[FormationChange] = deque(sorted(scenario.formation.changes, key=lambda each: each.at_s))
         """The scenario's changes that haven't begun yet."""
-        self._way = way = Transition.standing(first.places_m)
-        self._over_s: float = way.at_s + way.duration_s
+        self._transition = transition = Transition.standing(first.places_m)
+        self._over_s: float = transition.at_s + transition.duration_s
         """Time from which all slots are at rest."""
         self._rest: SlotMotion | None = None
         """The resting slots returned last, and whether the path had begun then."""
@@ -43,16 +43,16 @@ class FormationPlan:
         self.offset_m[0] = 0.0
         self.kept_m = scenario.safety.kept_m
         """Distance that slots are planned to keep from each other while they move."""
-        self.beside: Mask = np.zeros(len(first.places_m), dtype=np.bool_)
+        self.alongside: Mask = np.zeros(len(first.places_m), dtype=np.bool_)
         """(C,) which columns fly alongside the turning leader at its speed and heading: slots far to the side can't be
         held."""
-        self._anybody_beside = False
+        self._any_alongside = False
         self._slots_turn = scenario.formation.frame != "north"
-        self._beside_m, self._beside_s, self._turn_rps = first.places_m, 0.0, 0.0
+        self._alongside_m, self._alongside_s, self._turn_rps = first.places_m, 0.0, 0.0
         """Their positions, (C, 3), at a time of the station's clock, and the leader's turn rate since then."""
-        self._apart_m: Array | None = None
+        self._separation_m: Array | None = None
         self._planned_m: Array | None = None
-        self._apart_of = self.goal_m
+        self._separation_of = self.goal_m
         """The result of `apart_m`, and the planned distances and goals that it was made from."""
         self._pace, self._late_s = 1.0, 0.0
         """Share of their planned speed at which slots move, and their delay from having waited."""
@@ -82,36 +82,36 @@ class FormationPlan:
         return slots
 
     def _moving(self, now_s: float, *, begun: bool) -> SlotMotion:
-        slots = self._way.at(now_s)
+        slots = self._transition.at(now_s)
         if self._pace < 1.0:
             slots = SlotMotion(
                 slots.position_m, self._pace * slots.velocity_mps, self._pace**2 * slots.acceleration_mps2
             )
-        if self._anybody_beside:
-            slots = self._with_those_beside(slots, now_s)
+        if self._any_alongside:
+            slots = self._with_those_alongside(slots, now_s)
         if begun or not self.offset_m.any():
             return slots
         return SlotMotion(slots.position_m + self.offset_m, slots.velocity_mps, slots.acceleration_mps2)
 
-    def _with_those_beside(self, slots: SlotMotion, now_s: float) -> SlotMotion:
-        """Return slots with those beside the leader: fixed in direction over ground, they turn in its frame."""
+    def _with_those_alongside(self, slots: SlotMotion, now_s: float) -> SlotMotion:
+        """Return slots with those alongside the leader: fixed in direction over ground, they turn in its frame."""
         turn_rps, place_m = self._turn_rps, self._turned_m(now_s)
         motion = (
             (place_m, slots.position_m),
             (turn_rps * place_m[:, [1, 0, 2]] * ACROSS, slots.velocity_mps),
             (-(turn_rps**2) * place_m * LEVEL, slots.acceleration_mps2),
         )
-        return SlotMotion(*(np.where(self.beside[:, None], theirs, others) for theirs, others in motion))
+        return SlotMotion(*(np.where(self.alongside[:, None], theirs, others) for theirs, others in motion))
 
     def _turned_m(self, now_s: float) -> Array:
-        swing_rad = self._turn_rps * (now_s - self._beside_s)
-        return SlotMotion.at_rest(self._beside_m).seen_from(self.leader, swing_rad).position_m
+        swing_rad = self._turn_rps * (now_s - self._alongside_s)
+        return SlotMotion.at_rest(self._alongside_m).seen_from(self.leader, swing_rad).position_m
 
     def turn(self, now_s: float, turn_rps: float) -> None:
         """Set the leader's turn rate from now on, clockwise, rad/s: the frame's, unless it is fixed to north."""
-        if self._anybody_beside:
-            self._beside_m = self._turned_m(now_s)
-        self._beside_s, self._turn_rps = now_s, turn_rps if self._slots_turn else 0.0
+        if self._any_alongside:
+            self._alongside_m = self._turned_m(now_s)
+        self._alongside_s, self._turn_rps = now_s, turn_rps if self._slots_turn else 0.0
 
     def at_each(self, each_s: list[float], *, begun: bool) -> SlotMotion:
         """Return every slot at a time of its own, (C,)."""
@@ -128,24 +128,24 @@ class FormationPlan:
 
     def seen_from(self, leader: int, swing_rad: float, now_s: float) -> SlotMotion:
         """Return the slots now, relative to another leader that heads `swing_rad` clockwise of the present one."""
-        return self._way.seen_from(leader, swing_rad).at(now_s)
+        return self._transition.seen_from(leader, swing_rad).at(now_s)
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; all positions stay the same."""
-        way = self._way.seen_from(leader, swing_rad)
+        transition = self._transition.seen_from(leader, swing_rad)
         self.goal_m = SlotMotion.at_rest(self.goal_m).seen_from(leader, swing_rad).position_m
         self.arrangement = self.arrangement._replace(leader=leader)
         self.offset_m = self.offset_m - self.offset_m[leader]
-        self._fly(way)
+        self._fly(transition)
 
-    def adopt(self, arrangement: Arrangement, way: Transition) -> None:
+    def adopt(self, arrangement: Arrangement, transition: Transition) -> None:
         """Change to another arrangement, along a planned transition."""
-        self.arrangement, self.goal_m, self._late_s = arrangement, way.goal_m, 0.0
-        self._fly(way)
+        self.arrangement, self.goal_m, self._late_s = arrangement, transition.goal_m, 0.0
+        self._fly(transition)
 
-    def _fly(self, way: Transition) -> None:
-        self._way, self._over_s, self._rest = way, way.at_s + way.duration_s, None
-        self.beside, self._anybody_beside = np.zeros_like(self.beside), False
+    def _fly(self, transition: Transition) -> None:
+        self._transition, self._over_s, self._rest = transition, transition.at_s + transition.duration_s, None
+        self.alongside, self._any_alongside = np.zeros_like(self.alongside), False
 
     def wait(self, pace: float, elapsed_s: float) -> None:
         """Move all slots at a share `pace` of their planned speed from now on; `elapsed_s`: since the last call.
@@ -157,37 +157,40 @@ class FormationPlan:
             pace = 1.0
         if pace < 1.0:
             late_s = (1.0 - pace) * elapsed_s
-            self._way, self._over_s = replace(self._way, at_s=self._way.at_s + late_s), self._over_s + late_s
+            self._transition, self._over_s = (
+                replace(self._transition, at_s=self._transition.at_s + late_s),
+                self._over_s + late_s,
+            )
             self._late_s += late_s
         self._pace = pace
 
-    def fly_beside(self, which: Mask, place_m: Array) -> None:
-        """Let the columns in a mask (C,) fly beside the leader, from positions (C, 3), until the next change."""
-        self._beside_m = np.where(self.beside[:, None], self._beside_m, place_m)
-        self.beside = self.beside | which
-        self._anybody_beside = bool(self.beside.any())
+    def fly_alongside(self, which: Mask, place_m: Array) -> None:
+        """Let the columns in a mask (C,) fly alongside the leader, from positions (C, 3), until the next change."""
+        self._alongside_m = np.where(self.alongside[:, None], self._alongside_m, place_m)
+        self.alongside = self.alongside | which
+        self._any_alongside = bool(self.alongside.any())
 
     def at_rest(self, now_s: float) -> bool:
         """Return whether all slots are at rest from a time on."""
-        return now_s >= self._over_s and not self._anybody_beside
+        return now_s >= self._over_s and not self._any_alongside
 
     def apart_m(self, now_s: float) -> Array | None:
-        """Return the least planned distances of slots (C, C) while they move; None once all rest in the arrangement.
+        """Return the minimum planned distances of slots (C, C) while they move; None once all rest in the arrangement.
 
-        Without a planned motion, as for vehicles beside the leader, they are those of the arrangement. The array is the
-        same object for as long as nothing changes.
+        Without a planned motion, as for vehicles alongside the leader, they are those of the arrangement. The array is
+        the same object for as long as nothing changes.
         """
         if self.settled(now_s):
             return None
-        planned_m = self._way.apart_m if now_s < self._over_s else None
-        if self._apart_m is None or planned_m is not self._planned_m or self._apart_of is not self.goal_m:
-            self._planned_m, self._apart_of = planned_m, self.goal_m
+        planned_m = self._transition.apart_m if now_s < self._over_s else None
+        if self._separation_m is None or planned_m is not self._planned_m or self._separation_of is not self.goal_m:
+            self._planned_m, self._separation_of = planned_m, self.goal_m
             apart_m = np.linalg.norm(self.goal_m[:, None] - self.goal_m, axis=-1)
-            self._apart_m = apart_m if planned_m is None else np.minimum(apart_m, planned_m)
-        return self._apart_m
+            self._separation_m = apart_m if planned_m is None else np.minimum(apart_m, planned_m)
+        return self._separation_m
 
     def settled(self, now_s: float) -> bool:
         """Return whether all slots are at rest in the arrangement."""
         if not self.at_rest(now_s):
             return False
-        return self._way.goal_m is self.goal_m or np.array_equal(self._way.goal_m, self.goal_m)
+        return self._transition.goal_m is self.goal_m or np.array_equal(self._transition.goal_m, self.goal_m)

@@ -55,7 +55,7 @@ class TimedProgress:
     timetable: Timetable
     ordered: bool = False
     """Whether its speed was ordered; stops and corners stay."""
-    _standing: bool = False
+    _hovering: bool = False
     """Whether it was ordered to stand."""
     _time_s: float = math.nan
     """Time on the timetable; NaN: by the leader's place, at the next tick."""
@@ -69,7 +69,7 @@ class TimedProgress:
     @property
     def pauses(self) -> bool:
         """Whether it is at a stop, and wasn't ordered to stand."""
-        return not self._standing and self._pause() is not None
+        return not self._hovering and self._pause() is not None
 
     def _pause(self) -> Pause | None:
         return self.timetable.pause_at(self._time_s)
@@ -85,8 +85,8 @@ class TimedProgress:
 
     def order(self, speed_mps: float) -> None:
         """Fly at another speed from now on, at most; 0: stand."""
-        self._standing = speed_mps == 0.0
-        if not self._standing:
+        self._hovering = speed_mps == 0.0
+        if not self._hovering:
             self.timetable, self.ordered = self.timetable.at_speed(speed_mps), True
         self._time_s, self._turn = math.nan, None
 
@@ -108,7 +108,7 @@ class TimedProgress:
         """
         elapsed_s = dt_s if at is None or self._last is None else seconds_between(self._last, at)
         self._last = at
-        if self._standing:
+        if self._hovering:
             return None
         if turn is not None and turn is not self._turn and at is not None and not turn.over(at):
             return Due(0.0, 0.0, 0.0, stands=True, turn=turn)

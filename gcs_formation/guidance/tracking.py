@@ -39,7 +39,7 @@ class RouteHeading:
 
 def route_heading(point: PathPoint, state: FlightState) -> RouteHeading:
     """Return the heading along the route at a vehicle's nearest point, its rates, and the climb there."""
-    along_mps, _ = _along_and_aside(state, point.course_rad)
+    along_mps, _ = _along_and_across(state, point.course_rad)
     return RouteHeading(
         point.course_rad - crab_rad(state, point.course_rad),
         point.curvature_1pm * along_mps,
@@ -80,13 +80,13 @@ def height_setpoint_m(point: PathPoint, state: FlightState, model: AutopilotMode
     The route's climb is fed forward through both time constants of (7), and the updraught, which (7) climbs with, is
     taken off.
     """
-    along_mps, _ = _along_and_aside(state, point.course_rad)
+    along_mps, _ = _along_and_across(state, point.course_rad)
     rise_mps = point.slope * along_mps - state.updraught_mps
     height_m = point.height_m + (model.tau_ha_s + model.tau_hb_s) * rise_mps
     return height_m + model.tau_ha_s * model.tau_hb_s * point.slope_rate_1pm * squared(along_mps)
 
 
-def _along_and_aside(state: FlightState, course_rad: float) -> tuple[float, float]:
+def _along_and_across(state: FlightState, course_rad: float) -> tuple[float, float]:
     """Return the velocity over ground along a course and to its right."""
     north_mps, east_mps = state.ground_mps()
     return rotated(course_rad, north_mps, east_mps)
@@ -114,7 +114,7 @@ class Abreast(NamedTuple):
         slope = climb_mps / along_mps - self.point.slope
         return Rise(self.up_m, slope, change_mps2 / along_mps**2 - self.point.slope_rate_1pm)
 
-    def slope_aside(self, state: FlightState) -> float:
+    def lateral_slope(self, state: FlightState) -> float:
         """Return a vehicle's motion to the right per metre of the path; 0 if it is slower than `LEADS_FROM_MPS`."""
         north_mps, east_mps = state.ground_mps()
         if math.hypot(north_mps, east_mps) < LEADS_FROM_MPS:

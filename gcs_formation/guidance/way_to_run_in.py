@@ -53,9 +53,9 @@ class JoinRoute:
         """Return the point at a distance from the start; beyond its ends the route is straight."""
         leg, along_m = self._leg(distance_m)
         point = leg.at(along_m)
-        way_m = self.end_height_m - self.begin_height_m
-        climbed_m = math.copysign(min(abs(way_m), max(distance_m, 0.0) * self.slope), way_m)
-        climbing = distance_m >= 0.0 and abs(climbed_m) < abs(way_m)
+        climb_m = self.end_height_m - self.begin_height_m
+        climbed_m = math.copysign(min(abs(climb_m), max(distance_m, 0.0) * self.slope), climb_m)
+        climbing = distance_m >= 0.0 and abs(climbed_m) < abs(climb_m)
         return PathPoint(
             point.north_m,
             point.east_m,
@@ -63,7 +63,7 @@ class JoinRoute:
             point.course_rad,
             leg.curvature_1pm if 0.0 <= distance_m <= self.length_m else 0.0,
             0.0,
-            math.copysign(self.slope, way_m) if climbing else 0.0,
+            math.copysign(self.slope, climb_m) if climbing else 0.0,
             0.0,
         )
 

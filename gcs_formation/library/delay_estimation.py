@@ -54,6 +54,6 @@ def delays(
     sync, known = ClockSync(answering_period_s), list[tuple[float, ...]]()
     for sent, shown, received in zip(*(each.tolist() for each in rows), strict=True):
         sync.observe(Instant(nanoseconds(sent)), nanoseconds(shown), Instant(nanoseconds(received)))
-        waits = sync.round_trip_s, sync.one_way_s, sync.scatter_s, sync.split_s
+        waits = sync.round_trip_s, sync.one_way_s, sync.jitter_s, sync.asymmetry_s
         known.append((*waits, sync.offset_s, sync.drift))
     return Delays(*np.array(known, dtype=np.float64).reshape(-1, len(Delays._fields)).T)

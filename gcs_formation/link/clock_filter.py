@@ -23,7 +23,7 @@ class ClockFilter:
     """A Kalman filter of a clock's offset and drift."""
 
     def __init__(
-        self, believed_drift: float, offset_noise: float = OFFSET_NOISE, drift_noise: float = DRIFT_NOISE
+        self, prior_drift: float, offset_noise: float = OFFSET_NOISE, drift_noise: float = DRIFT_NOISE
     ) -> None:
         """Start with the standard deviation of the clock's drift.
 
@@ -33,12 +33,12 @@ class ClockFilter:
         """The vehicle's clock minus ours, at `reference`."""
         self.drift: float = 0.0
         """Rate of change of the offset."""
-        self._believed_drift, self._offset_noise, self._drift_noise = believed_drift, offset_noise, drift_noise
+        self._prior_drift, self._offset_noise, self._drift_noise = prior_drift, offset_noise, drift_noise
         self.reference = Instant(0)
         """The instant that `offset_s` refers to."""
         self._p00: float = 1.0
         self._p01: float = 0.0
-        self._p11: float = squared(believed_drift)
+        self._p11: float = squared(prior_drift)
         """Covariance of offset and drift."""
 
     def predict(self, at: Instant) -> float:
@@ -47,7 +47,7 @@ class ClockFilter:
 
     def begin(self, at: Instant, sample_s: float, variance: float) -> None:
         """Restart with a clock's first sample, whose variance is in s²."""
-        self.drift, self._p11 = 0.0, squared(self._believed_drift)
+        self.drift, self._p11 = 0.0, squared(self._prior_drift)
         self.step(at, sample_s, variance)
 
     def step(self, at: Instant, sample_s: float, variance: float) -> None:

@@ -21,7 +21,7 @@ WINDOW: Final = 16
 """Number of recent round trips (4 s) that are kept for the minimum, mean and standard deviation."""
 STEPPED: Final = 8
 """The link's delay has stepped once this many consecutive round trips (2 s) are far (`FAR`) from the earlier ones."""
-SPLIT_S: Final = 30.0
+ASYMMETRY_S: Final = 30.0
 """Time constant with which the estimate of the delay's split decays: changes too small or slow to detect add up."""
 FAR: Final = 4.0
 """Groups of round trips are far apart if their medians differ by more than this multiple of their summed jitter."""
@@ -62,7 +62,7 @@ class ClockSync:
 
     Clocks don't step when round trips do. So if both step together, the step of the samples is a change in how the
     delay is split between the two ways. The filters follow the samples at once; stamps are corrected by the split, so
-    that they are mapped as before. The split decays with `SPLIT_S`.
+    that they are mapped as before. The split decays with `ASYMMETRY_S`.
     """
 
     def __init__(self, loop_s: float = 0.0) -> None:
@@ -87,7 +87,7 @@ class ClockSync:
         """The recent round trips, oldest first, and their number."""
         self._off = vec[float]([0.0] * WINDOW)
         """Innovations of the samples of these round trips: sample minus prediction."""
-        self.split_s: float = 0.0
+        self.asymmetry_s: float = 0.0
         """Excess of the uplink delay over half the round trip, as estimated from steps."""
         self._sorted, self._edges = vec[float]([0.0] * WINDOW), DelayEdges(loop_s)
         self._base_s: float = 0.0
@@ -124,7 +124,7 @@ class ClockSync:
         return jittery and self._used.offset_variance > squared(UNCERTAIN_S)
 
     @property
-    def scatter_s(self) -> float:
+    def jitter_s(self) -> float:
         """Standard deviation of the recent round trips."""
         recent, count, mean_s, total = self._recent, self._count, self._mean_s(), 0.0
         if count < 2:
@@ -134,11 +134,11 @@ class ClockSync:
         return math.sqrt(total / (float(count) - 1.0))
 
     @property
-    def usual_scatter_s(self) -> float:
+    def usual_jitter_s(self) -> float:
         """Robust standard deviation of the recent round trips: a few outliers don't affect it."""
-        return min(self.scatter_s, self._usual_scatter_s(self._count))
+        return min(self.jitter_s, self._usual_jitter_s(self._count))
 
-    def _usual_scatter_s(self, count: i64) -> float:
+    def _usual_jitter_s(self, count: i64) -> float:
         """Return the standard deviation of the first `count` round trips by their median absolute deviation."""
         middle_s, each = self._median_s(0, count), self._sorted
         for place in range(count):
@@ -171,7 +171,7 @@ class ClockSync:
         if not self._forget_before_step() or not known:
             return 0.0
         step_s = self._median_of(off, 0, STEPPED)
-        return step_s if abs(step_s) > self._usual_scatter_s(STEPPED) else 0.0
+        return step_s if abs(step_s) > self._usual_jitter_s(STEPPED) else 0.0
 
     def _forget_before_step(self) -> bool:
         """Drop the round trips before the last `STEPPED` if their medians are far apart; return whether they were."""
@@ -181,8 +181,8 @@ class ClockSync:
         near_s = FAR * _range(recent, since, self._count)
         if _range(recent, 0, self._count) <= near_s:
             return False  # the usual case: the total range is too small for a step
-        apart_s = abs(self._median_s(since, self._count) - self._median_s(0, since))
-        stepped = apart_s > near_s and apart_s > near_s + FAR * self._usual_scatter_s(since)
+        difference_s = abs(self._median_s(since, self._count) - self._median_s(0, since))
+        stepped = difference_s > near_s and difference_s > near_s + FAR * self._usual_jitter_s(since)
         if stepped:
             self._forget_edges()
             for place in range(STEPPED):
@@ -194,7 +194,7 @@ class ClockSync:
         """Shift both filters by a step of the link's delay, and count it in the split instead of the clock's offset."""
         self._crystal.step(at, self._crystal.predict(at) + step_s, variance)
         self._any_drift.step(at, self._any_drift.predict(at) + step_s, variance)
-        self.split_s += step_s
+        self.asymmetry_s += step_s
 
     def _mean_s(self) -> float:
         recent, count, total = self._recent, self._count, 0.0
@@ -210,7 +210,7 @@ class ClockSync:
         wait_s = self.loop_s / 2.0
         if self._count >= FEW:
             wait_s2 = self._variance.wait_s2
-            share = wait_s2 / max(squared(self.scatter_s), wait_s2, MIN_VARIANCE)
+            share = wait_s2 / max(squared(self.jitter_s), wait_s2, MIN_VARIANCE)
             wait_s += share * (self.round_trip_s - self._mean_s())
         return within(wait_s, 0.0, self.loop_s)
 
@@ -237,7 +237,7 @@ class ClockSync:
             or vehicle_time_ns <= (received - self._asked) * (1.0 + INITIAL_DRIFT)
         )
         excess_s = self.round_trip_s - self._median_s(0, self._count)
-        variance = self._variance.sample_s2(excess_s, self._count, self.scatter_s, self.usual_scatter_s)
+        variance = self._variance.sample_s2(excess_s, self._count, self.jitter_s, self.usual_jitter_s)
         if self.samples == 0 or restarted:
             self._begin(middle, sample_s, variance)
         elif step_s:
@@ -256,8 +256,8 @@ class ClockSync:
         if sample_s > self._farthest_s:
             self._farthest_s, self._farthest_at = sample_s, middle
         # delays can't be negative: the split is at most half the round trip
-        left_s = self.split_s * math.exp(-max(0.0, (sent - self._asked) / NANOSECONDS) / SPLIT_S)
-        self.split_s = max(-self.one_way_s, min(self.one_way_s, left_s))
+        left_s = self.asymmetry_s * math.exp(-max(0.0, (sent - self._asked) / NANOSECONDS) / ASYMMETRY_S)
+        self.asymmetry_s = max(-self.one_way_s, min(self.one_way_s, left_s))
         self._asked, self._shown_ns = max(self._asked, sent), vehicle_time_ns
         self.samples += 1
         return restarted
@@ -271,7 +271,7 @@ class ClockSync:
         """Begin with the first sample of a clock."""
         self._crystal.begin(at, sample_s, variance)
         self._any_drift.begin(at, sample_s, variance)
-        self._log_ratio, self._used, self.split_s = 0.0, self._crystal, 0.0
+        self._log_ratio, self._used, self.asymmetry_s = 0.0, self._crystal, 0.0
         self._base_s = self._farthest_s = sample_s
         self._farthest_at = at
         self._forget_edges()
@@ -281,8 +281,8 @@ class ClockSync:
 
         It decays as a split that was found by a step.
         """
-        apart_s = self._used.predict(now) - other._used.predict(now)
-        self.split_s = within(other.split_s + apart_s, -self.one_way_s, self.one_way_s)
+        difference_s = self._used.predict(now) - other._used.predict(now)
+        self.asymmetry_s = within(other.asymmetry_s + difference_s, -self.one_way_s, self.one_way_s)
 
     @property
     def asked(self) -> Instant:
@@ -291,7 +291,7 @@ class ClockSync:
 
     def to_instant(self, vehicle_time_s: float) -> Instant:
         """Return our instant for a vehicle's time since boot, s."""
-        return self._used.to_instant(vehicle_time_s + self.split_s)
+        return self._used.to_instant(vehicle_time_s + self.asymmetry_s)
 
     def offset_at_s(self, at_s: float) -> float:
         """Return the vehicle's clock minus ours, s, at a time on our clock, s."""
@@ -299,7 +299,7 @@ class ClockSync:
 
     def age_s(self, vehicle_time_s: float, now: Instant) -> float:
         """Return the age at `now` of a vehicle's time since boot, s."""
-        return self._used.age_s(vehicle_time_s + self.split_s, now)
+        return self._used.age_s(vehicle_time_s + self.asymmetry_s, now)
 
     def _see_edges(self, sent: Instant, vehicle_time_ns: int, received: Instant) -> None:
         """Have the crystal's line follow the edges of the delays, where these are sharp and as the means say."""

@@ -48,7 +48,7 @@ class _Edge:
         self._delays = vec[float]([0.0] * (CAPACITY // BLOCK))
         self._count: i64 = 0
 
-    def gather(self, at_s: vec[float], delays_s: vec[float], count: i64, drift: float) -> None:
+    def collect(self, at_s: vec[float], delays_s: vec[float], count: i64, drift: float) -> None:
         """Find the candidates among delays; a roughly known drift is enough."""
         slope, sign, self._count = self._slope * drift, self._sign, 0
         for begin in range(0, count, BLOCK):
@@ -126,7 +126,7 @@ class DelayEdges:
         near_s, far_s = self._spread_s(drift, 1.0)
         if far_s < PROMISING * near_s:
             return False
-        self._gather_fastest(drift)
+        self._collect_fastest(drift)
         found = self._narrowest(both=False)
         near_s, far_s = self._spread_s(found, 1.0)
         if far_s < SHARP * near_s:
@@ -134,9 +134,9 @@ class DelayEdges:
         longest_near_s, longest_far_s = self._spread_s(found, -1.0)
         both = longest_far_s > PROMISING * longest_near_s
         if both:
-            self._gather_fastest(found)
-            self._slowest_up.gather(self._at, self._up, self._count, found)
-            self._slowest_down.gather(self._at, self._down, self._count, found)
+            self._collect_fastest(found)
+            self._slowest_up.collect(self._at, self._up, self._count, found)
+            self._slowest_down.collect(self._at, self._down, self._count, found)
             found = self._narrowest(both=True)
         self._draw(found, both=both)
         # Within `near_s` of the two edges lie a sixteenth of the delays each.
@@ -144,9 +144,9 @@ class DelayEdges:
         self.deviation_s = lever * near_s / 2.0 / float(self._count // 16) / math.sqrt(2.0)
         return True
 
-    def _gather_fastest(self, drift: float) -> None:
-        self._fastest_up.gather(self._at, self._up, self._count, drift)
-        self._fastest_down.gather(self._at, self._down, self._count, drift)
+    def _collect_fastest(self, drift: float) -> None:
+        self._fastest_up.collect(self._at, self._up, self._count, drift)
+        self._fastest_down.collect(self._at, self._down, self._count, drift)
 
     def _draw(self, drift: float, *, both: bool) -> None:
         now_s = self._now_s

@@ -27,7 +27,7 @@ class OwnDelays:
             RunAbortedError: it can't begin.
         """
         self._entry, self._own = entry, made(entry, keys, vehicle=vehicle_name(identity))
-        self.ways_s = (math.nan, math.nan)
+        self.up_down_s = (math.nan, math.nan)
         """Delays up and down, s; NaN before the first answer."""
 
     def take(
@@ -37,10 +37,10 @@ class OwnDelays:
         if self.failure is None:
             times_s = sent / NANOSECONDS, now / NANOSECONDS, vehicle_ns / NANOSECONDS
             try:
-                self.ways_s = self._measured(RoundTrip(*times_s, loop_s, usual_s))
+                self.up_down_s = self._measured(RoundTrip(*times_s, loop_s, usual_s))
             except NotFiniteError as error:
                 self.failure = error
-        return usual_s if math.isnan(self.ways_s[0]) else self.ways_s
+        return usual_s if math.isnan(self.up_down_s[0]) else self.up_down_s
 
     def reset(self) -> None:
         """Forget what was accumulated."""
@@ -51,11 +51,11 @@ class OwnDelays:
                 self.failure = error
 
     def _measured(self, trip: RoundTrip) -> tuple[float, float]:
-        def ways_s() -> tuple[float, float]:
+        def up_down_s() -> tuple[float, float]:
             up_s, down_s = self._own.measure(trip)
             return float(up_s), float(down_s)
 
-        up_s, down_s = guarded(self._entry, ways_s)
+        up_s, down_s = guarded(self._entry, up_down_s)
         if not (0.0 <= up_s < math.inf and 0.0 <= down_s < math.inf):
             found = f"delays: {up_s:.6g} s up, {down_s:.6g} s down; allowed: 0 or more ({self._entry.where})"
             raise NotFiniteError(str(self._entry), None, found)

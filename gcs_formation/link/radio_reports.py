@@ -53,13 +53,13 @@ class RadioReport(NamedTuple):
 class RadioReports:
     """The newest report of each radio, by where it is connected."""
 
-    def __init__(self, connections: Iterable[Connection], believed: Callable[[Connection], bool] = always) -> None:
-        """Take reports from where the `connections` are; `believed`: whether reports on one are acted on.
+    def __init__(self, connections: Iterable[Connection], usable: Callable[[Connection], bool] = always) -> None:
+        """Take reports from where the `connections` are; `usable`: whether reports on one are acted on.
 
         A radio signs nothing. On a signed link anybody could say that it is full, so that there reports are recorded
         alone.
         """
-        self._connections, self._believed = list(connections), believed
+        self._connections, self._usable = list(connections), usable
         self._newest = dict[tuple[int, Address], RadioReport]()
         self._kept = dict[tuple[int, Address], list[RadioReport]]()
 
@@ -81,7 +81,7 @@ class RadioReports:
 
     def of(self, connection: Connection, now: Instant) -> RadioReport | None:
         """Return the newest report on a vehicle's radio; None without an accepted one in the last `STALE_S`."""
-        if connection.peer is None or not self._believed(connection):
+        if connection.peer is None or not self._usable(connection):
             return None
         found = self._newest.get((connection.socket, connection.peer))
         return None if found is None or seconds_between(found.at, now) > STALE_S else found

@@ -37,7 +37,7 @@ FEWEST = 8
 """Number of round trips after which the split is known."""
 WINDOW = 12
 """Number of round trips (3 s) over which a step is tested, by the median of their innovations."""
-SCATTER_S, SCATTER_WEIGHT = 0.02, 4.0
+PRIOR_JITTER_S, PRIOR_WEIGHT = 0.02, 4.0
 """Prior standard deviation of round trips, and the number of samples that it weighs, until `WINDOW` are known. Without
 it, two round trips that agree by chance would fix the first estimate for minutes."""
 STEP_SIGMAS, STEP_S = 5.0, 3e-3
@@ -57,7 +57,7 @@ SIGMAS = 3.0
 """Number of standard deviations of the drift taken as its bounds."""
 IN_USE = 2.0
 """UTC that is already in use is kept up to this multiple of `UNKNOWN_DRIFT_S`."""
-UNKNOWN_WAYS_S = math.nan, math.nan
+UNKNOWN_DELAYS_S = math.nan, math.nan
 EPOCH = Instant(0)
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 STEADY_TRIPS, STEADY_S = 12, 3e-3
@@ -97,7 +97,7 @@ class GnssClock:
         return self._filter.drift
 
     @property
-    def reach_s(self) -> float:
+    def half_round_trip_s(self) -> float:
         """How far off the clock's estimate may be at most by the recent round trips: it was read while each lasted.
 
         Half of a trip and what its own midpoint differs by. A trip of before a step of the link, or of after one that
@@ -197,14 +197,14 @@ class GnssClock:
         """
         count = len(self._trips)
         mean_s = sum(self._trips) / count
-        believed = SCATTER_WEIGHT if count < WINDOW else 0.0
-        off_s2 = sum((each - mean_s) ** 2 for each in self._trips) + believed * SCATTER_S**2
-        scatter_s2 = off_s2 / (count - 1 + believed)
+        prior = PRIOR_WEIGHT if count < WINDOW else 0.0
+        off_s2 = sum((each - mean_s) ** 2 for each in self._trips) + prior * PRIOR_JITTER_S**2
+        jitter_s2 = off_s2 / (count - 1 + prior)
         loop_s2 = self._loop_s**2 / 12
-        share = min(1.0, loop_s2 / scatter_s2) if scatter_s2 > 0 else 1.0
+        share = min(1.0, loop_s2 / jitter_s2) if jitter_s2 > 0 else 1.0
         wait_s = self._loop_s / 2 + share * (trip_s - mean_s)
         rest_s = (1.0 - share) * (trip_s - mean_s)
-        return wait_s, RESOLUTION_S**2 + (max(0.0, scatter_s2 - loop_s2) + rest_s**2) / 4
+        return wait_s, RESOLUTION_S**2 + (max(0.0, jitter_s2 - loop_s2) + rest_s**2) / 4
 
     def _judge_step(self) -> None:
         """Attribute a common step of the last round trips to the link's split, and shift the offset by it."""
@@ -232,8 +232,8 @@ class GnssClock:
         for trips_s in (before_s, since_s):
             mean_s = sum(trips_s) / len(trips_s)
             total_s2 += sum((each - mean_s) ** 2 for each in trips_s)
-        scatter_s2 = total_s2 / max(1, len(self._spans) - 2)
-        chance_s = MEDIAN * math.sqrt(scatter_s2 * (1.0 / len(before_s) + 1.0 / len(since_s)))
+        jitter_s2 = total_s2 / max(1, len(self._spans) - 2)
+        chance_s = MEDIAN * math.sqrt(jitter_s2 * (1.0 / len(before_s) + 1.0 / len(since_s)))
         return abs(median(since_s) - median(before_s)) > TRIP_SIGMAS * chance_s + STEP_S
 
 
@@ -284,10 +284,10 @@ class StampMap:
             self._line_s, self._at_line_s = stamp_s, self.gnss.to_utc_s(stamp_s) - self._utc_s
             self._rate = 1.0 - self.gnss.drift
 
-    def ways_s(self, one_way_s: float) -> tuple[float, float]:
+    def up_down_s(self, one_way_s: float) -> tuple[float, float]:
         """Return the delays up and down, s, of a round trip of twice `one_way_s`; NaN without UTC."""
         if self.gnss is None or self._utc_s is None:
-            return UNKNOWN_WAYS_S
+            return UNKNOWN_DELAYS_S
         more_s = self.gnss.station_utc_s() - self._utc_s
         return max(0.0, one_way_s + more_s), max(0.0, one_way_s - more_s)
 
@@ -399,7 +399,7 @@ class RoundTrips:
         if self.gnss is not None:
             self.gnss.probe(sent, answer.tc1_ns, now)
         one_way_s = self.clock.last_one_way_s()
-        up_s, down_s = self.stamps.ways_s(one_way_s) if self.own is None else self.own.ways_s
+        up_s, down_s = self.stamps.up_down_s(one_way_s) if self.own is None else self.own.up_down_s
         write_f64_le(self.delays, float(now))
         write_f64_le(self.delays, one_way_s)
         write_f64_le(self.delays, up_s)
@@ -411,9 +411,9 @@ class RoundTrips:
         clock = self.clock
         if restarted:
             own.reset()
-        usual_s = max(0.0, clock.one_way_s + clock.split_s), max(0.0, clock.one_way_s - clock.split_s)
+        usual_s = max(0.0, clock.one_way_s + clock.asymmetry_s), max(0.0, clock.one_way_s - clock.asymmetry_s)
         up_s, down_s = own.take(sent, vehicle_ns, now, self._loop_s, usual_s)
-        clock.one_way_s, clock.split_s = (up_s + down_s) / 2, (up_s - down_s) / 2
+        clock.one_way_s, clock.asymmetry_s = (up_s + down_s) / 2, (up_s - down_s) / 2
 
     @property
     def knows_ways(self) -> bool:
@@ -426,16 +426,16 @@ class RoundTrips:
         return self.stamps.gnss
 
     @property
-    def ways_s(self) -> tuple[float, float]:
+    def up_down_s(self) -> tuple[float, float]:
         """Delay up and down, s; NaN while the split is unknown."""
-        return self.stamps.ways_s(self.clock.one_way_s) if self.own is None else self.own.ways_s
+        return self.stamps.up_down_s(self.clock.one_way_s) if self.own is None else self.own.up_down_s
 
     @property
     def down_s(self) -> float:
         """Delay down, s: half the round trip while the split is unknown; NaN before the first."""
         if not self.knows_ways:
             return self.clock.one_way_s
-        down_s = self.ways_s[1]
+        down_s = self.up_down_s[1]
         return self.clock.one_way_s if math.isnan(down_s) else down_s
 
     def heard_at(self, now: Instant) -> Instant:

@@ -40,7 +40,7 @@ class Evidence(Enum):
 
     NONE = "nothing tells its clock"
     GOES_ON = "its clock goes on"
-    BEGAN_ANEW = "its clock began after that"
+    BOOTED_SINCE = "its clock began after that"
     ANOTHERS = "its clock is another's"
 
 
@@ -99,7 +99,7 @@ class SourceBinding:
             self._agreed = now
         return True, None
 
-    def believes(self, vehicle_time_s: float, now: Instant) -> bool:
+    def accepts(self, vehicle_time_s: float, now: Instant) -> bool:
         """Return whether to accept a TIMESYNC answer's clock as the vehicle's."""
         doubtful = self._evidence(vehicle_time_s, now) is ANOTHERS
         return not doubtful or seconds_between(self._agreed, now) > DISBELIEVED_S
@@ -121,7 +121,7 @@ class SourceBinding:
         if -EARLY_S <= self._clock.age_s(stamp_s, now) <= LONGEST_DELAY_S:
             return GOES_ON
         booted = after(now, -stamp_s)
-        return Evidence.BEGAN_ANEW if booted >= after(self._agreed, -BOOT_SLACK_S) else ANOTHERS
+        return Evidence.BOOTED_SINCE if booted >= after(self._agreed, -BOOT_SLACK_S) else ANOTHERS
 
     def _judge_other(self, remote: Remote, evidence: Evidence, now: Instant, *, heartbeat: bool) -> Ruling:
         """Decide on a frame from another address than the vehicle's."""

@@ -271,5 +271,5 @@ class Links:
 def is_one_clock(one: ClockSync, other: ClockSync, now: Instant) -> bool:
     """Return whether two estimates may be of one clock."""
     at_s = now / NANOSECONDS
-    apart_s = abs(one.offset_at_s(at_s) - other.offset_at_s(at_s))
-    return apart_s <= one.one_way_s + other.one_way_s + AGREES_S
+    difference_s = abs(one.offset_at_s(at_s) - other.offset_at_s(at_s))
+    return difference_s <= one.one_way_s + other.one_way_s + AGREES_S

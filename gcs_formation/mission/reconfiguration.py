@@ -120,8 +120,8 @@ class Reconfiguration:
         self._controller.plan.resume(self._scenario, resumed.arrangement, resumed.slots_m, resumed.mission_s)
         if resumed.speed_mps != self._scenario.path.begin_mps:
             self._scenario = self._scenario.at_speed(resumed.speed_mps)
-        amid_m = None if resumed.path_began is None else resumed.reach_m
-        guidance.resume(resumed.speed_mps, resumed.at, resumed.heading_rad, amid_m)
+        centroid_m = None if resumed.path_began is None else resumed.reach_m
+        guidance.resume(resumed.speed_mps, resumed.at, resumed.heading_rad, centroid_m)
         self._planned_for = [False] * len(self._names)
         self._planned_for[resumed.arrangement.leader] = True
 
@@ -171,7 +171,7 @@ class Reconfiguration:
         self._next_try = after(now, TRY_AGAIN_S)
         present, places_m = self._present(), controller.places_m(now) - plan.offset_m
         returned, near = self._returned(), np.hypot(places_m[:, 0], places_m[:, 1]) <= GATHERED_M
-        plan.fly_beside(returned & near & ~plan.beside, places_m)
+        plan.fly_alongside(returned & near & ~plan.alongside, places_m)
         start = plan.at(now / NANOSECONDS, begun=True).standing(returned & ~near, plan.goal_m)
         course = ahead(route, guidance.speed_mps, guidance.distance_m)
         try:
@@ -180,7 +180,7 @@ class Reconfiguration:
             self._gathers_late(str(error), now)
             return
         self._gathers_late_at = None
-        if way is not None or plan.beside.any():
+        if way is not None or plan.alongside.any():
             plan.adopt(plan.arrangement, way or Transition.standing(plan.goal_m))
         self._planned_for = present.tolist()
         if way is not None:
@@ -392,7 +392,7 @@ class Reconfiguration:
         right_m, up_m = point.aside_m(place.north_m, place.east_m, place.height_m)
         abreast, commanded_m = Abreast(point, right_m, up_m), tick.setpoints[leader][2]
         above = abreast.rise(place, commanded_m, controller.models[leader], guidance.speed_mps)
-        aside = 0.0 if guidance.pauses else abreast.slope_aside(place)  # at a stop it comes to rest first
+        aside = 0.0 if guidance.pauses else abreast.lateral_slope(place)  # at a stop it comes to rest first
         scenario, path, reach_m = self._scenario if guidance.pauses else self._flown, guidance.path, slots.reach_m
         way = take_over(scenario, path, distance_m, right_m, above, reach_m, self._ground, right_slope=aside)
         return way, distance_m, swing_rad
@@ -404,8 +404,8 @@ class Reconfiguration:
         assigned slots: the law leads them there, and the others don't wait.
         """
         slots, places_m = self._controller.plan.at(now / NANOSECONDS, begun=True), self._controller.places_m(now)
-        amid = np.hypot(places_m[:, 0], places_m[:, 1]) <= AMID * slots.reach_m
-        return slots.standing(self._returned() & amid, places_m)
+        central = np.hypot(places_m[:, 0], places_m[:, 1]) <= AMID * slots.reach_m
+        return slots.standing(self._returned() & central, places_m)
 
     def _somebody_returned(self) -> bool:
         """Return whether a vehicle is present that wasn't when the transition was planned."""

@@ -128,7 +128,7 @@ def _of_window(wanted: Expectation, scenario: Scenario, flight: RecordedFlight, 
     found, period_s = covered(flight, wanted.from_s, wanted.to_s, scenario), 1.0 / scenario.law.rate_hz
     down_s = flight.down_from_s(wanted.from_s, wanted.to_s)
     if down_s is not None:
-        return Verdict(wanted, None, None, reached=False, reason=nobody_flew(down_s), share=found.share)
+        return Verdict(wanted, None, None, reached=False, reason=none_flew(down_s), share=found.share)
     end_s = max(0.0, flight.scored_end_s(scenario.duration_s, period_s))
     short = wanted.to_s - end_s > GAP_S + ROUNDING_S
     reason = f"flown to {end_s:.1f} s of {wanted.to_s:g} s" if short else str(found)
@@ -141,7 +141,7 @@ def covered(flight: RecordedFlight, from_s: float, to_s: float, scenario: Scenar
     return coverage(flight.mission_time_s[flight.window(from_s, to_s)], from_s, to_s, 1.0 / scenario.law.rate_hz)
 
 
-def nobody_flew(down_s: float) -> str:
+def none_flew(down_s: float) -> str:
     """Return in words since when no vehicle flew."""
     return f"nobody flew from {down_s:.1f} s on"
 

@@ -85,9 +85,9 @@ def settled_at_s(
         ends_s: mission times between which ticks are scored.
     """
     inside, places = _in_slot(error_m), np.arange(time_s.size)
-    since_s, until_s, apart = _through_gaps(time_s, period_s, ends_s)
+    since_s, until_s, gaps = _through_gaps(time_s, period_s, ends_s)
     # The tick after the last one outside, or after a long gap: since then the vehicle has been in its slot.
-    begins = np.maximum.accumulate(np.where(inside, np.where(apart, places, 0), places + 1))
+    begins = np.maximum.accumulate(np.where(inside, np.where(gaps, places, 0), places + 1))
     stayed = inside & (until_s - since_s.take(begins, mode="clip") >= SETTLED_FOR_S - 1e-9)
     return float(since_s[begins[stayed.argmax()]]) if stayed.any() else None
 
@@ -100,8 +100,8 @@ def _through_gaps(time_s: Array, period_s: float, ends_s: tuple[float, float]) -
     since_s = np.where(late[:-1], bounded_s[:-2] + period_s, time_s)
     until_s = time_s.copy()
     until_s[-1:] = ends_s[1] if late[-1] else time_s[-1:]
-    apart = before_s[:-1] > GAP_S + period_s
-    return since_s, until_s, apart
+    gaps = before_s[:-1] > GAP_S + period_s
+    return since_s, until_s, gaps
 
 
 def axis_figures(time_s: Array, error_m: Array, settled_s: float | None) -> dict[str, float | None]:

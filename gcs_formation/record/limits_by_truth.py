@@ -27,7 +27,7 @@ Truth = Callable[[float, float], Mapping[str, Array]]
 """Returns the rows from the last at or before one time to the first after another."""
 TRUTH_HZ: Final = 25.0
 """About how many rows of the truth there are in a second: only for the size of blocks."""
-NOBODY: Final = -1
+NONE: Final = -1
 
 
 class Track(NamedTuple):
@@ -37,7 +37,7 @@ class Track(NamedTuple):
     place: Array
     """(3, N) north, east and height; NaN where no vehicle is commanded to lead."""
     leader: Indices
-    """Who leads: its column, or `NOBODY` for a virtual leader."""
+    """Who leads: its column, or `NONE` for a virtual leader."""
 
 
 class PilotOutside(NamedTuple):
@@ -224,7 +224,7 @@ def _track(vehicles: Mapping[VehicleId, Columns], ticks: _Ticks, time_s: Array, 
         return Track(time_s - began_s(common), place, leader)
     places = np.stack([common[name] for name in VIRTUAL_LEADER[:3]])
     place = np.where(ticks.flying & ticks.active.any(axis=0), places, np.nan)
-    return Track(ticks.mission_s, place, np.full(ticks.time_s.size, NOBODY, dtype=np.intp))
+    return Track(ticks.mission_s, place, np.full(ticks.time_s.size, NONE, dtype=np.intp))
 
 
 def began_s(common: Mapping[str, Any]) -> float:

@@ -119,7 +119,7 @@ class RunDirectory:
 
     def _keep_earlier(self, *, overwrite: bool) -> None:
         """If there is an earlier run that commanded vehicles, record into a subdirectory beside it."""
-        unflown = _commanded_nobody(self.path)
+        unflown = _commanded_none(self.path)
         refused = refusal(self.path, overwrite=overwrite or unflown)
         if refused is not None:
             raise RecordError(refused)
@@ -136,12 +136,12 @@ class RunDirectory:
         """Replace the earlier run's record, because this run has begun."""
         if self._earlier is None:
             return
-        beside, place = self.path, self.path.parent
+        subdirectory, place = self.path, self.path.parent
         try:
             _clear(place)
-            for file in beside.iterdir():
+            for file in subdirectory.iterdir():
                 file.replace(place / file.name)
-            beside.rmdir()
+            subdirectory.rmdir()
         except OSError as error:
             self._give_up(error)
         self._earlier.close()
@@ -225,7 +225,7 @@ def recorded_in(path: Path) -> Path:
     return path / UNFLOWN if (path / UNFLOWN / SCENARIO).is_file() else path
 
 
-def _commanded_nobody(path: Path) -> bool:
+def _commanded_none(path: Path) -> bool:
     """Return whether the run recorded there ended before it commanded any vehicle."""
     if not (path / EVENTS).is_file():
         return False

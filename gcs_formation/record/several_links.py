@@ -80,10 +80,10 @@ def together(each: Sequence[OneLink], uses: Uses) -> dict[str, Any]:
     """Return what `LinkFigures` of the whole vehicle have of the link that was in use: delays, losses, injection."""
     weights = np.array([one.used_s for one in each])
     weights = weights / weights.sum() if weights.sum() > 0.0 else np.eye(len(each))[0]
-    told = [one.figures.injected for one in each]
+    injected_each = [one.figures.injected for one in each]
     injected = None
-    if all(one is not None for one in told):
-        injected = tuple(float(each) for each in weights @ np.array(told, float))
+    if all(one is not None for one in injected_each):
+        injected = tuple(float(each) for each in weights @ np.array(injected_each, float))
     used = [number_at(uses, one.figures.probed_ns) == one.number for one in each]
     order = np.argsort(np.concatenate([one.figures.probed_ns[own] for one, own in zip(each, used, strict=True)]))
     delays_s = np.concatenate([one.figures.delays_s[own] for one, own in zip(each, used, strict=True)])

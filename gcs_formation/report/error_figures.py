@@ -78,9 +78,9 @@ def assembly(run: RunData) -> Figure:
     time_s = run.whole_time_s[before]
     places = [run.whole.place_in_flight(vehicle)[before] for vehicle in group.vehicles]
     figure = style.new_figure(10.0)
-    above, beside = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.2)).ravel().tolist()
+    above, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.2)).ravel().tolist()
     _tracks(above.subplots(), group, places)
-    (heights,), (distances,) = style.axes_grid(beside, 2, 1, sharex=True)
+    (heights,), (distances,) = style.axes_grid(right, 2, 1, sharex=True)
     group.draw(heights, time_s, [place[:, 2] for place in places])
     heights.set_ylabel("height, m")
     away = [np.linalg.norm(run.whole.error(vehicle)[before], axis=1) for vehicle in followers.vehicles]

@@ -61,8 +61,8 @@ def followed(run: RunData, vehicle: VehicleId, channel: str) -> tuple[Array, Arr
     if channel != "heading":
         return setpoint, response
     steady = _unwrapped_deg(response)
-    apart = np.degrees(setpoint) - steady
-    return steady + (apart + 180.0) % 360.0 - 180.0, steady
+    difference = np.degrees(setpoint) - steady
+    return steady + (difference + 180.0) % 360.0 - 180.0, steady
 
 
 def has_gains(run: RunData) -> bool:
@@ -155,17 +155,17 @@ def separation(run: RunData) -> Figure:
     group, limits = everyone(run), run.scenario.safety
     figure = style.new_figure(9.5)
     grid = style.axes_grid(figure, 2, 1, sharex=True)
-    (apart,), (above,) = grid
+    (difference,), (above,) = grid
     if len(group.vehicles) > 1:
         minimum = figures_of_merit.separation_m(run.flown, np.ones(run.time_s.shape, dtype=bool))
         minimum = np.where(np.isfinite(minimum), minimum, np.nan)
-        draw_line(apart, run.time_s, minimum, color=style.NEAREST, lw=1.2, label="nearest pair")
-        _limit(apart, limits.separation_m)
+        draw_line(difference, run.time_s, minimum, color=style.NEAREST, lw=1.2, label="nearest pair")
+        _limit(difference, limits.separation_m)
     else:
-        style.note(apart, "one vehicle: nothing to be separated from")
+        style.note(difference, "one vehicle: nothing to be separated from")
     group.draw(above, run.time_s, [run.flown.clearance(vehicle) for vehicle in group.vehicles])
     _limit(above, limits.clearance_m)
-    span(apart, run.time_s)
+    span(difference, run.time_s)
     return finished(figure, run, grid, ("least separation, m", "height above ground, m"))
 
 

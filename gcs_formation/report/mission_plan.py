@@ -107,9 +107,9 @@ def _stops(axes: Axes, scenario: Scenario) -> None:
 
 def _numbered(places: Array) -> list[int]:
     """Return the waypoints that are numbered: of those whose numbers would lie on one another, the first."""
-    apart_m, found = APART * float(np.ptp(places, axis=0).max()), list[int]()
+    spacing_m, found = APART * float(np.ptp(places, axis=0).max()), list[int]()
     for index, place in enumerate(places):
-        if all(np.hypot(*(place - places[other])) >= apart_m for other in found):
+        if all(np.hypot(*(place - places[other])) >= spacing_m for other in found):
             found.append(index)
     return found
 

@@ -206,8 +206,8 @@ def _layout(extent: Extent, count: int) -> tuple[Figure, Axes, list[Axes], float
         figure = style.new_figure(height_cm + 6.0)
         parts = figure.subfigures(2, 1, squeeze=False, height_ratios=[height_cm, 4.5])
         rows, columns, aspect = 1, count, 1.0
-    main, beside = parts.ravel().tolist()
-    small = style.panels(beside, rows, columns, count)
+    main, narrow = parts.ravel().tolist()
+    small = style.panels(narrow, rows, columns, count)
     return figure, main.subplots(), small, float(np.clip(aspect, 0.8, 2.0))
 
 

@@ -203,8 +203,8 @@ def crossings_of(places: Array, values: Array, level: float) -> list[float]:
 def _room(table: _Table, maps: int) -> int:
     """Return the digits with which the narrowest cell's value fits, with `maps` in a row; 0 if it doesn't."""
     widths = np.diff(table.columns)
-    beside = maps * float(widths.sum() / widths.min())
-    return next((digits for maximum, digits in ROOM if beside <= maximum + 1e-9), 0)
+    columns_across = maps * float(widths.sum() / widths.min())
+    return next((digits for maximum, digits in ROOM if columns_across <= maximum + 1e-9), 0)
 
 
 def _write(axes: Axes, table: _Table, norm: Normalize, digits: int) -> None:

@@ -148,8 +148,8 @@ def _measured(metric: str, task: Task, summary: Summary, wrong: list[str]) -> fl
         return figure(summary.figures, metric)
     if not any(each.judged or each.lost for each in own):
         return None
-    told = [each for each in own if each.judged or each.value is not None]  # not one that led all the time
-    found = [each.value for each in told if each.reached or each.lost]
+    stated = [each for each in own if each.judged or each.value is not None]  # not one that led all the time
+    found = [each.value for each in stated if each.reached or each.lost]
     return worst(metric, [value if value is not None and math.isfinite(value) else None for value in found])
 
 

@@ -68,8 +68,10 @@ class FlightRecord:
     def at_path_end(self) -> bool:
         """Whether the leader is then at the end of the path: with a tailwind it gets there before the time is over."""
         last = self.flying & (self.columns["leads"] > 0) & (self.columns["mission_time_s"] >= self.ends_s)
-        apart_m = [self.columns[name][last] - self.scenario.path.waypoints_m[-1][i] for i, name in enumerate(TRUTH[:2])]
-        return bool((np.linalg.norm(apart_m, axis=0) < NEAR_END_M).any())
+        distance_m = [
+            self.columns[name][last] - self.scenario.path.waypoints_m[-1][i] for i, name in enumerate(TRUTH[:2])
+        ]
+        return bool((np.linalg.norm(distance_m, axis=0) < NEAR_END_M).any())
 
     def crashes(self, vehicle: PlannedVehicle) -> bool:
         """Return whether the scenario's faults crash a vehicle."""
@@ -101,9 +103,9 @@ def separation(flown: FlightRecord) -> Iterator[str]:
     min_m = flown.scenario.safety.separation_m
     for one, other in combinations(flown.scenario.vehicles, 2):
         ours, theirs = flown.rows(one), flown.rows(other)
-        apart_m = np.linalg.norm([ours[name] - theirs[name] for name in TRUTH[:3]], axis=0)
+        distance_m = np.linalg.norm([ours[name] - theirs[name] for name in TRUTH[:3]], axis=0)
         flying = (ours[timeseries.AIRBORNE] > 0) & (theirs[timeseries.AIRBORNE] > 0)
-        near = np.where(flying, apart_m, np.inf)
+        near = np.where(flying, distance_m, np.inf)
         if near.min(initial=np.inf) < min_m:
             worst = int(near.argmin())
             found, allowed = distinct_texts(float(near[worst]), min_m)

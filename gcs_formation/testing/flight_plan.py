@@ -23,7 +23,7 @@ from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import fly, run
 from gcs_formation.phases import COMMANDED
 from gcs_formation.record.coverage import Coverage, coverage
-from gcs_formation.record.expectations import FAILINGS, covered, nobody_flew
+from gcs_formation.record.expectations import FAILINGS, covered, none_flew
 from gcs_formation.record.flight import RecordedFlight, split
 from gcs_formation.record.run_directory import SCENARIO, TIMESERIES
 from gcs_formation.record.summary import Summary
@@ -144,7 +144,7 @@ class FlownFlight:
         __tracebackhide__ = True
         end_s = self.figures["duration_s"]
         down_s, recorded = self._flight.down_from_s(0.0, end_s), covered(self._flight, 0.0, end_s, self.scenario)
-        missing = ("" if recorded.enough else str(recorded)) if down_s is None else nobody_flew(down_s)
+        missing = ("" if recorded.enough else str(recorded)) if down_s is None else none_flew(down_s)
         self._require(not missing, f"not {min_m:g} m apart all through the flight: {missing}")
         self._require_as_planned()
         nearest_m = self.figures["safety"]["min_separation_m"]

@@ -443,7 +443,7 @@ class Vehicle:
             return
         if not 0 < answer.tc1_ns <= CLOCK_LIMIT_NS:
             self.telemetry.implausible += 1
-        elif self.source_binding.believes(answer.tc1_ns / NANOSECONDS, now) and self.round_trips.measure(answer, now):
+        elif self.source_binding.accepts(answer.tc1_ns / NANOSECONDS, now) and self.round_trips.measure(answer, now):
             self._begin_again()
         elif self.clock.samples == 1 and answer.tc1_ns > TURN_S * NANOSECONDS:
             self.jitter.forget()  # the first answer shows that earlier stamps had wrapped

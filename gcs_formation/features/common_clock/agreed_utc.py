@@ -30,16 +30,16 @@ UTC_LOOKED_AT: Final = 12
 
 
 class UtcBounds(NamedTuple):
-    """Bounds on UTC minus our clock by one vehicle, s: causality allows `middle_s` plus or minus `reach_s`."""
+    """Bounds on UTC minus our clock by one vehicle, s; by causality `middle_s` plus or minus `half_round_trip_s`."""
 
     middle_s: float
     """The value for equal delays up and down."""
-    reach_s: float
+    half_round_trip_s: float
     """Half of the shortest round trip."""
 
     def allows(self, utc_s: float, slack_s: float = UTC_SLACK_S) -> bool:
         """Return whether no datagram would arrive before it was sent."""
-        return abs(utc_s - self.middle_s) <= self.reach_s + slack_s
+        return abs(utc_s - self.middle_s) <= self.half_round_trip_s + slack_s
 
 
 def agreed_s(bounds: Sequence[UtcBounds], before_s: float = math.nan) -> float:
@@ -51,13 +51,13 @@ def agreed_s(bounds: Sequence[UtcBounds], before_s: float = math.nan) -> float:
         return math.nan
     if 2 * sum(each.allows(before_s) for each in bounds) > len(bounds):
         return before_s
-    edges = [each.middle_s + sign * each.reach_s for each in bounds for sign in (-1.0, 1.0)]
+    edges = [each.middle_s + sign * each.half_round_trip_s for each in bounds for sign in (-1.0, 1.0)]
     most = max(edges, key=lambda edge_s: sum(each.allows(edge_s) for each in bounds))
     agreeing = [each for each in bounds if each.allows(most)]
     if 2 * len(agreeing) <= len(bounds):
         return math.nan
-    low_s = max(each.middle_s - each.reach_s for each in agreeing)
-    high_s = min(each.middle_s + each.reach_s for each in agreeing)
+    low_s = max(each.middle_s - each.half_round_trip_s for each in agreeing)
+    high_s = min(each.middle_s + each.half_round_trip_s for each in agreeing)
     return max(low_s, min(high_s, median(each.middle_s for each in agreeing)))
 
 
@@ -129,7 +129,7 @@ class CommonClock(Stage):
             return "vehicles disagree about it, and no majority is right"
         if bounds.allows(self._utc_s, UTC_IN_USE_S if stamps.by_utc else UTC_SLACK_S):
             return None
-        least_s = abs(bounds.middle_s - self._utc_s) - bounds.reach_s
+        least_s = abs(bounds.middle_s - self._utc_s) - bounds.half_round_trip_s
         return f"it is {least_s:.3f} s or more off the others', as nothing arrives before it was sent"
 
 
@@ -137,4 +137,4 @@ def _bounds(vehicle: Vehicle) -> UtcBounds | None:
     clock = vehicle.round_trips.gnss
     if clock is None or clock.why_not(used=vehicle.round_trips.stamps.by_utc) is not None:
         return None
-    return UtcBounds(clock.station_utc_s(), clock.reach_s)
+    return UtcBounds(clock.station_utc_s(), clock.half_round_trip_s)

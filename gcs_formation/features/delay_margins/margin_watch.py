@@ -106,20 +106,20 @@ class WatchedVehicle:
 
     def __init__(self, vehicle: Vehicle) -> None:
         """Start without a check."""
-        self.vehicle, self._scatters_s = vehicle, list[float]()
+        self.vehicle, self._jitters_s = vehicle, list[float]()
         self.axes = dict[str, Usage]()
         """By axis, what computes the share of the margin that its loops use; they share one bandwidth."""
 
         self.held, self.held_too_long = 0, False
         """Number of checks for which it was held, less those since; whether it follows with reduced gains instead."""
 
-    def least_scatter_s(self) -> float:
+    def min_jitter_s(self) -> float:
         """Sample the scatter of its round trips; return the least of the last `LASTING_LOOKS`."""
-        scatters_s, least_s = self._scatters_s, self.vehicle.clock.usual_scatter_s
-        if len(scatters_s) == LASTING_LOOKS:
-            scatters_s.pop(0)
-        scatters_s.append(least_s)
-        for each in scatters_s:
+        jitters_s, least_s = self._jitters_s, self.vehicle.clock.usual_jitter_s
+        if len(jitters_s) == LASTING_LOOKS:
+            jitters_s.pop(0)
+        jitters_s.append(least_s)
+        for each in jitters_s:
             least_s = min(least_s, each)
         return least_s
 
@@ -241,7 +241,7 @@ class MarginWatch:
             down_s = float(np.fmax.reduce([other.vehicle.round_trips.down_s for other in self._each]))
         up_s = 2.0 * vehicle.clock.one_way_s - own_down_s
         telemetry_hz, law_hz = self._rates_hz
-        return LoopDelay(loop_delay_s(up_s, down_s, telemetry_hz, law_hz), each.least_scatter_s())
+        return LoopDelay(loop_delay_s(up_s, down_s, telemetry_hz, law_hz), each.min_jitter_s())
 
     def _set_bandwidth(self, now: Instant, each: WatchedVehicle, delay: LoopDelay) -> None:
         """Change the bandwidth of axes that use too much of the margin, or little with reduced gains."""

@@ -18,7 +18,7 @@ from formation_scenario.start_states_and_end_times import planned_m
 from gcs_formation.features.ending.stack import Stack, stacked
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.from_scenario import autopilot_models
-from gcs_formation.guidance.leader_guidance import way_ahead
+from gcs_formation.guidance.leader_guidance import path_ahead
 from gcs_formation.vehicle.telemetry import ReportedMotion
 
 STEP_S = 0.5
@@ -99,7 +99,7 @@ class _Climb:
             )
 
     def _ahead(self, seconds: float) -> list[tuple[float, float]]:
-        return way_ahead(self._path, self._end_m, seconds * self._speed_mps)
+        return path_ahead(self._path, self._end_m, seconds * self._speed_mps)
 
     def _too_low(self) -> Iterator[str]:
         """Yield the lowest clearance straight on until the last vehicle is at its height, if it is too low."""

@@ -316,7 +316,7 @@ def test_a_step_is_the_extended_kalman_filters(commanded, off_m, monkeypatch):
     def note(_noise, unexplained, _own):
         estimated.append(unexplained)
 
-    monkeypatch.setattr(VehicleNoise, "learn", note)
+    monkeypatch.setattr(VehicleNoise, "adapt", note)
     tables.send(flight.history, np.array([0]), Setpoints(*(np.array([each]) for each in (22.0, 0.3, 100.0))))
     before, until = FlightStates.from_each([flight.state]), np.array([STEP_NS])
     covariance, variance = flight.covariance(), fine[QUANTITY_OF] ** 2

@@ -29,7 +29,7 @@ def test_the_estimate_is_the_mean_of_products_of_successive_increments() -> None
         rows, spread = variance[list(ROW_OF)], np.full(8, 0.04)
         bound = 2.0 * np.sqrt(spread + rows)
         increments = 1.2 * bound * random.uniform(-1.0, 1.0, 8)
-        noise.learn(tuple(increments.tolist()), tuple(spread.tolist()))
+        noise.adapt(tuple(increments.tolist()), tuple(spread.tolist()))
         clipped = np.clip(increments, -bound, bound)
         products = -clipped * before
         mean = np.array((products[:2].mean(), products[2], products[3:5].mean(), *products[5:]))
@@ -46,13 +46,13 @@ def test_a_vehicle_that_begins_again_has_what_is_declared_and_the_others_keep_wh
     again, other = begun(), begun()
     for number in range(30):
         for each in (again, other):
-            each.learn(each_of_eight(0.2 * (-1) ** number), each_of_eight(1.0))
+            each.adapt(each_of_eight(0.2 * (-1) ** number), each_of_eight(1.0))
     estimated = other.sigma()
     again.begin()
     np.testing.assert_allclose(again.sigma(), SIGMA)
     np.testing.assert_allclose(other.sigma(), estimated)
     for each in (again, other):
-        each.learn(each_of_eight(0.2), each_of_eight(1.0))
+        each.adapt(each_of_eight(0.2), each_of_eight(1.0))
     np.testing.assert_allclose(again.sigma(), SIGMA * np.sqrt(20.0 / 21.0))
 
 
@@ -61,7 +61,7 @@ def test_noise_is_compared_with_what_is_stated_and_more_than_rounding(stated: bo
     sigma = (0.003, 0.3, 0.003, 0.1, 0.3, 0.01)
     noise = VehicleNoise(sigma, sigma, stated=stated)
     for number in range(100):
-        noise.learn(each_of_eight(0.5 * (-1) ** number), each_of_eight(1.0))
+        noise.adapt(each_of_eight(0.5 * (-1) ** number), each_of_eight(1.0))
     compared = np.flatnonzero(np.array(noise.ratios()) != 1.0)
     assert compared.tolist() == ([1, 3, 4, 5] if stated else [])
 
@@ -72,7 +72,7 @@ def strayed(places: Array, velocities: Array, step_s: float, sigma: float, sigma
     drift, noise = PositionDrift(), (place, place, place, rate, rate, rate, rate, rate)
     found = list[float]()
     for (north, east), (north_mps, east_mps) in zip(places.tolist(), velocities.tolist(), strict=True):
-        drift.learn((north, east, 0.0, north_mps, east_mps, 0.0, 22.0, 0.0), step_s if found else 0.0, noise)
+        drift.adapt((north, east, 0.0, north_mps, east_mps, 0.0, 22.0, 0.0), step_s if found else 0.0, noise)
         found.append(math.sqrt(drift.variance))
     return found
 

@@ -28,7 +28,7 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
         airborne=True,
         flew=True,
         may_loiter=False,
-        clock=SimpleNamespace(one_way_s=up_s, split_s=0.0, loop_s=0.1),
+        clock=SimpleNamespace(one_way_s=up_s, asymmetry_s=0.0, loop_s=0.1),
         jitter=SimpleNamespace(jitter_s=0.0),
         round_trips=SimpleNamespace(heard_at=lambda now: now, gnss=None, knows_ways=False),
         autopilot=SimpleNamespace(speeds_mps=None),

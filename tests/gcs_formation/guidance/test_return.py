@@ -21,7 +21,7 @@ SPEED = 22.0
 def guidance() -> LeaderGuidance:
     """Return the guidance of a leader that is in the middle of a path to the north."""
     made = from_scenario.leader_guidance(load_scenario(scenario()))
-    made.amid_m = (0.0, 2000.0)
+    made.centroid_m = (0.0, 2000.0)
     return made
 
 
@@ -61,7 +61,7 @@ def test_off_the_path_it_returns_in_wide_turns_and_then_follows_it(east_m: float
 def test_the_straight_before_the_path_gets_longer_with_every_round_up_to_four_times() -> None:
     """A follower that needs longer than it to come back into its slot would be out of it after every lap."""
     leads = guidance()
-    leads.amid_m = None
+    leads.centroid_m = None
     lengths_m: list[float] = []
     for _ in range(6):
         leads.route, leads.distance_m = leads.path, -30.0
@@ -116,14 +116,14 @@ def test_aircraft_with_energies_have_twice_the_time_to_settle_in_frames_of_their
     assert from_scenario.leader_guidance(load_scenario(scenario() | keys)).settle_s == times * SETTLE_S
 
 
-@pytest.mark.parametrize("amid_m", [None, (0.0, 2000.0)])
+@pytest.mark.parametrize("centroid_m", [None, (0.0, 2000.0)])
 @pytest.mark.parametrize("noise_mps", [0.05, 0.0, -0.05])
 def test_one_that_stands_sets_out_along_its_nose_not_along_the_noise_of_its_velocity(
-    noise_mps: float, amid_m: tuple[float, float] | None
+    noise_mps: float, centroid_m: tuple[float, float] | None
 ) -> None:
     """By a velocity backwards, its slots' axis would turn by half a turn, and all slots with it."""
     leads = guidance()
-    leads.amid_m = amid_m
+    leads.centroid_m = centroid_m
     stands = FlightState(700.0, 300.0, 100.0, 0.0, noise_mps, 0.7, 0.0, 0.0)
     leads.steer(stands, MODEL, assembled=False)
     assert leads.route is not None

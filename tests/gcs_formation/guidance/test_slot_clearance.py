@@ -34,7 +34,7 @@ class Flight:
     def __init__(self) -> None:
         hills = [Hill(north_m=each, east_m=RIGHT_M, height_m=40.0, radius_m=250.0) for each in TOPS_M]
         self.ground = Hills(0.0, hills)
-        self.lifts = SlotClearance(self.ground, CLEARANCE_M, lambda _: BOUNDS, "leader_heading")
+        self.offsets_m = SlotClearance(self.ground, CLEARANCE_M, lambda _: BOUNDS, "leader_heading")
         self._route = SplinePath([[0.0, 0.0, HEIGHT_M], [9000.0, 0.0, HEIGHT_M]])
         self._plan = FormationPlan(load_scenario(scenario())).arrangement
         self.at_m = 0.0
@@ -46,7 +46,7 @@ class Flight:
             self.at_m += TICK_M
             leader = FlightState(self.at_m, 0.0, HEIGHT_M, 0.0, SPEED_MPS, 0.0, 0.0, wind_east_mps)
             ahead = TrackAhead(self._route, leader, 0, self.at_m, SPEED_MPS, lambda _: SLOTS, self._plan)
-            self.lifts.look_ahead(ahead, [self.at_m, self.at_m])
+            self.offsets_m.look_ahead(ahead, [self.at_m, self.at_m])
 
     def missing_m(self, wind_east_mps: float = 0.0) -> float:
         """Return by how much the follower would fly below its clearance at the worst place that is seen."""
@@ -54,8 +54,8 @@ class Flight:
         sees = np.arange(self.at_m, self.at_m + SEEN_M, TICK_M / 2)
         north = sees - BEHIND_M * math.cos(crab) + RIGHT_M * math.sin(crab)
         east = np.full_like(sees, BEHIND_M * math.sin(crab) + RIGHT_M * math.cos(crab))
-        lifts = [self.lifts.lift([each, each])[1][0] for each in sees.tolist()]
-        return float((self.ground.height(north, east) + CLEARANCE_M - HEIGHT_M - np.array(lifts)).max())
+        offsets_m = [self.offsets_m.offsets([each, each])[1][0] for each in sees.tolist()]
+        return float((self.ground.height(north, east) + CLEARANCE_M - HEIGHT_M - np.array(offsets_m)).max())
 
 
 @pytest.fixture

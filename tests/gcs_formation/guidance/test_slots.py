@@ -69,7 +69,7 @@ def test_who_flies_beside_a_turning_leader_keeps_its_place_over_ground_at_the_le
     last = np.arange(len(plan.goal_m)) == len(plan.goal_m) - 1
     places_m = plan.goal_m + np.array([-30.0, 110.0, 5.0])
     plan.turn(200.0, turn_rps)
-    plan.fly_beside(last, np.where(last[:, None], places_m, plan.goal_m))
+    plan.fly_alongside(last, np.where(last[:, None], places_m, plan.goal_m))
     still = np.zeros(1)
     for elapsed_s in np.arange(0.0, 31.4, TICK_S):
         plan.turn(200.0 + elapsed_s, turn_rps)
@@ -83,5 +83,5 @@ def test_who_flies_beside_a_turning_leader_keeps_its_place_over_ground_at_the_le
         assert needs.aside_rad[0, -1] == pytest.approx(0.0, abs=1e-6)
         assert needs.accel_mps2[0, -1] == pytest.approx(0.0, abs=1e-6)
     plan.adopt(plan.arrangement, Transition.standing(plan.goal_m))
-    assert not plan.beside.any()
+    assert not plan.alongside.any()
     assert plan.settled(240.0)

@@ -141,10 +141,10 @@ def test_one_that_booted_after_it_was_last_asked_has_restarted_however_late_it_i
 
 def test_the_jitter_of_round_trips_is_their_sample_deviation() -> None:
     sync = ClockSync(loop_s=0.02)
-    for number, (trip_s, scatter_s) in enumerate(((0.10, 0.0), (0.14, 0.02 * math.sqrt(2)), (0.18, 0.04))):
+    for number, (trip_s, jitter_s) in enumerate(((0.10, 0.0), (0.14, 0.02 * math.sqrt(2)), (0.18, 0.04))):
         sent = after(Instant(0), 1.0 * number)
         assert not sync.observe(sent, sent, after(sent, trip_s))
-        assert sync.scatter_s == pytest.approx(scatter_s)
+        assert sync.jitter_s == pytest.approx(jitter_s)
     assert sync.last_one_way_s() == pytest.approx((0.18 - 0.01) / 2)
     assert sync.samples == 3
 
@@ -201,7 +201,7 @@ def test_a_step_in_delay_is_the_delay_after_two_seconds_and_no_jitter_but_for_a_
         probe(sync, rng, 0.25 * k, 0.4, 0.005, (0.0, 0.0))
     for k in range(40, 60):
         probe(sync, rng, 0.25 * k, after_s, 0.005, (0.0, 0.0))
-        assert sync.usual_scatter_s < 0.03
+        assert sync.usual_jitter_s < 0.03
         if k >= 47:
             assert sync.one_way_s == pytest.approx(after_s, abs=0.01)
 
@@ -214,19 +214,19 @@ def exchanged(sync: ClockSync, at_s: float, up_s: float, down_s: float, offset_s
 @pytest.mark.parametrize(("up_s", "down_s"), [(0.35, 0.05), (0.05, 0.35), (0.3, 0.3), (0.75, 0.05)])
 def test_a_step_of_one_way_is_distinguished_from_the_clock_and_forgotten(up_s: float, down_s: float) -> None:
     """The clock continues: its samples step by half of the ways' difference, and the mapping isn't moved."""
-    sync, split_s = ClockSync(), (up_s - down_s) / 2
+    sync, asymmetry_s = ClockSync(), (up_s - down_s) / 2
     for k in range(200):
         exchanged(sync, 0.25 * k, 0.05, 0.05)
     exchanged(sync, 50.0, 0.05, down_s)  # it was in transit as the link stepped
     for k in range(201, 209):
         exchanged(sync, 0.25 * k, up_s, down_s)
-    assert sync.one_way_s + sync.split_s == pytest.approx(up_s, abs=0.005)
+    assert sync.one_way_s + sync.asymmetry_s == pytest.approx(up_s, abs=0.005)
     assert sync.age_s(5.0 + 52.0, Instant(53 * NANOSECONDS)) == pytest.approx(1.0, abs=0.005)
     assert abs(sync.drift) < 1e-5
     for k in range(209, 329):
         exchanged(sync, 0.25 * k, up_s, down_s)
-    assert sync.split_s == pytest.approx(split_s / math.e, abs=0.005)
-    forgotten_s = split_s * (1.0 - 1.0 / math.e)
+    assert sync.asymmetry_s == pytest.approx(asymmetry_s / math.e, abs=0.005)
+    forgotten_s = asymmetry_s * (1.0 - 1.0 / math.e)
     assert sync.age_s(5.0 + 82.0, Instant(83 * NANOSECONDS)) == pytest.approx(1.0 + forgotten_s, abs=0.005)
 
 
@@ -237,7 +237,7 @@ def test_neither_the_first_slow_probes_nor_a_step_of_both_ways_shows_a_delay_asy
     sync = ClockSync()
     for k in range(before + 40):
         exchanged(sync, 0.25 * k, *((up_s, down_s) if k < before else (0.3, 0.3)))
-        assert sync.split_s == 0.0
+        assert sync.asymmetry_s == 0.0
 
 
 def test_no_way_is_taken_to_last_less_than_nothing() -> None:
@@ -247,17 +247,17 @@ def test_no_way_is_taken_to_last_less_than_nothing() -> None:
         exchanged(sync, 0.25 * k, 0.35, 0.05)
     for k in range(200, 210):
         exchanged(sync, 0.25 * k, 0.05, 0.05)
-    assert (sync.one_way_s, sync.split_s) == (pytest.approx(0.05), pytest.approx(-0.05, abs=0.001))
+    assert (sync.one_way_s, sync.asymmetry_s) == (pytest.approx(0.05), pytest.approx(-0.05, abs=0.001))
 
 
 def test_jitter_that_stays_is_seen_and_moves_no_window() -> None:
     """Jitter of 40 ms each way: round trips scatter by 57 ms, and the mean is over the whole window of 4 s."""
-    rng, sync, scatters_s, delays_s = np.random.default_rng(2), ClockSync(), [], []
+    rng, sync, jitters_s, delays_s = np.random.default_rng(2), ClockSync(), [], []
     for k in range(400):
         probe(sync, rng, 0.25 * k, 0.4, 0.04, (0.0, 0.0))
-        scatters_s.append(sync.usual_scatter_s)
+        jitters_s.append(sync.usual_jitter_s)
         delays_s.append(sync.one_way_s)
-    assert np.median(scatters_s[20:]) == pytest.approx(0.04 * math.sqrt(2), rel=0.2)
+    assert np.median(jitters_s[20:]) == pytest.approx(0.04 * math.sqrt(2), rel=0.2)
     assert np.std(delays_s[20:]) < 0.04 / math.sqrt(2) / 3.0
 
 

@@ -53,7 +53,7 @@ class Made:
     def utc_error_s(self) -> float:
         return self.clock.to_utc_s(self.boot_s(self.now_s)) - UTC_AT_0_S - self.now_s
 
-    def split_s(self) -> float:
+    def asymmetry_s(self) -> float:
         """Return the estimated difference of the delays up and down."""
         return 2 * (self.clock.station_utc_s() - UTC_AT_0_S)
 
@@ -70,7 +70,7 @@ def test_utc_and_the_split_are_known_whatever_the_clock_drifts(drift, jitter_s, 
     made.fly(1000.0)
     assert made.clock.why_not() is None
     assert abs(made.utc_error_s()) < allowed_s
-    assert abs(made.split_s() - 0.32) < 2 * allowed_s
+    assert abs(made.asymmetry_s() - 0.32) < 2 * allowed_s
     assert made.clock.drift == pytest.approx(drift, abs=2e-6)
 
 
@@ -81,7 +81,7 @@ def test_round_trips_that_are_alike_by_chance_are_not_accepted_for_long(to_s: fl
     for seed in range(80):
         made = Made(0.0, constant(0.15, 0.15), 0.02, armed_s=0.0, seed=seed)
         made.fly(to_s)
-        off_s.append(abs(made.split_s()) / 2)
+        off_s.append(abs(made.asymmetry_s()) / 2)
     assert max(off_s) < allowed_s
 
 
@@ -91,7 +91,7 @@ def test_a_slow_clock_left_utc_when_it_was_armed_and_a_fast_one_when_it_booted(d
     made = Made(drift, constant(0.1, 0.1), armed_s=500.0)
     made.fly(1000.0)
     assert abs(made.utc_error_s()) < 0.002
-    assert abs(made.split_s()) < 0.001
+    assert abs(made.asymmetry_s()) < 0.001
 
 
 def test_a_slow_clock_that_was_armed_unseen_left_utc_midway_for_all_that_is_known():
@@ -170,7 +170,7 @@ def test_a_step_of_the_split_is_the_links_and_is_followed_within_20_s(jitter_s):
     made.fly(99.0)
     before_s = made.utc_error_s()
     made.fly(119.0)
-    assert abs(made.split_s() - 0.32) < 0.02
+    assert abs(made.asymmetry_s() - 0.32) < 0.02
     assert abs(made.utc_error_s() - before_s) < 1e-3  # the clock continues
 
 
@@ -186,26 +186,26 @@ def test_utc_is_within_causality_all_the_while_that_a_link_changes(
     made.fly(50.0)
     while made.now_s < 80.0:
         made.fly(made.now_s + 0.25)
-        assert abs(made.clock.station_utc_s() - UTC_AT_0_S) <= made.clock.reach_s + UTC_SLACK_S
-    assert made.clock.reach_s < sum(after_s) / 2 + LOOP_S + 2 * jitter_s
+        assert abs(made.clock.station_utc_s() - UTC_AT_0_S) <= made.clock.half_round_trip_s + UTC_SLACK_S
+    assert made.clock.half_round_trip_s < sum(after_s) / 2 + LOOP_S + 2 * jitter_s
 
 
 def test_a_link_that_changes_three_times_in_a_minute_is_no_clock_that_runs_unsteadily() -> None:
     """Each change is one step: half of the round trips are old when the estimate would follow by half of it."""
-    ways_s = ((0.03, 0.05), (0.3, 0.05), (0.03, 0.5), (0.03, 0.05))
-    made = Made(0.0, lambda at_s: ways_s[min(3, int(at_s / 20.0))])
+    up_down_s = ((0.03, 0.05), (0.3, 0.05), (0.03, 0.5), (0.03, 0.05))
+    made = Made(0.0, lambda at_s: up_down_s[min(3, int(at_s / 20.0))])
     made.fly(75.0)
     assert made.clock.why_not() is None
-    assert abs(made.split_s() + 0.02) < 0.004
+    assert abs(made.asymmetry_s() + 0.02) < 0.004
 
 
 @pytest.mark.parametrize("jitter_s", [0.0, 0.005, 0.02])
 @pytest.mark.parametrize("every_s", [6.0, 13.0])
 def test_a_step_that_round_trips_make_too_is_never_the_clocks(jitter_s: float, every_s: float) -> None:
     """However often the link changes: one way alone, both, or from one to the other."""
-    ways_s = ((0.03, 0.05), (0.3, 0.05), (0.03, 0.5), (0.4, 0.04))
+    up_down_s = ((0.03, 0.05), (0.3, 0.05), (0.03, 0.5), (0.4, 0.04))
     for seed in range(1, 9):
-        made = Made(20e-6, lambda at_s: ways_s[int(at_s / every_s) % 4], jitter_s, seed=seed)
+        made = Made(20e-6, lambda at_s: up_down_s[int(at_s / every_s) % 4], jitter_s, seed=seed)
         while made.now_s < 120.0:
             made.fly(made.now_s + 1.0)
             assert made.clock.why_not() != "its clock doesn't run steadily"
@@ -326,7 +326,7 @@ def test_a_change_of_mapping_in_flight_comes_gradually():
     for _ in range(170):
         stamps.use_utc(UTC_AT_0_S, now, 0.001)
     assert stamps.to_instant(20.0) == pytest.approx(now, abs=2e6)
-    up_s, down_s = stamps.ways_s(0.24)
+    up_s, down_s = stamps.up_down_s(0.24)
     assert (up_s, down_s) == (pytest.approx(0.4, abs=0.003), pytest.approx(0.08, abs=0.003))
     stamps.use_utc(None, now, 0.001)
     assert stamps.to_instant(20.0) == pytest.approx(now, abs=2e6)  # the inverse changes gradually, too

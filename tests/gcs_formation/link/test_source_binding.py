@@ -145,9 +145,9 @@ def test_two_behind_one_address_are_distinguished_by_their_clocks() -> None:
 
 def test_the_answer_of_another_clock_is_accepted_only_once_its_own_has_not_been_seen_for_2_s() -> None:
     ground = Ground()
-    assert ground.source_binding.believes(BOOTED_S, ground.now)
-    assert not ground.source_binding.believes(7.0, after(ground.now, DISBELIEVED_S - 0.1))
-    assert ground.source_binding.believes(7.0, after(ground.now, DISBELIEVED_S + 0.1))
+    assert ground.source_binding.accepts(BOOTED_S, ground.now)
+    assert not ground.source_binding.accepts(7.0, after(ground.now, DISBELIEVED_S - 0.1))
+    assert ground.source_binding.accepts(7.0, after(ground.now, DISBELIEVED_S + 0.1))
 
 
 def test_a_crowd_of_claimants_is_not_remembered_without_limit() -> None:

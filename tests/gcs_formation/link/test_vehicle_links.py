@@ -143,7 +143,7 @@ def test_stamps_are_mapped_on_as_before_when_another_link_is_used() -> None:
     vehicle.run(0.8)
     assert vehicle.used == 2
     assert vehicle.links.in_use.clock.to_instant(stamp_s) == pytest.approx(before, abs=2e6)
-    assert vehicle.links.in_use.clock.split_s == pytest.approx(0.05, abs=0.005)
+    assert vehicle.links.in_use.clock.asymmetry_s == pytest.approx(0.05, abs=0.005)
 
 
 def test_setpoints_of_a_slower_link_may_come_for_as_long_as_it_is_slower() -> None:

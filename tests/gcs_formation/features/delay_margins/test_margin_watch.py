@@ -49,7 +49,7 @@ class Formation:
             self.delay(each, 0.0)
 
     def delay(self, vehicle: Any, one_way_s: float, scatter_s: float = 0.0) -> None:
-        vehicle.clock = SimpleNamespace(one_way_s=one_way_s, usual_scatter_s=scatter_s)
+        vehicle.clock = SimpleNamespace(one_way_s=one_way_s, usual_jitter_s=scatter_s)
         vehicle.round_trips = SimpleNamespace(down_s=one_way_s)
 
     def look(self, leader: Any = None) -> float:
@@ -316,7 +316,7 @@ def test_a_step_of_the_delay_is_no_scatter(delays_s: tuple[float, float], jitter
         formation, link = Formation(delay_compensation=True, on_delay="hold"), Link(delays_s, jitter_s, seed)
         for second in range(6, 25):
             sync = link.hear(float(second))
-            formation.delay(formation.follower, sync.one_way_s, sync.usual_scatter_s)
+            formation.delay(formation.follower, sync.one_way_s, sync.usual_jitter_s)
             formation.look()
         assert formation.watch.most_used <= max(used) + 1e-6
 

@@ -29,7 +29,7 @@ def said(times, samples=400, stated=True):
             white = sigma * random.standard_normal((8, 1))
             white[:2] *= scale
             spread = 2.0 * (sigma * scale) ** 2
-            noise.learn(tuple((white - before)[:, 0].tolist()), tuple(spread[:, 0].tolist()))
+            noise.adapt(tuple((white - before)[:, 0].tolist()), tuple(spread[:, 0].tolist()))
             before = white
             watch.watch_noise(Instant(0), [noise])
     return notes.of("noise")

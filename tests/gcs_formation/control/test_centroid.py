@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from flight_model.autopilot_model import FlightState
 from flight_model.slot import Slot
-from gcs_formation.control.setpoint import amid, formation_error, slot_target
+from gcs_formation.control.setpoint import centroid, formation_error, slot_target
 
 SPEED_MPS = 22.0
 STILL = [0.0, 0.0, 0.0]
@@ -34,7 +34,7 @@ def in_slots(leader, turn_rps, frame):
 def test_followers_in_their_slots_give_their_leader_in_turns_too(frame, heading_rad, turn_rps):
     leader = FlightState(400.0, -300.0, 100.0, 0.0, SPEED_MPS, heading_rad, 0.0, 0.0)
     followers = in_slots(leader, turn_rps, frame)
-    found = amid(followers, COLUMN, SPEED_MPS, turn_rps, frame)
+    found = centroid(followers, COLUMN, SPEED_MPS, turn_rps, frame)
     assert found.heading_rad == pytest.approx(heading_rad, abs=1e-9)
     assert (found.north_m, found.east_m, found.height_m) == pytest.approx((400.0, -300.0, 100.0), abs=1e-6)
 
@@ -43,7 +43,7 @@ def test_neglecting_the_turn_displaces_the_virtual_leader():
     """Errata item 24: at 0.05 rad/s the slots 30 and 60 m behind head asin(0.05 x_rc / v) outward, 3.9 and 7.8 deg."""
     leader = FlightState(0.0, 0.0, 0.0, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
     followers = in_slots(leader, 0.05, "leader_heading")
-    straight = amid(followers, COLUMN, SPEED_MPS, 0.0, "leader_heading")
+    straight = centroid(followers, COLUMN, SPEED_MPS, 0.0, "leader_heading")
     assert math.degrees(straight.heading_rad) == pytest.approx(-3.9, abs=0.1)
     error_m = [
         formation_error(straight, each, slot, straight.heading_rad)[1]
@@ -58,6 +58,6 @@ def test_followers_north_and_east_of_their_leader_head_as_it_does(heading_rad, t
         FlightState(400.0 + slot.forward_m, slot.right_m - 300.0, 100.0 + slot.up_m, 0.0, SPEED_MPS, heading_rad, 0, 0)
         for slot in COLUMN
     ]
-    found = amid(followers, COLUMN, SPEED_MPS, turn_rps, "north")
+    found = centroid(followers, COLUMN, SPEED_MPS, turn_rps, "north")
     assert found.heading_rad == pytest.approx(heading_rad, abs=1e-9)
     assert (found.north_m, found.east_m, found.height_m) == pytest.approx((400.0, -300.0, 100.0), abs=1e-6)
