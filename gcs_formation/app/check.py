@@ -159,11 +159,12 @@ def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]
     off, mismatch_s = dict[str, float](), dict[str, float]()
     delay_s = round(configured_loop_delay_s(scenario) / STEP_S) * STEP_S
     predicted = law_loops(scenario).values() if scenario.law.delay_compensation else ()
+    unstable = set[str]()
     for axis, loops in {each for axes in predicted for each in axes.items()}:
         for loop in loops:
+            unstable |= {axis} if loop.whole_margin_s() <= 0.0 else set()
             off[axis] = min(lag_margin(loop, delay_s), off.get(axis, np.inf))
             mismatch_s[axis] = min(mismatch_margin_with_lags_off(loop, delay_s), mismatch_s.get(axis, np.inf))
-    unstable = [axis for axis, margin_s in law_margins(scenario).small_signal.items() if margin_s <= 0.0]
     off |= {axis: 0.0 for axis in unstable if axis in off}
     mismatch_s |= {axis: min(0.0, mismatch_s[axis]) for axis in unstable if axis in mismatch_s}
     return dict(sorted(off.items())), dict(sorted(mismatch_s.items()))
@@ -231,8 +232,12 @@ def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[s
     """
     delay_s, lossy_s = configured_loop_delay_s(scenario), configured_loop_delay_s(scenario, lossy=True)
     hold, lost = longest_hold(scenario), " on average, losses included," if lossy_s > delay_s else ""
-    for loop, margin_s in margins.small_signal.items():
-        if margin_s <= 0:
+    dead_s = max(each.model.dead_time_s for each in scenario.vehicles)
+    for loop, left_s in margins.small_signal.items():
+        margin_s = left_s + dead_s if scenario.law.delay_compensation else left_s
+        if margin_s <= 0 and left_s + dead_s > 0:
+            yield f"loop {loop} is unstable by a dead time of {dead_s:g} s alone, without any delay of the link"
+        elif margin_s <= 0:
             yield f"loop {loop} is unstable without any delay"
         elif lossy_s > NEAR * margin_s and not scenario.law.delay_compensation:
             used = f"{lossy_s / margin_s:.0%} of its margin {margin_s:.3f} s"

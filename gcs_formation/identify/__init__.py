@@ -22,6 +22,7 @@ from gcs_formation.errors import RecordError
 from gcs_formation.identify.airframe import AIRFRAME_KEYS, fit_airframe, lags_of
 from gcs_formation.identify.believed import begin_with
 from gcs_formation.identify.fitting import (
+    LAGS,
     QUANTITIES,
     Fit,
     fit,
@@ -244,7 +245,7 @@ def _chosen(recording: Recording, fitted: Fit, begin: VehicleModel) -> tuple[Veh
         return fitted.model, flown
     airframe, flown[AIRFRAME] = fit_airframe(recording, begin.airframe or EnergyAirframe(), begin.turn_rate_max_rps)
     by_airframe, by_lags = (flown[name] - recording.seen[:3] for name in (AIRFRAME, EQUATION))
-    if not is_nearer(by_airframe, by_lags, len(AIRFRAME_KEYS) - len(fitted.estimates)):
+    if not is_nearer(by_airframe, by_lags, len(AIRFRAME_KEYS) - len(LAGS) - (fitted.model.dead_time_s > 0.0)):
         return fitted.model, flown
     return lags_of(airframe, fitted.model, float(np.median(recording.seen[0]))), flown
 

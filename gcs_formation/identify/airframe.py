@@ -11,18 +11,22 @@ from flight_model import energy
 from flight_model.arrays import Array
 from flight_model.frequency_response import slow_lags_s
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
-from gcs_formation.identify.fitting import LAGS, acting
+from gcs_formation.identify.fitting import DEAD, DEAD_MAX_S, LAGS, acting
 from gcs_formation.identify.output_error import RESOLUTION
 from gcs_formation.identify.recording import STEP_S, Recording
 
-AIRFRAME_KEYS = ("thrust_mps2", "drag_mps2", "heading_gain", "bank_lag_s", "airspeed_lag_s", "time_constant_s")
-SPREADS = np.array([0.3, 0.3, 0.3, 0.3, 0.3, 0.1])
+AIRFRAME_KEYS = (
+    "thrust_mps2", "drag_mps2", "heading_gain", "bank_lag_s", "airspeed_lag_s", "time_constant_s", "dead_time_s",
+)  # fmt: skip
+SPREADS = np.array([0.3, 0.3, 0.3, 0.3, 0.3, 0.1, 0.7])
 """Prior standard deviations of these parameters' logarithms."""
 ITERATIONS = 7
 NUDGE = 0.02
 """Step of a logarithm for the numerical derivative."""
 STEP_MAX = 0.4
 LEAST_VARIANCE = 1e-9
+LOOP_S = 0.02
+"""Least value that a search begins with: a period of the autopilot's main loop, for a dead time of 0."""
 CORRELATED_S = 2.0
 """Residuals this far apart count as independent in the search."""
 
@@ -68,7 +72,7 @@ def fit_airframe(recording: Recording, begin: EnergyAirframe, turn_rate_max_rps:
 
     The search is for the logarithms of `AIRFRAME_KEYS`, held by a normal prior about `begin`.
     """
-    start = np.log([getattr(begin, name) for name in AIRFRAME_KEYS])
+    start = np.log([max(getattr(begin, name), LOOP_S) for name in AIRFRAME_KEYS])
 
     def errors_of(tried: Sequence[Array]) -> Array:
         flown = (_flown_by(recording, _with(begin, each), turn_rate_max_rps) for each in tried)
@@ -80,18 +84,20 @@ def fit_airframe(recording: Recording, begin: EnergyAirframe, turn_rate_max_rps:
 
 
 def lags_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> VehicleModel:
-    """Return the model with the airframe and its lags for slow changes, which the law feeds forward by.
+    """Return the model with the airframe and its lags for slow changes, its dead time in them, by which the law goes.
 
     An airframe answers steps more slowly, because its energy rates are limited, and quick changes with a larger
     amplitude: neither is a lag of equation (7).
     """
     speed_s, heading_s, height_s = slow_lags_s(airframe.parameters(), speed_mps)
     lags = dict(zip(LAGS, (speed_s, heading_s, height_s / 2, height_s / 2), strict=True))
-    return model.model_copy(update={name: round(each, 3) for name, each in lags.items()} | {"airframe": airframe})
+    rounded = {name: round(each, 3) for name, each in lags.items()}
+    return model.model_copy(update=rounded | {"airframe": airframe, DEAD: 0.0})
 
 
 def _with(begin: EnergyAirframe, logs: Array) -> EnergyAirframe:
     values = {name: float(f"{value:.4g}") for name, value in zip(AIRFRAME_KEYS, np.exp(logs).tolist(), strict=True)}
+    values[DEAD] = min(values[DEAD], DEAD_MAX_S)
     return begin.model_copy(update=values)
 
 
