@@ -24,7 +24,7 @@ from gcs_formation.fleet.several_links import receivers
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.vehicle_links import Link
 from gcs_formation.mission.gate import UNCHECKED, PreFlightOptions
-from gcs_formation.mission.resumption import Resumption
+from gcs_formation.mission.past_flight import PastFlight
 from gcs_formation.recorder import Detail, Event, Recorder, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -44,7 +44,7 @@ class Station(Engine):
         until_s: float | None = None,
         utc_at_0_s: float | None = None,
         caution: PreFlightOptions = UNCHECKED,
-        resumed: Resumption | None = None,
+        resumed: PastFlight | None = None,
         signing: SignedLinks | None = None,
     ) -> None:
         """Prepare a flight; nothing happens before the first timer. `until_s`: mission time at which to end early.
@@ -61,7 +61,6 @@ class Station(Engine):
         self.flight, self.vehicles, self.networks = self.course.flight, parts.vehicles, parts.networks
         self.gate, self.orders, self.budget = parts.gate, parts.orders, parts.budget
         self.signatures, self.radio_reports = parts.signatures, parts.radio_reports
-        self._failsafes = parts.takeover.failsafes
         self._endpoints, self._receiver, self._senders = parts.endpoints, parts.receiver, parts.senders
         self._membership, self._flood = parts.membership, parts.flood
         self._dispatch, self._heartbeats = parts.dispatch, parts.heartbeats
@@ -242,7 +241,7 @@ class Station(Engine):
             self._note_link(vehicle, now)
         if isinstance(message, ParamValue):
             self.gate.take(vehicle, message, now)
-            self._failsafes.take(vehicle, message, now)
+            self.cycle.beginning.take(vehicle, message, now)
 
     def _take_other(self, frame: Frame, datagram: Datagram, now: Instant) -> None:
         """Take a frame that is no vehicle's."""

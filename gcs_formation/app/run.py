@@ -35,8 +35,9 @@ from gcs_formation.app.link_processes import UNKNOWN
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session
-from gcs_formation.errors import RunAbortedError
-from gcs_formation.mission.resumption import Resumption
+from gcs_formation.core.feature import NOT_RESUMED, features
+from gcs_formation.errors import RecordError, RunAbortedError
+from gcs_formation.mission.past_flight import PastFlight
 from gcs_formation.record.run_directory import PORT, RECORDING, SCENARIO, SUMMARY, TRUTH
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.unfinished import epoch_us, from_ports, read_past, recorded_speedup
@@ -382,12 +383,14 @@ def resolve_peers(session: Session) -> None:
             link.peer = resolved(Endpoint("udpout", link.peer)).address
 
 
-def taken_up(scenario: Scenario, options: RunOptions) -> tuple[RealClock, Resumption, float]:
+def taken_up(scenario: Scenario, options: RunOptions) -> tuple[RealClock, PastFlight, float]:
     """Return the clock of a continued record, the flight's state, and how far the machine's clock is behind it, s.
 
     Raises:
-        RecordError: as `read_past`.
+        RecordError: as `read_past`; or no feature resumes flights.
     """
+    if not any(each.resumes for each in features().values()):
+        raise RecordError(NOT_RESUMED)
     clock = RealClock.from_utc(epoch_us(options.out), options.speedup)
     now = clock.now()
     resumed = read_past(options.out, scenario, now, take=options.take)

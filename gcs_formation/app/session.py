@@ -47,7 +47,7 @@ from gcs_formation.link.link_health import LOST_AFTER_S
 from gcs_formation.link.radio_reports import RadioReport
 from gcs_formation.link.vehicle_links import Link
 from gcs_formation.mission.gate import PreFlightOptions
-from gcs_formation.mission.resumption import Resumption
+from gcs_formation.mission.past_flight import PastFlight
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
@@ -88,7 +88,7 @@ class TimedStation(Station):
         until_s: float | None,
         utc_at_0_s: float | None,
         caution: PreFlightOptions,
-        resumed: Resumption | None,
+        resumed: PastFlight | None,
         signing: SignedLinks | None,
     ) -> None:
         super().__init__(scenario, recorder, until_s, utc_at_0_s, caution, resumed, signing)
@@ -151,7 +151,7 @@ class Session:
         interrupts: Interrupts,
         *,
         emulated: bool,
-        begun: tuple[int, Resumption] | None = None,
+        begun: tuple[int, PastFlight] | None = None,
     ) -> None:
         """Open the record, impair the links, and start to measure wall time.
 

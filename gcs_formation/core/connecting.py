@@ -6,11 +6,9 @@ from collections.abc import Callable
 
 from airlink.clock import Instant
 from airlink.messages import Message
-from formation_scenario import Scenario
 from gcs_formation.core.cycle import Cycle, Stage
 from gcs_formation.fleet.several_links import SeveralLinks
 from gcs_formation.mission.gate import Gate
-from gcs_formation.mission.resumption import WAIT_S, Takeover
 from gcs_formation.mission.starting import Starting
 from gcs_formation.phases import Cause, Phase
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -61,14 +59,14 @@ class Start(Stage):
 
     name = "start"
 
-    def __init__(self, gate: Gate, starting: Starting, takeover: Takeover) -> None:
-        """Take both, and what decides on vehicles of a flight that is resumed."""
-        self._gate, self._starting, self._takeover = gate, starting, takeover
+    def __init__(self, gate: Gate, starting: Starting) -> None:
+        """Take both."""
+        self._gate, self._starting = gate, starting
 
     def run(self, cycle: Cycle) -> None:
         """Do what is due of both."""
         now = cycle.now
-        cycle.send(self._gate.requests(now) + self._takeover.failsafes.requests(now), now)
+        cycle.send(self._gate.requests(now) + cycle.beginning.requests(now), now)
         self._gate.watch()
         self._starting.advance(now)
         if self._gate.rehearsed:
@@ -76,44 +74,19 @@ class Start(Stage):
 
 
 class Begin(Stage):
-    """Begins to command the formation if its leader follows setpoints; a flight resumed while ending is ended."""
+    """Begins to command the formation if its leader follows setpoints."""
 
     name = "begin"
 
-    def __init__(self, scenario: Scenario, gate: Gate, starting: Starting, takeover: Takeover) -> None:
-        """Take what tells whether the leader is ready, and which vehicles a resumed flight takes over."""
-        self._scenario, self._gate, self._starting, self._takeover = scenario, gate, starting, takeover
+    def __init__(self, gate: Gate) -> None:
+        """Take what says whether vehicles may be commanded."""
+        self._gate = gate
 
     def run(self, cycle: Cycle) -> None:
         """Begin if it is time; decide by the phase whether this cycle commands the formation."""
-        if cycle.flight.phase is Phase.CONNECTING:
-            self._begin(cycle, cycle.now)
+        if cycle.flight.phase is Phase.CONNECTING and cycle.beginning.may_begin(cycle.now) and self._gate.passed:
+            cycle.begins = cycle.course.move(Cause.LEADER_READY, cycle.now)
         cycle.decide()
-
-    def _begin(self, cycle: Cycle, now: Instant) -> None:
-        takeover, resumed, course = self._takeover, self._takeover.resumed, cycle.course
-        leads, reason = self._has_leader(cycle, now) and self._gate.passed, takeover.failure(now)
-        if reason is not None:
-            course.fail(reason, now, begun=takeover.took_any)
-        elif takeover.is_over(now):
-            course.move(Cause.CALLED_OFF, now)
-        elif resumed is not None and resumed.ending:
-            if takeover.settled(now) and (leads or takeover.waited(now, 2.0 * WAIT_S)):
-                if leads:
-                    course.move(Cause.LEADER_READY, now)
-                course.stop(now)
-        elif leads and course.move(Cause.LEADER_READY, now):
-            cycle.begins = True
-
-    def _has_leader(self, cycle: Cycle, now: Instant) -> bool:
-        """Return whether the leader follows setpoints; in a resumed flight, let another vehicle lead if needed."""
-        resumed = self._takeover.resumed
-        if resumed is None or not resumed.near:
-            return self._starting.leader_ready(self._scenario.leader)
-        leader = self._takeover.leader(now)
-        if leader is not None:
-            cycle.reconfiguration.lead(leader, now)
-        return leader is not None
 
 
 class Commands(Stage):

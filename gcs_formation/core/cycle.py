@@ -18,6 +18,7 @@ from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.fleet.frame_loss import FrameLoss
+from gcs_formation.mission.beginning import Beginning
 from gcs_formation.mission.course import Course
 from gcs_formation.mission.ending import Ending
 from gcs_formation.mission.reconfiguration import Reconfiguration
@@ -134,6 +135,8 @@ class Cycle:
         self.note, self.send = note, send
         self.flight: Flight = course.flight
         self.utc_at_0_s = utc_at_0_s
+        self.beginning = Beginning(scenario, vehicles)
+        """How the formation begins to be commanded; another where the flight is resumed."""
         self.controlled_ticks = self.recorded_ticks = 0
         """Cycles in which the formation was commanded; all that were recorded since the first take-off."""
         count = controller.columns

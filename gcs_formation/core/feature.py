@@ -15,8 +15,12 @@ from typing import Any
 from flight_model.arrays import Array
 from formation_scenario.feature_folders import PACKAGE, feature_names
 from gcs_formation.core.cycle import Cycle, Stage
+from gcs_formation.errors import RunAbortedError
+from gcs_formation.mission.beginning import Beginning
 from gcs_formation.mission.gate import BeforeTakeOff
+from gcs_formation.mission.past_flight import PastFlight
 
+NOT_RESUMED = "found no feature that resumes a flight; allowed: fly it from its start"
 Derived = Callable[[Array], Mapping[str, Array]]
 """Returns further columns of a time series, (T, V) for V vehicles at T times, s; flags are of type bool."""
 Derives = Callable[[Sequence[Mapping[str, Any]], Sequence[str]], Derived]
@@ -40,6 +44,8 @@ class Feature:
     """The figures of summary.json that are null, or computed in another way, without it, and what each is."""
     before_take_off: BeforeTakeOff | None = None
     """Says what is wrong with a vehicle before the first command."""
+    resumes: Callable[[Cycle, PastFlight], Beginning] | None = None
+    """Makes the beginning of a flight that is resumed."""
     columns: Derives | None = None
     """Derives further columns of the time series, when its file is written."""
 
@@ -47,6 +53,18 @@ class Feature:
 def features() -> dict[str, Feature]:
     """Return the features that are there, by name: of each, the module `feature` has its `FEATURE`."""
     return {name: import_module(f"{PACKAGE}.{name}.feature").FEATURE for name in feature_names()}
+
+
+def resumed_beginning(cycle: Cycle, past: PastFlight) -> Beginning:
+    """Return how a past flight is resumed.
+
+    Raises:
+        RunAbortedError: no feature resumes flights.
+    """
+    for feature in features().values():
+        if feature.resumes is not None:
+            return feature.resumes(cycle, past)
+    raise RunAbortedError(NOT_RESUMED)
 
 
 def derived(

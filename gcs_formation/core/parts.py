@@ -11,6 +11,7 @@ from formation_scenario import Scenario
 from gcs_formation.budget.link_budget import link_budget
 from gcs_formation.controller import FormationController
 from gcs_formation.core.cycle import Cycle, Send
+from gcs_formation.core.feature import resumed_beginning
 from gcs_formation.fleet.membership import Membership
 from gcs_formation.fleet.routing_and_dispatch import Dispatch, FloodWatch, HeartbeatScheduler, Senders
 from gcs_formation.fleet.several_links import SeveralLinks
@@ -19,8 +20,8 @@ from gcs_formation.from_scenario import as_known, narrow_links, planned
 from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.mission.course import Course, Orders
 from gcs_formation.mission.gate import Gate, PreFlightOptions
+from gcs_formation.mission.past_flight import PastFlight
 from gcs_formation.mission.reconfiguration import Reconfiguration
-from gcs_formation.mission.resumption import Resumption, Takeover
 from gcs_formation.mission.starting import Starting
 from gcs_formation.recorder import Note, Recorder
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -37,13 +38,13 @@ class Parts:
         send: Send,
         utc_at_0_s: float | None,
         caution: PreFlightOptions,
-        resumed: Resumption | None,
+        resumed: PastFlight | None,
         signing: SignedLinks | None,
     ) -> None:
         """Make the parts; see `Station`. `note` records events, `send` sends messages.
 
         Raises:
-            RunAbortedError: an extension can't begin.
+            RunAbortedError: an extension can't begin, or the flight can't be resumed.
         """
         stated, narrow, scenario = scenario, narrow_links(scenario), as_known(scenario)
         self.scenario, self.recorder, self.receiver = scenario, recorder, receiver_of(signing)
@@ -63,17 +64,25 @@ class Parts:
         self.signatures = SignatureWatch(signing, self.receiver, self.networks, *fleet)
         connections = [link.connection for each in self.vehicles.values() for link in each.each_link]
         self.radio_reports = RadioReports(connections, self.signatures.is_open)
-        self.takeover = Takeover(resumed, *fleet)
-        together = scenario.hovers and not scenario.start.in_air and resumed is None
+        if resumed is not None:
+            self.cycle.beginning = resumed_beginning(self.cycle, resumed)
+        begins = self.cycle.beginning
         self.starting = Starting(
-            self.vehicles, self.endpoints, flight, self.gate, self.takeover, note, fail, together=together
+            self.vehicles,
+            self.endpoints,
+            flight,
+            self.gate,
+            begins,
+            note,
+            fail,
+            together=scenario.hovers and not scenario.start.in_air and begins.anew,
         )
         self.orders = Orders(scenario, self.course, self.reconfiguration, note)
         self.several_links = SeveralLinks(*fleet)
         self.heartbeats = HeartbeatScheduler(*fleet, narrow, self.radio_reports)
         self.budget = link_budget(stated, *fleet, self.radio_reports, self.heartbeats)
 
-    def resume(self, resumed: Resumption) -> None:
+    def resume(self, resumed: PastFlight) -> None:
         """Go on with an interrupted flight."""
         self.course.flight.resume(resumed.at, resumed.path_began)
         self.heartbeats.resume(resumed.at)

@@ -50,8 +50,8 @@ def core_stages(
         # Who is there, and ready.
         Links(note_link, parts.several_links),
         Restarts(cycle),
-        Start(parts.gate, parts.starting, parts.takeover),
-        Begin(parts.scenario, parts.gate, parts.starting, parts.takeover),
+        Start(parts.gate, parts.starting),
+        Begin(parts.gate),
         Commands(),
         # What vehicles do, and who of them flies in the formation.
         Samples(),

@@ -25,7 +25,7 @@ from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.guidance.tracking import Abreast
 from gcs_formation.guidance.turn_on_spot import TurnOnSpot
-from gcs_formation.mission.resumption import Resumption
+from gcs_formation.mission.past_flight import PastFlight
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
@@ -114,7 +114,7 @@ class Reconfiguration:
         """Judge changes and orders from now on by the scenario's vehicles with the limits that they have told."""
         self._scenario = self._scenario.model_copy(update={"vehicles": vehicles})
 
-    def resume(self, resumed: Resumption) -> None:
+    def resume(self, resumed: PastFlight) -> None:
         """Resume an interrupted flight; on the path, each vehicle moves to its slot from where it is found."""
         guidance = self._controller.guidance
         self._controller.plan.resume(self._scenario, resumed.arrangement, resumed.slots_m, resumed.mission_s)

@@ -6,15 +6,14 @@ from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import Endpoint, VehicleId
 from airlink.messages.system import Heartbeat
-from formation_scenario import Vehicle as PlannedVehicle
 from gcs_formation.link.link_health import LinkState
+from gcs_formation.mission.beginning import Beginning
 from gcs_formation.mission.gate import Gate
-from gcs_formation.mission.resumption import Takeover
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.autopilot_family import StartUpStep
 from gcs_formation.vehicle.command_delivery import Outcome
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 
 TOGETHER_S = 600.0
 """Longest wait for the other vehicles; each one's own steps end or fail sooner."""
@@ -33,7 +32,7 @@ class Starting:
         endpoints: tuple[Endpoint, ...],
         flight: Flight,
         gate: Gate,
-        takeover: Takeover,
+        beginning: Beginning,
         note: Note,
         give_up: GiveUp,
         *,
@@ -43,7 +42,7 @@ class Starting:
 
         With `together`, those that are ready hover until all are, so that none is led past others still climbing.
         """
-        self._gate, self._takeover = gate, takeover
+        self._gate, self._beginning = gate, beginning
         self._lacking = dict[VehicleId, str]()
         """What each vehicle was last said to lack."""
         self._vehicles, self._each = vehicles, list(vehicles.values())
@@ -69,7 +68,7 @@ class Starting:
                 silent.append(vehicle)
             elif not vehicle.start_up.finished:
                 unready.append(vehicle)
-        missed = None if self._takeover.resumed is None else self._takeover.waits_for(now)
+        missed = self._beginning.waits_for(now)
         if missed is None and silent:
             self._wait_for(silent, now)
         if silent if missed is None else missed:
@@ -85,11 +84,6 @@ class Starting:
                 # A vehicle that restarts while the run ends: its telemetry is needed to watch it.
                 vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=False)
 
-    def leader_ready(self, leader: PlannedVehicle | None) -> bool:
-        """Return whether the leader follows setpoints or, with a virtual leader, whether all vehicles do."""
-        needed = self._vehicles.values() if leader is None else (self._vehicles[leader.vehicle_id],)
-        return all(vehicle.member is Member.FLYING for vehicle in needed)
-
     def _wait_for(self, silent: list[Vehicle], now: Instant) -> None:
         waited_s = seconds_between(self._flight.since, now)
         if self._flight.phase is Phase.CONNECTING and waited_s > CONNECT_LIMIT_S:
@@ -102,7 +96,7 @@ class Starting:
             mode = vehicle.autopilot.mode_name(vehicle.telemetry)
             vehicle.leave_to_pilot(now)
             self._note(now, "abandoned", f"taken over in {mode} before it was ready: left to its pilot", vehicle)
-        may_act = self._takeover.may_act(vehicle, now) and self._gate.passed
+        may_act = self._beginning.may_act(vehicle, now) and self._gate.passed
         if not (vehicle.start_up.asks_for_telemetry and vehicle.sampler.why_unknown(now)):
             vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=may_act)
         if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
@@ -127,7 +121,7 @@ class Starting:
 
     def _abandon(self, vehicle: Vehicle, text: str, now: Instant) -> None:
         """End the run because a vehicle can't be started; on the path, continue without the vehicle instead."""
-        if self._flight.phase is not Phase.FLYING and self._takeover.resumed is None:
+        if self._flight.phase is not Phase.FLYING and self._beginning.anew:
             self._give_up(text, now)
         elif not vehicle.start_up.abandoned:
             vehicle.start_up.abandoned = True

@@ -20,7 +20,7 @@ from formation_scenario.slot_assignment import Arrangement, column_ids, first_ar
 from gcs_formation.errors import RecordError
 from gcs_formation.fleet.membership import PARTED
 from gcs_formation.guidance.parts import AlongPath
-from gcs_formation.mission.resumption import LEFT, TAKEN, TO_PILOT, RecordedVehicle, Resumption
+from gcs_formation.mission.past_flight import LEFT, TAKEN, TO_PILOT, PastFlight, RecordedVehicle
 from gcs_formation.phases import Cause, Phase
 from gcs_formation.record.json_shape import misfit
 from gcs_formation.record.run_directory import (
@@ -77,7 +77,7 @@ def recorded_speedup(directory: Path) -> float:
     return float(next(known, 1.0))
 
 
-def read_past(directory: Path, scenario: Scenario, now: Instant, *, take: bool) -> Resumption:
+def read_past(directory: Path, scenario: Scenario, now: Instant, *, take: bool) -> PastFlight:
     """Return the state of an unfinished record's flight at `now`, or at the record's end if that is later.
 
     Raises:
@@ -101,7 +101,7 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, take: bool) 
     leading = _identity(last, int(np.argmax(last["leads"] > 0))) if (last["leads"] > 0).any() else None
     arrangement, speed_mps, heading_rad = formation_of(scenario, events, mission_s)
     order = column_ids(scenario)
-    return Resumption(
+    return PastFlight(
         at=now,
         vehicles={each.vehicle_id: _known(each.vehicle_id, last, events) for each in scenario.vehicles},
         mission_s=mission_s,
@@ -167,14 +167,14 @@ def _end_s(events: Events, ticks_s: Array) -> float:
 
 def _before_take_off(
     directory: Path, scenario: Scenario, events: Events, now: Instant, silent_s: float, *, take: bool
-) -> Resumption:
+) -> PastFlight:
     """Return the state of a flight without recorded ticks: at most the last second before its end isn't on disk."""
     order = [identity for identity in column_ids(scenario) if identity is not None]
     known = {identity: RecordedVehicle(_last(events, identity, "mode"), parted=False, flew=False) for identity in order}
     if not any(each.mode for each in known.values()):
         raise RecordError(f"found no flight in {directory}: nobody had been heard; allowed: fly it from its start")
     arrangement = first_arrangement(scenario)
-    return Resumption(
+    return PastFlight(
         at=now,
         vehicles=known,
         mission_s=math.nan,

@@ -13,8 +13,9 @@ from airlink.endpoint import VehicleId, parse_endpoint
 from airlink.messages.command import CommandAck, CommandLong
 from airlink.messages.system import Heartbeat, Statustext
 from flight_model.earth import GeodeticOrigin
+from formation_scenario import load_scenario
 from gcs_formation.link.link_health import Connection
-from gcs_formation.mission.resumption import Takeover
+from gcs_formation.mission.beginning import Beginning
 from gcs_formation.mission.starting import CONNECT_LIMIT_S, Starting
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.vehicle.autopilot_family import Command, StartUpStep
@@ -22,6 +23,7 @@ from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.vehicle import Member, Vehicle
+from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import GivenUp, Noted
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
@@ -45,13 +47,13 @@ class Ground:
         self.flight = Flight(phase)
         endpoints = (parse_endpoint("udpin:127.0.0.1:14550"), parse_endpoint("udpin:127.0.0.1:14560"))
         preflight: Any = self.preflight
-        takeover = Takeover(None, self.vehicles, self.notes)
+        beginning = Beginning(load_scenario(scenario(vehicles={"count": 2})), self.vehicles)
         self.starting = Starting(
             self.vehicles,
             endpoints,
             self.flight,
             preflight,
-            takeover,
+            beginning,
             self.notes,
             self.given_up,
             together=together,
@@ -264,12 +266,13 @@ def test_at_the_end_of_a_flight_nobody_is_started_any_more(phase: Phase) -> None
 
 def test_the_leader_is_ready_when_it_flies_in_the_formation_a_virtual_one_when_all_do() -> None:
     ground = Ground()
-    leader: Any = ground.at(1)
-    leader.vehicle_id = leader.identity
+    led = Beginning(load_scenario(scenario(vehicles={"count": 2})), ground.vehicles)
+    followers = [{"id": number, "role": "follower"} for number in (1, 2)]
+    alone = Beginning(load_scenario(scenario(vehicles=followers)), ground.vehicles)
     ground.at(1).member, ground.at(2).member = Member.FLYING, Member.STARTING
-    assert ground.starting.leader_ready(leader)
-    assert not ground.starting.leader_ready(None)
+    assert led.may_begin(Instant(0))
+    assert not alone.may_begin(Instant(0))
     ground.at(2).member = Member.FLYING
-    assert ground.starting.leader_ready(None)
+    assert alone.may_begin(Instant(0))
     ground.at(1).member = Member.PARTED
-    assert not ground.starting.leader_ready(leader)
+    assert not led.may_begin(Instant(0))

@@ -1,4 +1,4 @@
-"""Resumes a flight after the ground station was killed: which vehicles are taken over, which leads, and where it is.
+"""Resumes a flight after the ground station was killed: which vehicles are taken over, and which leads.
 
 No vehicle is armed or takes off. A vehicle that isn't as the flight had left it is under other control, and left alone,
 unless its own failsafe explains its mode: its parameters say so, and it was without a station for long enough. Attempts
@@ -7,79 +7,27 @@ may follow one another: one in which no vehicle was taken over leaves no trace i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
-from flight_model.arrays import Array
-from formation_scenario.slot_assignment import Arrangement
+from gcs_formation.core.cycle import Cycle
 from gcs_formation.link.link_health import LinkState
-from gcs_formation.recorder import Note
+from gcs_formation.mission.beginning import Beginning
+from gcs_formation.mission.past_flight import LEFT, TAKEN, PastFlight, RecordedVehicle
 from gcs_formation.vehicle.checks import ParameterReader, only_read
 from gcs_formation.vehicle.own_failsafe import OwnFailsafe
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 WAIT_S = 5.0
 """Longest wait for a vehicle that was flying when the record ended; then the others begin without it."""
-TAKEN, LEFT, TO_PILOT = "taken over", "left as it is", "left to its pilot"
-"""How events say what became of a vehicle."""
 TAKE = "; --take takes it"
 TAKES = "; --take takes those in the air"
 ON_THE_GROUND = "on the ground"
 START_ANEW = "; fly it from its start, by its scenario"
-BEHIND_M = 100.0
-BEYOND = 1.5
-"""Largest ground speed that the leader may have had with the wind, as a multiple of the path's speed."""
-
-
-@dataclass(frozen=True)
-class RecordedVehicle:
-    """State of a vehicle at the end of the record."""
-
-    mode: str | None
-    """Its last mode, in words."""
-    parted: bool
-    """Whether it had left the formation, by its pilot or its failsafe."""
-    flew: bool
-
-
-@dataclass(frozen=True)
-class Resumption:
-    """State of a flight at the end of its record."""
-
-    at: Instant
-    """The present instant, on the record's clock."""
-    vehicles: Mapping[VehicleId, RecordedVehicle]
-    mission_s: float
-    """Mission time of the last tick, s; NaN before the path."""
-    path_began: Instant | None
-    distance_m: float
-    """The leader's distance along the path."""
-    speed_mps: float
-    """Speed at which the path was flown."""
-    heading_rad: float | None
-    """Heading that hovering multirotors had been ordered to; None without an order."""
-    arrangement: Arrangement
-    slots_m: Array
-    """(C, 3) the slots, forward, right and up of the leader."""
-    near: tuple[VehicleId, ...] = ()
-    """Vehicles that could lead: the leader, then others by their distance from it; empty with a virtual leader."""
-    ending: bool = False
-    """Whether the flight was ending; vehicles that still follow setpoints are then led to their circles."""
-    take: bool = False
-    """Whether vehicles are taken over too that fly under somebody else's command."""
-    silent_s: float = 0.0
-    """How long vehicles may have been without a ground station since the flight was last commanded, s."""
-
-    @property
-    def reach_m(self) -> tuple[float, float]:
-        """Range of distances along the path at which the leader may be now, if it flew on."""
-        gone_s = 0.0 if self.path_began is None else seconds_between(self.path_began, self.at) - self.mission_s
-        return self.distance_m - BEHIND_M, self.distance_m + BEYOND * self.speed_mps * gone_s + BEHIND_M
 
 
 class Found(NamedTuple):
@@ -95,7 +43,7 @@ class Found(NamedTuple):
     """Whether its own failsafe may have chosen its mode in the time without a ground station."""
 
 
-def why_left(known: RecordedVehicle, resumed: Resumption, found: Found) -> str | None:
+def why_left(known: RecordedVehicle, resumed: PastFlight, found: Found) -> str | None:
     """Return in words why a vehicle is left alone, None if it is taken over."""
     if not found.airborne:
         return ON_THE_GROUND
@@ -142,36 +90,58 @@ class FailsafeReaders:
             self._readers[vehicle.identity][1].take(message, now)
 
 
-class Takeover:
-    """Decides for each vehicle as it is heard; without a resumption all are started as usual."""
+class Takeover(Beginning):
+    """Decides for each vehicle as it is heard."""
 
-    def __init__(self, resumed: Resumption | None, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
-        """Take over `vehicles`."""
-        self.resumed, self._vehicles, self._note = resumed, vehicles, note
+    anew = False
+
+    def __init__(self, cycle: Cycle, past: PastFlight) -> None:
+        """Take over the vehicles of a past flight."""
+        super().__init__(cycle.scenario, cycle.vehicles)
+        self.past, self._note, self._changes = past, cycle.note, cycle.reconfiguration
         self._decided, self._left = set[VehicleId](), dict[VehicleId, str]()
         """Vehicles decided on; those left alone, with the reason."""
-        self.failsafes = FailsafeReaders()
+        self._failsafes = FailsafeReaders()
 
-    def waits_for(self, now: Instant) -> list[Vehicle] | None:
-        """Return the silent vehicles that are waited for; None if this is a start, which waits for all vehicles."""
-        if self.resumed is None:
-            return None
+    def requests(self, now: Instant) -> list[tuple[Vehicle, Message]]:
+        """Return the parameter requests to send now."""
+        return self._failsafes.requests(now)
+
+    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+        """Take a parameter reported by a vehicle."""
+        self._failsafes.take(vehicle, message, now)
+
+    def may_begin(self, now: Instant) -> bool:
+        """Return whether the flight goes on now: one that was ending doesn't."""
+        return not self.past.ending and self.has_leader(now)
+
+    def has_leader(self, now: Instant) -> bool:
+        """Return whether the leader follows setpoints; let another vehicle lead if needed."""
+        if not self.past.near:
+            return super().may_begin(now)
+        leader = self.leader(now)
+        if leader is not None:
+            self._changes.lead(leader, now)
+        return leader is not None
+
+    def waits_for(self, now: Instant) -> list[Vehicle]:
+        """Return the silent vehicles that are waited for: those that flew, for a while."""
         late = self.waited(now)
-        flew = {identity for identity, known in self.resumed.vehicles.items() if known.flew} or self._vehicles.keys()
+        flew = {identity for identity, known in self.past.vehicles.items() if known.flew} or self._vehicles.keys()
         return [] if late else [each for identity, each in self._silent() if identity in flew]
 
     def may_act(self, vehicle: Vehicle, now: Instant) -> bool:
         """Return whether a vehicle may be commanded; one that must be left alone is left to its pilot here."""
-        resumed, seen = self.resumed, vehicle.telemetry
-        if resumed is None or vehicle.identity in self._decided:
+        past, seen = self.past, vehicle.telemetry
+        if vehicle.identity in self._decided:
             return True
         if not (vehicle.start_up.asked_for_telemetry and seen.complete and seen.heartbeat):
             return False
-        found = self._found(vehicle, resumed)
+        found = self._found(vehicle, past)
         if found is None:
             return False
         self._decided.add(vehicle.identity)
-        reason = why_left(resumed.vehicles[vehicle.identity], resumed, found)
+        reason = why_left(past.vehicles[vehicle.identity], past, found)
         if reason is not None:
             self._left[vehicle.identity] = reason
             vehicle.leave_to_pilot(now)
@@ -179,31 +149,29 @@ class Takeover:
         self._note(now, "takeover", f"{LEFT}: {reason}" if reason else taken, vehicle)
         return True
 
-    def _found(self, vehicle: Vehicle, resumed: Resumption) -> Found | None:
+    def _found(self, vehicle: Vehicle, past: PastFlight) -> Found | None:
         """Return how a vehicle is found; None while its failsafe's parameters aren't read that may explain its mode."""
-        autopilot, seen, known = vehicle.autopilot, vehicle.telemetry, resumed.vehicles[vehicle.identity]
+        autopilot, seen, known = vehicle.autopilot, vehicle.telemetry, past.vehicles[vehicle.identity]
         ends = (autopilot.loiter_mode, autopilot.home_mode)
         mode, airborne = autopilot.mode_name(seen), autopilot.is_airborne(seen)
         found = Found(mode, airborne, autopilot.takes_setpoints(seen), seen.custom_mode in ends)
         if not airborne or found.guided or known.parted or mode == known.mode:
             return found
-        read, failsafe = self.failsafes.failsafe(vehicle)
+        read, failsafe = self._failsafes.failsafe(vehicle)
         if not read:
             return None
-        sent = failsafe is not None and failsafe.led_to(seen.custom_mode, resumed.silent_s)
+        sent = failsafe is not None and failsafe.led_to(seen.custom_mode, past.silent_s)
         return found._replace(by_failsafe=sent)
 
     def leader(self, now: Instant) -> VehicleId | None:
         """Return the vehicle to lead: the former leader or, after a wait, the nearest to it that follows setpoints."""
-        resumed = self.resumed
-        if resumed is None or not resumed.near:
-            return None
-        fit: Iterable[VehicleId] = resumed.near if self.waited(now) else resumed.near[:1]
+        near = self.past.near
+        fit: Iterable[VehicleId] = near if self.waited(now) else near[:1]
         return next((each for each in fit if self._vehicles[each].member is Member.FLYING), None)
 
     def waited(self, now: Instant, for_s: float = WAIT_S) -> bool:
         """Return whether the flight was resumed longer ago than `for_s`."""
-        return self.resumed is not None and seconds_between(self.resumed.at, now) > for_s
+        return seconds_between(self.past.at, now) > for_s
 
     def settled(self, now: Instant) -> bool:
         """Return whether every vehicle heard is decided on, except those given up, and no other is waited for."""
@@ -218,18 +186,18 @@ class Takeover:
 
     def failure(self, now: Instant) -> str | None:
         """Return why there is nothing to take over, None while there is or may be."""
-        if self.resumed is None or not self.settled(now) or self.is_over(now):
+        if not self.settled(now) or self.is_over(now):
             return None
         taken = [vehicle for i, vehicle in self._vehicles.items() if i in self._decided and not vehicle.is_left]
         if not taken:
             return f"no vehicle to take over: {self._why_nobody()}"
-        if not self.resumed.near and len(taken) < len(self._vehicles):
+        if not self.past.near and len(taken) < len(self._vehicles):
             return "a virtual leader flies amid all vehicles, and not all can be taken over"
         return None
 
     def is_over(self, now: Instant) -> bool:
         """Return whether nothing is left to do: the flight had ended, and no vehicle follows setpoints any more."""
-        if self.resumed is None or not self.resumed.ending or not self._decided:
+        if not self.past.ending or not self._decided:
             return False
         return not self.took_any and self.settled(now)
 

@@ -8,12 +8,13 @@ import pytest
 from airlink.clock import Instant
 from formation_scenario import load_scenario
 from formation_scenario.slot_assignment import first_arrangement
-from gcs_formation.mission.resumption import Found, RecordedVehicle, Resumption, why_left
+from gcs_formation.features.resumption.takeover import Found, why_left
+from gcs_formation.mission.past_flight import PastFlight, RecordedVehicle
 from tests.flights.conftest import scenario
 
 
-def resumed(*, ending: bool = False, take: bool = False) -> Resumption:
-    return Resumption(
+def resumed(*, ending: bool = False, take: bool = False) -> PastFlight:
+    return PastFlight(
         at=Instant(70_000_000_000),
         vehicles={},
         mission_s=40.0,
@@ -67,7 +68,7 @@ PILOTS = RecordedVehicle("LOITER", parted=True, flew=True)
     ],
 )
 def test_who_flies_as_the_flight_or_its_failsafe_left_it_is_taken_and_others_with_take(
-    known: RecordedVehicle, now: Found, flight: Resumption, left: str | None
+    known: RecordedVehicle, now: Found, flight: PastFlight, left: str | None
 ) -> None:
     reason = why_left(known, flight, now)
     assert (reason is None) == (left is None)

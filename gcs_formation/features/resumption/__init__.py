@@ -1,0 +1,1 @@
+"""Resumes a flight whose station was killed."""
