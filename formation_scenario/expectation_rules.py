@@ -31,7 +31,7 @@ def measurable(scenario: Scenario) -> Iterator[Finding]:
             yield path, found, "one or more followers, or a figure that needs none"
         elif entry.metric == SEPARATION and len(scenario.vehicles) == 1:
             yield path, f"found {entry.metric} of one vehicle", "two or more vehicles, or a figure that needs one alone"
-        elif entry.metric == FENCE and scenario.safety.fence is None:
+        elif entry.metric == FENCE and scenario.fence is None:
             yield path, f"found {entry.metric} without a fence", "safety.fence, or a figure that needs none"
 
 

@@ -14,6 +14,7 @@ from flight_model.lift_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints
 from flight_model.path_lift_and_displacement import SAMPLE_M, sample_places
 from formation_scenario.formation import added
+from formation_scenario.geofence import OUTER, Geofence
 from formation_scenario.model import Scenario
 from formation_scenario.path_limits import TOLERANCE
 from formation_scenario.sampled_path import WAYPOINTS, SampledPath, place_of
@@ -21,7 +22,7 @@ from formation_scenario.slot_assignment import SlotStep, column_names, columns, 
 from formation_scenario.slot_frame import axis_rad
 from formation_scenario.source import KeyPath, dotted
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m, start_states
-from formation_scenario.surroundings import FENCE_CORNERS, Fence, Terrain
+from formation_scenario.surroundings import Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
 from formation_scenario.vehicles import Vehicle
 from formation_scenario.violations import Move, Violation
@@ -119,7 +120,7 @@ def check_start(scenario: Scenario) -> Iterator[Violation]:
     if over_m[lowest] < safety.clearance_m - OFF_M:
         found = f"{who[lowest]} begins {over_m[lowest]:.1f} m above the ground"
         yield Violation(OFFSET, found, f"{safety.clearance_m:g} m or more (safety.clearance_m)", "start")
-    yield from _start_in_fence(safety.fence, places, who)
+    yield from _start_in_fence(scenario.fence, places, who)
 
 
 def starts_without_room(scenario: Scenario, room_m: float) -> str | None:
@@ -144,7 +145,7 @@ def _nearest(scenario: Scenario, places: Array) -> tuple[float, str]:
     return float(apart_m[one, other]), f"vehicle {first} and vehicle {second} begin {apart_m[one, other]:.3g} m apart"
 
 
-def _start_in_fence(fence: Fence | None, places: Array, who: list[str]) -> Iterator[Violation]:
+def _start_in_fence(fence: Geofence | None, places: Array, who: list[str]) -> Iterator[Violation]:
     if fence is None:
         return
     lowest, highest, (least_m, most_m) = int(places[:, 2].argmin()), int(places[:, 2].argmax()), fence.heights_m
@@ -166,7 +167,7 @@ def _outside(sides: FenceAreas, place_m: Array, by_m: float) -> tuple[str, str]:
     """Return what is wrong with a place (2,) outside the fence, and what is allowed, in words."""
     area = sides.nearest(place_m)
     if area.inclusion:
-        return f"{by_m:.0f} m outside the {'fence' if area.key == FENCE_CORNERS else area}", f"inside it ({area.key})"
+        return f"{by_m:.0f} m outside the {'fence' if area.key == OUTER else area}", f"inside it ({area.key})"
     return f"{by_m:.0f} m inside the {area}", f"outside it ({area.key})"
 
 
@@ -180,7 +181,7 @@ def check_steps(scenario: Scenario) -> Iterator[Violation]:
     lowest_m, highest_m = _lowest_and_highest_m(scenario)
     height_m = points.height_m + step_m
     over_m = height_m - np.nan_to_num(scenario.ground.height(points.north_m, points.east_m))
-    fence_m = (-np.inf, np.inf) if scenario.safety.fence is None else scenario.safety.fence.heights_m
+    fence_m = (-np.inf, np.inf) if scenario.fence is None else scenario.fence.heights_m
     for sign, limit_m, up_m, flown_m, what, key in (
         (1.0, scenario.safety.clearance_m, lowest_m, over_m, "m above the ground", "safety.clearance_m"),
         (1.0, fence_m[0], lowest_m, height_m, "m high", "safety.fence.height_min_m"),
@@ -268,7 +269,7 @@ def check_fence(
     scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...], from_m: float
 ) -> Iterator[Violation]:
     """Yield the worst of each stretch beyond a limit of the fence, from `from_m` on; at the start with the run-in."""
-    fence = scenario.safety.fence
+    fence = scenario.fence
     if fence is None:
         return
     begin_m = -scenario.run_in_m if from_m <= 0.0 else from_m
@@ -290,7 +291,7 @@ def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> Places:
     return found
 
 
-def _fence_heights(fence: Fence, sampled: SampledPath, flyers: Places) -> Iterator[Violation]:
+def _fence_heights(fence: Geofence, sampled: SampledPath, flyers: Places) -> Iterator[Violation]:
     lowest, highest = min(flyers, key=lambda place: place[2]), max(flyers, key=lambda place: place[2])
     for place, sign, limit_m, key in (
         (lowest, 1.0, fence.heights_m[0], "height_min_m"),
@@ -371,7 +372,7 @@ def fence_distances(scenario: Scenario) -> list[FenceDistance]:
 
     From the run-in to the path's end; empty without a fence.
     """
-    fence = scenario.safety.fence
+    fence = scenario.fence
     if fence is None:
         return []
     sampled, flyers = (

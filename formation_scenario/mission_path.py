@@ -19,8 +19,8 @@ from pydantic import ValidationError
 
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin
+from formation_scenario.feature_folders import brought
 from formation_scenario.fields import MAX_DISTANCE_M, FileError, ScenarioError
-from formation_scenario.mission_fence import fence_keys
 from formation_scenario.mission_files import MissionFileError, RoutePoint, read_mission, route_of
 from formation_scenario.mission_legs import DEFAULT_MPS, circles_of, named, stops_of, thinned_with_keys
 from formation_scenario.path_plan import TOLERANCE_M
@@ -223,12 +223,16 @@ class _FromFile:
     def _fence(self, geodetic: GeodeticOrigin, origin: dict[Key, Plain]) -> dict[Key, Plain]:
         """Return the keys of the file's fence and rally points, none if the scenario has a fence, which wins."""
         found = self._mission.fence
-        kept = fence_keys(found, geodetic, self._home_m(origin))
-        if not kept or _group(self._source, "safety").get("fence") is None:
-            return kept
         counts = ((len(found.areas), "areas of a fence"), (len(found.rally), "rally points"))
         said = " and ".join(f"{count} {what}" for count, what in counts if count)
-        self._not_flown.append(f"{self._mission.file}: {said} aren't used: the scenario has its safety.fence")
+        own = _group(self._source, "safety").get("fence") is not None
+        kept = None if own else next(brought("mission_keys"), None)
+        if kept is not None:
+            keys: dict[Key, Plain] = kept.fence_keys(found, geodetic, self._home_m(origin))
+            return keys
+        if said:
+            why = "the scenario has its safety.fence" if own else "no feature that keeps vehicles inside is there"
+            self._not_flown.append(f"{self._mission.file}: {said} aren't used: {why}")
         return {}
 
     def _refused(self, found: str, allowed: str) -> ScenarioError:

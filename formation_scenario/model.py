@@ -60,6 +60,7 @@ from formation_scenario.fields import (
     key,
 )
 from formation_scenario.formation import Formation, Law
+from formation_scenario.geofence import Geofence
 from formation_scenario.kept_distance import BUFFER_M, SEPARATION_M, KeepsDistance
 from formation_scenario.links import Links, LinkStep, link_steps, through_air
 from formation_scenario.orders import PlannedOrder, read_order
@@ -70,7 +71,7 @@ from formation_scenario.scripted import AnyOrder, ScriptedOrder
 from formation_scenario.shapes import SHAPE
 from formation_scenario.signing import Signing
 from formation_scenario.station import StationId
-from formation_scenario.surroundings import Disturbance, Fault, Fence, Terrain
+from formation_scenario.surroundings import Disturbance, Fault, Terrain
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
 from formation_scenario.traces.keys import Trace
 from formation_scenario.traces.reading import read_trace
@@ -151,9 +152,6 @@ class Safety(OpenGroup, group="safety"):
 
     separation_m: Distance = key(SEPARATION_M, "least distance of two vehicles, m", 20)
     clearance_m: NonNegative = key(5.0, "least height above ground, m", 50)
-    fence: Later[Fence] | None = key(
-        None, "where vehicles must stay, and so paths, slots and setpoints; without it, anywhere"
-    )
     path_distance_m: Positive = key(
         50.0, "largest distance of the leader from its path, across and in height, for longer than 10 s, m", 30
     )
@@ -351,6 +349,11 @@ class Scenario(Keys):
                 yield known.get(None if model is None else model.aircraft, AIRCRAFT)
             yield known.get(vehicle.own_family, EMULATED_FAMILY)
 
+    @property
+    def fence(self) -> Geofence | None:
+        """Where vehicles must stay; None if they may fly anywhere."""
+        return next(self.safety.each(Geofence), None)
+
     @cached_property
     def ground(self) -> Ground:
         """The ground; without terrain, a plain at the origin's height.
@@ -368,7 +371,7 @@ class Scenario(Keys):
             PathError: no such path leads through them.
         """
         if self.path.kind == "legs":
-            return path_of_legs(self, self.path, self.drift_mps, self.safety.fence, self._detours)
+            return path_of_legs(self, self.path, self.drift_mps, self.fence, self._detours)
         return SplinePath(self.path.waypoints_m)
 
     @property

@@ -17,10 +17,10 @@ from flight_model.legs.speeds import SpeedChanges, SpeedProfile, speed_profile
 from flight_model.legs.turn import TurnLimits
 from flight_model.path import FlightPath
 from flight_model.stops.path import PathWithStops
+from formation_scenario.geofence import Geofence
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.path_with_stops import path_with_stops, short_legs, timetable
 from formation_scenario.slot_assignment import Members, SlotStep, column_models, slot_schedule
-from formation_scenario.surroundings import Fence
 from formation_scenario.turn_limits import climb_limits, turn_limits
 
 MOST_ROUNDS = 5
@@ -35,7 +35,7 @@ def path_of_legs(
     members: Members,
     path: PathPlan,
     drift_mps: tuple[float, float],
-    fence: Fence | None,
+    fence: Geofence | None,
     known: dict[TurnLimits, Detours] | None = None,
 ) -> LegsPath:
     """Return the path along a scenario's legs that all its vehicles can fly, clear of the fence where there is room.
@@ -113,7 +113,7 @@ def _lack(
     steps: tuple[SlotStep, ...],
     speed_mps: float,
     drift_mps: tuple[float, float],
-    fence: Fence | None,
+    fence: Geofence | None,
 ) -> Lack | None:
     """Return the measure of the room that a way lacks: the sum over its points of what the worst slot lacks there."""
     sides = None if fence is None else fence.sides

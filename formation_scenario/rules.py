@@ -32,21 +32,6 @@ def row(scenario: Scenario) -> Iterator[Finding]:
         yield path, f"found {row_m:g} m", f"safety.separation_m, {least_m:g} m, or more"
 
 
-def fence(scenario: Scenario) -> Iterator[Finding]:
-    """Yield a fence whose lowest height is above its highest, and areas that are no polygon or circle, or both."""
-    limits, key = scenario.safety.fence, ("safety", "fence")
-    if limits is None:
-        return
-    lowest_m, highest_m = limits.heights_m
-    if lowest_m > highest_m:
-        yield (*key, "height_min_m"), f"found {lowest_m:g} m", f"up to height_max_m, {highest_m:g} m"
-    for index, area in enumerate(limits.areas):
-        found = [name for name in ("corners_m", "centre_m", "radius_m") if getattr(area, name) is not None]
-        if found not in (["corners_m"], ["centre_m", "radius_m"]):
-            allowed = "corners_m of a polygon, or centre_m and radius_m of a circle"
-            yield (*key, "areas", index), f"found {' and '.join(found) or 'neither corners nor centre'}", allowed
-
-
 def wind(scenario: Scenario) -> Iterator[Finding]:
     """Yield a wind at least as fast as the slowest vehicle's highest airspeed."""
     speed_mps = scenario.wind.speed_mps
@@ -198,7 +183,6 @@ RULES = (
     path_rules.places,
     wind,
     terrain,
-    fence,
 )
 """The rules of the core's keys, in the order of these."""
 

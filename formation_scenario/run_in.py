@@ -22,7 +22,7 @@ def run_in_inside_fence_s(scenario: Scenario, path: FlightPath) -> float | None:
 
     `SHORTEST_S` where there is less; None where the usual one has. A formation that isn't assembled then flies laps.
     """
-    fence = scenario.safety.fence
+    fence = scenario.fence
     if fence is None or fence.sides is None:
         return None
     before_m = np.arange(0.0, scenario.run_in_m + BETWEEN_M, BETWEEN_M)

@@ -1,10 +1,9 @@
-"""Keys of what surrounds and happens to vehicles: disturbances, terrain, fence, faults."""
+"""Keys of what surrounds and happens to vehicles: disturbances, terrain, faults."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import cached_property
 from typing import Annotated, Any, Final, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -12,7 +11,6 @@ from pydantic import Field, Tag
 
 from airlink.telemetry_faults import Effect, Quantity
 from flight_model.arrays import Array
-from flight_model.fence_geometry import Circle, FenceArea, FenceAreas, Polygon
 from formation_scenario.fields import (
     EXTENSION,
     OF_AN_EXTENSION,
@@ -36,11 +34,6 @@ FOOT_M = 0.3048
 LOWEST_FT, HIGHEST_FT = 10.0, 1000.0
 """Heights for which the formulas of turbulence at low altitude hold; other heights are clipped to these."""
 
-Corner: TypeAlias = Annotated[tuple[Number, Number], Allowed("a list of 2 numbers: north, east")]
-Corners = Annotated[
-    tuple[Corner, ...], Field(min_length=3, max_length=200), Allowed("a list of 3 to 200 corners [north, east]")
-]
-FENCE_CORNERS = "safety.fence.corners_m"
 Positives: TypeAlias = Annotated[tuple[Positive, Positive, Positive], Allowed("a list of 3 numbers > 0")]
 KIND = "how the velocity varies with time"
 HillShape = Literal["gaussian", "cosine"]
@@ -52,77 +45,6 @@ PASSING: tuple[str, ...] = ("freeze", "ignore", "pilot", "telemetry")
 """Kinds of faults that may end."""
 DEFAULT_MODE: PilotsMode = "LOITER"
 TELEMETRY_KEYS: Final = ("quantity", "effect", "amount")
-
-
-class Area(Keys):
-    """An area of the fence: a polygon or a circle."""
-
-    kind: Literal["inclusion", "exclusion"] = key(..., "stay inside it, or outside", "exclusion")
-    corners_m: Corners | None = key(
-        None,
-        "of a polygon: its corners, one after another: north and east of the origin, m",
-        [[500, -800], [900, -800], [700, -300]],
-    )
-    centre_m: Corner | None = key(None, "of a circle: its centre, north and east of the origin, m", [1800, 900])
-    radius_m: Positive | None = key(None, "of a circle: its radius, m", 150)
-
-    @property
-    def shape(self) -> Polygon | Circle:
-        """Its shape; of an area that says too little, or both, that of its corners."""
-        if self.corners_m is not None:
-            return Polygon(np.array(self.corners_m))
-        return Circle(np.array(self.centre_m or (0.0, 0.0)), self.radius_m or 0.0)
-
-
-Areas = Annotated[tuple[Area, ...], Field(max_length=100)]
-Rally = Annotated[tuple[Vector, ...], Field(max_length=100), Allowed("a list of up to 100 [north, east, height]")]
-
-
-class Fence(Keys):
-    """Where vehicles must stay; every limit is optional."""
-
-    corners_m: Corners | None = key(
-        None,
-        "corners of a polygon to stay in, one after another: north and east of the origin, m",
-        [[-1000, -800], [4000, -800], [4000, 2000], [-1000, 2000]],
-    )
-    areas: Areas = key((), "further polygons and circles, to stay in or out of")
-    inclusions: Literal["all", "any"] = key(
-        "all",
-        "of several inclusions, corners_m among them: stay inside all, as ArduPilot has it, or inside any, as PX4 does",
-        "any",
-    )
-    height_min_m: Number | None = key(None, "lowest height above the origin, m", 40)
-    height_max_m: Number | None = key(None, "highest height above the origin, m", 120)
-    rally_m: Rally = key(
-        (),
-        "rally points: north, east and height above the origin, m: written by `check --export` into a plan, as where "
-        "autopilots return to; nothing here flies to them",
-        [[-300, 200, 60]],
-    )
-
-    @cached_property
-    def sides(self) -> FenceAreas | None:
-        """Its polygons and circles; None without any."""
-        found = list[FenceArea]()
-        if self.corners_m is not None:
-            found.append(FenceArea(Polygon(np.array(self.corners_m)), inclusion=True, key=FENCE_CORNERS))
-        for index, each in enumerate(self.areas):
-            found.append(FenceArea(each.shape, each.kind == "inclusion", f"safety.fence.areas.{index}"))
-        return FenceAreas(tuple(found), self.inclusions == "any") if found else None
-
-    @property
-    def heights_m(self) -> tuple[float, float]:
-        """The lowest and the highest height; infinite without a limit."""
-        lowest = -np.inf if self.height_min_m is None else self.height_min_m
-        return lowest, np.inf if self.height_max_m is None else self.height_max_m
-
-    def outside_m(self, north_m: float, east_m: float, height_m: float) -> float:
-        """Return how far outside a place is, m; 0 inside."""
-        (lowest_m, highest_m), lateral_m = self.heights_m, 0.0
-        if self.sides is not None:
-            lateral_m = max(0.0, -float(self.sides.inside_m(np.array((north_m, east_m)))))
-        return math.hypot(lateral_m, max(0.0, height_m - highest_m, lowest_m - height_m))
 
 
 class Passing(Timed):

@@ -201,7 +201,7 @@ def settle_s(scenario: Scenario) -> float:
 
 def _lap_fence(scenario: Scenario) -> LapFence | None:
     """Return the fence within which the formation's laps before the path must stay, None without one."""
-    sides = None if scenario.safety.fence is None else scenario.safety.fence.sides
+    sides = None if scenario.fence is None else scenario.fence.sides
     if sides is None:
         return None
     first = 0 if scenario.leader else 1

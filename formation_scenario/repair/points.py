@@ -157,7 +157,7 @@ class Points:
         if not self._far and not turns_well(scenario, steps, scenario.path.begin_mps, wind_mps):
             return draft
         plan = scenario.path.model_copy(update={"kind": "legs"})
-        legs = path_of_legs(scenario, plan, scenario.drift_mps, scenario.safety.fence, draft.detours)
+        legs = path_of_legs(scenario, plan, scenario.drift_mps, scenario.fence, draft.detours)
         found, base, at = [points[0]], [kept[0]], 1
         for passed in legs.passed:
             inside = range(passed.first, passed.last + 1)

@@ -184,7 +184,6 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
     yield from check_links.narrow_links(scenario)
     yield from check_traces.recorded_delays(scenario)
     yield from check_path.not_flown(scenario)
-    yield from check_path.rally_outside(scenario)
     yield from check_path.short_legs(scenario)
     yield from check_path.widened_circles(scenario)
     yield from check_room.drifts(scenario)

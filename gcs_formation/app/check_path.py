@@ -79,16 +79,6 @@ def not_flown(scenario: Scenario) -> Iterator[str]:
         yield f"path: {text}"
 
 
-def rally_outside(scenario: Scenario) -> Iterator[str]:
-    """Yield a warning of each rally point outside the fence, where autopilots don't return to."""
-    fence = scenario.safety.fence
-    if fence is None:
-        return
-    for index, place_m in enumerate(fence.rally_m):
-        if (outside_m := fence.outside_m(*place_m)) > 0.0:
-            yield f"safety.fence.rally_m.{index}: rally point {outside_m:.0f} m outside the fence"
-
-
 def widened_circles(scenario: Scenario) -> Iterator[str]:
     """Yield a warning of each waypoint whose circles are wider than asked for."""
     path = scenario.written_path

@@ -45,7 +45,7 @@ def export_path(scenario: Scenario, file: Path, vehicle: VehicleRef | None = Non
         paths = dict([next(iter(paths.items()))])
     holds_s, origin = _holds_s(scenario), scenario.origin.geodetic
     named = [NamedPath(f"vehicle {name}", points, holds_s) for name, points in paths.items()]
-    export(file, named, origin, file_fence(scenario.safety.fence, origin), hovering=scenario.hovers)
+    export(file, named, origin, file_fence(scenario.fence, origin), hovering=scenario.hovers)
 
 
 def _holds_s(scenario: Scenario) -> dict[int, float]:

@@ -17,7 +17,7 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Indices, Mask
 from formation_scenario import Scenario
-from formation_scenario.surroundings import Fence
+from formation_scenario.geofence import Geofence
 from gcs_formation.record.history import Interval
 from gcs_formation.record.separations import STRAIGHT_ON_S, min_separation_m
 from gcs_formation.record.timeseries import AIRBORNE, PHASES, PLACE, ROWS_AT_ONCE, TRUTH, VIRTUAL_LEADER, flying
@@ -126,7 +126,7 @@ def limit_series(
         ended_s: the flight's end on the run's clock, s.
     """
     ticks, names = _Ticks(vehicles), list(vehicles)
-    fence = None if scenario.safety.fence is None else _FenceJudge(scenario.safety.fence, len(names))
+    fence = None if scenario.fence is None else _FenceJudge(scenario.fence, len(names))
     rows, tracks, who = list[tuple[Array, ...]](), list[Array](), list[Indices]()
     worst = dict[VehicleId, PilotOutside]()
     for motion in _from_ticks(vehicles) if truth is None else _from_truth(truth, ticks, len(names), ended_s):
@@ -248,7 +248,7 @@ class _FenceJudge:
     in the formation as the path begins is bound from then on at the latest. The lowest height doesn't bind a landing.
     """
 
-    def __init__(self, fence: Fence, vehicles: int) -> None:
+    def __init__(self, fence: Geofence, vehicles: int) -> None:
         self._lowest_m, self._highest_m = fence.heights_m
         self._sides = fence.sides
         self._entered = np.zeros((3, vehicles, 1), dtype=bool)

@@ -30,7 +30,7 @@ class Safety(NamedTuple):
 
 def safety(scenario: Scenario, flight: RecordedFlight, limits: LimitSeries) -> Safety:
     """Return the figures of the whole flight, from the first take-off to the last acknowledgement at its end."""
-    fenced, off = scenario.safety.fence is not None, list(off_path(scenario, limits.track))
+    fenced, off = scenario.fence is not None, list(off_path(scenario, limits.track))
     broken = [
         limits.separation_m < scenario.safety.separation_m,
         limits.clearance_m < scenario.safety.clearance_m,
@@ -81,7 +81,7 @@ def _breaches(scenario: Scenario, flight: RecordedFlight, limits: LimitSeries) -
 
 def _left_by(scenario: Scenario, own: Columns, tick: int) -> tuple[str, str]:
     """Return which part of the fence a vehicle had left at a tick, and what is allowed, in words."""
-    sides = None if scenario.safety.fence is None else scenario.safety.fence.sides
+    sides = None if scenario.fence is None else scenario.fence.sides
     if sides is not None and tick >= 0:
         north, east = (TRUTH if TRUTH[0] in own else PLACE)[:2]
         place_m = np.array((own[north][tick], own[east][tick]))

@@ -75,7 +75,7 @@ def _path(scenario: Scenario) -> FlightPath | None:
 
 def _from_above(axes: Axes, scenario: Scenario, marked: Sequence[Violation], repaired: Scenario | None) -> None:
     waypoints = np.array(scenario.path.waypoints_m)
-    _fence(axes, None if scenario.safety.fence is None else scenario.safety.fence.sides)
+    _fence(axes, None if scenario.fence is None else scenario.fence.sides)
     axes.plot(waypoints[:, 1], waypoints[:, 0], color=style.LIGHT, lw=style.THIN, label="legs")
     for each, colour, name in ((repaired, style.FOLLOWERS[2], "repaired"), (scenario, style.FOLLOWERS[0], "path")):
         path = None if each is None else _path(each)

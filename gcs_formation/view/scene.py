@@ -25,7 +25,7 @@ DIGITS = 1
 def scene(scenario: Scenario) -> dict[str, Any]:
     """Return what a scenario says, for JSON: metres north and east of the origin, heights above it."""
     points, safety = _path(scenario), scenario.safety
-    fence = safety.fence
+    fence = scenario.fence
     areas = () if fence is None or fence.sides is None else fence.sides.areas
     return {
         "name": scenario.name,

@@ -10,7 +10,6 @@ import pytest
 
 import gcs_formation
 from flight_model.arrays import Array, Complex, Indices
-from flight_model.fence_geometry import inside_m
 from flight_model.legs.path import LegsPath
 from formation_scenario import load_scenario
 from tests.missions import FLOWN, keys_of
@@ -64,9 +63,10 @@ def test_a_mission_is_flown_along_its_legs_at_its_heights_inside_its_fence(name:
     both = np.stack((waypoints[leg, 2], waypoints[leg + 1, 2]))
     assert np.maximum(height_m - both.max(axis=0), both.min(axis=0) - height_m).max() < OUTSIDE_HEIGHTS_M
 
-    assert scenario.safety.fence is not None
+    assert scenario.fence is not None
+    assert scenario.fence.sides is not None
     everyone = np.stack((column["true_north_m"], column["true_east_m"]), axis=-1)[flown]
-    assert inside_m(np.array(scenario.safety.fence.corners_m), everyone).min() > 0.0
+    assert scenario.fence.sides.inside_m(everyone).min() > 0.0
     for vehicle in (2, 3, 4):
         follower = flown & (column["vehicle"] == vehicle)
         for axis in "xyz":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flight_model.fence_geometry import Flyers, inside_m, places_along
+from flight_model.fence_geometry import Flyers, places_along
 from flight_model.legs.path import LegsPath
 from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.ground_and_fence import drift
@@ -42,12 +42,12 @@ def test_a_mission_is_planned_along_its_legs_at_its_heights_inside_its_fence(nam
     assert (lower - points.height_m[flown]).max() < 0.05
     assert path.at(path.waypoints_at_m).height_m == pytest.approx(waypoints[:, 2], abs=1.0)
 
-    assert scenario.safety.fence is not None
-    corners = np.array(scenario.safety.fence.corners_m)
+    assert scenario.fence is not None
+    assert scenario.fence.sides is not None
     forward_m, right_m, _ = slot_schedule(scenario)[0].places_m.T
     way = points.north_m, points.east_m, points.course_rad
     places = places_along(way, Flyers(forward_m, right_m, np.ones(4)), drift(scenario))
-    assert inside_m(corners, places).min() > 25.0
+    assert scenario.fence.sides.inside_m(places).min() > 25.0
 
 
 @pytest.mark.parametrize("name", REFUSED)

@@ -42,7 +42,7 @@ except SystemExit:
 LEFT_OUT = f"""
 from formation_scenario.links import LinkChange
 from formation_scenario.load import load_scenario
-from formation_scenario.surroundings import Fence
+from gcs_formation.features.airspace.keys import Fence
 load_scenario({str(QUICKSTART)!r})
 print(Fence.__pydantic_complete__, LinkChange.__pydantic_complete__)
 load_scenario({str(QUICKSTART)!r}, ["safety.fence={{}}"])

@@ -17,7 +17,7 @@ from flight_model.slot import HEIGHT
 from flight_model.vehicle_arrays import FlightStates
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import column_ids
-from formation_scenario.surroundings import Fence
+from gcs_formation.features.airspace.keys import AirspaceKeys, Fence
 from gcs_formation.recorder import Event, Tick
 
 HELD_M: Final = 10.0
@@ -76,7 +76,8 @@ class FenceLimits:
 
     def __init__(self, scenario: Scenario, models: list[AutopilotModel]) -> None:
         """Take the scenario's fence; the (C,) `models` have the turn rates."""
-        self._fenced, self._fence = scenario.safety.fence is not None, scenario.safety.fence or Fence()
+        fence = AirspaceKeys.of(scenario).fence
+        self._fenced, self._fence = fence is not None, fence or Fence()
         self._areas = self._fence.sides
         self._is_vehicle = np.array([each is not None for each in column_ids(scenario)])
         self._turn_rps = np.array([model.turn_rate_max_rps for model in models])

@@ -31,7 +31,7 @@ def final_circles(scenario: Scenario) -> Iterator[str]:
 
     Circles are one above the other, so many vehicles need much height.
     """
-    terrain, fence = scenario.terrain, scenario.safety.fence
+    terrain, fence = scenario.terrain, scenario.fence
     if terrain is None and fence is None:
         return
     climb = _Climb(scenario, -math.inf if terrain is None else terrain.clearance_m)

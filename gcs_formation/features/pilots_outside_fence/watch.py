@@ -18,7 +18,7 @@ class PilotsOutsideFence(Stage):
 
     def __init__(self, cycle: Cycle) -> None:
         """Begin with everybody inside; without a fence nothing is reported."""
-        self._fence = cycle.scenario.safety.fence
+        self._fence = cycle.scenario.fence
         self._outside = set[VehicleId]()
 
     def run(self, cycle: Cycle) -> None:

@@ -16,8 +16,8 @@ from flight_model.autopilot_model import AutopilotModel, squared, within
 from flight_model.slot import HEIGHT, UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario
+from formation_scenario.geofence import NO_LIMITS
 from formation_scenario.slot_assignment import column_ids, slot_schedule
-from formation_scenario.surroundings import Fence
 from formation_scenario.transition_plan import MARGIN_M
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S, Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
@@ -68,7 +68,7 @@ class ConflictResolver:
         self._hovers: bool = scenario.hovers
         self._virtual, self._predicted = scenario.leader is None, scenario.law.delay_compensation
         self._ground, self._clearance_m = scenario.ground, scenario.safety.clearance_m
-        self._heights_m = (scenario.safety.fence or Fence()).heights_m
+        self._heights_m = NO_LIMITS if scenario.fence is None else scenario.fence.heights_m
         self._history, self._models = history, models
         self._unresponsive = Unresponsive(history, models, self._keys.horizon_s, hovers=self._hovers)
         self._wandering = Wandering(history, models, self._keys.horizon_s, hovers=self._hovers)

@@ -9,8 +9,8 @@ import pytest
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.fence_geometry import CHECKED_M
 from formation_scenario import load_scenario
-from formation_scenario.surroundings import Fence
 from gcs_formation import from_scenario
+from gcs_formation.features.airspace.keys import Fence
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from tests.flights.conftest import scenario
 

@@ -11,9 +11,9 @@ from airlink.clock import Instant
 from flight_model.fence_geometry import inside_m
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
 from formation_scenario import Scenario, load_scenario
-from formation_scenario.surroundings import Area, Fence
 from gcs_formation import from_scenario
 from gcs_formation.features.airspace.airspace import FenceLimits
+from gcs_formation.features.airspace.keys import Area, Fence
 from gcs_formation.recorder import Tick, VehicleLink
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World

@@ -19,8 +19,10 @@ from formation_scenario.mission_files.mission import FenceCircle, FencePolygon
 from formation_scenario.repair import repair
 from formation_scenario.slot_assignment import column_names, slot_schedule
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m
-from gcs_formation.app.check_path import path_figures, path_text, rally_outside
+from gcs_formation.app.check_path import path_figures, path_text
 from gcs_formation.app.export_path import export_path
+from gcs_formation.features.airspace.check_warnings import rally_outside
+from gcs_formation.features.airspace.keys import AirspaceKeys
 from tests.flights.conftest import scenario
 
 WIDE = [[-900, -700], [5000, -700], [5000, 700], [-900, 700]]
@@ -86,9 +88,9 @@ def test_a_small_exclusion_between_two_samples_of_the_path_is_found() -> None:
 
 def test_beside_the_slots_and_with_one_of_two_inclusions_enough_there_is_nothing_to_say() -> None:
     clear, near = circle("exclusion", 1500, 400, 100), circle("inclusion", 0, 0, 1500)
-    assert load_scenario(keys(clear)).safety.fence
+    assert load_scenario(keys(clear)).fence
     assert "outside the inclusion circle" in problems(keys(near))
-    assert load_scenario(keys(near, inclusions="any")).safety.fence
+    assert load_scenario(keys(near, inclusions="any")).fence
 
 
 def test_a_start_in_an_exclusion_is_refused() -> None:
@@ -153,7 +155,9 @@ def load(tmp_path: Path, plain: dict[str, Any]) -> Scenario:
 
 def test_every_slot_of_a_plan_stays_inside_its_polygon_and_outside_its_circle_at_25_hz(tmp_path: Path) -> None:
     planned = load(tmp_path, plan(tmp_path))
-    corners, (lake,) = np.array(planned.safety.fence.corners_m), planned.safety.fence.areas  # type: ignore[union-attr]
+    fence = AirspaceKeys.of(planned).fence
+    assert fence is not None
+    corners, (lake,) = np.array(fence.corners_m), fence.areas
     at_m = planned_m(planned, np.arange(0.0, planned_end_s(planned), 0.04))
     points = planned.leader_path.at(np.concatenate((np.arange(-planned.run_in_m, 0.0, 0.9), at_m)))
     for forward_m, right_m, _ in slot_schedule(planned)[0].places_m.tolist():

@@ -83,7 +83,7 @@ WIDE = [[-400, -300], [4200, -300], [4200, 300], [-400, 300]]
 
 
 def test_inside_the_fence_there_is_nothing_to_say() -> None:
-    assert load_scenario(keys(corners_m=WIDE, height_min_m=100, height_max_m=100)).safety.fence
+    assert load_scenario(keys(corners_m=WIDE, height_min_m=100, height_max_m=100)).fence
 
 
 @pytest.mark.parametrize(
