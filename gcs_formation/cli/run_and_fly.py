@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -39,6 +40,7 @@ RUN_EXAMPLES = examples(
     "gcs-formation run quickstart.yaml --speedup 5 --out runs/quickstart",
     "gcs-formation run quickstart.yaml --clock virtual --until 60 --json",
     'gcs-formation run quickstart.yaml --clock virtual --set formation.shape=arrow --set "wind.velocity_mps=[3, 0, 0]"',
+    "gcs-formation run arduplane.yaml --sitl arduplane=build/sitl/bin/arduplane   your own simulators",
 )
 FLY_EXAMPLES = examples(
     "sim-vehicles quickstart.yaml                              vehicles, in another terminal",
@@ -117,10 +119,29 @@ def _options(command: Command) -> Command:
 @click.command(cls=WithView, epilog=RUN_EXAMPLES)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.option("--clock", type=CLOCKS, default="real", help="virtual: as fast as possible, repeatable.")
+@click.option(
+    "--sitl",
+    multiple=True,
+    metavar="FAMILY=PROGRAM",
+    help="Your ArduPilot or PX4 simulator for that family's vehicles; repeatable.",
+)
 @_options
-def run(**given: Any) -> None:
+def run(sitl: tuple[str, ...], **given: Any) -> None:
     """Fly SCENARIO with emulated vehicles: start them, take off, fly, record, judge."""
-    sys.exit(_done(run_scenario, _conclude, **given))
+    sys.exit(_done(_with_simulators(sitl, given["clock"]) if sitl else run_scenario, _conclude, **given))
+
+
+def _with_simulators(sitl: tuple[str, ...], clock: str) -> Fly[Summary]:
+    """Return what flies a scenario with the user's simulators, or exit with what's wrong with them."""
+    from gcs_formation.app.sitl.fleet import ProgramError, programs_of  # noqa: PLC0415 - only `--sitl` starts any
+    from gcs_formation.app.sitl.flight import run_simulated  # noqa: PLC0415
+
+    if clock == "virtual":
+        fail("--clock: found virtual beside --sitl, whose simulators keep their own time; allowed: real")
+    try:
+        return partial(run_simulated, programs_of(sitl))
+    except ProgramError as error:
+        fail(f"--sitl: {error}")
 
 
 @click.command(cls=WithView, epilog=FLY_EXAMPLES)

@@ -14,7 +14,7 @@ import numpy as np
 
 from flight_model.arrays import Array
 from gcs_formation.identify.logs.track import HOVERING_SEEN, OVER_GROUND_SEEN, Log, Mode, Track, modes_of, spoken
-from gcs_formation.identify.logs.ulog_file import ULogFile, read_ulog_file
+from gcs_formation.record.ulog_file import ULogFile, read_ulog_file
 from gcs_formation.vehicle.velocity_setpoint import HEIGHT_S
 
 NAV_STATES: Final = {

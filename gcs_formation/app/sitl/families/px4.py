@@ -1,0 +1,91 @@
+"""PX4's simulator in its own process (SITL with SIH), fixed wing and multirotor.
+
+Sources: PX4 user guide, "Simulation-In-Hardware (SIH)"; ROMFS/px4fmu_common/init.d-posix (rcS, px4-rc.mavlink: ports
+and variables), src/modules/logger/logged_topics.cpp (ground truth). Its air has no wind, and everybody faces north.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from formation_scenario import Scenario, Vehicle
+from gcs_formation.app.sitl.simulator import Craft, Launch, Simulator, TrueMotion, newest
+from gcs_formation.app.sitl.ulog_truth import read_truth
+
+GCS_PORT, STATION_PORT = 18570, 14550
+"""Instance n, which is system n + 1, sends from the first plus n to the second."""
+AIRFRAMES: Final = {False: ("10041", "sihsim_airplane"), True: ("10040", "sihsim_quadx")}
+THRUST_N: Final = 10.0
+"""With its default thrust of 6 N the simulator's aircraft hardly exceeds 14 m/s."""
+TRIM_TO_SPARE_MPS: Final = 2.0
+
+
+class Px4Simulator(Simulator):
+    """`px4`, with its directory `etc` beside the one that it is in."""
+
+    name = "px4"
+    allowed_endpoints = f"one udpin:HOST:{STATION_PORT}, or udpout:127.0.0.1:PORT with PORT {GCS_PORT - 1} + id"
+
+    def of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]:
+        """Return its failsafe, and a fixed wing's speeds."""
+        model = vehicle.model
+        found: dict[str, float] = {"NAV_DLL_ACT": 2}
+        if not model.hovers:
+            found |= {
+                "SIH_T_MAX": THRUST_N,
+                "FW_AIRSPD_TRIM": scenario.path.begin_mps,
+                "FW_AIRSPD_MAX": math.ceil(model.speed_max_mps + TRIM_TO_SPARE_MPS),
+                "FW_AIRSPD_MIN": math.floor(model.speed_min_mps),
+            }
+        return found
+
+    def found_wrong(self, program: Path) -> str:
+        """Return that its start-up scripts aren't there, if so."""
+        etc = _etc(program)
+        return "" if etc.is_dir() else f"no directory {etc}, which PX4's build puts there"
+
+    def reaches(self, craft: Craft) -> bool:
+        """Return whether the endpoint is where it sends to, or its own port."""
+        port = craft.station.address.port
+        return port == (STATION_PORT if craft.station.kind == "udpin" else GCS_PORT - 1 + craft.system) and (
+            craft.station.kind in {"udpin", "udpout"}
+        )
+
+    def ports(self, craft: Craft) -> tuple[int, ...]:
+        """Return the port of its link to ground stations."""
+        return (GCS_PORT - 1 + craft.system,)
+
+    def launch(self, program: Path, craft: Craft) -> Launch:
+        """Return the command, whose settings are environment variables."""
+        airframe, model = AIRFRAMES[craft.hovers]
+        home = craft.home
+        variables = {
+            "PX4_SYS_AUTOSTART": airframe,
+            "PX4_SIM_MODEL": model,
+            "PX4_SIM_SPEED_FACTOR": f"{craft.speedup:g}",
+            "PX4_HOME_LAT": f"{home.lat_deg:.9f}",
+            "PX4_HOME_LON": f"{home.lon_deg:.9f}",
+            "PX4_HOME_ALT": f"{home.alt_m:.3f}",
+            **{f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in craft.parameters.items()},
+        }
+        return Launch([str(program), "-i", str(craft.system - 1), "-d", str(_etc(program))], variables)
+
+    def true_motion(self, directory: Path) -> TrueMotion | None:
+        """Return the topics of ground truth; none of them is an airspeed, which is the velocity's in still air."""
+        log = newest(directory, "*.ulg")
+        columns = {} if log is None else read_truth(log)
+        if not columns:
+            return None
+        airspeed_mps = np.hypot(columns["north_mps"], columns["east_mps"])
+        return TrueMotion.of({**columns, "airspeed_mps": np.hypot(airspeed_mps, columns["climb_mps"])})
+
+
+def _etc(program: Path) -> Path:
+    return program.parents[1] / "etc"
+
+
+SIMULATOR: Final = Px4Simulator()

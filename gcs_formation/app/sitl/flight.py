@@ -1,0 +1,90 @@
+"""`gcs-formation run --sitl`: a flight with the user's simulators, started and ended with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+from airlink.clock import RealClock
+from airlink.driver import Driver
+from airlink.endpoint import PortError, VehicleId
+from formation_scenario import Scenario
+from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.progress import Progress
+from gcs_formation.app.run import forwarded, import_ahead, require_no_program, resolve_peers
+from gcs_formation.app.session import Session
+from gcs_formation.app.sitl.fleet import Simulated, simulated
+from gcs_formation.app.sitl.processes import Running, SimulatorError, ended, running
+from gcs_formation.app.sitl.simulator import TrueMotion
+from gcs_formation.app.sitl.truth import Clocks, LoggedTruth, lacking
+from gcs_formation.record.limits_by_truth import Truth
+from gcs_formation.record.summary import Summary
+from gcs_formation.recorder import Event
+
+EVENT = "simulators"
+
+
+def run_simulated(
+    programs: Mapping[str, Path],
+    scenario: Scenario,
+    options: RunOptions,
+    progress: Progress,
+    interrupts: Interrupts,
+) -> Summary:
+    """Fly a scenario with simulators of the user's, which this starts and ends; `programs`: by family.
+
+    Raises:
+        ScenarioError: a vehicle can't be simulated by these programs.
+        RunAbortedError: a port is taken, a vehicle refused, a simulator ended.
+        RecordError: the run directory can't be written.
+    """
+    require_no_program(scenario)
+    fleet = simulated(programs, scenario, options.speedup)
+    import_ahead()
+    session = Session(scenario, options, RealClock(options.speedup), progress, interrupts, emulated=False)
+    clocks = Clocks(session.station)
+    try:
+        resolve_peers(session)
+        engine, replaced = forwarded(session)
+        with (
+            Driver(engine, session.clock) as driver,
+            running(fleet, options.out) as simulators,
+            session.listening(),
+        ):
+            _say(session, f"{len(simulators)} started: {', '.join(f'{path}' for path in programs.values())}")
+            session.replace = replaced or driver.replace
+            session.begin_to_wait()
+            driver.run(partial(_over, session, simulators, clocks))
+    except (PortError, SimulatorError) as error:
+        raise session.could_not_begin(error) from error
+    return session.conclude(_truth(session, fleet, simulators, clocks))
+
+
+def _over(session: Session, simulators: Sequence[Running], clocks: Clocks) -> bool:
+    """Attend to a flight, which fails if a simulator has ended; return whether it is over."""
+    now, course = session.clock.now(), session.station.course
+    if clocks.note(now) and course.failure is None and (text := ended(simulators)):
+        course.fail(text, now)
+    return session.attend()
+
+
+def _truth(session: Session, fleet: Sequence[Simulated], simulators: Sequence[Running], clocks: Clocks) -> Truth | None:
+    """Return the ground truth of the simulators' logs; without it, an event says why."""
+    motions = dict[VehicleId, TrueMotion | None]()
+    try:
+        for each, one in zip(fleet, simulators, strict=True):
+            motions[each.identity] = each.simulator.true_motion(one.directory)
+    except (OSError, ValueError) as error:
+        _say(session, f"no ground truth: {error}")
+        return None
+    if missing := lacking(motions, clocks):
+        _say(session, f"no ground truth: {missing}")
+        return None
+    known = [motion for motion in motions.values() if motion is not None]
+    noted = [clocks.noted[each.identity] for each in fleet]
+    return LoggedTruth(known, noted, session.scenario.origin.geodetic).between
+
+
+def _say(session: Session, text: str) -> None:
+    session.recorder.event(Event(session.clock.now(), EVENT, text))

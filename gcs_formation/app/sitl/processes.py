@@ -1,0 +1,108 @@
+"""Starts simulators, each in a directory of its own, notices one that ends, and ends each by its own process."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from airlink.endpoint import VehicleId
+from gcs_formation.app.sitl.fleet import Simulated
+from gcs_formation.errors import RunAbortedError
+
+DIRECTORY, OUTPUT = "simulators", "output.txt"
+END_S: Final = 10.0
+"""Wall time that a simulator gets to close its log, s."""
+LAST_BYTES: Final = 300
+
+
+class SimulatorError(RunAbortedError):
+    """A simulator can't be started."""
+
+
+@dataclass(frozen=True)
+class Running:
+    """A simulator's process."""
+
+    identity: VehicleId
+    process: subprocess.Popen[bytes]
+    directory: Path
+
+    @property
+    def ended(self) -> str:
+        """In words how it has ended; "" while it runs."""
+        if self.process.poll() is None:
+            return ""
+        said = (self.directory / OUTPUT).read_bytes()[-LAST_BYTES:].decode(errors="replace").strip()
+        last = said.splitlines()[-1] if said else f"exit status {self.process.returncode}"
+        return f"vehicle {self.identity}: its simulator has ended: {last} ({self.directory / OUTPUT})"
+
+
+@contextmanager
+def running(fleet: Sequence[Simulated], out: Path) -> Generator[list[Running]]:
+    """Run the simulators in `out`, and end them, the newest first.
+
+    Raises:
+        SimulatorError: a port that one needs is taken, or a program can't be executed.
+    """
+    _require_free_ports(fleet)
+    shutil.rmtree(out / DIRECTORY, ignore_errors=True)
+    with ExitStack() as stack:
+        yield [stack.enter_context(_started(each, out / DIRECTORY / str(each.craft.system))) for each in fleet]
+
+
+def ended(simulators: Iterable[Running]) -> str:
+    """Return in words which simulator has ended; "" if all run."""
+    return next(filter(None, (each.ended for each in simulators)), "")
+
+
+@contextmanager
+def _started(one: Simulated, directory: Path) -> Generator[Running]:
+    directory.mkdir(parents=True)
+    launch = one.simulator.launch(one.program, one.craft)
+    for name, text in launch.files.items():
+        (directory / name).write_text(text, encoding="utf-8")
+    with (directory / OUTPUT).open("wb") as output:
+        try:
+            # A session of its own: Ctrl-C reaches only us, so that the vehicles can be told to loiter first.
+            process = subprocess.Popen(
+                launch.command,
+                cwd=directory,
+                env=os.environ | dict(launch.variables),
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise SimulatorError(f"can't run {launch.command[0]}: {error.strerror or error}") from error
+        try:
+            yield Running(one.identity, process, directory)
+        finally:
+            _end(process)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    process.terminate()
+    try:
+        process.wait(END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def _require_free_ports(fleet: Sequence[Simulated]) -> None:
+    for each in fleet:
+        for port in each.simulator.ports(each.craft):
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+                try:
+                    probe.bind(("", port))
+                except OSError as error:
+                    found = f"found UDP port {port} taken, which vehicle {each.identity}'s simulator needs"
+                    raise SimulatorError(f"{found}; allowed: no other simulator of this number") from error

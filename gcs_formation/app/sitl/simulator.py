@@ -1,0 +1,125 @@
+"""What is simulated, and what a family's simulator brings: how it is started, and where it keeps the true motion."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from airlink.endpoint import Endpoint
+from flight_model.arrays import Array
+from formation_scenario import Scenario, Vehicle
+
+Parameters = Mapping[str, float]
+
+
+class Home(NamedTuple):
+    """Where a vehicle begins, on the ground."""
+
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+    """Above sea level."""
+    heading_deg: float = 0.0
+
+
+@dataclass(frozen=True)
+class Craft:
+    """One vehicle to simulate."""
+
+    system: int
+    number: int
+    """Its place among the simulated vehicles, from 1: simulators tell their ports apart by it."""
+    home: Home
+    station: Endpoint
+    """Where the ground station listens for it, or sends to it."""
+    hovers: bool = False
+    speedup: float = 1.0
+    parameters: Parameters = field(default_factory=dict)
+    """With which its autopilot is switched on."""
+
+
+class Launch(NamedTuple):
+    """How a simulator is started, in a directory of its own."""
+
+    command: list[str]
+    variables: Mapping[str, str] = {}
+    """Environment variables besides ours."""
+    files: Mapping[str, str] = {}
+    """Text files in its directory, by their names."""
+
+
+class TrueMotion(NamedTuple):
+    """Where a simulated vehicle truly was, by its own log: (N,) each, in order of time."""
+
+    boot_s: Array
+    """Time since its boot, on the clock by which it stamps telemetry."""
+    lat_rad: Array
+    lon_rad: Array
+    alt_m: Array
+    """Above sea level."""
+    north_mps: Array
+    east_mps: Array
+    climb_mps: Array
+    heading_rad: Array
+    airspeed_mps: Array
+    """NaN where the simulator doesn't log it."""
+
+    @classmethod
+    def of(cls, columns: Mapping[str, Array]) -> TrueMotion:
+        """Return the columns by their names, without samples that don't follow the one before."""
+        rising = np.append(True, np.diff(np.maximum.accumulate(columns["boot_s"])) > 0.0)
+        return cls(**{name: columns[name][rising] for name in cls._fields})
+
+
+class Simulator(ABC):
+    """A family's simulator; a module of `families` has each as `SIMULATOR`."""
+
+    name: ClassVar[str]
+    """The family, as `autopilot:` of a vehicle and `--sitl` name it."""
+    allowed_endpoints: ClassVar[str]
+    """Of the scenario, in words."""
+
+    @abstractmethod
+    def of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]:
+        """Return the parameters that suit the scenario: failsafes on, limits as its model says, its wind."""
+
+    def found_wrong(self, program: Path) -> str:  # noqa: ARG002 - most need nothing beside it
+        """Return in words what a program lacks that it needs beside it; "" if nothing."""
+        return ""
+
+    @abstractmethod
+    def reaches(self, craft: Craft) -> bool:
+        """Return whether the simulator can be at the other end of the station's endpoint."""
+
+    @abstractmethod
+    def ports(self, craft: Craft) -> tuple[int, ...]:
+        """Return the UDP ports of this machine that it listens at, which must be free."""
+
+    @abstractmethod
+    def launch(self, program: Path, craft: Craft) -> Launch:
+        """Return how a vehicle is started."""
+
+    @abstractmethod
+    def true_motion(self, directory: Path) -> TrueMotion | None:
+        """Return where the vehicle was, by the newest log in its directory; None without one that says so.
+
+        Raises:
+            OSError: a log can't be read.
+            ValueError: it isn't one.
+        """
+
+
+def newest(directory: Path, pattern: str) -> Path | None:
+    """Return the newest file of a pattern, in any subdirectory."""
+    found = sorted(directory.rglob(pattern), key=lambda each: (each.stat().st_mtime_ns, each.name))
+    return found[-1] if found else None
+
+
+def kept(parameters: Parameters, given: Any) -> dict[str, float]:  # noqa: ANN401 - a scenario's mapping or None
+    """Return parameters with those that a scenario gives itself in their place."""
+    return {**parameters, **{name: float(value) for name, value in (given or {}).items()}}
