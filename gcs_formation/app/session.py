@@ -280,7 +280,7 @@ class Session:
         return UNKNOWN if motion is None else Place(motion.north_m, motion.east_m, motion.height_m)
 
     def could_not_begin(self, error: PortError | ExtensionError | RunAbortedError) -> RunAbortedError:
-        """Conclude a run without a port, an extension or a simulator; return what to raise. A resumed run can be resumed again."""
+        """Conclude a run without a port, extension or simulator; return what to raise. A resumed one can be resumed."""
         if self._resumed is not None:
             self.recorder.close()
             return RunAbortedError(str(error))
