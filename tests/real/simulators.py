@@ -16,23 +16,15 @@ import pytest
 import yaml
 from pymavlink import mavutil
 
+from airlink.endpoint import parse_endpoint
+from gcs_formation.app.sitl.fleet import SIMULATORS
+from gcs_formation.app.sitl.simulator import Craft, Home, Launch, Simulator
 from tests.processes import STATION, free_ports
 
 ROOT = Path(__file__).parents[2]
 LIMIT_S = 1200
 PROXY = [sys.executable, "-m", "airlink"]
 ORIGIN_DEG = 35.0, 125.0
-SENSORS = {
-    f"INS_ACC{which}{what}_{axis}": value
-    for which in ("", 2)
-    for what, value in (("OFFS", 0.001), ("SCAL", 1.001))
-    for axis in "XYZ"
-}
-"""The simulator's accelerometers count as calibrated only if their offsets aren't 0."""
-COMPASS = {
-    f"COMPASS_OFS{which}_{axis}": value for which in ("", 2, 3) for axis, value in zip("XYZ", (5, 13, -18), strict=True)
-}
-TRANSMITTER = {f"RC{channel}_{end}": value for channel in range(1, 9) for end, value in (("MIN", 1000), ("MAX", 2000))}
 
 
 def needs(variable: str, what: str) -> list[pytest.MarkDecorator]:
@@ -45,7 +37,7 @@ def needs(variable: str, what: str) -> list[pytest.MarkDecorator]:
 def running(
     command: list[str], directory: Path, variables: Mapping[str, str] | None = None
 ) -> Generator[subprocess.Popen[bytes]]:
-    """Run a simulator in a directory of its own."""
+    """Run a program in a directory of its own."""
     environment = os.environ | dict(variables or {})
     with (directory / "log.txt").open("w") as log:
         process = subprocess.Popen(
@@ -58,15 +50,23 @@ def running(
             process.wait(10)
 
 
+@contextmanager
+def launched(launch: Launch, directory: Path) -> Generator[subprocess.Popen[bytes]]:
+    """Run a simulator as `run --sitl` starts it, in a directory that doesn't exist yet."""
+    directory.mkdir()
+    for name, text in launch.files.items():
+        (directory / name).write_text(text)
+    with running(launch.command, directory, launch.variables) as process:
+        yield process
+
+
 @dataclass(frozen=True)
 class ArduPilot:
     """A vehicle in ArduPilot's simulator; several are in a row to the east."""
 
     variable: str
     """Environment variable with the path of its binary."""
-    model: str
-    first_instance: int
-    """Its RC input is at UDP port 5501 + 10 times this, away from simulations that somebody else runs."""
+    simulator: Simulator
     apart_deg: float
     parameters: Mapping[str, float]
     field_m: float = 0.0
@@ -77,15 +77,12 @@ class ArduPilot:
         self, number: int, port: int, directory: Path, speedup: float = 1.0, **parameters: float
     ) -> Generator[subprocess.Popen[bytes]]:
         """Run a vehicle as system `number`, which sends to `port`; `parameters` are set besides its own."""
-        directory.mkdir()
-        lines = [f"{key} {value}" for key, value in {**self.parameters, **parameters, "MAV_SYSID": number}.items()]
-        (directory / "set.parm").write_text("\n".join(lines) + "\n")
         latitude_deg, longitude_deg = ORIGIN_DEG
-        home = f"{latitude_deg},{longitude_deg + (number - 1) * self.apart_deg},{self.field_m:g},0"
-        command = [os.environ[self.variable], "--model", self.model, "--speedup", str(speedup), "--home", home]
-        command += [f"-I{self.first_instance + number}", "--defaults", "set.parm"]
-        command += ["--serial0", f"udpclient:127.0.0.1:{port}", "--serial1", "none:0", "--serial2", "none:0"]
-        with running(command, directory) as process:
+        home = Home(latitude_deg, longitude_deg + (number - 1) * self.apart_deg, self.field_m)
+        station, given = parse_endpoint(f"udpin:127.0.0.1:{port}"), {**self.parameters, **parameters}
+        craft = Craft(number, number, home, station, speedup=speedup, parameters=given)
+        program = Path(os.environ[self.variable]).absolute()
+        with launched(self.simulator.launch(program, craft), directory) as process:
             yield process
 
     @contextmanager
@@ -102,36 +99,20 @@ class ArduPilot:
 
 ARDUPLANE = ArduPilot(
     "ARDUPLANE_SITL",
-    "plane",
-    40,
+    SIMULATORS["arduplane"],
     0.0006,
-    SENSORS
-    | {
+    {
+        "FS_GCS_ENABL": 1,
+        "FS_LONG_ACTN": 1,
         "AIRSPEED_CRUISE": 22,
         "AIRSPEED_MAX": 30,
         "AIRSPEED_MIN": 10,
-        "ARSPD_USE": 1,
-        "TRIM_THROTTLE": 50,
         "ROLL_LIMIT_DEG": 65,
         "TKOFF_ALT": 50,
         "WP_LOITER_RAD": 80,
-        "RC3_MIN": 1000,
-        "RC3_MAX": 2000,
-        "RC3_TRIM": 1000,
-        "SERVO3_MIN": 1000,
-        "SERVO3_MAX": 2000,
     },
 )
-ARDUCOPTER = ArduPilot(
-    "ARDUCOPTER_SITL",
-    "+",
-    60,
-    0.0001,
-    SENSORS
-    | COMPASS
-    | TRANSMITTER
-    | {"FRAME_CLASS": 1, "FRAME_TYPE": 0, "FS_THR_ENABLE": 0, "FS_GCS_ENABLE": 1, "BATT_MONITOR": 4},
-)
+ARDUCOPTER = ArduPilot("ARDUCOPTER_SITL", SIMULATORS["arducopter"], 0.0001, {"FS_GCS_ENABLE": 1})
 
 
 def at_ports(keys: Mapping[str, Any], ports: Iterable[int]) -> dict[str, Any]:

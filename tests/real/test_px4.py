@@ -20,8 +20,11 @@ import yaml
 from pymavlink import mavutil
 
 from airlink import mavlink as m
+from airlink.endpoint import parse_endpoint
+from gcs_formation.app.sitl.fleet import SIMULATORS
+from gcs_formation.app.sitl.simulator import Craft, Home
 from tests.processes import events_of, wait_for_event
-from tests.real.simulators import ROOT, acknowledgements, command_to_fly, fly, needs, running
+from tests.real.simulators import ROOT, acknowledgements, command_to_fly, fly, launched, needs
 
 pytestmark = needs("PX4_SITL", "a PX4 SITL binary")
 
@@ -38,23 +41,14 @@ COPTERS_PARAMETERS = {"NAV_DLL_ACT": 2, "SDLOG_MODE": -1}
 
 
 @contextmanager
-def simulated(
-    instance: int, directory: Path, airframe: int = 10041, model: str = "airplane"
-) -> Generator[subprocess.Popen[bytes]]:
+def simulated(instance: int, directory: Path, *, hovers: bool = False) -> Generator[subprocess.Popen[bytes]]:
     """Run one PX4, some distance east of the others; the field is at 10 m."""
-    directory.mkdir()
-    flies = model == "airplane"
-    binary = Path(os.environ["PX4_SITL"]).resolve()
-    variables = {
-        "PX4_SYS_AUTOSTART": str(airframe),
-        "PX4_SIM_MODEL": f"sihsim_{model}",
-        "PX4_HOME_LAT": "35.0",
-        "PX4_HOME_LON": str(125.0 + (instance - FIRST_INSTANCE) * (APART_DEG if flies else COPTERS_APART_DEG)),
-        "PX4_HOME_ALT": "10",
-        **{f"PX4_PARAM_{name}": str(value) for name, value in (PARAMETERS if flies else COPTERS_PARAMETERS).items()},
-    }
-    command = [str(binary), "-i", str(instance), "-d", str(binary.parents[1] / "etc")]
-    with running(command, directory, variables) as process:
+    east_deg = (instance - FIRST_INSTANCE) * (COPTERS_APART_DEG if hovers else APART_DEG)
+    station = parse_endpoint(f"udpout:127.0.0.1:{GCS_PORT + instance}")
+    home, parameters = Home(35.0, 125.0 + east_deg, 10.0), COPTERS_PARAMETERS if hovers else PARAMETERS
+    craft = Craft(instance + 1, instance, home, station, hovers, parameters=parameters)
+    program = Path(os.environ["PX4_SITL"]).resolve()
+    with launched(SIMULATORS["px4"].launch(program, craft), directory) as process:
         yield process
 
 
@@ -149,7 +143,7 @@ def multirotors(directory: Path) -> Generator[list[subprocess.Popen[bytes]]]:
     instances = range(FIRST_INSTANCE, FIRST_INSTANCE + 4)
     with ExitStack() as stack:
         places = {each: directory / f"copter{each}" for each in instances}
-        started = [stack.enter_context(simulated(each, places[each], 10040, "quadx")) for each in instances]
+        started = [stack.enter_context(simulated(each, places[each], hovers=True)) for each in instances]
         time.sleep(BOOT_S)
         yield started
 
@@ -168,7 +162,7 @@ def test_four_multirotors_keep_their_slots_through_stops_and_changes(tmp_path):
 def test_a_px4_multicopter_is_refused_before_anything_is_armed(tmp_path):
     with ExitStack() as stack:
         stack.enter_context(simulated(FIRST_INSTANCE, tmp_path / "plane"))
-        stack.enter_context(simulated(FIRST_INSTANCE + 1, tmp_path / "copter", 10040, "quadx"))
+        stack.enter_context(simulated(FIRST_INSTANCE + 1, tmp_path / "copter", hovers=True))
         time.sleep(BOOT_S)
         done = fly(tmp_path, scenario(2))
     assert done.returncode == 3

@@ -1,0 +1,60 @@
+"""Simulators' processes: each in its directory, noticed when it ends, and ended by its own handle."""
+
+from __future__ import annotations
+
+import socket
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gcs_formation.app.sitl.fleet import Simulated
+from gcs_formation.app.sitl.processes import SimulatorError, ended, running
+from gcs_formation.app.sitl.simulator import Craft, Launch
+from tests.gcs_formation.app.sitl.test_fleet import fleet
+from tests.processes import wait_for
+
+WAITS = "import sys; print('up', flush=True); sys.stdin.close(); import time; time.sleep(60)"
+FAILS = "import sys; sys.exit('no such model')"
+
+
+def as_python(one: Simulated, code: str) -> Simulated:
+    """Return a vehicle whose simulator is a line of Python."""
+
+    class Program(type(one.simulator)):  # type: ignore[misc]
+        def launch(self, program: Path, craft: Craft) -> Launch:
+            return Launch([sys.executable, "-S", "-c", code], files={"set.parm": "A 1\n"})
+
+    return replace(one, simulator=Program())
+
+
+def test_each_runs_in_its_directory_until_the_flight_is_over(tmp_path: Path) -> None:
+    one = as_python(fleet()[0], WAITS)
+    with running([one], tmp_path) as (only,):
+        wait_for(lambda: (only.directory / "output.txt").read_text() == "up\n")
+        assert ended([only]) == ""
+        assert (tmp_path / "simulators" / "1" / "set.parm").read_text() == "A 1\n"
+    assert only.process.returncode == -15
+
+
+def test_one_that_ends_is_named_with_its_last_words(tmp_path: Path) -> None:
+    with running([as_python(each, code) for each, code in zip(fleet(), (WAITS, FAILS), strict=True)], tmp_path) as both:
+        wait_for(lambda: ended(both))
+        assert ended(both).startswith("vehicle 2: its simulator has ended: no such model")
+
+
+def test_a_port_that_another_program_has_is_named(tmp_path: Path) -> None:
+    one = fleet()[0]
+    (port,) = one.simulator.ports(one.craft)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("", port))
+        with pytest.raises(SimulatorError, match=f"found UDP port {port} taken, which vehicle 1's"):
+            running([one], tmp_path).__enter__()
+
+
+def test_a_program_that_can_not_be_executed_is_named(tmp_path: Path) -> None:
+    (tmp_path / "arduplane").write_bytes(b"no program")
+    one = replace(fleet()[0], program=tmp_path / "arduplane")
+    with pytest.raises(SimulatorError, match=r"can't run .*arduplane: "):
+        running([one], tmp_path).__enter__()
