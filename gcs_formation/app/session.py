@@ -46,8 +46,8 @@ from gcs_formation.extend.in_flight import Sinks, sinks
 from gcs_formation.link.link_health import LOST_AFTER_S
 from gcs_formation.link.radio_reports import RadioReport
 from gcs_formation.link.vehicle_links import Link
-from gcs_formation.mission.resumption import Resumption
-from gcs_formation.mission.starting import PreFlightOptions
+from gcs_formation.mission.gate import PreFlightOptions
+from gcs_formation.mission.past_flight import PastFlight
 from gcs_formation.phases import Phase
 from gcs_formation.record.expectations import RunOutcome
 from gcs_formation.record.figures_of_merit import if_finite, percentile
@@ -88,7 +88,7 @@ class TimedStation(Station):
         until_s: float | None,
         utc_at_0_s: float | None,
         caution: PreFlightOptions,
-        resumed: Resumption | None,
+        resumed: PastFlight | None,
         signing: SignedLinks | None,
     ) -> None:
         super().__init__(scenario, recorder, until_s, utc_at_0_s, caution, resumed, signing)
@@ -151,7 +151,7 @@ class Session:
         interrupts: Interrupts,
         *,
         emulated: bool,
-        begun: tuple[int, Resumption] | None = None,
+        begun: tuple[int, PastFlight] | None = None,
     ) -> None:
         """Open the record, impair the links, and start to measure wall time.
 
@@ -280,7 +280,10 @@ class Session:
         return UNKNOWN if motion is None else Place(motion.north_m, motion.east_m, motion.height_m)
 
     def could_not_begin(self, error: PortError | ExtensionError | RunAbortedError) -> RunAbortedError:
-        """Conclude a run without a port, extension or simulator; return what to raise. A resumed one can be resumed."""
+        """Conclude a run without a port, an extension or a simulator; return what to raise.
+
+        A resumed run can be resumed again.
+        """
         if self._resumed is not None:
             self.recorder.close()
             return RunAbortedError(str(error))
@@ -299,7 +302,7 @@ class Session:
         def decline(reason: str) -> None:
             self.station.course.fail(reason, self.clock.now())
 
-        return Confirmation(self.station.preflight, self.recorder, sys.stdin.fileno(), decline)
+        return Confirmation(self.station.gate, self.recorder, sys.stdin.fileno(), decline)
 
     def conclude(self, truth: Truth | None) -> Summary:
         """Close the record, and write the time series and the summary, also of a flight that failed.

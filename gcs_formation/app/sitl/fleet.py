@@ -11,6 +11,8 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Final
 
+import numpy as np
+
 from airlink.endpoint import VehicleId, parse_endpoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.fields import refused
@@ -109,6 +111,10 @@ def _programs_allowed(name: str, programs: Mapping[str, Path]) -> str:
 
 def _home(scenario: Scenario, start: StartState) -> Home:
     lat_rad, lon_rad, alt_m = scenario.origin.geodetic.from_ned(start.north_m, start.east_m, 0.0)
-    ground_m = 0.0 if scenario.terrain is None else float(scenario.ground.height(start.north_m, start.east_m))
+    ground_m = (
+        0.0
+        if scenario.terrain is None
+        else float(scenario.ground.height(np.array(start.north_m), np.array(start.east_m)))
+    )
     heading_deg = math.degrees(start.heading_rad) % 360.0
     return Home(math.degrees(lat_rad), math.degrees(lon_rad), alt_m + ground_m, heading_deg)

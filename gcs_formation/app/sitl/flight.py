@@ -42,13 +42,14 @@ def run_simulated(
     require_no_program(scenario)
     fleet = simulated(programs, scenario, options.speedup)
     import_ahead()
-    session = Session(scenario, options, RealClock(options.speedup), progress, interrupts, emulated=False)
+    clock = RealClock(options.speedup)
+    session = Session(scenario, options, clock, progress, interrupts, emulated=False)
     clocks = Clocks(session.station)
     try:
         resolve_peers(session)
         engine, replaced = forwarded(session)
         with (
-            Driver(engine, session.clock) as driver,
+            Driver(engine, clock) as driver,
             running(fleet, options.out) as simulators,
             session.listening(),
         ):
