@@ -50,7 +50,7 @@ def test_no_value_that_a_vehicle_tells_breaks_the_flight() -> None:
             flight.tell_station(framed(layout.message_id, stamped(layout, payload, now_ms), header))
             flight.run(TURN_S)
         flight.check()
-    assert told.history.late + told.history.copies < 0.01 * float(told.sequence.received)
+    assert float(told.history.late + told.history.copies) < 0.01 * float(told.sequence.received)
     assert told.telemetry.implausible > 50
     flight.flies_on()
 

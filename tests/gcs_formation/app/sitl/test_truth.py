@@ -69,7 +69,9 @@ def test_a_log_without_true_motion_has_none(tmp_path: Path) -> None:
 def test_px4s_log_says_where_the_vehicle_was(tmp_path: Path) -> None:
     placed, moving = "vehicle_global_position_groundtruth", "vehicle_local_position_groundtruth"
     topics = {placed: "double lat;double lon;float alt", moving: "float vx;float vy;float vz;float heading"}
-    rows = [(placed, at_s, (35.0 + at_s / 1e4, 125.0, 150.0)) for at_s in (1.0, 2.0)]
+    rows: list[tuple[str, float, tuple[float, ...]]] = [
+        (placed, at_s, (35.0 + at_s / 1e4, 125.0, 150.0)) for at_s in (1.0, 2.0)
+    ]
     rows += [(moving, at_s, (3.0, 4.0, -1.0, 0.5)) for at_s in (1.0, 1.5, 2.0)]
     write_ulog(tmp_path / "log.ulg", topics, rows)
     motion = PX4.true_motion(tmp_path)
