@@ -73,6 +73,7 @@ def held(keys, _random):
     return Flight(keys, 1.0, 4.0)
 
 
+@pytest.mark.slow
 def test_a_case_is_flown_with_its_draw_and_judged_over_its_window():
     straight = {"path__waypoints_m": [[0, 0, 200], [900, 0, 200]], "disturbances": [], "start__offset_m": [0, 0, 0]}
     pushed = straight | {"disturbances": [{"at_s": 2, "vehicles": [3], "velocity_mps": [0.5, 0, 0]}]}

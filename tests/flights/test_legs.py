@@ -22,6 +22,7 @@ def lanes(distance_m: float, count: int, length_m: float) -> list[list[float]]:
     return [end for lane, both in enumerate(ends) for end in (both if lane % 2 == 0 else both[::-1])]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("distance_m", "count", "length_m", "delay_ms"),
     [

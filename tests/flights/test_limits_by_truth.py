@@ -75,6 +75,7 @@ def test_who_is_blown_into_an_exclusion_has_left_the_fence_by_the_truth(fly: Fly
     assert any(each["kind"] == "fence" and each["text"].startswith("turned away") for each in events)
 
 
+@pytest.mark.slow
 def test_a_fence_that_none_leaves_is_kept_though_they_take_off_below_it(fly: Fly):
     fence = {"height_min_m": 80, "height_max_m": 200}
     safety = fly(safety={"fence": fence}, duration_s=3, start={"in_air": False}).to_dict()["safety"]
@@ -109,6 +110,7 @@ def test_separation_is_the_vehicles_whatever_the_station_s_ticks_did(fly: Fly, k
     assert summary["safety"]["unseen_s"] == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("virtual", [False, True])
 def test_the_leader_s_distance_from_its_path_is_that_of_its_true_places(fly: Fly, tmp_path: Path, virtual: bool):
     """The nearest of points 0.05 m apart, and where the planned speed puts it; the column of a virtual leader."""

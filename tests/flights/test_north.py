@@ -30,11 +30,11 @@ def kinds(autopilot: str, *, leader: bool = True) -> list[dict[str, Any]]:
 @pytest.mark.parametrize(
     ("autopilot", "leader", "delay_ms", "law"),
     [
-        ("emulator", True, 300, "fuzzy_pid"),
         ("arducopter", True, 300, "fuzzy_pid"),
         *(
             pytest.param(*each, marks=slow)
             for each in (
+                ("emulator", True, 300, "fuzzy_pid"),
                 ("emulator", True, 0, "fuzzy_pid"),
                 ("emulator", False, 300, "fuzzy_pid"),
                 ("emulator", True, 0, "consensus"),

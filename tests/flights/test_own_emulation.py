@@ -151,6 +151,7 @@ def test_a_radio_loses_what_is_beyond_its_range(own, tmp_path):
     assert lost["1"] == lost["2"] == 0.0
 
 
+@pytest.mark.slow
 def test_a_program_injects_them_and_the_flight_repeats_without_it(own, tmp_path):
     with gcs_formation.Flight(keys(duration_s=5), out=tmp_path / "run", plugins=[own]) as flight:
         for tick in flight:

@@ -73,8 +73,8 @@ def test_what_the_better_link_loses_the_other_brings() -> None:
     "way",
     [
         pytest.param({}, id="both ways"),
-        pytest.param({"uplink": {}}, id="up"),
-        pytest.param({"downlink": {}}, id="down"),
+        pytest.param({"uplink": {}}, id="up", marks=pytest.mark.slow),
+        pytest.param({"downlink": {}}, id="down", marks=pytest.mark.slow),
     ],
 )
 def test_a_link_that_dies_is_left_within_a_second_and_taken_again(way: dict[str, Any]) -> None:
@@ -97,6 +97,7 @@ def test_a_link_that_dies_is_left_within_a_second_and_taken_again(way: dict[str,
     assert max(errors_m) < 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [5, *(pytest.param(each, marks=pytest.mark.slow) for each in range(10, 18))])
 def test_both_may_die_by_turns_at_any_time(seed: int) -> None:
     """At least one is up; outages up, down or both ways, of all vehicles."""
@@ -225,6 +226,7 @@ def test_over_udp_one_of_two_links_dies(tmp_path: Path) -> None:
     assert figures["heard_to_s"] is None
 
 
+@pytest.mark.slow
 def test_a_second_ground_station_sees_the_link_in_use() -> None:
     outage = {"at_s": 3.0, "link": 1, "outage": True}
     heard = list[dict[int, int]]()

@@ -194,6 +194,7 @@ def test_a_vehicle_whose_own_link_has_no_key_flies_beside_signed_ones(fly: Fly, 
     assert flown.figures["followers"]["3"]["error_x_m"]["max"] < 0.05
 
 
+@pytest.mark.slow
 def test_signed_frames_without_a_key_are_unverified(fly: Fly, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def keyed(planned: Any) -> Any:
         config = fleet_config(planned)
@@ -221,6 +222,7 @@ def test_a_vehicle_that_restarts_is_heard_again(links: dict[str, Any]) -> None:
     assert world.station.vehicles[VehicleId(1, 3)].connection.talks
 
 
+@pytest.mark.slow
 def test_vehicles_whose_timestamps_are_behind_hear_how_late_they_are_and_fly(links: dict[str, Any]) -> None:
     """Nobody's clock has to be right: a station that is ten minutes ahead is heard, and then followed."""
     world = World(duration_s=3, links=links)

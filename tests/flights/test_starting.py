@@ -142,6 +142,7 @@ def test_a_vehicle_that_can_not_be_started_ends_the_run_with_none_left_flying_on
     assert world.vehicle(LAST).pilot.condition is not Condition.ARMED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [*(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3, 4, 5)), 6])
 def test_half_of_all_datagrams_lost_each_way_keep_none_from_starting(seed: int) -> None:
     """Every fourth request is answered, so five take 14 s on average, and often more than 20 s."""
@@ -319,6 +320,7 @@ def test_without_anybody_to_follow_the_run_ends_when_the_time_for_assembly_is_ov
     assert len(world.times_s("postponed")) == len(taken) // 3  # once, though it was tried again for 27 s
 
 
+@pytest.mark.slow
 def test_where_the_leader_turns_off_to_go_round_again_none_is_commanded_to_turn_about() -> None:
     """Where the straight line becomes a circle, the leader's setpoint has a step, and its rate of change a spike."""
     world = World(formation={"shape": "diamond", "spacing_m": 40}, **ASSEMBLING)

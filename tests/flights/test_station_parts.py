@@ -80,6 +80,7 @@ def test_without_compensation_there_is_nothing_to_predict(tmp_path):
     assert errors_m(flown(tmp_path, own(tmp_path, code), law=law, duration_s=3)) < 1
 
 
+@pytest.mark.slow
 def test_an_estimator_tells_how_a_round_trip_is_shared(tmp_path):
     leaders = {"changes": [{"at_s": 0, "vehicles": [1], "uplink": {"delay_ms": 400}}]}
     more = {"links": leaders, "duration_s": 6, "start": RUN_IN}

@@ -211,6 +211,7 @@ def test_a_vehicle_that_a_program_crashed_is_not_missed(tmp_path: Path) -> None:
     assert flight.summary.breaches == ()
 
 
+@pytest.mark.slow
 def test_flights_of_one_process_do_not_meet(tmp_path: Path) -> None:
     keys: dict[str, Any] = {"clock": "virtual", "until": 0.5}
     with (

@@ -27,6 +27,8 @@ OVER: dict[str, Callable[[int], str]] = {
     "one serial line": lambda _: "/dev/ttyUSB0",
     "multicast": lambda _: "mcast:",
 }
+OFTEN = {"tcp", "one serial line"}
+"""What a push flies; the night flies the others."""
 COUNT = 3
 START = {"in_air": True, "run_in_s": 8}
 
@@ -41,7 +43,9 @@ def errors_m(figures: dict[str, Any]) -> list[float]:
     return [each[f"error_{axis}_m"]["rms"] for each in figures["followers"].values() for axis in "xyz"]
 
 
-@pytest.mark.parametrize("over", OVER)
+@pytest.mark.parametrize(
+    "over", [each if each in OFTEN else pytest.param(each, marks=pytest.mark.slow) for each in OVER]
+)
 def test_the_formation_flies_the_same_over_every_kind_of_link(fly: Fly, over: str) -> None:
     by_udp = fly(**at(lambda number: f"udpin:127.0.0.1:{14550 + number}", duration_s=3)).to_dict()
     flown = fly(**at(OVER[over], duration_s=3)).to_dict()

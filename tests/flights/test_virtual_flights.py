@@ -200,7 +200,9 @@ def test_a_virtual_leader_flies_its_speed_whatever_the_delay(fly: Fly) -> None:
     assert np.ptp(north_m) / np.ptp(time_s) == pytest.approx(22.0, abs=0.05)
 
 
-@pytest.mark.parametrize("delay_ms", [0, 100, 300])
+@pytest.mark.parametrize(
+    "delay_ms", [pytest.param(0, marks=pytest.mark.slow), pytest.param(100, marks=pytest.mark.slow), 300]
+)
 def test_behind_a_virtual_leader_none_is_ahead_or_behind_whatever_the_delay(fly: Fly, delay_ms: float) -> None:
     """Its place is of the station's clock, theirs of the clocks that round trips tell: 3 ms off would be 6.3 cm."""
     start, links = {"in_air": True, "run_in_s": 40}, {"default": {"delay_ms": delay_ms}}

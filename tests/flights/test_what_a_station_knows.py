@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from airlink.clock import Instant, VirtualClock, after
 from airlink.engine import MemoryNetwork
 from formation_scenario import load_scenario
@@ -54,6 +56,7 @@ def flown(station_keys: dict[str, Any], seconds: float, **keys: Any) -> tuple[St
     return station, notes
 
 
+@pytest.mark.slow
 def test_it_flies_the_same_bytes_without_what_it_cant_know() -> None:
     """Followers need longer than the run-in, so that a lap is flown, whose turns the wind widens."""
     start = {"in_air": True, "run_in_s": 5, "offset_m": [0, 150, 4]}

@@ -75,7 +75,7 @@ def test_setpoints_from_noisy_telemetry_are_quiet_from_the_start_of_the_path_on(
     assert steps.settled_s <= 25.0
 
 
-@pytest.mark.parametrize("config", ["quickstart.yaml", "arduplane.yaml"])
+@pytest.mark.parametrize("config", ["quickstart.yaml", pytest.param("arduplane.yaml", marks=pytest.mark.slow)])
 def test_of_a_quiet_flight_there_is_nothing_to_say_but_what_it_does(config: str, tmp_path: Path) -> None:
     """Until 12 s after all have been told to loiter, when no setpoints are sent any more."""
     summary = gcs_formation.run(

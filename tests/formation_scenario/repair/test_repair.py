@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,14 @@ MISSIONS: dict[str, dict[str, Any]] = {
     },
 }
 
+LONG = {"dense", "outside the fence", "across a gale"}
+OFTEN = {
+    ("spline", "competition"),
+    ("spline", "lawn-mower"),
+    *(("legs", name) for name in MISSIONS if name not in LONG),
+}
+"""What a push repairs; the night repairs all of them as both kinds of path."""
+
 
 def mission(kind: str, path: Sequence[Sequence[float]], speed_mps: float = 22.0, **keys: Any) -> dict[str, Any]:
     path_keys = {"kind": kind, "speed_mps": speed_mps, "waypoints_m": path}
@@ -59,8 +68,13 @@ def loaded(found: Repair) -> Scenario:
     return load_scenario(yaml.safe_load(found.text()))
 
 
-@pytest.mark.parametrize("kind", ["spline", "legs"])
-@pytest.mark.parametrize("name", MISSIONS)
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        pytest.param(kind, name, marks=[] if (kind, name) in OFTEN else [pytest.mark.slow])
+        for kind, name in product(("spline", "legs"), MISSIONS)
+    ],
+)
 def test_check_is_content_with_a_repaired_mission_at_once(kind: str, name: str) -> None:
     found = repair(mission(kind, **MISSIONS[name]))
     assert not found.left

@@ -108,6 +108,7 @@ def told_by_noisy_sensors(seed, hz, sigmas):
     return Recording(1, np.vstack((seen, climb)), stepped(), samples=tuple((at, each) for each in noisy))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hz", "times", "flights"),
     [(10, 1, 2), (4, 2, 3), *(pytest.param(*each, 4, marks=pytest.mark.slow) for each in ((10, 1), (4, 2)))],
@@ -194,6 +195,7 @@ def test_an_aircraft_is_found_again_and_answers_slow_changes_sooner_than_steps()
     assert math.isclose(model.tau_ha_s + model.tau_hb_s, 3.25, rel_tol=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hovers", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_the_part_that_waits_for_an_integrator_is_found_again(hovers):
     true = VehicleModel(

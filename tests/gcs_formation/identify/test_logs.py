@@ -296,6 +296,7 @@ def test_a_telemetry_log_without_setpoints_says_who_is_in_it(tmp_path):
         recordings(plane_tlog(tmp_path / "copter.tlog", kind=2))
 
 
+@pytest.mark.slow
 def test_a_px4_without_the_shipped_ones_integrator_isnt_given_one(tmp_path):
     found = identify(plane_ulog(tmp_path / "plane.ulg"), tmp_path / "mine.yaml")
     assert "prompt_share" not in found["lags"]

@@ -43,6 +43,7 @@ def test_a_crash_just_before_the_end_is_no_success(tmp_path: Path):
     assert words.startswith("all vehicles were down before the flight was over: from 5.")
 
 
+@pytest.mark.slow
 def test_one_that_flies_flies_on(tmp_path: Path):
     crashes = [{**CRASH, "vehicles": [1, 3]}]
     found = gcs_formation.run(scenario(duration_s=25, faults=crashes), clock="virtual", out=tmp_path / "run")

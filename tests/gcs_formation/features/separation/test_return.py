@@ -82,7 +82,10 @@ def test_those_that_climb_with_lags_of_their_own_get_back_and_keep_the_distance(
     assert least_m > KEPT_M
 
 
-@pytest.mark.parametrize(("climb_mps", "most_s"), [(0.35, 20.0), (0.7, 25.0), (1.2, 30.0)])
+@pytest.mark.parametrize(
+    ("climb_mps", "most_s"),
+    [pytest.param(0.35, 20.0, marks=pytest.mark.slow), pytest.param(0.7, 25.0, marks=pytest.mark.slow), (1.2, 30.0)],
+)
 def test_who_gets_where_no_model_says_gets_back_all_the_same(climb_mps: float, most_s: float) -> None:
     """Lags are 2 s shorter or longer than known."""
     until_s, _ = flown(climb_mps, model(2))
