@@ -266,7 +266,8 @@ class MarginWatch:
                 text, details["used"] = "has no delay margin: its loops are unstable whatever the delay", None
             if channel is not None:
                 off = self._lags_off[channel][vehicle.column]
-                text += f": {list(CHANNELS.values())[channel]} doesn't follow as its model says, lags are {off:.0%} off"
+                name = list(CHANNELS.values())[channel]
+                text += f": {name} doesn't follow as its model says, time constants are {off:.0%} off"
                 details["lags_off"] = off
             self._note(now, "delay_margin", text, vehicle, details)
         elif near and used < CLEAR:

@@ -322,7 +322,7 @@ class ConflictResolver:
                 way = self._way(tick, pair[0])
                 apart = f"they would be {conflict.nearest_m:.1f} m apart in {conflict.in_s:.1f} s"
                 figures: dict[str, Detail] = {"begins": True, "nearest_m": conflict.nearest_m, "in_s": conflict.in_s}
-                self._report(tick, pair, "gives way to", f", {way}: {apart}", figures)
+                self._report(tick, pair, "avoids", f", {way}: {apart}", figures)
         for pair, encounter in list(self._encounters.items()):
             if pair[0] in where and pair[1] in where:
                 distance_m = float(np.linalg.norm(where[pair[0]] - where[pair[1]]))
@@ -330,13 +330,13 @@ class ConflictResolver:
             least_m, lasted_s = encounter.least_m, seconds_between(encounter.begun, tick.now)
             if lasted_s > LASTS_S and not encounter.lasts:
                 encounter.lasts = True
-                text = f" after {lasted_s:.0f} s: it may not get to where it is told"
-                self._report(tick, pair, "still gives way to", text, {"lasted_s": lasted_s})
+                text = f" after {lasted_s:.0f} s: it may not get to where it is commanded"
+                self._report(tick, pair, "still avoids", text, {"lasted_s": lasted_s})
             if not self._side[pair[0]]:
                 del self._encounters[pair]
                 figures = {"begins": False, "least_m": least_m, "lasted_s": lasted_s}
                 text = f": {lasted_s:.1f} s, {least_m:.1f} m apart at least"
-                self._report(tick, pair, "no longer gives way to", text, figures)
+                self._report(tick, pair, "no longer avoids", text, figures)
 
     def _way(self, tick: Tick, column: int) -> str:
         """Return how a vehicle gives way, for the event."""

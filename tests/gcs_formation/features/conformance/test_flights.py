@@ -74,7 +74,7 @@ def test_setpoints_of_one_kind_that_never_come_are_a_link_that_fails_and_nobodys
     assert world.words("disobeys") == []
     found = world.words("uplink")
     begun, ended = found[: len(world.station.vehicles)], found[len(world.station.vehicles) :]
-    assert all(text.endswith("it may not hear GUIDED_CHANGE_HEADING") for text in begun)
+    assert all(text.endswith("it may not receive GUIDED_CHANGE_HEADING") for text in begun)
     assert ended == ["GUIDED_CHANGE_HEADING is no longer sent"] * len(begun)
     assert all(world.station.cycle.findings.doubted)
 

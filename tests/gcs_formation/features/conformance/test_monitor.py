@@ -118,7 +118,7 @@ def test_a_command_that_is_refused_and_told_again_is_reported_once_and_when_it_i
             vehicle.commands.acknowledge(CommandAck(m.MAV_CMD_DO_SET_MODE, result), now)
         ground.monitor.judge_refusals(now)
     words = "mode LOITER (DO_SET_MODE: DENIED)"
-    assert ground.notes.of("disobeys", 2) == [f"refuses {words}, and is told again"]
+    assert ground.notes.of("disobeys", 2) == [f"refuses {words}, and is commanded again"]
     assert ground.notes.of("obeys", 2) == [f"no longer refuses {words}"]
 
 
@@ -262,7 +262,7 @@ def test_one_that_is_heard_and_answers_nothing_is_reported_once_and_again_when_i
         return ground.notes.of("uplink", 2)
 
     assert judge(UNANSWERED_S - 0.1) == []
-    assert judge(silent_s) == judge(silent_s + 1.0) == ["is heard and answers nothing: it may not hear us"]
+    assert judge(silent_s) == judge(silent_s + 1.0) == ["is heard and answers nothing: it may not receive us"]
     follower.round_trips._answered = after(START, silent_s + 1.0)
     assert judge(silent_s + 1.0)[1:] == judge(silent_s + 1.2)[1:] == ["answers again"]
 

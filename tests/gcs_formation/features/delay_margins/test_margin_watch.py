@@ -209,7 +209,9 @@ def test_with_prediction_scatter_uses_the_margin_and_delay_does_not_and_wrong_la
     assert [formation.look() for _ in range(LASTING_LOOKS)][-1] > 0.0
     formation.watch.watch(NOW, formation.leader, [[0.0, 0.0], [0.0, 3.0], [0.0, 0.0]])
     (said,) = formation.notes
-    assert said.text.endswith("of its delay margin: heading doesn't follow as its model says, lags are 300% off")
+    assert said.text.endswith(
+        "of its delay margin: heading doesn't follow as its model says, time constants are 300% off"
+    )
     assert said.details["lags_off"] == 3.0
 
 

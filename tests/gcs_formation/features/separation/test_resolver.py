@@ -219,12 +219,12 @@ def test_an_encounter_is_told_when_it_begins_and_when_it_ends() -> None:
     assert (str(begun.vehicle), begun.details["other"], begun.details["begins"]) == ("1", "2", True)
     assert begun.details["nearest_m"] == pytest.approx(6.0, abs=0.1)
     assert begun.details["in_s"] == pytest.approx(5.0, abs=0.5)
-    assert re.match("gives way to 2, (up|down)wards: they would be 6.0 m apart in", begun.text)
+    assert re.match("avoids 2, (up|down)wards: they would be 6.0 m apart in", begun.text)
     crossing.north[0], crossing.east[1] = -44.0, 44.0
     assert crossing.keep(at_s=3.0).events == []
     crossing.north[0], crossing.east[1] = 300.0, -300.0
     (ended,) = crossing.keep(at_s=20.0).events
-    assert ended.text == f"no longer gives way to 2: 20.0 s, {44.0 * math.sqrt(2.0):.1f} m apart at least"
+    assert ended.text == f"no longer avoids 2: 20.0 s, {44.0 * math.sqrt(2.0):.1f} m apart at least"
     assert ended.details["lasted_s"] == pytest.approx(20.0)
     assert ended.details["begins"] is False
     assert crossing.keep(at_s=20.1).events == []
@@ -233,7 +233,7 @@ def test_an_encounter_is_told_when_it_begins_and_when_it_ends() -> None:
 def test_an_encounter_that_does_not_end_is_told_once() -> None:
     crossing = Crossing()
     texts = [each.text for at_s in (0.0, 29.0, 31.0, 40.0) for each in crossing.keep(at_s=at_s).events]
-    assert texts[1:] == ["still gives way to 2 after 31 s: it may not get to where it is told"]
+    assert texts[1:] == ["still avoids 2 after 31 s: it may not get to where it is commanded"]
 
 
 def beside_each_other(slots_m: float, **keys: Any) -> Crossing:
