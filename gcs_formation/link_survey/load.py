@@ -72,7 +72,7 @@ class Load:
             return
         due = math.floor(since_s * step.kbps * 1e3 / BITS) + 1
         for number in range(self._sent, due):
-            stamp = now + number  # each of another nanosecond, by which its answer is told
+            stamp = now + number  # each of another nanosecond, by which its answer is recognised
             self._pending[stamp] = (self._place, now)
             yield Timesync(0, stamp)
         self._sent, self._next = due, after(now, TICK_S)

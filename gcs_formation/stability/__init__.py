@@ -193,7 +193,7 @@ def law_usages(scenario: Scenario, *, succession: bool = False) -> dict[VehicleI
 def consensus_margins(scenario: Scenario) -> tuple[float, float]:
     """Return the delay margins, s, of protocol (3) closed through the ground station: along the heading, and across.
 
-    The autopilot's lag is the undelayed damping, 1/tau_v along and 1/tau_psi across; the part of k3 beyond
+    The autopilot's time constant is the undelayed damping, 1/tau_v along and 1/tau_psi across; the part of k3 beyond
     it is delayed. Where the vehicles' time constants differ, this is the least margin over them: a lower bound on
     an undirected graph, since every root belongs to a weighted mean of their dampings. For vehicles with an airframe,
     the loops are closed around its response.

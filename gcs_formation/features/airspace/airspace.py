@@ -26,9 +26,10 @@ TURN_RAD: Final = np.pi / 2
 """Offset from the present heading that is commanded to turn a vehicle away: large enough for its tightest turn."""
 STEP_M: Final = 1.0
 HELD_LAGS: Final = 0.5
-"""Time, in lags of height, for which a height setpoint is assumed to be held before the fastest climb follows."""
+"""Time, in time constants of height, for which a height setpoint is assumed to be held before the fastest climb
+follows."""
 LAGS: Final = [0.125, 0.25, 0.375, HELD_LAGS, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0]
-"""Times, in lags of height, at which the ground below that climb is checked."""
+"""Times, in time constants of height, at which the ground below that climb is checked."""
 LAGS_AHEAD: Final = np.array(LAGS)
 SHARES: Final = [(LAGS.index(share), share) for share in (0.25, 0.5, 0.75, 1.0)]
 """Those of them, in shares of the way until a height is reached, at which the straight way there is checked."""
@@ -146,15 +147,15 @@ def _inward_rad(areas: FenceAreas, place: Array) -> Array:
 class HeightFloor:
     """Holds heights at `safety.clearance_m` above the ground, tick by tick. It changes heights last, after the fence.
 
-    A vehicle reaches a height setpoint after the lags of its height. The straight way to that point is kept clear, so a
-    vehicle that descends with the terrain may get a setpoint below the ground under it. Also kept clear is the way by
-    its lags and its present climb rate, if the setpoint is held for a while and the fastest climb follows: a vehicle
-    that sinks takes time to climb. Setpoints never ask for more than the climb limit. Where the ground isn't known,
-    there is no floor.
+    A vehicle reaches a height setpoint after the time constants of its height. The straight way to that point is kept
+    clear, so a vehicle that descends with the terrain may get a setpoint below the ground under it. Also kept clear is
+    the way by its time constants and its present climb rate, if the setpoint is held for a while and the fastest climb
+    follows: a vehicle that sinks takes time to climb. Setpoints never ask for more than the climb limit. Where the
+    ground isn't known, there is no floor.
     """
 
     def __init__(self, scenario: Scenario, models: list[AutopilotModel]) -> None:
-        """Take the scenario's ground; the (C,) `models` have the lags of heights."""
+        """Take the scenario's ground; the (C,) `models` have the time constants of heights."""
         self._ground, self._level = scenario.ground, scenario.terrain is None
         self._clearance_m: float = scenario.safety.clearance_m
         self._room_m = 0.0 if self._level else ROOM_M

@@ -28,7 +28,7 @@ STEP_LAG_S: Final = 4.0
 
 
 def _judged_by(scenario: Scenario) -> list[AutopilotModel]:
-    """Return the models that predict changes; an airframe's lags for slow changes are too short for steps."""
+    """Return the models that predict changes; an airframe's time constants for slow changes are too short for steps."""
     models = autopilot_models(scenario)
     for model, keys in zip(models, column_models(scenario), strict=True):
         if keys.airframe is not None:

@@ -28,8 +28,8 @@ DEGRADE: Final = 0.9
 RESTORE: Final = 0.5
 """Share below which reduced gains are raised again, after `CALM_LOOKS` checks."""
 LASTING_LOOKS: Final = 4
-"""Number of checks, one a second, of which the least scatter counts: for up to 3 s after a step of the delay, round
-trips before and after it are in one window and seem to scatter."""
+"""Number of checks, one a second, of which the smallest jitter counts: for up to 3 s after a step of the delay, round
+trips before and after it are in one window and seem to jitter."""
 CALM_LOOKS: Final = 10
 """Number of checks, one a second: the standard deviation of a few round trips is itself uncertain."""
 HOLD_LOOKS: Final = 20
@@ -101,7 +101,7 @@ def channels_of(axis: str) -> list[int]:
 
 
 class WatchedVehicle:
-    """One vehicle's loops, and the recent scatter of its round trips."""
+    """One vehicle's loops, and the recent jitter of its round trips."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         """Start without a check."""
@@ -113,7 +113,7 @@ class WatchedVehicle:
         """Number of checks for which it was held, less those since; whether it follows with reduced gains instead."""
 
     def min_jitter_s(self) -> float:
-        """Sample the scatter of its round trips; return the least of the last `LASTING_LOOKS`."""
+        """Sample the jitter of its round trips; return the smallest of the last `LASTING_LOOKS`."""
         jitters_s, least_s = self._jitters_s, self.vehicle.clock.usual_jitter_s
         if len(jitters_s) == LASTING_LOOKS:
             jitters_s.pop(0)
@@ -168,8 +168,8 @@ class MarginWatch:
     def watch(self, now: Instant, leader: Vehicle | None, lags_off: list[list[float]]) -> None:
         """Check every loop: report when it comes near its margin, and reduce gains if the scenario asks for that.
 
-        The law closes a loop around the leader only if it is mutual. `lags_off`: relative error of each channel's lags
-        against the model in use, (3, C).
+        The law closes a loop around the leader only if it is mutual. `lags_off`: relative error of each channel's time
+        constants against the model in use, (3, C).
         """
         self._lags_off = lags_off
         for each in self._each:
@@ -213,7 +213,7 @@ class MarginWatch:
             each.held_too_long = False
 
     def _by_lags(self, column: int, delay: LoopDelay, axes: dict[str, Usage]) -> tuple[float, int]:
-        """Return the largest share of its margin against wrong lags that a loop uses, and the channel of these lags."""
+        """Return the largest share of its margin against wrong time constants that a loop uses, and their channel."""
         most, whose = 0.0, 0
         for axis, usage in axes.items():
             for channel in channels_of(axis):
@@ -257,7 +257,7 @@ class MarginWatch:
             self._say_gains(now, vehicle, delay, used)
 
     def _say(self, now: Instant, vehicle: Vehicle, used: float, channel: int | None) -> None:
-        """Report that a vehicle comes near its margin or is clear of it; `channel`: whose lags use most of it."""
+        """Report that a vehicle comes near its margin or is clear of it; `channel`: the one that uses most of it."""
         near = vehicle.identity in self._near
         if not near and used >= NEAR:
             self._near.add(vehicle.identity)

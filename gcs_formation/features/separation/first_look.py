@@ -64,8 +64,8 @@ class FirstLook:
     """Tests whether all pairs keep their distance while they fly as commanded and then along the reference's velocity.
 
     The test uses a frame that moves with the reference: the leader, along whose velocity the others can always fly. An
-    error e of speed or heading that decays with a lag tau, at a rate of at most r, displaces by e tau + e^2 / (2 r);
-    the trapezium rule adds half a step. For multirotors the error is one of velocity.
+    error e of speed or heading that decays with a time constant tau, at a rate of at most r, displaces by e tau + e^2 /
+    (2 r); the trapezium rule adds half a step. For multirotors the error is one of velocity.
     """
 
     def __init__(self, models: list[AutopilotModel], first_s: float, horizon_s: float, *, hovers: bool) -> None:

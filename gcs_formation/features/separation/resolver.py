@@ -29,8 +29,9 @@ from gcs_formation.features.separation.unresponsive import Unresponsive, Wanderi
 from gcs_formation.recorder import Detail, Event, Tick
 
 ROOM_M: Final = 0.5
-"""Margin added to the distance to keep. Giving way begins at the last moment, when the predicted ways leave nothing to
-spare. Predictions are accurate to centimetres, with noisy states and ways that curve between samples to decimetres."""
+"""Margin added to the distance to keep. A manoeuvre begins at the last moment, when the predicted trajectories leave
+nothing to spare. Predictions are accurate to centimetres, with noisy states and trajectories that curve between samples
+to decimetres."""
 LEADS: Final = (0.0, 0.0, 0.0)
 """The leader's slot, from itself."""
 AFAR: Final = 2.0
@@ -95,7 +96,8 @@ class ConflictResolver:
     def keep(self, tick: Tick, measured: Measured, apart_m: Array | None = None) -> None:
         """Replace those of a tick's setpoints that don't keep the distance.
 
-        Two vehicles keep the rule's distance, or less where their slots, or the planned ways of these, leave less.
+        Two vehicles keep the rule's distance, or less where their slots, or the planned trajectories of these, leave
+        less.
 
         Args:
             tick: with the law's setpoints; changed.
@@ -122,7 +124,7 @@ class ConflictResolver:
         self._note(tick, picture, resolution.conflicts)
 
     def kept_on_the_way(self, apart_m: Array) -> KeptDistance:
-        """Return the distances while slots change: the safety limit plus a margin, or more where planned ways allow it.
+        """Return the distances while slots change: the safety limit plus a margin, or more where plans allow it.
 
         Moving slots are no reason to go below a safe distance.
         """
@@ -192,8 +194,9 @@ class ConflictResolver:
     def _picture(self, tick: Tick, measured: Measured, members: list[int], kept: KeptDistance) -> TrafficPicture:
         """Return the rule's input.
 
-        A vehicle that may be in several places is in it several times: one that may not respond and flies on or stands;
-        one that may turn tightly; a multirotor, astray or uncommanded, that may keep accelerating or fly home.
+        A vehicle that may be at several positions is in it several times: one that may not respond and flies on or
+        hovers; one that may turn tightly; a multirotor, non-conforming or uncommanded, that may keep accelerating or
+        fly home.
         """
         acts: list[int] = [measured.acts[each] for each in members]
         together = max((at for at, each in zip(acts, members, strict=True) if tick.active[each]), default=min(acts))
@@ -339,12 +342,12 @@ class ConflictResolver:
                 self._report(tick, pair, "no longer avoids", text, figures)
 
     def _way(self, tick: Tick, column: int) -> str:
-        """Return how a vehicle gives way, for the event."""
+        """Return how a vehicle manoeuvres, for the event."""
         aside = "upwards" if self._side[column] > 0.0 else "downwards"
         return aside if tick.replaced[column][HEIGHT] else "as high"
 
     def _report(self, tick: Tick, pair: tuple[int, int], what: str, how: str, figures: dict[str, Detail]) -> None:
-        """Report that the first of two vehicles begins or ends to give way to the second."""
+        """Report that the first of two vehicles begins or ends to avoid the second."""
         vehicle, other = self._identities[pair[0]], str(self._identities[pair[1]])
         details: dict[str, Detail] = {"other": other, **figures}
         tick.events.append(Event(tick.now, "separation", f"{what} {other}{how}", vehicle, details))

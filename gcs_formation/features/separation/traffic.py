@@ -1,4 +1,4 @@
-"""Input of the separation rule at one tick, the ways open to a vehicle, and the pairs that could come too near."""
+"""The separation rule's input at one tick, a vehicle's candidate trajectories, and pairs that could come too near."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gcs_formation.features.separation.approach import COARSE_S, JERK_MPS3, Mano
 from gcs_formation.features.separation.first_look import SLOT_SHARE, KeptDistance
 
 BESIDE_M = 1.0
-"""Margin, in height, by which a vehicle that gives way passes another beyond the distance to keep."""
+"""Margin, in height, by which a vehicle that manoeuvres passes another beyond the distance to keep."""
 PATIENCE_S = 8.0
 FARTHER_MPS = 0.25
 FARTHEST_M = 10.0
@@ -41,7 +41,7 @@ FEW = 32
 
 @dataclass(frozen=True)
 class TrafficPicture:
-    """Vehicles, (N,) columns, in order of precedence: the last one gives way first."""
+    """Vehicles, (N,) columns, in order of precedence: the last one manoeuvres first."""
 
     traffic: Traffic
     setpoints: Setpoints
@@ -58,7 +58,7 @@ class TrafficPicture:
     floor: Callable[[FlightStates], Array]
     """Returns the lowest heights (N,) that the rule commands."""
     times_s: Array
-    """(S,) sample times of predicted ways."""
+    """(S,) sample times of predicted trajectories."""
     evades: bool = False
     """Whether the reference gave way at the last tick."""
     given_way_s: Array | None = None
@@ -125,7 +125,7 @@ class TrafficPicture:
         """How far each vehicle's height lags behind the reference's while both go on climbing, (N,).
 
         Setpoints then keep climbing, and each height lags by its own time constants. The lag and the climb that all
-        have in common are left out. A reference that gives way climbs to a fixed height instead.
+        have in common are left out. A reference that manoeuvres climbs to a fixed height instead.
         """
         model, climb_mps = self.traffic.model, self.traffic.state.climb_mps
         lag_s = model.tau_ha_s + model.tau_hb_s
@@ -165,7 +165,7 @@ def courses(picture: TrafficPicture, vehicle: int) -> Courses:
     """Return the courses open to a vehicle, the mildest first.
 
     As commanded, then along the reference; as commanded, then straight on; along the reference at once; straight on at
-    once. A multirotor may also stop (tried before straight on), or fly in any of eight directions, aside first.
+    once. A multirotor may also stop (tried before straight on), or fly in any of eight directions, sideways first.
     """
     now, setpoints, on = picture.traffic.state, picture.setpoints, (np.nan, np.nan)
     course = float(setpoints.speed_mps[vehicle]), float(setpoints.heading_rad[vehicle])
@@ -225,7 +225,7 @@ class Reach(NamedTuple):
 def possible_pairs(picture: TrafficPicture) -> tuple[Indices, Indices]:
     """Return the pairs (one < other), at least one of them commanded, that could come too near as commanded.
 
-    The test is conservative: it finds every pair whose ways as commanded don't keep the distance.
+    The test is conservative: it finds every pair whose trajectories as commanded don't keep the distance.
     """
     reach, count = bound(picture), picture.commanded.size
     one, other = _all_pairs(count) if count <= FEW else _pairs_within(_farthest_m(picture, reach), reach.place_m)
@@ -238,11 +238,11 @@ def possible_pairs(picture: TrafficPicture) -> tuple[Indices, Indices]:
 
 
 def bound(picture: TrafficPicture) -> Reach:
-    """Return bounds of the horizontal distance and speed, in the reference's frame, of the ways as commanded.
+    """Return bounds of the horizontal distance and speed, in the reference's frame, of the trajectories as commanded.
 
-    An error e of speed or heading that decays with a lag tau, at a rate of at most r, displaces by e tau + e^2 / (2 r);
-    the trapezium rule adds half a step. A change of a multirotor's acceleration adds at most what `CarriedOn` says, and
-    what of that is still to come.
+    An error e of speed or heading that decays with a time constant tau, at a rate of at most r, displaces by e tau +
+    e^2 / (2 r); the trapezium rule adds half a step. A change of a multirotor's acceleration adds at most what
+    `CarriedOn` says, and what of that is still to come.
     """
     traffic, state, setpoints = picture.traffic, picture.traffic.state, picture.setpoints
     along = np.array(picture.along)

@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Possible positions of vehicles that don't fly by the law's setpoints: unresponsive, astray or uncommanded ones."""
+"""Possible positions of vehicles that don't fly by the law's setpoints: non-conforming or uncommanded ones."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ known only roughly."""
 ACCELERATION_S: Final = 0.5
 """Averaging time of the acceleration of a multirotor."""
 ACCELERATES_S: Final = 2.0
-"""How long an astray or uncommanded multirotor is assumed to keep accelerating."""
+"""How long a non-conforming or uncommanded multirotor is assumed to keep accelerating."""
 ASTRAY_MPS, ASTRAY_MPS2 = 1.5, 1.0
-"""A multirotor is astray if its velocity is so far from the commanded one and departs from it that fast."""
+"""A multirotor is non-conforming if its velocity is so far from the commanded one and departs from it that fast."""
 PROBE_S: Final = 0.27
 """Longest interval of requests that every vehicle answers."""
 MISSED_S: Final = 0.5
 """How much longer answers may be missing, since links lose some."""
 STANDS: Triple = (0.0, 0.0, math.nan)
-"""Intent of a vehicle that stands or stops."""
+"""Intent of a vehicle that hovers or stops."""
 SET_OFF: Final = (0.0, 1 / 3, 2 / 3, 1.0)
 """Assumed times of its departure for home, as shares of the time in which it may depart."""
 
@@ -51,12 +51,12 @@ class Place(NamedTuple):
 
     column: int
     stands: int | None
-    """Instant from which it stands; None: it flies on."""
+    """Instant from which it hovers; None: it flies on."""
     sets_off: int | None = None
     """Instant from which it flies home; None: it doesn't."""
     home_m: tuple[float, float] = (math.nan, math.nan)
     held: Triple = UNKNOWN
-    """Setpoint by which it flies on until it stands."""
+    """Setpoint by which it flies on until it hovers."""
 
 
 class Unresponsive:
@@ -166,7 +166,7 @@ class Unresponsive:
         return found
 
     def _flies(self, state: FlightState, place: Place, begin: int, at: int) -> tuple[Triple, float] | None:
-        """Predict a state from `begin`: by its setpoint, then standing, until it sets off for home or the instant `at`.
+        """Predict a state from `begin`: by its setpoint, then hovering, until it sets off for home or the instant `at`.
 
         Return its intent then, and for how long it has had it; None for a vehicle that is home by now.
         """
@@ -187,7 +187,7 @@ class Unresponsive:
 
 
 class Wandering:
-    """Estimates the turn rates of uncommanded vehicles and the accelerations of multirotors, and which are astray."""
+    """Estimates turn rates of uncommanded vehicles, accelerations of multirotors, and which are non-conforming."""
 
     def __init__(
         self, history: SetpointHistory, models: list[AutopilotModel], horizon_s: float, *, hovers: bool
@@ -203,7 +203,7 @@ class Wandering:
 
     @property
     def any_astray(self) -> bool:
-        """Whether any multirotor is astray."""
+        """Whether any multirotor is non-conforming."""
         for astray in self.astray:  # noqa: SIM110 - as above
             if astray:
                 return True

@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Simulations of a vehicle from its setpoints alone, by models (7) of several lags at once; see `lags`."""
+"""Simulations of a vehicle from its setpoints alone, by models (7) of several time constants at once; see `lags`."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from flight_model.slot import Triple
 from gcs_formation.estimation.setpoint_history import SentSetpoints
 
 FREE: Final = 0.6
-"""Share of a rate limit beyond which a batch isn't used: at its limit a vehicle doesn't show its lag, and the limit may
-be lower than declared (the faster an aircraft flies, the slower it turns)."""
+"""Share of a rate limit beyond which a batch isn't used: at its limit a vehicle doesn't show its time constant, and the
+limit may be lower than declared (the faster an aircraft flies, the slower it turns)."""
 STEP_NS: Final = 100_000_000
 """Approximate time step; in each step the simulations follow the mean of the setpoints that act in it."""
 ALIKE_NS: Final = 1_000_000
@@ -56,10 +56,10 @@ class ResidualBatch:
 
 
 class FirstOrder:
-    """Simulations of airspeed or heading by K lags."""
+    """Simulations of airspeed or heading by K time constants."""
 
     def __init__(self, lags_s: list[float], declared_s: float, rate_max: float, *, turns: bool) -> None:
-        """Take the lags, the declared one, and the rate limit; `turns`: the value is an angle."""
+        """Take the time constants, the declared one, and the rate limit; `turns`: the value is an angle."""
         self._lags_s, self._values = vec[float](lags_s), vec[float]([0.0] * len(lags_s))
         self._made_good = vec[float]([0.0] * len(lags_s))
         """Share of an error that a step removes."""
@@ -111,10 +111,10 @@ class FirstOrder:
 
 
 class SecondOrder:
-    """Simulations of height by K pairs of lags."""
+    """Simulations of height by K pairs of time constants."""
 
     def __init__(self, pairs_s: list[tuple[float, float]], declared: AutopilotModel) -> None:
-        """Take the pairs of lags, and the declared model."""
+        """Take the pairs of time constants, and the declared model."""
         self._slow_s = vec[float]([max(pair) for pair in pairs_s])
         self._fast_s = vec[float]([min(pair) for pair in pairs_s])
         self._heights_m, self._climbs_mps = vec[float]([0.0] * len(pairs_s)), vec[float]([0.0] * len(pairs_s))
@@ -221,7 +221,7 @@ class Bank:
     """A vehicle's simulations from its setpoints alone."""
 
     def __init__(self, declared: AutopilotModel, air: list[list[float]], height: list[list[float]]) -> None:
-        """Simulate the declared lags times exp(`air`), for airspeed and heading, and times exp(`height`), (K, 2)."""
+        """Simulate the declared ones times exp(`air`), for airspeed and heading, and times exp(`height`), (K, 2)."""
         self.flying = False
         """Whether the simulations have begun."""
         speed_s, heading_s = declared.tau_v_s, declared.tau_psi_s
