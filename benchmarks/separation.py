@@ -7,7 +7,7 @@ from time import process_time
 
 import numpy as np
 
-from gcs_formation.features.separation.giving_way import resolve
+from gcs_formation.features.separation.conflict_resolution import resolve
 from gcs_formation.studies.dataset import markdown
 from tests.gcs_formation.features.separation.encounters import Vehicles, picture, wanted
 

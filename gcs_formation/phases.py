@@ -37,7 +37,7 @@ class Cause(Enum):
     PATH_BEGUN = "the leader has passed the start of its path"
     PATH_ENDED = "the path or the time is at its end"
     STOP = "ordered to stop"
-    HASTE = "ordered to go home at once"
+    IMMEDIATE_RETURN = "ordered to go home at once"
     ORDERED = "ordered to end"
     OPENED = "every vehicle that receives has a height of its own or hovers, or time is up"
     LOITERED = "every vehicle that is heard loiters"
@@ -71,8 +71,8 @@ TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
     (Phase.FLYING, Cause.FAILURE): Phase.ENDING,
     (Phase.ENDING, Cause.ORDERED): Phase.ENDING,
     (Phase.ENDING, Cause.OPENED): Phase.LOITERING,
-    (Phase.ENDING, Cause.HASTE): Phase.LOITERING,
-    (Phase.LOITERING, Cause.HASTE): Phase.LOITERING,
+    (Phase.ENDING, Cause.IMMEDIATE_RETURN): Phase.LOITERING,
+    (Phase.LOITERING, Cause.IMMEDIATE_RETURN): Phase.LOITERING,
     (Phase.LOITERING, Cause.ORDERED): Phase.LOITERING,
     (Phase.LOITERING, Cause.LOITERED): Phase.DONE,
     (Phase.LOITERING, Cause.HOMEWARD): Phase.DONE,

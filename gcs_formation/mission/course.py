@@ -262,7 +262,7 @@ class Course:
 
     def go_home_at_once(self, now: Instant) -> bool:
         """Send vehicles home that were told to stop, however far apart they are; return whether that began."""
-        return self.move(Cause.HASTE, now, "rtl")
+        return self.move(Cause.IMMEDIATE_RETURN, now, "rtl")
 
     def fail(self, text: str, now: Instant, *, begun: bool = True) -> None:
         """End the run with the first reason why it can't continue; vehicles loiter if it had `begun`."""

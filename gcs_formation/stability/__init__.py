@@ -71,8 +71,8 @@ def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
 
     @cache
     def axis(gains: PidGains, plant: Plant, aircraft: AircraftResponse | None) -> tuple[float, float]:
-        least_s = loop_margin(gains, plant, gains_range, aircraft=aircraft)
-        return least_s, worst_loop_margin(gains, plant, gains_range, aircraft)
+        min_s = loop_margin(gains, plant, gains_range, aircraft=aircraft)
+        return min_s, worst_loop_margin(gains, plant, gains_range, aircraft)
 
     def margins(model: VehicleModel, x_rc_m: float) -> LawMargins:
         plants, aircraft = _plants(scenario, model, x_rc_m), aircraft_responses(model, scenario.path.begin_mps)
@@ -120,7 +120,7 @@ def stated_as_margins(stated: Stated) -> LawMargins:
     return LawMargins(stated.delay_s, stated.delay_s)
 
 
-def _least_of_all(margins: Collection[LawMargins]) -> LawMargins:
+def _min_of_all(margins: Collection[LawMargins]) -> LawMargins:
     """Return the least margin of each loop that any vehicle has."""
     loops = dict.fromkeys(loop for each in margins for loop in each.small_signal)
     least = {loop: min(each.small_signal.get(loop, math.inf) for each in margins) for loop in loops}
@@ -141,7 +141,7 @@ def law_margins(scenario: Scenario) -> LawMargins:
     Of a law from outside they are those that it states, by its own names of loops.
     """
     if not law_kind(scenario).has_margins:
-        return _least_of_all([stated_as_margins(each) for each in stated_margins(scenario).values()])
+        return _min_of_all([stated_as_margins(each) for each in stated_margins(scenario).values()])
     if law_kind(scenario).mutual:
         margin = {"consensus": min(consensus_margins(scenario))}
         return LawMargins(margin, margin)

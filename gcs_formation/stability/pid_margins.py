@@ -219,8 +219,8 @@ def _margins_s(open_loops: Rational) -> list[float]:
     unstable = np.max(open_loops.closed_loop_poles().real, axis=-1, keepdims=True) >= 0.0
     phase = np.angle(-open_loops.at(w))
     margins_s = np.where(unstable, np.minimum(phase, 0.0), np.mod(phase, 2.0 * np.pi)) / w
-    least_s: Array = np.min(margins_s, axis=-1, where=crossing, initial=np.inf)
-    found_s: Array = np.where(unstable[:, 0], np.minimum(least_s, 0.0), least_s)
+    min_s: Array = np.min(margins_s, axis=-1, where=crossing, initial=np.inf)
+    found_s: Array = np.where(unstable[:, 0], np.minimum(min_s, 0.0), min_s)
     return found_s.tolist()
 
 

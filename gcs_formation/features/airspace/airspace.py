@@ -96,11 +96,11 @@ class FenceLimits:
         self._held.report_ends(tick)
 
     def _limit_heights(self, tick: Tick, active: Mask) -> None:
-        least_m, most_m = self._fence.heights_m
+        min_m, max_m = self._fence.heights_m
         for column in np.flatnonzero(active).tolist():
             speed_mps, heading_rad, height_m = tick.setpoints[column]
-            if height_m < least_m or height_m > most_m:
-                limit_m = least_m if height_m < least_m else most_m
+            if height_m < min_m or height_m > max_m:
+                limit_m = min_m if height_m < min_m else max_m
                 tick.replace(column, (speed_mps, heading_rad, limit_m))
                 held = f"held at {limit_m:g} m"
                 self._held.hold(tick, column, f"height {held}", f"height no longer {held}")
@@ -175,10 +175,10 @@ class HeightFloor:
         ]
         for column, floors_m in zip(low, self._floors_m(tick, low), strict=True):
             speed_mps, heading_rad, height_m = tick.setpoints[column]
-            least_m = self._least_m(tick.state[column], height_m, self._models[column], floors_m)
-            if height_m < least_m:
-                tick.replace(column, (speed_mps, heading_rad, least_m))
-                held = f"height held at {least_m:.0f} m, {self._clearance_m:g} m above the ground"
+            min_m = self._min_m(tick.state[column], height_m, self._models[column], floors_m)
+            if height_m < min_m:
+                tick.replace(column, (speed_mps, heading_rad, min_m))
+                held = f"height held at {min_m:.0f} m, {self._clearance_m:g} m above the ground"
                 self._held.hold(tick, column, held, "height no longer held above the ground")
         self._held.report_ends(tick)
 
@@ -195,22 +195,22 @@ class HeightFloor:
             self._known[column] = state.north_m, state.east_m, clear_m
         return clear_m
 
-    def _least_m(self, state: FlightState, height_m: float, model: AutopilotModel, floors_m: list[float]) -> float:
+    def _min_m(self, state: FlightState, height_m: float, model: AutopilotModel, floors_m: list[float]) -> float:
         """Return the lowest setpoint not below `height_m` on the way to which a vehicle stays above its floors."""
-        most_m = state.height_m + _lag_s(model) * model.climb_max_mps
+        max_m = state.height_m + _lag_s(model) * model.climb_max_mps
         highest_m = needed_m = -math.inf
         for index, share in SHARES:
             highest_m = max(highest_m, floors_m[index])
             needed_m = max(needed_m, state.height_m + (floors_m[index] - state.height_m) / share)
-        least_m = max(height_m, min(needed_m, highest_m, most_m))
-        if least_m >= most_m:
-            return least_m
-        low_m, share = _climbs(state, least_m, model), 0.0
+        min_m = max(height_m, min(needed_m, highest_m, max_m))
+        if min_m >= max_m:
+            return min_m
+        low_m, share = _climbs(state, min_m, model), 0.0
         missing_m = [floor_m + self._room_m - low for floor_m, low in zip(floors_m, low_m, strict=True)]
         if max(missing_m) > 0.0:
-            for missing, low, high in zip(missing_m, low_m, _climbs(state, most_m, model), strict=True):
+            for missing, low, high in zip(missing_m, low_m, _climbs(state, max_m, model), strict=True):
                 share = max(share, missing / (high - low))
-        return least_m + (most_m - least_m) * min(share, 1.0)
+        return min_m + (max_m - min_m) * min(share, 1.0)
 
     def _floors_m(self, tick: Tick, which: list[int]) -> list[list[float]]:
         """Return the lowest clear heights at `LAGS` along vehicles' straight tracks; -inf over unknown ground."""

@@ -114,13 +114,13 @@ class WatchedVehicle:
 
     def min_jitter_s(self) -> float:
         """Sample the jitter of its round trips; return the smallest of the last `LASTING_LOOKS`."""
-        jitters_s, least_s = self._jitters_s, self.vehicle.clock.usual_jitter_s
+        jitters_s, min_s = self._jitters_s, self.vehicle.clock.usual_jitter_s
         if len(jitters_s) == LASTING_LOOKS:
             jitters_s.pop(0)
-        jitters_s.append(least_s)
+        jitters_s.append(min_s)
         for each in jitters_s:
-            least_s = min(least_s, each)
-        return least_s
+            min_s = min(min_s, each)
+        return min_s
 
 
 class MarginWatch:
@@ -132,7 +132,7 @@ class MarginWatch:
         """Share of the margin that each column uses with the present gains, (C,); NaN while its delay is unknown."""
         self.bandwidth = [[1.0] * len(CHANNELS) for _ in self.used]
         """Share of the full bandwidth that the loops should have, (C, 3) by column and channel."""
-        self.most_used = 0.0
+        self.max_used = 0.0
         """Largest share so far; infinite if a loop is unstable without delay, NaN for a law without known loops."""
         self.longest_s = math.nan
         """Longest loop delay so far."""
@@ -155,7 +155,7 @@ class MarginWatch:
         for each in self._each:
             known |= bool(each.axes)
         if not known:
-            self.most_used = math.nan
+            self.max_used = math.nan
 
     def retune(self, scenario: Scenario) -> None:
         """Watch the loops closed with a scenario's gains."""
@@ -190,7 +190,7 @@ class MarginWatch:
         by_lags, channel = self._by_lags(column, delay, each.axes)
         used = by_delay + by_lags
         self.used[column] = used
-        self.most_used = max(self.most_used, used)
+        self.max_used = max(self.max_used, used)
         if math.isnan(self.longest_s) or delay.mean_s > self.longest_s:
             self.longest_s = delay.mean_s
         self._say(now, vehicle, used, channel if by_lags > by_delay else None)

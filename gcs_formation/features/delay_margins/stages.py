@@ -56,7 +56,7 @@ class DelayMargins(Stage):
         """Take what judges; its findings are the cycle's."""
         self._watch, findings = watch, cycle.findings
         findings.margin_used, findings.bandwidth, findings.beyond = watch.used, watch.bandwidth, watch.beyond
-        findings.most_used = watch.most_used
+        findings.most_used = watch.max_used
 
     def run(self, cycle: Cycle) -> None:
         """Judge them; a law may fail to state its margins."""
@@ -65,4 +65,4 @@ class DelayMargins(Stage):
             watch.watch(cycle.now, cycle.reconfiguration.leader, findings.lags_off)
         except NotFiniteError as error:
             controller.fault = controller.fault or error
-        findings.most_used, findings.longest_s = watch.most_used, watch.longest_s
+        findings.most_used, findings.longest_s = watch.max_used, watch.longest_s

@@ -297,13 +297,13 @@ def _way(traffic: Traffic, state: FlightStates, manoeuvre: Manoeuvre, times_s: A
 
 def _heights(model: AutopilotModels, state: FlightStates, target_m: Array, steps_s: Array, trails_m: Array) -> Array:
     """Return (S, N) heights from `state` on."""
-    steps, most_m = HeightSteps.of(model, steps_s[:, None]), reach_m(model)
+    steps, max_m = HeightSteps.of(model, steps_s[:, None]), reach_m(model)
     height = Height(state.height_m, state.climb_mps)
     lifted_m = lift_m(state, model)
     target_m = steps.commanded_m(height, target_m, lifted_m) - trails_m
     heights = [height.height_m]
     for k in range(steps_s.size):
-        aim_m = np.minimum(np.maximum(target_m, height.height_m - most_m), height.height_m + most_m)
+        aim_m = np.minimum(np.maximum(target_m, height.height_m - max_m), height.height_m + max_m)
         height = steps.after(k, height, aim_m + lifted_m)
         heights.append(height.height_m)
     return np.array(heights)

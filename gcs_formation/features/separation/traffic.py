@@ -13,7 +13,7 @@ import numpy as np
 from flight_model.arrays import Array, Indices, Mask, all_of, within, wrap
 from flight_model.vehicle_arrays import FlightStates, Setpoints, lift_m, velocity_aimed_at
 from gcs_formation.features.separation.approach import COARSE_S, JERK_MPS3, Manoeuvre, MinimumDistance, Traffic, reach_m
-from gcs_formation.features.separation.first_look import SLOT_SHARE, KeptDistance
+from gcs_formation.features.separation.broad_phase import SLOT_SHARE, KeptDistance
 
 BESIDE_M = 1.0
 """Margin, in height, by which a vehicle that manoeuvres passes another beyond the distance to keep."""
@@ -116,8 +116,8 @@ class TrafficPicture:
         kept_m, each_m = SLOT_SHARE * slots_m, self.kept.each_m
         if each_m is not None:
             kept_m = np.where(np.isnan(slots_m), np.nan, each_m[self.vehicles[one], self.vehicles[other]])
-        kept_m = np.fmin(kept_m, self.kept.most_m)
-        distance_m: Array = np.where(both, kept_m, self.kept.most_m)
+        kept_m = np.fmin(kept_m, self.kept.max_m)
+        distance_m: Array = np.where(both, kept_m, self.kept.max_m)
         return MinimumDistance(apart * distance_m, apart * (self.timing_s[one] + self.timing_s[other]))
 
     @cached_property
@@ -157,8 +157,8 @@ class TrafficPicture:
 
     def within_reach(self, which: Indices, height_m: Array) -> Array:
         """Return heights limited to what vehicles may be commanded now (N,)."""
-        own_m, most_m = self.traffic.state.height_m[which], reach_m(self.traffic.model.take(which))
-        return within(height_m, own_m - most_m, own_m + most_m)
+        own_m, max_m = self.traffic.state.height_m[which], reach_m(self.traffic.model.take(which))
+        return within(height_m, own_m - max_m, own_m + max_m)
 
 
 def courses(picture: TrafficPicture, vehicle: int) -> Courses:
@@ -173,8 +173,8 @@ def courses(picture: TrafficPicture, vehicle: int) -> Courses:
     present = float(now.airspeed_mps[vehicle]), float(now.heading_rad[vehicle])
     found = [(course, picture.lasting(vehicle)), (course, on), (along, picture.lasting(vehicle)), (present, on)]
     if picture.traffic.hovers:
-        ahead_rad, most_mps = picture.reference[1], float(picture.traffic.model.speed_max_mps[vehicle])
-        stop, *aside = [(0.0, ahead_rad), *((most_mps, ahead_rad + aside_rad) for aside_rad in ASIDE_RAD)]
+        ahead_rad, max_mps = picture.reference[1], float(picture.traffic.model.speed_max_mps[vehicle])
+        stop, *aside = [(0.0, ahead_rad), *((max_mps, ahead_rad + aside_rad) for aside_rad in ASIDE_RAD)]
         found[-1:] = [(stop, stop), found[-1], *((way, way) for way in aside)]
     return found
 
@@ -289,15 +289,15 @@ def _free(picture: TrafficPicture, frame_mps: Array, far_m: Array, fast_mps: Arr
 
 def _farthest_m(picture: TrafficPicture, reach: Reach) -> float:
     """Return a distance beyond which no two come too near."""
-    most_m = 2 * (reach.far_m.max() + 2 * picture.timing_s.max() * reach.fast_mps.max())
-    return float(most_m) + picture.kept.most_m
+    max_m = 2 * (reach.far_m.max() + 2 * picture.timing_s.max() * reach.fast_mps.max())
+    return float(max_m) + picture.kept.max_m
 
 
-def _pairs_within(most_m: float, place_m: Array) -> tuple[Indices, Indices]:
+def _pairs_within(max_m: float, place_m: Array) -> tuple[Indices, Indices]:
     """Return the pairs (one < other), in order, of places (2, N) no farther apart."""
     import scipy  # noqa: PLC0415 - a k-d tree pays only for many vehicles
 
-    near = scipy.spatial.cKDTree(place_m.T).query_pairs(most_m, output_type="ndarray")
+    near = scipy.spatial.cKDTree(place_m.T).query_pairs(max_m, output_type="ndarray")
     one, other = near.min(axis=1), near.max(axis=1)
     order = np.lexsort((other, one))
     return one[order], other[order]

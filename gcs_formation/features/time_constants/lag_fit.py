@@ -35,7 +35,7 @@ STEP_MAX: Final = 0.1
 """Largest change of a ratio's logarithm at a fit."""
 SETTLED: Final = 1e-3
 """After a fit that changes a ratio's logarithm by less, the next one waits for a batch with excitation."""
-LEAST_SPREAD: Final = 0.02
+MIN_SPREAD: Final = 0.02
 """Old samples are forgotten once a ratio's logarithm has a smaller standard deviation, since time constants may change.
 Without excitation nothing is estimated and nothing forgotten."""
 RECENT_S: Final = 20.0
@@ -135,7 +135,7 @@ class LagFit:
         self.misfit = 0.0
         """Relative difference of recently flown time constants from those in use, beyond chance."""
         self._nodes, self._in_use = nodes, in_use
-        self._least_variance, self._finest_variance = resolution**2, finest**2
+        self._min_variance, self._finest_variance = resolution**2, finest**2
         self._alike = max(1.0, CORRELATED_S * rate_hz)
         self._kept = 1.0
         """Factor by which the sums are scaled before the next batch is added: forgetting."""
@@ -210,7 +210,7 @@ class LagFit:
 
     def _noise_variance(self) -> float:
         """Return the residuals' variance that isn't the time constants': less than at first once batches show less."""
-        return within(self._persistence.variance, self._finest_variance, self._least_variance)
+        return within(self._persistence.variance, self._finest_variance, self._min_variance)
 
     def _least_squares_step(self, seen: vec[vec[float]]) -> list[float]:
         """Return the step of the log ratios that minimises the residuals `seen`, regularised by the prior."""
@@ -239,7 +239,7 @@ class LagFit:
             log_ratio[place] = within(before + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
             change = max(change, abs(log_ratio[place] - before))
             most = max(most, information[place][place])
-        self._kept = min(1.0, 1.0 / (LEAST_SPREAD**2 * most))
+        self._kept = min(1.0, 1.0 / (MIN_SPREAD**2 * most))
         self._settled = change < SETTLED
         if self._in_use:
             self._weights = self._nodes.weights(log_ratio)
@@ -268,7 +268,7 @@ class LagFit:
             self.misfit = 0.0
             return
         left = max(size - squared(shown) / excitation, 0.0) / (self._alike * free)
-        chance = math.sqrt((left + self._least_variance) * self._alike / excitation)
+        chance = math.sqrt((left + self._min_variance) * self._alike / excitation)
         self.misfit = within(abs(shown) / excitation - SIGNIFICANT * chance, 0.0, RATIO_MAX - 1.0)
 
 

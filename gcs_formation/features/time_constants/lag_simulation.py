@@ -125,7 +125,7 @@ class SecondOrder:
             vec[float]([0.0] * len(pairs_s)) for _ in range(3)
         )
         """Height and climb after a step from an error of 1 m, and climb after a step from a climb of 1 m/s."""
-        self._most_mps, self._step_s = declared.climb_max_mps, 0.0
+        self._max_mps, self._step_s = declared.climb_max_mps, 0.0
         self._free_m = FREE * declared.climb_max_mps * (declared.tau_ha_s + declared.tau_hb_s)
         self._off_m = 0.0
 
@@ -155,16 +155,16 @@ class SecondOrder:
 
     def step(self, height_m: float) -> None:
         """Follow a setpoint for a step."""
-        heights_m, climbs_mps, most_mps, off_m = self._heights_m, self._climbs_mps, self._most_mps, 0.0
+        heights_m, climbs_mps, max_mps, off_m = self._heights_m, self._climbs_mps, self._max_mps, 0.0
         climb_s, climb_of_error, climb_of_climb = self._climb_s, self._climb_of_error, self._climb_of_climb
-        most_m, height_of_error = most_mps * self._step_s, self._height_of_error
+        max_m, height_of_error = max_mps * self._step_s, self._height_of_error
         for node in range(len(heights_m)):
             now_m, now_mps = heights_m[node], climbs_mps[node]
             error_m = now_m - height_m
             off_m += abs(error_m)
             change_m = height_of_error[node] * error_m + climb_s[node] * now_mps - error_m
             later_mps = climb_of_error[node] * error_m + climb_of_climb[node] * now_mps
-            if abs(change_m) <= most_m and abs(later_mps) <= most_mps:
+            if abs(change_m) <= max_m and abs(later_mps) <= max_mps:
                 heights_m[node], climbs_mps[node] = now_m + change_m, later_mps
             else:
                 self._climb_at_limit(node, height_m)
@@ -173,7 +173,7 @@ class SecondOrder:
     def _climb_at_limit(self, node: i64, height_m: float) -> None:
         now_m, now_mps, left = self._heights_m[node], self._climbs_mps[node], self._left[node]
         self._heights_m[node], self._climbs_mps[node] = climbed(
-            now_m, now_mps, self._most_mps, height_m, self._step_s, left
+            now_m, now_mps, self._max_mps, height_m, self._step_s, left
         )
 
     def compare(self, seen_m: float, row: vec[float]) -> None:

@@ -139,8 +139,8 @@ class _Search:
         )[:HEIGHTS_MAX]
         escapes = take_height(picture, vehicle, heights)
         waits = self._passing(vehicle, plain, escapes, heights)
-        gives_way = self._giving_way(vehicle, escapes)
-        options = _joined(waits, gives_way)
+        manoeuvres = self._manoeuvring(vehicle, escapes)
+        options = _joined(waits, manoeuvres)
         comes = self._approach(vehicle, options, others, 1.0)
         total = comes.deficit_m_s.sum(axis=1)
         held_back = waits.height_m.size if self._before[vehicle] and not self._released(vehicle, others, near) else 0
@@ -154,8 +154,8 @@ class _Search:
         """Return the first safe option; if it manoeuvres at once, the first one within the fence's heights if any."""
         if safe[0] < waiting:
             return int(safe[0])
-        height_m, (least_m, most_m) = options.height_m[safe], self._picture.heights_m
-        return int(safe[int(((height_m < least_m) | (height_m > most_m)).argmin())])
+        height_m, (min_m, max_m) = options.height_m[safe], self._picture.heights_m
+        return int(safe[int(((height_m < min_m) | (height_m > max_m)).argmin())])
 
     def _released(self, vehicle: int, others: Indices, near: ClosestApproach) -> bool:
         """Return whether a vehicle may stop giving way: as commanded and then straight on, it keeps well clear of all.
@@ -193,7 +193,7 @@ class _Search:
         later[:3] = setpoints
         return _joined(plain, Manoeuvre.of(later))
 
-    def _giving_way(self, vehicle: int, escapes: Manoeuvre) -> Manoeuvre:
+    def _manoeuvring(self, vehicle: int, escapes: Manoeuvre) -> Manoeuvre:
         """Return those that manoeuvre at once: at other heights first, for multirotors at the commanded one first."""
         level = take_height(self._picture, vehicle, self._picture.setpoints.height_m[[vehicle]])
         level = level.take(np.arange(AS_COMMANDED, level.height_m.size))
