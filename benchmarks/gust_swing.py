@@ -55,7 +55,9 @@ def main() -> None:
         round_trip_s = loop_delay_s(delay_ms / 1e3, delay_ms / 1e3, 10.0, 10.0)
         shares = [f"{min_share(round_trip_s, *slot):.2f}" for slot in SLOTS_M]
         rows.append([f"{delay_ms} ms", f"{round_trip_s:.3f}", *shares])
-    print(markdown(["links each way", "T, s", *(f"slot {x:g} m behind, {y:g} m aside" for x, y in SLOTS_M)], rows))
+    print(
+        markdown(["links each way", "T, s", *(f"slot {x:g} m behind, {y:g} m to the side" for x, y in SLOTS_M)], rows)
+    )
 
 
 if __name__ == "__main__":

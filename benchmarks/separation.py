@@ -7,7 +7,7 @@ from time import process_time
 
 import numpy as np
 
-from gcs_formation.features.separation.giving_way import resolve
+from gcs_formation.features.separation.conflict_resolution import resolve
 from gcs_formation.studies.dataset import markdown
 from tests.gcs_formation.features.separation.encounters import Vehicles, picture, wanted
 
@@ -49,7 +49,7 @@ def main() -> None:
     for count in COUNTS:
         level = [cost_ms(formation(count, spacing_m, stranger=False))[0] for spacing_m in SPACINGS_M]
         head_on_ms, manoeuvring = cost_ms(formation(count, SPACINGS_M[0], stranger=True))
-        rows.append([str(count), *(f"{ms:.2f} ms" for ms in level), f"{head_on_ms:.1f} ms, {manoeuvring} give way"])
+        rows.append([str(count), *(f"{ms:.2f} ms" for ms in level), f"{head_on_ms:.1f} ms, {manoeuvring} manoeuvre"])
     heads = ["vehicles", *(f"in slots {spacing_m:g} m apart" for spacing_m in SPACINGS_M), "one head-on"]
     print(markdown(heads, rows))
 

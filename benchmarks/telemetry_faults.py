@@ -23,7 +23,7 @@ from gcs_formation.studies.random_scenarios import HARD, USUAL, draw
 
 FAULTS: Final[Mapping[str, Mapping[str, Any]]] = {
     "position frozen": {"quantity": "position", "effect": "freeze"},
-    "position 20 m aside": {"quantity": "position", "effect": "offset", "amount": [0, 20, 0]},
+    "position 20 m to the side": {"quantity": "position", "effect": "offset", "amount": [0, 20, 0]},
     "position 100 m ahead": {"quantity": "position", "effect": "offset", "amount": [100, 0, 0]},
     "position drifts 3 m/s": {"quantity": "position", "effect": "drift", "amount": [0, 3, 0]},
     "position noise 10 m": {"quantity": "position", "effect": "noise", "amount": 10},

@@ -36,17 +36,19 @@ class Cause(Enum):
     LEADER_READY = "the leader follows setpoints"
     PATH_BEGUN = "the leader has passed the start of its path"
     PATH_ENDED = "the path or the time is at its end"
-    STOP = "told to stop"
-    HASTE = "told to go home at once"
+    STOP = "ordered to stop"
+    IMMEDIATE_RETURN = "ordered to go home at once"
     ORDERED = "ordered to end"
-    OPENED = "every vehicle that hears has a height of its own or stands, or time is up"
+    OPENED = "every vehicle that receives has a height of its own or hovers, or time is up"
     LOITERED = "every vehicle that is heard loiters"
     HOMEWARD = "every vehicle that is heard flies home or circles there"
     LANDED = "every vehicle that is heard has landed"
     FAILURE = "the run can't go on"
     NOT_ALL_LOITERED = "not every vehicle loiters, or has acknowledged that it does, and the time for that is over"
     NOT_ALL_HOMEWARD = "not every vehicle goes home, or has acknowledged that it does, and the time for that is over"
-    NOT_ALL_LANDED = "not every vehicle has landed, or has acknowledged what it was told, and the time for that is over"
+    NOT_ALL_LANDED = (
+        "not every vehicle has landed, or has acknowledged what it was commanded, and the time for that is over"
+    )
     GIVEN_UP = "the run can't go on, and vehicles were told to loiter"
 
 
@@ -69,8 +71,8 @@ TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
     (Phase.FLYING, Cause.FAILURE): Phase.ENDING,
     (Phase.ENDING, Cause.ORDERED): Phase.ENDING,
     (Phase.ENDING, Cause.OPENED): Phase.LOITERING,
-    (Phase.ENDING, Cause.HASTE): Phase.LOITERING,
-    (Phase.LOITERING, Cause.HASTE): Phase.LOITERING,
+    (Phase.ENDING, Cause.IMMEDIATE_RETURN): Phase.LOITERING,
+    (Phase.LOITERING, Cause.IMMEDIATE_RETURN): Phase.LOITERING,
     (Phase.LOITERING, Cause.ORDERED): Phase.LOITERING,
     (Phase.LOITERING, Cause.LOITERED): Phase.DONE,
     (Phase.LOITERING, Cause.HOMEWARD): Phase.DONE,
@@ -184,7 +186,7 @@ class Assembly:
             vehicle = self._identities[self._missed]
             off = "was no member" if math.isnan(self._missed_m) else f"was {self._missed_m:.1f} m from its slot"
             why = f"vehicle {vehicle} {off} {ago_s:.1f} s ago; allowed: {self._tolerance_m:g} m (start.tolerance_m)"
-        text = f"the leader flies a lap: {why}"
+        text = f"the leader flies a holding pattern: {why}"
         tick.events.append(Event(tick.now, "lap", text, vehicle, {"laps": self._laps}))
 
     def _at_height(self, most_m: float, tick: Tick, guidance: LeaderGuidance) -> bool:

@@ -96,7 +96,7 @@ def link(
 
 
 class _Interrupts:
-    """While entered, a termination signal ends the survey; what was measured so far is told."""
+    """While entered, a termination signal ends the survey; what was measured so far is printed."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -113,7 +113,7 @@ class _Interrupts:
         self.count += 1
 
     def ends(self, survey: LinkSurvey, now: Instant) -> bool:
-        """Return whether to end: by a signal, or as nobody is there."""
+        """Return whether to end: by a signal, or as no vehicle is there."""
         return self.count > 0 or (not survey.links and now > UNHEARD_S * NANOSECONDS)
 
 

@@ -44,7 +44,7 @@ COMPARE_EXAMPLES = examples(
 )
 
 Row = dict[str, Any]
-MOST_LINES = 60
+MAX_LINES = 60
 """Longest table that is printed, in lines."""
 
 
@@ -147,7 +147,7 @@ def _conclude(outcome: StudyOutcome, out: Path, *, quiet: bool) -> Status:
 def _said(outcome: StudyOutcome, out: Path) -> Iterator[str]:
     """Yield the lines printed at a study's end: its table, its cost, its verdicts."""
     figures = outcome.figures
-    if outcome.text.count("\n") < MOST_LINES:
+    if outcome.text.count("\n") < MAX_LINES:
         yield outcome.text
     spent = f"{figures['wall_s']:.0f} s, {figures['flights_cpu_s']:.0f} s of processor time in flights"
     broke = figures["exits"]["1"]

@@ -31,7 +31,7 @@ VIEW_EXAMPLES = examples(
 LOOPBACK = "127.0.0.1"
 ANYWHERE = f"{LOOPBACK}:0"
 """A free port of this machine's own interface."""
-MOST_PORT = 65535
+MAX_PORT = 65535
 SCENARIOS = (".yaml", ".yml")
 
 
@@ -46,7 +46,7 @@ class AddressType(click.ParamType[Address]):
             return value
         host, _, port = value.rpartition(":")
         host = host.strip("[]") or LOOPBACK
-        if not (port.isascii() and port.isdigit() and int(port) <= MOST_PORT):
+        if not (port.isascii() and port.isdigit() and int(port) <= MAX_PORT):
             self.fail(f"found '{value}'; allowed: HOST:PORT, as 127.0.0.1:8080 or [::1]:8080", param, ctx)
         return Address(host, int(port))
 

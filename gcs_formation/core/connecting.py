@@ -51,7 +51,7 @@ class Restarts(Stage):
                 self._handled[place] = vehicle.restarts
                 cycle.controller.estimator.forget(vehicle.column)
                 cycle.restarted.append(vehicle.column)
-                cycle.note(cycle.now, "restarted", "its clock has begun anew", vehicle)
+                cycle.note(cycle.now, "restarted", "its clock has begun again", vehicle)
 
 
 class Start(Stage):

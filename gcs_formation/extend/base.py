@@ -45,7 +45,7 @@ class FollowerLaw(Extension, ABC):
         """
 
     def reset(self) -> None:
-        """Forget what was gathered: the follower isn't commanded, or follows another leader."""
+        """Forget what was accumulated: the follower isn't commanded, or follows another leader."""
 
     def delay_margins_s(self, follower: FollowerModel) -> Mapping[str, float] | None:  # noqa: ARG002 - by default unknown
         """Return how long a delay each loop around a follower stands without prediction, s, by the loop's name.
@@ -77,7 +77,7 @@ class FormationLaw(Extension, ABC):
         """
 
     def reset(self) -> None:
-        """Forget what was gathered: another vehicle leads."""
+        """Forget what was accumulated: another vehicle leads."""
 
     def delay_margins_s(self, followers: Sequence[FollowerModel]) -> Mapping[str, float] | None:  # noqa: ARG002 - by default unknown
         """Return how long a delay each loop around all vehicles stands without prediction, s; see `FollowerLaw`."""

@@ -45,14 +45,14 @@ class DelayEstimator(Extension, ABC):
         """Return the delays up and down, s, from now on: there is an answer to a request four times a second."""
 
     def reset(self) -> None:
-        """Forget what was gathered: the vehicle's clock has restarted."""
+        """Forget what was accumulated: the vehicle's clock has restarted."""
 
 
 class LeaderGuidance(Extension, ABC):
     """Steers the leader along its route; there is one instance for a flight.
 
-    Which route that is (turns before the path, the path, ways back to it), its speed and where the leader is on it stay
-    ours, and so do the envelope, the fence, the ground and turns on the spot.
+    Which route that is (turns before the path, the path, paths back to it), its speed and where the leader is on it
+    stay ours, and so do the envelope, the fence, the ground and turns on the spot.
     """
 
     @abstractmethod
@@ -60,7 +60,7 @@ class LeaderGuidance(Extension, ABC):
         """Return speed m/s, heading rad and height m for the leader."""
 
     def reset(self) -> None:
-        """Forget what was gathered: another vehicle leads."""
+        """Forget what was accumulated: another vehicle leads."""
 
 
 def register_predictor(name: str) -> Decorator[type[Predictor]]:

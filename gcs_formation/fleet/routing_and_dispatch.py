@@ -130,7 +130,11 @@ class Senders:
             self._note_namesake(ComponentId(frame.system, frame.component), details, now)
         elif identity not in self._strangers:
             self._strangers.add(identity)
-            why = "is everyone's address and nobody's id" if identity.system == EVERYONE else "isn't in the scenario"
+            why = (
+                "is the broadcast address and no vehicle's id"
+                if identity.system == EVERYONE
+                else "isn't in the scenario"
+            )
             self._note(now, "stranger", f"system {identity} is heard, but {why}", None, details)
 
     def _note_namesake(self, sender: ComponentId, details: dict[str, str], now: Instant) -> None:

@@ -16,8 +16,8 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 MEANING: Final = {
     Verdict.WRONG_KEY: "another key than this link's, or another sender with this id",
-    Verdict.REPLAYED: "copies, a recording that is played again, or its clock is behind until it hears us",
-    Verdict.STALE: "its clock is behind until it hears us, or a recording is played again",
+    Verdict.REPLAYED: "copies, a recording that is played again, or its clock is behind until it receives from us",
+    Verdict.STALE: "its clock is behind until it receives from us, or a recording is played again",
     Verdict.ELSEWHERE: "another sender has its id",
     Verdict.UNSIGNED: "it has no key (`gcs-formation signing setup` gives it one), or another sender has its id",
 }

@@ -283,7 +283,7 @@ class LeaderGuidance:
         return self._lateral.setpoint_rps
 
     def _here(self) -> PathPoint:
-        assert self._point is not None, "nobody was steered yet"
+        assert self._point is not None, "no vehicle was steered yet"
         return self._point
 
     def _set_out(self, state: FlightState) -> None:

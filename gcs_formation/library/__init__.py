@@ -3,7 +3,7 @@
 Equation (7) and the projection through setpoints in flight; gain design; delay margins of the laws' loops, with and
 without prediction; the fuzzy scheduler; delays from time-stamped requests. All of it is what flights use, not a copy.
 SI units and radians; north, east, and heights upwards; headings clockwise from north. `VehicleModel()` has the default
-aircraft's lags and limits, and takes others by name.
+aircraft's time constants and limits, and takes others by name.
 """
 
 from flight_model.autopilot_model import FlightState

@@ -39,7 +39,7 @@ def fly(
     """Return the flight of a vehicle that follows setpoints by equation (7), each held for `dt_s`.
 
     Args:
-        model: lags and limits; no multirotor's.
+        model: time constants and limits; no multirotor's.
         setpoints: (n, 3): airspeed, m/s, limited to the model's; heading, rad; height, m.
         dt_s: for how long each is held.
         start: where it begins; default: at the origin, in steady flight by the first setpoint.
@@ -74,7 +74,7 @@ def project(
         sent: (k, 4): when each setpoint acts, s, rising; airspeed, m/s; heading, rad; height, m. Before the first
             acts, the vehicle flies straight on.
         until_s: the time that the state is wanted for: when a setpoint that is sent now will act.
-        model: lags and limits; no multirotor's.
+        model: time constants and limits; no multirotor's.
 
     Raises:
         ValueError: setpoints of another shape, not finite or out of order; a time before `measured_s`; a multirotor.

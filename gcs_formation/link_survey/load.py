@@ -42,14 +42,14 @@ class LoadStep:
 class Load:
     """Sends requests at rising rates, and judges which were carried."""
 
-    def __init__(self, most_kbps: float, begins: Instant) -> None:
-        """Plan steps from `FIRST_KBPS` to `most_kbps`."""
-        rates, kbps = list[float](), min(FIRST_KBPS, most_kbps)
-        while kbps < most_kbps:
+    def __init__(self, max_kbps: float, begins: Instant) -> None:
+        """Plan steps from `FIRST_KBPS` to `max_kbps`."""
+        rates, kbps = list[float](), min(FIRST_KBPS, max_kbps)
+        while kbps < max_kbps:
             rates.append(kbps)
             kbps *= FACTOR
-        rates.append(most_kbps)
-        self.most_kbps = most_kbps
+        rates.append(max_kbps)
+        self.max_kbps = max_kbps
         self._steps = [
             LoadStep(each, after(begins, PAUSE_S + number * (STEP_S + PAUSE_S))) for number, each in enumerate(rates)
         ]
@@ -72,7 +72,7 @@ class Load:
             return
         due = math.floor(since_s * step.kbps * 1e3 / BITS) + 1
         for number in range(self._sent, due):
-            stamp = now + number  # each of another nanosecond, by which its answer is told
+            stamp = now + number  # each of another nanosecond, by which its answer is recognised
             self._pending[stamp] = (self._place, now)
             yield Timesync(0, stamp)
         self._sent, self._next = due, after(now, TICK_S)

@@ -27,7 +27,7 @@ HEARTBEAT_S: Final = 1.0
 GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 DITHER_S: Final = 0.02
 """Requests are spread over the period of the vehicle's loop."""
-MOST_VEHICLES: Final = 255
+MAX_VEHICLES: Final = 255
 
 
 class LinkSurvey(Engine):
@@ -118,7 +118,7 @@ class LinkSurvey(Engine):
         link = self.links.get(key)
         if link is None:
             is_autopilot = isinstance(message, Heartbeat) and message.autopilot != m.MAV_AUTOPILOT_INVALID
-            if not isinstance(message, Heartbeat) or not is_autopilot or len(self.links) >= MOST_VEHICLES:
+            if not isinstance(message, Heartbeat) or not is_autopilot or len(self.links) >= MAX_VEHICLES:
                 return
             link = self.links[key] = MeasuredLink(str(self._endpoints[socket]), message, now)
         self._at[key] = datagram.peer

@@ -243,7 +243,9 @@ class Course:
 
     def _fail_to_start(self, gained_m: float, now: Instant) -> None:
         moved = f"{abs(gained_m):.0f} m {'nearer to' if gained_m > 0.0 else 'farther from'}"
-        told = f"told to fly {self._controller.guidance.speed_mps:g} m/s, it is {moved} it than {GETS_ON_S:g} s ago"
+        told = (
+            f"commanded to fly {self._controller.guidance.speed_mps:g} m/s, it is {moved} it than {GETS_ON_S:g} s ago"
+        )
         self.fail(f"the leader does not get to the start of its path: {told}", now)
 
     def end_rehearsal(self, now: Instant) -> None:
@@ -259,7 +261,7 @@ class Course:
 
     def go_home_at_once(self, now: Instant) -> bool:
         """Send vehicles home that were told to stop, however far apart they are; return whether that began."""
-        return self.why_not_end("rtl") is None and self.move(Cause.HASTE, now, "rtl")
+        return self.why_not_end("rtl") is None and self.move(Cause.IMMEDIATE_RETURN, now, "rtl")
 
     def fail(self, text: str, now: Instant, *, begun: bool = True) -> None:
         """End the run with the first reason why it can't continue; vehicles loiter if it had `begun`."""

@@ -184,7 +184,7 @@ class Reconfiguration:
             plan.adopt(plan.arrangement, way or Transition.standing(plan.goal_m))
         self._planned_for = present.tolist()
         if way is not None:
-            text = "gathers clear of each other's ways"
+            text = "joins up clear of the others' trajectories"
             self._note(now, "gathering", text, None, {"duration_s": way.duration_s})
 
     def _gathers_late(self, why: str, now: Instant) -> None:
@@ -193,7 +193,7 @@ class Reconfiguration:
             self._gathers_late_at = after(now, GATHERS_LATE_S)
         elif now >= self._gathers_late_at:
             self._gathers_late_at = after(now, GATHERS_LATE_S)
-            self._note(now, "postponed", f"no ways to the slots yet; they are tried again every second: {why}")
+            self._note(now, "postponed", f"no trajectories to the slots yet; they are tried again every second: {why}")
 
     def change(self, wanted: Arrangement, now: Instant) -> None:
         """Begin a change.
@@ -230,7 +230,7 @@ class Reconfiguration:
                 raise NotFlyableError(found, "a vehicle that does", 0.0)
             turn = controller.guidance.turn
             if turn is not None and not turn.over(now):
-                raise NotFlyableError("the formation turns on the spot", "another leader once it stands", 0.0)
+                raise NotFlyableError("the formation turns on the spot", "another leader once it hovers", 0.0)
             route, distance_m, swing_rad = self._take_over(wanted.leader, now)
         start = self._slots(now).seen_from(wanted.leader, swing_rad)
         if route is None:

@@ -143,7 +143,7 @@ def covered(flight: RecordedFlight, from_s: float, to_s: float, scenario: Scenar
 
 def none_flew(down_s: float) -> str:
     """Return in words since when no vehicle flew."""
-    return f"nobody flew from {down_s:.1f} s on"
+    return f"none flew from {down_s:.1f} s on"
 
 
 def _of_followers(
@@ -209,7 +209,7 @@ def _crashed(verdict: Verdict, crash_s: float, *, broken: bool, last: bool) -> V
     """
     reason = f"crashed at {crash_s:.1f} s"
     if last:
-        return replace(verdict, judged=True, reason=f"{reason}, and nobody else follows")
+        return replace(verdict, judged=True, reason=f"{reason}, and no other follows")
     return replace(verdict, judged=broken, reason=f"before it {reason}" if broken else reason)
 
 

@@ -172,7 +172,7 @@ def _before_take_off(
     order = [identity for identity in column_ids(scenario) if identity is not None]
     known = {identity: RecordedVehicle(_last(events, identity, "mode"), parted=False, flew=False) for identity in order}
     if not any(each.mode for each in known.values()):
-        raise RecordError(f"found no flight in {directory}: nobody had been heard; allowed: fly it from its start")
+        raise RecordError(f"found no flight in {directory}: no vehicle had been heard; allowed: fly it from its start")
     arrangement = first_arrangement(scenario)
     return PastFlight(
         at=now,

@@ -358,5 +358,5 @@ def _conditions(run: RunData, step: StepDisturbance) -> str:
         f"This run: the step acts on {whom}, from {step.at_s:g} s on; slots {turns}; {links}. "
         "The paper says that it acts on every vehicle; it gives "
         "neither the links' delay nor path, speed, slots or gains, and whether figure 12 shows formation errors or "
-        "errors of an estimate can't be told from its text."
+        "errors of an estimate can't be read from its text."
     )

@@ -72,9 +72,9 @@ def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
 
     @cache
     def axis(gains: PidGains, plant: Plant, aircraft: AircraftResponse | None, dead_s: float) -> tuple[float, float]:
-        least_s = loop_margin(gains, plant, gains_range, aircraft=aircraft)
+        min_s = loop_margin(gains, plant, gains_range, aircraft=aircraft)
         worst_s = worst_loop_margin(gains, plant, gains_range, aircraft)
-        return less_dead_time(least_s, dead_s), less_dead_time(worst_s, dead_s)
+        return less_dead_time(min_s, dead_s), less_dead_time(worst_s, dead_s)
 
     def margins(model: VehicleModel, x_rc_m: float) -> LawMargins:
         plants, aircraft = _plants(scenario, model, x_rc_m), aircraft_responses(model, scenario.path.begin_mps)
@@ -123,7 +123,7 @@ def stated_as_margins(stated: Stated) -> LawMargins:
     return LawMargins(stated.delay_s, stated.delay_s)
 
 
-def _least_of_all(margins: Collection[LawMargins]) -> LawMargins:
+def _min_of_all(margins: Collection[LawMargins]) -> LawMargins:
     """Return the least margin of each loop that any vehicle has."""
     loops = dict.fromkeys(loop for each in margins for loop in each.small_signal)
     least = {loop: min(each.small_signal.get(loop, math.inf) for each in margins) for loop in loops}
@@ -144,7 +144,7 @@ def law_margins(scenario: Scenario) -> LawMargins:
     Of a law from outside they are those that it states, by its own names of loops.
     """
     if not law_kind(scenario).has_margins:
-        return _least_of_all([stated_as_margins(each) for each in stated_margins(scenario).values()])
+        return _min_of_all([stated_as_margins(each) for each in stated_margins(scenario).values()])
     if law_kind(scenario).mutual:
         margin = {"consensus": min(consensus_margins(scenario))}
         return LawMargins(margin, margin)
@@ -196,7 +196,7 @@ def law_usages(scenario: Scenario, *, succession: bool = False) -> dict[VehicleI
 def consensus_margins(scenario: Scenario) -> tuple[float, float]:
     """Return the delay margins, s, of protocol (3) closed through the ground station: along the heading, and across.
 
-    The autopilot's lag is the undelayed damping, 1/tau_v along and 1/tau_psi across; the part of k3 beyond
+    The autopilot's time constant is the undelayed damping, 1/tau_v along and 1/tau_psi across; the part of k3 beyond
     it is delayed. Where the vehicles' time constants differ, this is the least margin over them: a lower bound on
     an undirected graph, since every root belongs to a weighted mean of their dampings. For vehicles with an airframe,
     the loops are closed around its response.

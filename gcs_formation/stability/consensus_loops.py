@@ -1,6 +1,6 @@
 """Delay margin of the consensus protocol (3) on a directed or undirected communication graph.
 
-Graphs are weighted adjacency matrices: entry (p, q) is positive when p hears q.
+Graphs are weighted adjacency matrices: entry (p, q) is positive when p receives q.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def consensus_delay_margin(
     first one is the margin. With c_p of each vehicle: the first crossing of the generalised Nyquist loci.
 
     Args:
-        adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
+        adjacency: (n, n) weights; entry (p, q) > 0 when p receives q.
         k1: position gain, 1/s^2; with 0, position differences persist and the margin is 0.
         k2: velocity gain, 1/s.
         k3: gain of the undelayed velocity term, 1/s.
@@ -74,7 +74,7 @@ def ground_consensus_loops(
     the loops' gains scales the protocol's weights and its damping beyond the autopilot's.
 
     Args:
-        adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
+        adjacency: (n, n) weights; entry (p, q) > 0 when p receives q.
         k1: position gain, 1/s^2.
         k2: velocity gain, 1/s.
         onboard_damping: c, 1/s.
@@ -93,7 +93,7 @@ def ground_consensus_loops(
 
 
 def as_adjacency(graph: npt.ArrayLike) -> Array:
-    """Adjacency matrix (n, n) of a graph given by its weights, entry (p, q) > 0 when p hears q.
+    """Adjacency matrix (n, n) of a graph given by its weights, entry (p, q) > 0 when p receives q.
 
     Raises:
         ValueError: not square, a weight negative or not finite.
@@ -130,10 +130,10 @@ def components(adjacency: Array) -> list[Component]:
 
 
 def spanning_components(adjacency: Array) -> list[Component]:
-    """`components` of a graph with a spanning tree: exactly one of them hears nobody outside.
+    """`components` of a graph with a spanning tree: exactly one of them receives from none outside.
 
     Raises:
-        ValueError: no spanning tree; the message names a vehicle of each group that hears nobody outside.
+        ValueError: no spanning tree; the message names a vehicle of each group that receives from none outside.
     """
     parts = components(adjacency)
     roots = [int(part.members[0]) for part in parts if part.hears_nobody_outside]
@@ -220,7 +220,7 @@ def _locus_crossings(part: Component, gains: _Gains) -> Array:
     The graph rotates a locus by less than a quarter turn from the channels' phase lead, which is in (0, pi)
     (Gershgorin). So w tau is taken in (-pi/2, 3 pi/2), negative where the graph rotates it by more than the lead.
     """
-    import scipy  # noqa: PLC0415 - only for the consensus law with vehicles whose lags differ
+    import scipy  # noqa: PLC0415 - only for the consensus law with vehicles whose time constants differ
 
     matrix = part.matrix
 

@@ -1,4 +1,4 @@
-"""Margins of loops with prediction against mismatch of the delay and of the model's lags; used shares of margins."""
+"""Margins of loops with prediction against mismatch of delay and of time constants; used shares of margins."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gcs_formation.stability.pid_margins import Loop, Plant, stacked
 
 _GRID = 4000
 LAGS_OFF = 0.3
-"""Default relative error of every lag with which mismatch margins of the delay are computed."""
+"""Default relative error of every time constant with which mismatch margins of the delay are computed."""
 MOST = 0.95
 _STEPS = 10
 _HALVINGS = 5
@@ -32,7 +32,7 @@ BANDWIDTHS = tuple(np.geomspace(1.0, 0.1, 33).tolist())
 NEAR: Final = 0.8
 """Share of a delay margin from which it is reported that a loop is near it."""
 LAGS_NOTED: Final = 0.05
-"""Smaller relative errors of lags are ignored."""
+"""Smaller relative errors of time constants are ignored."""
 TOLERANCE = 4.0 * float(np.finfo(np.float64).eps)
 """Width of a root's final bracket, relative to the root."""
 TINY = float(np.finfo(np.float64).smallest_normal)
@@ -163,10 +163,10 @@ def _interpolated(x: tuple[float, float, float], f: tuple[float, float, float]) 
 
 @cache
 def lag_margin(loop: Loop, delay_s: float) -> float:
-    """Return the relative error, 0 to `MOST`, that all lags of the autopilot may have at once.
+    """Return the relative error, 0 to `MOST`, that all time constants of the autopilot may have at once.
 
     The prediction over `delay_s` and the dead time uses the loop's own plant. Every combination of longer and shorter
-    lags is tried, with an error that rises from 0 until one of them is unstable.
+    time constants is tried, with an error that rises from 0 until one of them is unstable.
     """
 
     def all_stable(shares: Sequence[float]) -> list[bool]:
@@ -188,7 +188,7 @@ def lag_margin(loop: Loop, delay_s: float) -> float:
 
 @cache
 def mismatch_margin_with_lags_off(loop: Loop, delay_s: float, share: float = LAGS_OFF) -> float:
-    """Return the mismatch of the delay, s, at which the predicted loop loses stability with lags off by `share`.
+    """Return the mismatch of the delay, s, at which the predicted loop is unstable with time constants off by `share`.
 
     It is the least over all combinations of signs; 0 if one is unstable without mismatch of the delay.
     """
@@ -244,7 +244,7 @@ def _on_grid(loop: Loop, delay_s: float) -> _OnGrid:
 
 
 def _lags_off(loop: Loop, share: float) -> list[Loop]:
-    """Return the loops around autopilots whose lags have a relative error `share`, in all combinations of signs."""
+    """Return the loops around autopilots with time constants off by `share`, in all combinations of signs."""
     return [loop.with_lags(*lags) for lags in product((1.0 - share, 1.0 + share), repeat=loop.plant.lags)]
 
 
@@ -260,7 +260,7 @@ class LoopDelay:
 class Usage:
     """Share of their least margin that loops with a common bandwidth use.
 
-    Without prediction, it is the loop's whole delay over the delay margin. With prediction, it is the scatter of the
+    Without prediction, it is the loop's whole delay over the delay margin. With prediction, it is the jitter of the
     delay about its mean, which the prediction compensates, over the mismatch margin of the predicted loop there.
     """
 
@@ -273,7 +273,7 @@ class Usage:
     def of(self, delay: LoopDelay, bandwidth: float = 1.0) -> float:
         """Return the share of the margin in use at a share of the bandwidth, NaN before the delay is known.
 
-        It is infinite if there is no margin, even for a delay without scatter.
+        It is infinite if there is no margin, even for a delay without jitter.
         """
         if math.isnan(delay.mean_s):
             return math.nan
@@ -281,9 +281,9 @@ class Usage:
         return _share(used_s if used_s > 0.0 else 0.0, self.margin_s(delay.mean_s, bandwidth))
 
     def of_lags(self, delay: LoopDelay, off: float) -> float:
-        """Return the used share of the margin against wrong lags; 0 without prediction, which alone uses the model.
+        """Return the used share of the margin against wrong time constants; 0 without prediction, which alone uses it.
 
-        `off` is the relative error of the model's lags.
+        `off` is the relative error of the model's time constants.
         """
         if not self._predicted or off < LAGS_NOTED or math.isnan(delay.mean_s):
             return 0.0
@@ -335,7 +335,7 @@ class StatedUsage(Usage):
         return super().of(delay, bandwidth) if known else math.nan
 
     def of_lags(self, delay: LoopDelay, off: float) -> float:  # noqa: ARG002 - as of known loops
-        """Return 0: a law states no margin against wrong lags."""
+        """Return 0: a law states no margin against wrong time constants."""
         return 0.0
 
     def bandwidth(self, delay: LoopDelay, most: float) -> float:  # noqa: ARG002 - as of known loops

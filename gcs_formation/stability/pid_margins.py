@@ -52,7 +52,7 @@ class Plant(NamedTuple):
 
     @property
     def lags(self) -> int:
-        """Number of the autopilot's lags in it: two for the height, else one."""
+        """Number of the autopilot's time constants in it: two for the height, else one."""
         return 2 if self._restoring else 1
 
     @property
@@ -60,7 +60,7 @@ class Plant(NamedTuple):
         return self.state[0] == (0.0, 1.0) and self.state[1][0] != 0.0
 
     def with_lags(self, first: float, second: float = 1.0) -> Plant:
-        """The plant of an autopilot whose lags are `first` and `second` times as long."""
+        """The plant of an autopilot whose time constants are `first` and `second` times as long."""
         if self._restoring:
             product, total = -self.state[1][0], -self.state[1][1]
             fast, slow = np.roots([1.0, -total, product]).real.tolist()
@@ -125,7 +125,7 @@ class Loop:
         return replace(self, pid=self.pid.slowed(bandwidth))
 
     def with_lags(self, first: float, second: float = 1.0) -> Loop:
-        """The loop around an autopilot whose lags are `first` and `second` times as long."""
+        """The loop around an autopilot whose time constants are `first` and `second` times as long."""
         return replace(self, plant=self.plant.with_lags(first, second))
 
     def with_output(self, row: tuple[complex, complex]) -> Loop:
@@ -230,8 +230,8 @@ def _margins_s(open_loops: Rational) -> list[float]:
     unstable = np.max(open_loops.closed_loop_poles().real, axis=-1, keepdims=True) >= 0.0
     phase = np.angle(-open_loops.at(w))
     margins_s = np.where(unstable, np.minimum(phase, 0.0), np.mod(phase, 2.0 * np.pi)) / w
-    least_s: Array = np.min(margins_s, axis=-1, where=crossing, initial=np.inf)
-    found_s: Array = np.where(unstable[:, 0], np.minimum(least_s, 0.0), least_s)
+    min_s: Array = np.min(margins_s, axis=-1, where=crossing, initial=np.inf)
+    found_s: Array = np.where(unstable[:, 0], np.minimum(min_s, 0.0), min_s)
     return found_s.tolist()
 
 

@@ -132,7 +132,7 @@ class FlownFlight:
             if at_s is None or not at_s < before_s
         ]
         self._require_as_planned()
-        self._require(bool(times), f"nobody followed who could settle before {before_s:g} s")
+        self._require(bool(times), f"none followed that could settle before {before_s:g} s")
         self._require(not late, f"not settled before {before_s:g} s", late)
         return self
 

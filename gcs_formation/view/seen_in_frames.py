@@ -105,7 +105,7 @@ class FrameReader:
         self._copies = copies
         self._by_radio, self._radio, self._radio_s = by_radio, list[float](), -math.inf
         self._step_s, self._name_of_mode, self._origin = step_s, name_of_mode, origin
-        self._pending, self._astray = b"", False
+        self._pending, self._out_of_step = b"", False
         self._begin_us: int | None = None
         self._next_s, self._asked = 0.0, dict[int, float]()
         self.seen = dict[int, _Seen]()
@@ -129,15 +129,15 @@ class FrameReader:
             length = frame_length(data, at + STAMP)
             if length == 0 or not self._is_plausible(data, at):
                 at += 1
-                self._astray = True
+                self._out_of_step = True
                 continue
             if at + STAMP + length > end:
                 break
             raw = data[at + STAMP : at + STAMP + length]
-            if self._astray and not StreamParser().feed(raw):  # after garbage, begin with a valid checksum
+            if self._out_of_step and not StreamParser().feed(raw):  # after garbage, begin with a valid checksum
                 at += 1
                 continue
-            self._astray = False
+            self._out_of_step = False
             self._frame(int.from_bytes(data[at : at + STAMP], "big"), raw)
             at += STAMP + length
         self._pending = data[at:]

@@ -82,8 +82,8 @@ def test_a_sensor_that_reads_0_for_a_while_is_reported_and_changes_nothing(numbe
     assert min_separation_m(world, 4.0) > 29.0
     assert world.worst_m() < 0.1
     first, last = world.words("airspeed")
-    assert first == "the 0.0 m/s that it measures isn't believed: velocity over ground and wind show 22.0 m/s"
-    assert last == "what it measures is believed again"
+    assert first == "the 0.0 m/s that it measures is rejected: velocity over ground and wind show 22.0 m/s"
+    assert last == "what it measures is accepted again"
     assert len(world.times_s("airspeed", number)) == 2
     assert world.words("disobeys") == []
 

@@ -261,7 +261,7 @@ def test_another_leads_only_when_a_turn_on_the_spot_is_over():
     world.run(5.0)
     assert orders.take("heading 30", world.clock.now()).accepted
     world.run(1.0)
-    said = "leader 3: refused: the formation turns on the spot; allowed: another leader once it stands"
+    said = "leader 3: refused: the formation turns on the spot; allowed: another leader once it hovers"
     assert orders.take("leader 3", world.clock.now()).text == said
     world.run(8.0)
     assert orders.take("leader 3", world.clock.now()).accepted

@@ -284,7 +284,7 @@ SIGNALS = [
     ([signal.SIGTERM], ["LOITER"] * 2, Cause.LOITERED),
     ([signal.SIGINT], ["LOITER"] * 2, Cause.LOITERED),
     ([signal.SIGINT] * 2, ["RTL"] * 2, Cause.HOMEWARD),
-    ([signal.SIGINT] * 3, [], Cause.HASTE),
+    ([signal.SIGINT] * 3, [], Cause.IMMEDIATE_RETURN),
 ]
 
 

@@ -243,7 +243,7 @@ def hear(station: Station, writer: FrameWriter, message, at_s: float = 0.0, port
 @pytest.mark.parametrize(
     ("system", "component", "kind", "words"),
     [
-        (0, 1, "stranger", "system 0 is heard, but is everyone's address and nobody's id"),
+        (0, 1, "stranger", "system 0 is heard, but is the broadcast address and no vehicle's id"),
         (254, 1, "stranger", "system 254 is heard, but isn't in the scenario"),
         (255, 190, "own_id", "another ground station, 255/190, has our system id"),
         (*STATION, "own_id", "255/25 are our own ids"),

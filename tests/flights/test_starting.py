@@ -280,7 +280,7 @@ def test_a_leader_that_does_not_get_to_the_start_of_its_path_is_not_waited_for_w
     (assembling_s,), (failed_s,) = world.times_s("phase", text="assembling"), world.times_s("failure")
     assert failed_s - assembling_s == pytest.approx(10.0 + GETS_ON_S, abs=1.0)
     (said,) = world.words("failure")
-    why, _, moved = said.partition(": told to fly 22 m/s, it is ")
+    why, _, moved = said.partition(": commanded to fly 22 m/s, it is ")
     assert why == "the leader does not get to the start of its path"
     assert moved.endswith(" m farther from it than 120 s ago")
     assert float(moved.split()[0]) == pytest.approx(3.0 * GETS_ON_S, rel=0.02)

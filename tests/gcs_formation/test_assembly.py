@@ -86,7 +86,7 @@ def test_a_leader_still_below_the_start_of_its_path_flies_a_lap_with_all_in_thei
     assert not watched.assembly.complete
     watched.guidance.rounds = 1
     (event,) = watched.judge(0.0, 0.0, height_m=88.0).events
-    assert event.text == "the leader flies a lap: it is 12 m below the start of its path"
+    assert event.text == "the leader flies a holding pattern: it is 12 m below the start of its path"
     assert watched.judged(ASSEMBLED_TICKS, 0.0, 0.0)
 
 
@@ -104,7 +104,8 @@ def test_a_lap_is_reported_once_with_who_was_out_of_its_slot_and_by_how_much():
     watched.guidance.rounds = 1
     (event,) = watched.judge(0.2, 0.3).events
     assert event.text == (
-        "the leader flies a lap: vehicle 3 was 4.0 m from its slot 0.6 s ago; allowed: 1.5 m (start.tolerance_m)"
+        "the leader flies a holding pattern: vehicle 3 was 4.0 m from its slot 0.6 s ago; "
+        "allowed: 1.5 m (start.tolerance_m)"
     )
     assert (event.kind, str(event.vehicle), event.details) == ("lap", "3", {"laps": 1})
     assert watched.judge(0.2, 0.3).events == []
@@ -115,4 +116,4 @@ def test_a_lap_is_reported_once_with_who_was_out_of_its_slot_and_by_how_much():
     watched.judged(ASSEMBLED_TICKS + 5, 0.0, 0.0, slots_rest=False)
     watched.guidance.rounds = 3
     (event,) = watched.judge(0.0, 0.0, slots_rest=False).events
-    assert event.text == "the leader flies a lap: its followers have not kept their slots for 2 s yet"
+    assert event.text == "the leader flies a holding pattern: its followers have not kept their slots for 2 s yet"

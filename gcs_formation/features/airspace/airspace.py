@@ -26,9 +26,10 @@ TURN_RAD: Final = np.pi / 2
 """Offset from the present heading that is commanded to turn a vehicle away: large enough for its tightest turn."""
 STEP_M: Final = 1.0
 HELD_LAGS: Final = 0.5
-"""Time, in lags of height, for which a height setpoint is assumed to be held before the fastest climb follows."""
+"""Time, in time constants of height, for which a height setpoint is assumed to be held before the fastest climb
+follows."""
 LAGS: Final = [0.125, 0.25, 0.375, HELD_LAGS, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0]
-"""Times, in lags of height, at which the ground below that climb is checked."""
+"""Times, in time constants of height, at which the ground below that climb is checked."""
 LAGS_AHEAD: Final = np.array(LAGS)
 SHARES: Final = [(LAGS.index(share), share) for share in (0.25, 0.5, 0.75, 1.0)]
 """Those of them, in shares of the way until a height is reached, at which the straight way there is checked."""
@@ -96,11 +97,11 @@ class FenceLimits:
         self._held.report_ends(tick)
 
     def _limit_heights(self, tick: Tick, active: Mask) -> None:
-        least_m, most_m = self._fence.heights_m
+        min_m, max_m = self._fence.heights_m
         for column in np.flatnonzero(active).tolist():
             speed_mps, heading_rad, height_m = tick.setpoints[column]
-            if height_m < least_m or height_m > most_m:
-                limit_m = least_m if height_m < least_m else most_m
+            if height_m < min_m or height_m > max_m:
+                limit_m = min_m if height_m < min_m else max_m
                 tick.replace(column, (speed_mps, heading_rad, limit_m))
                 held = f"held at {limit_m:g} m"
                 self._held.hold(tick, column, f"height {held}", f"height no longer {held}")
@@ -147,15 +148,15 @@ def _inward_rad(areas: FenceAreas, place: Array) -> Array:
 class HeightFloor:
     """Holds heights at `safety.clearance_m` above the ground, tick by tick. It changes heights last, after the fence.
 
-    A vehicle reaches a height setpoint after the lags of its height. The straight way to that point is kept clear, so a
-    vehicle that descends with the terrain may get a setpoint below the ground under it. Also kept clear is the way by
-    its lags and its present climb rate, if the setpoint is held for a while and the fastest climb follows: a vehicle
-    that sinks takes time to climb. Setpoints never ask for more than the climb limit. Where the ground isn't known,
-    there is no floor.
+    A vehicle reaches a height setpoint after the time constants of its height. The straight way to that point is kept
+    clear, so a vehicle that descends with the terrain may get a setpoint below the ground under it. Also kept clear is
+    the way by its time constants and its present climb rate, if the setpoint is held for a while and the fastest climb
+    follows: a vehicle that sinks takes time to climb. Setpoints never ask for more than the climb limit. Where the
+    ground isn't known, there is no floor.
     """
 
     def __init__(self, scenario: Scenario, models: list[AutopilotModel]) -> None:
-        """Take the scenario's ground; the (C,) `models` have the lags of heights."""
+        """Take the scenario's ground; the (C,) `models` have the time constants of heights."""
         self._ground, self._level = scenario.ground, scenario.terrain is None
         self._clearance_m: float = scenario.safety.clearance_m
         self._room_m = 0.0 if self._level else ROOM_M
@@ -175,10 +176,10 @@ class HeightFloor:
         ]
         for column, floors_m in zip(low, self._floors_m(tick, low), strict=True):
             speed_mps, heading_rad, height_m = tick.setpoints[column]
-            least_m = self._least_m(tick.state[column], height_m, self._models[column], floors_m)
-            if height_m < least_m:
-                tick.replace(column, (speed_mps, heading_rad, least_m))
-                held = f"height held at {least_m:.0f} m, {self._clearance_m:g} m above the ground"
+            min_m = self._min_m(tick.state[column], height_m, self._models[column], floors_m)
+            if height_m < min_m:
+                tick.replace(column, (speed_mps, heading_rad, min_m))
+                held = f"height held at {min_m:.0f} m, {self._clearance_m:g} m above the ground"
                 self._held.hold(tick, column, held, "height no longer held above the ground")
         self._held.report_ends(tick)
 
@@ -195,22 +196,22 @@ class HeightFloor:
             self._known[column] = state.north_m, state.east_m, clear_m
         return clear_m
 
-    def _least_m(self, state: FlightState, height_m: float, model: AutopilotModel, floors_m: list[float]) -> float:
+    def _min_m(self, state: FlightState, height_m: float, model: AutopilotModel, floors_m: list[float]) -> float:
         """Return the lowest setpoint not below `height_m` on the way to which a vehicle stays above its floors."""
-        most_m = state.height_m + _lag_s(model) * model.climb_max_mps
+        max_m = state.height_m + _lag_s(model) * model.climb_max_mps
         highest_m = needed_m = -math.inf
         for index, share in SHARES:
             highest_m = max(highest_m, floors_m[index])
             needed_m = max(needed_m, state.height_m + (floors_m[index] - state.height_m) / share)
-        least_m = max(height_m, min(needed_m, highest_m, most_m))
-        if least_m >= most_m:
-            return least_m
-        low_m, share = _climbs(state, least_m, model), 0.0
+        min_m = max(height_m, min(needed_m, highest_m, max_m))
+        if min_m >= max_m:
+            return min_m
+        low_m, share = _climbs(state, min_m, model), 0.0
         missing_m = [floor_m + self._room_m - low for floor_m, low in zip(floors_m, low_m, strict=True)]
         if max(missing_m) > 0.0:
-            for missing, low, high in zip(missing_m, low_m, _climbs(state, most_m, model), strict=True):
+            for missing, low, high in zip(missing_m, low_m, _climbs(state, max_m, model), strict=True):
                 share = max(share, missing / (high - low))
-        return least_m + (most_m - least_m) * min(share, 1.0)
+        return min_m + (max_m - min_m) * min(share, 1.0)
 
     def _floors_m(self, tick: Tick, which: list[int]) -> list[list[float]]:
         """Return the lowest clear heights at `LAGS` along vehicles' straight tracks; -inf over unknown ground."""

@@ -93,10 +93,10 @@ class CommonClock(Stage):
         for vehicle in self._vehicles:
             self._judge(vehicle, bounds[vehicle.identity], now, UTC_SLEW * elapsed_s)
 
-    def _move(self, found_s: float, most_s: float) -> None:
+    def _move(self, found_s: float, max_s: float) -> None:
         if not math.isnan(found_s):
             change_s = 0.0 if math.isnan(self._utc_s) else found_s - self._utc_s
-            self._utc_s = found_s - change_s + max(-most_s, min(most_s, change_s))
+            self._utc_s = found_s - change_s + max(-max_s, min(max_s, change_s))
 
     def _judge(self, vehicle: Vehicle, bounds: UtcBounds | None, now: Instant, slew_s: float) -> None:
         why = self._still(vehicle, self._why_not(vehicle, bounds), now)
@@ -129,8 +129,8 @@ class CommonClock(Stage):
             return "vehicles disagree about it, and no majority is right"
         if bounds.allows(self._utc_s, UTC_IN_USE_S if stamps.by_utc else UTC_SLACK_S):
             return None
-        least_s = abs(bounds.middle_s - self._utc_s) - bounds.half_round_trip_s
-        return f"it is {least_s:.3f} s or more off the others', as nothing arrives before it was sent"
+        min_s = abs(bounds.middle_s - self._utc_s) - bounds.half_round_trip_s
+        return f"it is {min_s:.3f} s or more off the others', as nothing arrives before it was sent"
 
 
 def _bounds(vehicle: Vehicle) -> UtcBounds | None:

@@ -19,6 +19,6 @@ FEATURE = Feature(
     events={
         "disobeys": "a vehicle doesn't do what it acknowledged, or refuses it",
         "obeys": "it does again",
-        "uplink": "a vehicle is heard, and may not hear us, or answers again",
+        "uplink": "a vehicle is heard, and may not receive us, or answers again",
     },
 )

@@ -49,8 +49,8 @@ CONTINUES_S: Final = 1.5
 (7) lacks the bank and throttle that must first return."""
 CLIMBS_SHARE: Final = 0.5
 AT_LIMIT_SHARE: Final = 0.9
-"""Shares of a vehicle's reach, which is how far it climbs at its limit within its height lags. A height setpoint above
-it by more than the first share is a command to climb; by more than the second, to climb at the limit."""
+"""Shares of a vehicle's reach, which is how far it climbs at its limit within its height's time constants. A height
+setpoint above it by more than the first share is a command to climb; by more than the second, to climb at the limit."""
 SUNK_M: Final = 15.0
 """A vehicle commanded to climb sinks if it loses more height than this, or, if greater, than the air explains."""
 CLIMBS_MIN_SHARE: Final = 0.25
@@ -227,7 +227,8 @@ class FlownSetpoints:
         if channels:
             speed, heading, height = channels[AIRSPEED], channels[HEADING], channels[HEIGHT]
             return speed.known_since(latest, now), heading.known_since(latest, now), height.known_since(latest, now)
-        # Without acknowledgements, answers to TIMESYNC show that it hears. In hover a multirotor may have any course.
+        # Without acknowledgements, answers to TIMESYNC show that it receives. In hover a multirotor may have any
+        # course.
         hears = self.vehicle.hears
         return hears, hears and not self.vehicle.autopilot.stands, hears
 

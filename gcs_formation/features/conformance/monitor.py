@@ -28,7 +28,7 @@ STEP_LAG_S: Final = 4.0
 
 
 def _judged_by(scenario: Scenario) -> list[AutopilotModel]:
-    """Return the models that predict changes; an airframe's lags for slow changes are too short for steps."""
+    """Return the models that predict changes; an airframe's time constants for slow changes are too short for steps."""
     models = autopilot_models(scenario)
     for model, keys in zip(models, column_models(scenario), strict=True):
         if keys.airframe is not None:
@@ -95,7 +95,7 @@ class ConformanceMonitor:
             reported = identity in self._unanswered
             if missing and not reported and vehicle.member is Member.FLYING:
                 self._unanswered.add(identity)
-                self._note(now, "uplink", "is heard and answers nothing: it may not hear us", vehicle)
+                self._note(now, "uplink", "is heard and answers nothing: it may not receive us", vehicle)
             elif reported and not missing:
                 self._unanswered.remove(identity)
                 self._note(now, "uplink", "answers again", vehicle)
@@ -135,7 +135,7 @@ class ConformanceMonitor:
                 name = m.name_of("MAV_CMD", channel.command)
                 if silent:
                     self._silent.add(channel)
-                    text = f"answers, and doesn't acknowledge its setpoints: it may not hear {name}"
+                    text = f"answers, and doesn't acknowledge its setpoints: it may not receive {name}"
                     self._note(now, "uplink", text, vehicle, {"order": name})
                 else:
                     self._silent.remove(channel)
@@ -148,7 +148,7 @@ class ConformanceMonitor:
         if commands.refused(now):
             words = vehicle.refusal
             if reported is None or reported[1] != words:
-                text = f"refuses {words}, and is told again{vehicle.telemetry.last_words}"
+                text = f"refuses {words}, and is commanded again{vehicle.telemetry.last_words}"
                 self._note(now, "disobeys", text, vehicle, {"order": words})
             self._insisted[vehicle.identity] = commands.lists, words
         elif reported is not None and commands.lists == reported[0]:

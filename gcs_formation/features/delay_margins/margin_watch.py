@@ -29,8 +29,8 @@ DEGRADE: Final = 0.9
 RESTORE: Final = 0.5
 """Share below which reduced gains are raised again, after `CALM_LOOKS` checks."""
 LASTING_LOOKS: Final = 4
-"""Number of checks, one a second, of which the least scatter counts: for up to 3 s after a step of the delay, round
-trips before and after it are in one window and seem to scatter."""
+"""Number of checks, one a second, of which the smallest jitter counts: for up to 3 s after a step of the delay, round
+trips before and after it are in one window and seem to jitter."""
 CALM_LOOKS: Final = 10
 """Number of checks, one a second: the standard deviation of a few round trips is itself uncertain."""
 HOLD_LOOKS: Final = 20
@@ -102,7 +102,7 @@ def channels_of(axis: str) -> list[int]:
 
 
 class WatchedVehicle:
-    """One vehicle's loops, and the recent scatter of its round trips."""
+    """One vehicle's loops, and the recent jitter of its round trips."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         """Start without a check."""
@@ -114,14 +114,14 @@ class WatchedVehicle:
         """Number of checks for which it was held, less those since; whether it follows with reduced gains instead."""
 
     def min_jitter_s(self) -> float:
-        """Sample the scatter of its round trips; return the least of the last `LASTING_LOOKS`."""
-        jitters_s, least_s = self._jitters_s, self.vehicle.clock.usual_jitter_s
+        """Sample the jitter of its round trips; return the smallest of the last `LASTING_LOOKS`."""
+        jitters_s, min_s = self._jitters_s, self.vehicle.clock.usual_jitter_s
         if len(jitters_s) == LASTING_LOOKS:
             jitters_s.pop(0)
-        jitters_s.append(least_s)
+        jitters_s.append(min_s)
         for each in jitters_s:
-            least_s = min(least_s, each)
-        return least_s
+            min_s = min(min_s, each)
+        return min_s
 
 
 class MarginWatch:
@@ -133,7 +133,7 @@ class MarginWatch:
         """Share of the margin that each column uses with the present gains, (C,); NaN while its delay is unknown."""
         self.bandwidth = [[1.0] * len(CHANNELS) for _ in self.used]
         """Share of the full bandwidth that the loops should have, (C, 3) by column and channel."""
-        self.most_used = 0.0
+        self.max_used = 0.0
         """Largest share so far; infinite if a loop is unstable without delay, NaN for a law without known loops."""
         self.longest_s = math.nan
         """Longest loop delay so far."""
@@ -158,7 +158,7 @@ class MarginWatch:
         for each in self._each:
             known |= bool(each.axes)
         if not known:
-            self.most_used = math.nan
+            self.max_used = math.nan
 
     def retune(self, scenario: Scenario) -> None:
         """Watch the loops closed with a scenario's gains."""
@@ -171,8 +171,8 @@ class MarginWatch:
     def watch(self, now: Instant, leader: Vehicle | None, lags_off: list[list[float]]) -> None:
         """Check every loop: report when it comes near its margin, and reduce gains if the scenario asks for that.
 
-        The law closes a loop around the leader only if it is mutual. `lags_off`: relative error of each channel's lags
-        against the model in use, (3, C).
+        The law closes a loop around the leader only if it is mutual. `lags_off`: relative error of each channel's time
+        constants against the model in use, (3, C).
         """
         self._lags_off = lags_off
         for each in self._each:
@@ -193,7 +193,7 @@ class MarginWatch:
         by_lags, channel = self._by_lags(column, delay, each.axes)
         used = by_delay + by_lags
         self.used[column] = used
-        self.most_used = max(self.most_used, used)
+        self.max_used = max(self.max_used, used)
         if math.isnan(self.longest_s) or delay.mean_s > self.longest_s:
             self.longest_s = delay.mean_s
         self._say(now, vehicle, used, channel if by_lags > by_delay else None)
@@ -216,7 +216,7 @@ class MarginWatch:
             each.held_too_long = False
 
     def _by_lags(self, column: int, delay: LoopDelay, axes: dict[str, Usage]) -> tuple[float, int]:
-        """Return the largest share of its margin against wrong lags that a loop uses, and the channel of these lags."""
+        """Return the largest share of its margin against wrong time constants that a loop uses, and their channel."""
         most, whose = 0.0, 0
         for axis, usage in axes.items():
             for channel in channels_of(axis):
@@ -260,7 +260,7 @@ class MarginWatch:
             self._say_gains(now, vehicle, delay, used)
 
     def _say(self, now: Instant, vehicle: Vehicle, used: float, channel: int | None) -> None:
-        """Report that a vehicle comes near its margin or is clear of it; `channel`: whose lags use most of it."""
+        """Report that a vehicle comes near its margin or is clear of it; `channel`: the one that uses most of it."""
         near = vehicle.identity in self._near
         if not near and used >= NEAR:
             self._near.add(vehicle.identity)
@@ -269,7 +269,8 @@ class MarginWatch:
                 text, details["used"] = "has no delay margin: its loops are unstable whatever the delay", None
             if channel is not None:
                 off = self._lags_off[channel][vehicle.column]
-                text += f": {list(CHANNELS.values())[channel]} doesn't follow as its model says, lags are {off:.0%} off"
+                name = list(CHANNELS.values())[channel]
+                text += f": {name} doesn't follow as its model says, time constants are {off:.0%} off"
                 details["lags_off"] = off
             self._note(now, "delay_margin", text, vehicle, details)
         elif near and used < CLEAR:

@@ -110,7 +110,9 @@ class Landings:
         elif self._waiting and not climbs_out and all(_circles(each, height_m) for height_m, each in self._waiting):
             self._begin(now)
         elif self._waiting and seconds_between(self._since, now) > LANDING_LIMIT_S:
-            self._give_up(f"not everybody circled over home at the height it was told within {LANDING_LIMIT_S:g} s")
+            self._give_up(
+                f"not every vehicle circled over home at the height it was commanded within {LANDING_LIMIT_S:g} s"
+            )
 
     def _begin(self, now: Instant) -> None:
         refusal = self._refusal()

@@ -39,7 +39,7 @@ class HeightBound(Stage):
         """From where each may still be on its way to its slot; NaN of those that aren't commanded."""
 
     def run(self, cycle: Cycle) -> None:
-        """Bound heights on the path: before, vehicles gather at heights of their own."""
+        """Bound heights on the path: before, vehicles join up at heights of their own."""
         controller = cycle.controller
         if controller.fault is None and cycle.tick.mission_time_s >= 0.0:
             self.keep(cycle.tick, controller.leader_m, controller.slots_m)

@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Reports vehicles that their pilots, or their own failsafes, fly outside the fence: nobody holds these inside."""
+"""Reports vehicles that their pilots, or their own failsafes, fly outside the fence: no one holds these inside."""
 
 from __future__ import annotations
 

@@ -192,7 +192,7 @@ class Takeover(Beginning):
         if not taken:
             return f"no vehicle to take over: {self._why_nobody()}"
         if not self.past.near and len(taken) < len(self._vehicles):
-            return "a virtual leader flies amid all vehicles, and not all can be taken over"
+            return "a virtual leader flies at the centroid of all vehicles, and not all can be taken over"
         return None
 
     def is_over(self, now: Instant) -> bool:

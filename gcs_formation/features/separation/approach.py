@@ -1,4 +1,4 @@
-"""Predicted ways of vehicles through a setpoint and the manoeuvre after it, and how near they come to each other."""
+"""Predicted trajectories through a setpoint and the manoeuvre after it, and how near they come to each other."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from flight_model.vehicle_arrays import (
 )
 
 FINE_S, COARSE_S = 0.5, 1.0
-"""Time steps of predicted ways, before and after `FINE_UNTIL_S`."""
+"""Time steps of predicted trajectories, before and after `FINE_UNTIL_S`."""
 FINE_UNTIL_S = 4.0
 JERK_MPS3: Final = 5.0
 """Rate at which multirotors change their acceleration: ArduCopter's PSC_JERK_XY; PX4 changes it faster.
@@ -56,10 +56,10 @@ class MinimumDistance(NamedTuple):
 
 
 def approach(one: Array, other: Array, minimum: MinimumDistance, times_s: Array) -> ClosestApproach:
-    """Return the closest approaches of pairs, whose ways are straight between samples.
+    """Return the closest approaches of pairs, whose trajectories are straight between samples.
 
     The distance to keep grows by `timing_s` times the relative speed, as timing errors displace the predictions. It
-    depends on the ways alone, so ways that are safe stay safe while they are flown.
+    depends on the trajectories alone, so those that are safe stay safe while they are flown.
 
     Args:
         one: (3, S, P) positions of the one vehicle of each pair.
@@ -84,12 +84,12 @@ def approach(one: Array, other: Array, minimum: MinimumDistance, times_s: Array)
 
 
 def may_come_near(ours: Array, theirs: Array, minimum: MinimumDistance, times_s: Array) -> Mask:
-    """Return which others (O,) may come nearer than the minimum to any of one vehicle's ways, seen from above.
+    """Return which others (O,) may come nearer than the minimum to any of one vehicle's trajectories, seen from above.
 
-    The test is conservative: it uses the bounding boxes of the ways between successive samples.
+    The test is conservative: it uses the bounding boxes of the trajectories between successive samples.
 
     Args:
-        ours: (2, S, M) north and east of the one vehicle's ways.
+        ours: (2, S, M) north and east of the one vehicle's trajectories.
         theirs: (2, S, O), the way of each of the others.
         minimum: distance that the one and each of them are to keep, (O,).
         times_s: (S,) of the samples.
@@ -165,7 +165,7 @@ class Traffic:
 
 
 def sample_times(first_s: float, horizon_s: float) -> Array:
-    """Return the sample times (S,) of predicted ways: 0, `first_s`, and so on to the horizon."""
+    """Return the sample times (S,) of predicted trajectories: 0, `first_s`, and so on to the horizon."""
     fine = np.arange(first_s, min(FINE_UNTIL_S, horizon_s), FINE_S)
     coarse = np.arange(fine[-1] + COARSE_S, horizon_s + COARSE_S, COARSE_S)
     return np.concatenate(((0.0,), fine, coarse))
@@ -297,13 +297,13 @@ def _way(traffic: Traffic, state: FlightStates, manoeuvre: Manoeuvre, times_s: A
 
 def _heights(model: AutopilotModels, state: FlightStates, target_m: Array, steps_s: Array, trails_m: Array) -> Array:
     """Return (S, N) heights from `state` on."""
-    steps, most_m = HeightSteps.of(model, steps_s[:, None]), reach_m(model)
+    steps, max_m = HeightSteps.of(model, steps_s[:, None]), reach_m(model)
     height = Height(state.height_m, state.climb_mps)
     lifted_m = lift_m(state, model)
     target_m = steps.commanded_m(height, target_m, lifted_m) - trails_m
     heights = [height.height_m]
     for k in range(steps_s.size):
-        aim_m = np.minimum(np.maximum(target_m, height.height_m - most_m), height.height_m + most_m)
+        aim_m = np.minimum(np.maximum(target_m, height.height_m - max_m), height.height_m + max_m)
         height = steps.after(k, height, aim_m + lifted_m)
         heights.append(height.height_m)
     return np.array(heights)

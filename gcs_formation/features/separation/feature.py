@@ -15,6 +15,6 @@ FEATURE = Feature(
     "keeps vehicles apart",
     _stages,
     events={
-        "separation": "a vehicle gives way to another, still does, or no longer does",
+        "separation": "a vehicle avoids another, still does, or no longer does",
     },
 )

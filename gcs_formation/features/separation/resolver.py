@@ -22,16 +22,17 @@ from formation_scenario.transition_plan import MARGIN_M
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S, Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.separation.approach import JERK_MPS3, Traffic, sample_times
-from gcs_formation.features.separation.first_look import SLOT_SHARE, FirstLook, KeptDistance
-from gcs_formation.features.separation.giving_way import Conflict, Resolution, resolve
+from gcs_formation.features.separation.broad_phase import SLOT_SHARE, BroadPhase, KeptDistance
+from gcs_formation.features.separation.conflict_resolution import Conflict, Resolution, resolve
 from gcs_formation.features.separation.keys import SeparationKeys
+from gcs_formation.features.separation.non_conforming import NonConforming, UncommandedMotion
 from gcs_formation.features.separation.traffic import TrafficPicture
-from gcs_formation.features.separation.unresponsive import Unresponsive, Wandering
 from gcs_formation.recorder import Detail, Event, Tick
 
 ROOM_M: Final = 0.5
-"""Margin added to the distance to keep. Giving way begins at the last moment, when the predicted ways leave nothing to
-spare. Predictions are accurate to centimetres, with noisy states and ways that curve between samples to decimetres."""
+"""Margin added to the distance to keep. A manoeuvre begins at the last moment, when the predicted trajectories leave
+nothing to spare. Predictions are accurate to centimetres, with noisy states and trajectories that curve between samples
+to decimetres."""
 LEADS: Final = (0.0, 0.0, 0.0)
 """The leader's slot, from itself."""
 AFAR: Final = 2.0
@@ -39,7 +40,7 @@ AFAR: Final = 2.0
 TIMING_SHARE: Final = 0.1
 """Timing uncertainty as a share of a state's age plus the one-way delay."""
 RESERVE_TICKS: Final = 2.0
-RESERVE_LEAST_S, RESERVE_MOST_S = 0.2, 1.0
+RESERVE_MIN_S, RESERVE_MAX_S = 0.2, 1.0
 """How much longer than a tick a setpoint is taken to act, in ticks within these limits: the next ones may be lost."""
 STEP_NS: Final = NANOSECONDS // 10
 """Steps in which accelerations are predicted through the setpoints in flight."""
@@ -52,7 +53,7 @@ class Encounter:
     """A vehicle giving way to another."""
 
     begun: Instant
-    least_m: float = math.inf
+    min_m: float = math.inf
     """Least distance since then, from the states that the law uses."""
     lasts: bool = False
     """Whether it has been reported as lasting."""
@@ -70,16 +71,16 @@ class ConflictResolver:
         self._ground, self._clearance_m = scenario.ground, scenario.safety.clearance_m
         self._heights_m = NO_LIMITS if scenario.fence is None else scenario.fence.heights_m
         self._history, self._models = history, models
-        self._unresponsive = Unresponsive(history, models, self._keys.horizon_s, hovers=self._hovers)
-        self._wandering = Wandering(history, models, self._keys.horizon_s, hovers=self._hovers)
+        self._non_conforming = NonConforming(history, models, self._keys.horizon_s, hovers=self._hovers)
+        self._uncommanded = UncommandedMotion(history, models, self._keys.horizon_s, hovers=self._hovers)
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._times_s = sample_times(_acts_s(self._dt_s), self._keys.horizon_s)
         self._first = 1 if self._virtual else 0
         """The first column that is a vehicle."""
         until_s = float(self._times_s[1]), float(self._times_s[-1])
-        self._first_look = FirstLook(models[self._first :], *until_s, hovers=self._hovers)
+        self._broad_phase = BroadPhase(models[self._first :], *until_s, hovers=self._hovers)
         count, schedule = len(models), slot_schedule(scenario)
-        self._side, self._given_way_s = [0.0] * count, [0.0] * count
+        self._side, self._manoeuvring_s = [0.0] * count, [0.0] * count
         self._slots: list[Triple] = [(forward_m, right_m, up_m) for forward_m, right_m, up_m in schedule[0].places_m]
         """All columns' slots at the last tick that had any: there are none at the end of a flight."""
         self._afar = [False] * count
@@ -96,7 +97,8 @@ class ConflictResolver:
     def keep(self, tick: Tick, measured: Measured, apart_m: Array | None = None) -> None:
         """Replace those of a tick's setpoints that don't keep the distance.
 
-        Two vehicles keep the rule's distance, or less where their slots, or the planned ways of these, leave less.
+        Two vehicles keep the rule's distance, or less where their slots, or the planned trajectories of these, leave
+        less.
 
         Args:
             tick: with the law's setpoints; changed.
@@ -106,11 +108,11 @@ class ConflictResolver:
         """
         if not self._enabled:
             return
-        self._wandering.watch(measured)
+        self._uncommanded.watch(measured)
         self._watch_slots(tick.slots_m)
         self._watch_errors(tick)
         kept = self._kept_in_slots if apart_m is None else self.kept_on_the_way(apart_m)
-        self._unresponsive.watch(tick.now, tick.links, tick.active)
+        self._non_conforming.watch(tick.now, tick.links, tick.active)
         if self._nobody_near(tick, measured, kept):
             return
         members = self._members(tick)
@@ -123,20 +125,20 @@ class ConflictResolver:
         self._note(tick, picture, resolution.conflicts)
 
     def kept_on_the_way(self, apart_m: Array) -> KeptDistance:
-        """Return the distances while slots change: the safety limit plus a margin, or more where planned ways allow it.
+        """Return the distances while slots change: the safety limit plus a margin, or more where plans allow it.
 
         Moving slots are no reason to go below a safe distance.
         """
         if apart_m is not self._apart_m:
             self._apart_m, limit_m = apart_m, self._limit_m
-            least_m = np.maximum(np.minimum(apart_m - ROOM_M, limit_m + MARGIN_M), limit_m + ROOM_M)
-            kept_m = np.minimum(np.maximum(SLOT_SHARE * apart_m, least_m), self._kept_m)
+            min_m = np.maximum(np.minimum(apart_m - ROOM_M, limit_m + MARGIN_M), limit_m + ROOM_M)
+            kept_m = np.minimum(np.maximum(SLOT_SHARE * apart_m, min_m), self._kept_m)
             self._kept_moving = KeptDistance(self._kept_m, kept_m, self._first)
         return self._kept_moving
 
     def _nobody_near(self, tick: Tick, measured: Measured, kept: KeptDistance) -> bool:
         """Return whether the rule can be skipped: all are commanded, respond and stay apart, and none is giving way."""
-        if not self._predicted or self._encounters or self._unresponsive.any or self._wandering.any_astray:
+        if not self._predicted or self._encounters or self._non_conforming.any or self._uncommanded.any_non_conforming:
             return False
         first, acts, together = self._first, measured.acts, measured.acts[self._first]
         for column, active in enumerate(tick.active):
@@ -146,7 +148,7 @@ class ConflictResolver:
                 if tick.age_s[column] >= FORGOTTEN_AFTER_S:
                     return False
                 together = max(together, acts[column])
-        look = self._first_look
+        look = self._broad_phase
         reference = max(first, tick.leader)
         look.begin(tick.state[reference], tick.setpoints[reference][0], tick.setpoints[reference][1])
         for column in range(first, len(acts)):
@@ -170,9 +172,9 @@ class ConflictResolver:
                 self._side[column] = side
                 tick.replace(column, setpoint)
         tick.yielding = [side != 0.0 for side in self._side]
-        self._given_way_s = [
-            lasted_s + self._dt_s if gives_way else 0.0
-            for lasted_s, gives_way in zip(self._given_way_s, tick.yielding, strict=True)
+        self._manoeuvring_s = [
+            lasted_s + self._dt_s if manoeuvres else 0.0
+            for lasted_s, manoeuvres in zip(self._manoeuvring_s, tick.yielding, strict=True)
         ]
 
     def _members(self, tick: Tick) -> list[int]:
@@ -193,13 +195,14 @@ class ConflictResolver:
     def _picture(self, tick: Tick, measured: Measured, members: list[int], kept: KeptDistance) -> TrafficPicture:
         """Return the rule's input.
 
-        A vehicle that may be in several places is in it several times: one that may not respond and flies on or stands;
-        one that may turn tightly; a multirotor, astray or uncommanded, that may keep accelerating or fly home.
+        A vehicle that may be at several positions is in it several times: one that may not respond and flies on or
+        hovers; one that may turn tightly; a multirotor, non-conforming or uncommanded, that may keep accelerating or
+        fly home.
         """
         acts: list[int] = [measured.acts[each] for each in members]
         together = max((at for at, each in zip(acts, members, strict=True) if tick.active[each]), default=min(acts))
         traffic = self._traffic(tick, measured, members, together)
-        columns, setpoints_of, others = self._unresponsive.traffic(members, tick.now, tick.links, measured, together)
+        columns, setpoints_of, others = self._non_conforming.traffic(members, tick.now, tick.links, measured, together)
         vehicles = [*members, *columns]
         commanded = [tick.active[each] for each in members]
         setpoints = [tick.setpoints[each] if tick.active[each] else UNKNOWN for each in members]
@@ -214,11 +217,11 @@ class ConflictResolver:
             heights_m: list[float] = loitering.state.height_m.tolist()
             setpoints += [(math.nan, math.nan, each) for each in heights_m + told_m + told_m]
             vehicles += 3 * [members[at] for at in circling]
-        wandering = self._wandering.intents(tick, members, measured)
-        if wandering:
-            traffic = traffic.beside(traffic.take(np.array([at for at, _ in wandering])))
-            setpoints += [setpoint for _, setpoint in wandering]
-            vehicles += [members[at] for at, _ in wandering]
+        uncommanded = self._uncommanded.intents(tick, members, measured)
+        if uncommanded:
+            traffic = traffic.beside(traffic.take(np.array([at for at, _ in uncommanded])))
+            setpoints += [setpoint for _, setpoint in uncommanded]
+            vehicles += [members[at] for at, _ in uncommanded]
         commanded += [False] * (len(vehicles) - len(members))
         return TrafficPicture(
             traffic=traffic,
@@ -231,7 +234,7 @@ class ConflictResolver:
             floor=self._floor_m,
             times_s=self._times_s,
             evades=self._side[members[0]] != 0.0,
-            given_way_s=np.array([self._given_way_s[each] for each in vehicles]),
+            given_way_s=np.array([self._manoeuvring_s[each] for each in vehicles]),
             heights_m=self._heights_m,
         )
 
@@ -239,7 +242,7 @@ class ConflictResolver:
         """Return the columns `members` as they fly if they respond; predictions start at the instant `together`."""
         acts: list[int] = [measured.acts[each] for each in members]
         until = [at if tick.active[each] else together for at, each in zip(acts, members, strict=True)]
-        turn_rps = np.array([0.0 if tick.active[each] else self._wandering.turn_rps[each] for each in members])
+        turn_rps = np.array([0.0 if tick.active[each] else self._uncommanded.turn_rps[each] for each in members])
         lead_s = np.array([(together - each) / NANOSECONDS for each in until])
         models = AutopilotModels.from_each(self._models[each] for each in members)
         states = self._state(tick, measured, members, until, turn_rps)
@@ -254,7 +257,7 @@ class ConflictResolver:
         if not self._hovers or not measured.active[column]:
             return 0.0, 0.0
         at, acts, model = measured.stamps[column], measured.acts[column], self._models[column]
-        (north_mps, east_mps), accel_mps2 = measured.states[column].ground_mps(), self._wandering.accel_mps2[column]
+        (north_mps, east_mps), accel_mps2 = measured.states[column].ground_mps(), self._uncommanded.accel_mps2[column]
         while at < acts:
             step_ns = min(acts - at, STEP_NS)
             step_s = float(step_ns) / NANOSECONDS
@@ -323,29 +326,29 @@ class ConflictResolver:
                 way = self._way(tick, pair[0])
                 apart = f"they would be {conflict.nearest_m:.1f} m apart in {conflict.in_s:.1f} s"
                 figures: dict[str, Detail] = {"begins": True, "nearest_m": conflict.nearest_m, "in_s": conflict.in_s}
-                self._report(tick, pair, "gives way to", f", {way}: {apart}", figures)
+                self._report(tick, pair, "avoids", f", {way}: {apart}", figures)
         for pair, encounter in list(self._encounters.items()):
             if pair[0] in where and pair[1] in where:
                 distance_m = float(np.linalg.norm(where[pair[0]] - where[pair[1]]))
-                encounter.least_m = min(encounter.least_m, distance_m)
-            least_m, lasted_s = encounter.least_m, seconds_between(encounter.begun, tick.now)
+                encounter.min_m = min(encounter.min_m, distance_m)
+            min_m, lasted_s = encounter.min_m, seconds_between(encounter.begun, tick.now)
             if lasted_s > LASTS_S and not encounter.lasts:
                 encounter.lasts = True
-                text = f" after {lasted_s:.0f} s: it may not get to where it is told"
-                self._report(tick, pair, "still gives way to", text, {"lasted_s": lasted_s})
+                text = f" after {lasted_s:.0f} s: it may not get to where it is commanded"
+                self._report(tick, pair, "still avoids", text, {"lasted_s": lasted_s})
             if not self._side[pair[0]]:
                 del self._encounters[pair]
-                figures = {"begins": False, "least_m": least_m, "lasted_s": lasted_s}
-                text = f": {lasted_s:.1f} s, {least_m:.1f} m apart at least"
-                self._report(tick, pair, "no longer gives way to", text, figures)
+                figures = {"begins": False, "least_m": min_m, "lasted_s": lasted_s}
+                text = f": {lasted_s:.1f} s, {min_m:.1f} m apart at least"
+                self._report(tick, pair, "no longer avoids", text, figures)
 
     def _way(self, tick: Tick, column: int) -> str:
-        """Return how a vehicle gives way, for the event."""
+        """Return how a vehicle manoeuvres, for the event."""
         aside = "upwards" if self._side[column] > 0.0 else "downwards"
         return aside if tick.replaced[column][HEIGHT] else "as high"
 
     def _report(self, tick: Tick, pair: tuple[int, int], what: str, how: str, figures: dict[str, Detail]) -> None:
-        """Report that the first of two vehicles begins or ends to give way to the second."""
+        """Report that the first of two vehicles begins or ends to avoid the second."""
         vehicle, other = self._identities[pair[0]], str(self._identities[pair[1]])
         details: dict[str, Detail] = {"other": other, **figures}
         tick.events.append(Event(tick.now, "separation", f"{what} {other}{how}", vehicle, details))
@@ -374,7 +377,7 @@ def changed_mps2(begin: tuple[float, float], end: tuple[float, float], over_s: f
 
 def _acts_s(dt_s: float) -> float:
     """Return for how long a setpoint is taken to act: until the next one that isn't lost."""
-    return dt_s + within(RESERVE_TICKS * dt_s, RESERVE_LEAST_S, RESERVE_MOST_S)
+    return dt_s + within(RESERVE_TICKS * dt_s, RESERVE_MIN_S, RESERVE_MAX_S)
 
 
 def _timing_s(tick: Tick, column: int) -> float:

@@ -1,4 +1,4 @@
-"""Input of the separation rule at one tick, the ways open to a vehicle, and the pairs that could come too near."""
+"""The separation rule's input at one tick, a vehicle's candidate trajectories, and pairs that could come too near."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import numpy as np
 from flight_model.arrays import Array, Indices, Mask, all_of, within, wrap
 from flight_model.vehicle_arrays import FlightStates, Setpoints, lift_m, velocity_aimed_at
 from gcs_formation.features.separation.approach import COARSE_S, JERK_MPS3, Manoeuvre, MinimumDistance, Traffic, reach_m
-from gcs_formation.features.separation.first_look import SLOT_SHARE, KeptDistance
+from gcs_formation.features.separation.broad_phase import SLOT_SHARE, KeptDistance
 
 BESIDE_M = 1.0
-"""Margin, in height, by which a vehicle that gives way passes another beyond the distance to keep."""
+"""Margin, in height, by which a vehicle that manoeuvres passes another beyond the distance to keep."""
 PATIENCE_S = 8.0
 FARTHER_MPS = 0.25
 FARTHEST_M = 10.0
@@ -41,7 +41,7 @@ FEW = 32
 
 @dataclass(frozen=True)
 class TrafficPicture:
-    """Vehicles, (N,) columns, in order of precedence: the last one gives way first."""
+    """Vehicles, (N,) columns, in order of precedence: the last one manoeuvres first."""
 
     traffic: Traffic
     setpoints: Setpoints
@@ -58,7 +58,7 @@ class TrafficPicture:
     floor: Callable[[FlightStates], Array]
     """Returns the lowest heights (N,) that the rule commands."""
     times_s: Array
-    """(S,) sample times of predicted ways."""
+    """(S,) sample times of predicted trajectories."""
     evades: bool = False
     """Whether the reference gave way at the last tick."""
     given_way_s: Array | None = None
@@ -116,8 +116,8 @@ class TrafficPicture:
         kept_m, each_m = SLOT_SHARE * slots_m, self.kept.each_m
         if each_m is not None:
             kept_m = np.where(np.isnan(slots_m), np.nan, each_m[self.vehicles[one], self.vehicles[other]])
-        kept_m = np.fmin(kept_m, self.kept.most_m)
-        distance_m: Array = np.where(both, kept_m, self.kept.most_m)
+        kept_m = np.fmin(kept_m, self.kept.max_m)
+        distance_m: Array = np.where(both, kept_m, self.kept.max_m)
         return MinimumDistance(apart * distance_m, apart * (self.timing_s[one] + self.timing_s[other]))
 
     @cached_property
@@ -125,7 +125,7 @@ class TrafficPicture:
         """How far each vehicle's height lags behind the reference's while both go on climbing, (N,).
 
         Setpoints then keep climbing, and each height lags by its own time constants. The lag and the climb that all
-        have in common are left out. A reference that gives way climbs to a fixed height instead.
+        have in common are left out. A reference that manoeuvres climbs to a fixed height instead.
         """
         model, climb_mps = self.traffic.model, self.traffic.state.climb_mps
         lag_s = model.tau_ha_s + model.tau_hb_s
@@ -157,15 +157,15 @@ class TrafficPicture:
 
     def within_reach(self, which: Indices, height_m: Array) -> Array:
         """Return heights limited to what vehicles may be commanded now (N,)."""
-        own_m, most_m = self.traffic.state.height_m[which], reach_m(self.traffic.model.take(which))
-        return within(height_m, own_m - most_m, own_m + most_m)
+        own_m, max_m = self.traffic.state.height_m[which], reach_m(self.traffic.model.take(which))
+        return within(height_m, own_m - max_m, own_m + max_m)
 
 
 def courses(picture: TrafficPicture, vehicle: int) -> Courses:
     """Return the courses open to a vehicle, the mildest first.
 
     As commanded, then along the reference; as commanded, then straight on; along the reference at once; straight on at
-    once. A multirotor may also stop (tried before straight on), or fly in any of eight directions, aside first.
+    once. A multirotor may also stop (tried before straight on), or fly in any of eight directions, sideways first.
     """
     now, setpoints, on = picture.traffic.state, picture.setpoints, (np.nan, np.nan)
     course = float(setpoints.speed_mps[vehicle]), float(setpoints.heading_rad[vehicle])
@@ -173,8 +173,8 @@ def courses(picture: TrafficPicture, vehicle: int) -> Courses:
     present = float(now.airspeed_mps[vehicle]), float(now.heading_rad[vehicle])
     found = [(course, picture.lasting(vehicle)), (course, on), (along, picture.lasting(vehicle)), (present, on)]
     if picture.traffic.hovers:
-        ahead_rad, most_mps = picture.reference[1], float(picture.traffic.model.speed_max_mps[vehicle])
-        stop, *aside = [(0.0, ahead_rad), *((most_mps, ahead_rad + aside_rad) for aside_rad in ASIDE_RAD)]
+        ahead_rad, max_mps = picture.reference[1], float(picture.traffic.model.speed_max_mps[vehicle])
+        stop, *aside = [(0.0, ahead_rad), *((max_mps, ahead_rad + aside_rad) for aside_rad in ASIDE_RAD)]
         found[-1:] = [(stop, stop), found[-1], *((way, way) for way in aside)]
     return found
 
@@ -225,7 +225,7 @@ class Reach(NamedTuple):
 def possible_pairs(picture: TrafficPicture) -> tuple[Indices, Indices]:
     """Return the pairs (one < other), at least one of them commanded, that could come too near as commanded.
 
-    The test is conservative: it finds every pair whose ways as commanded don't keep the distance.
+    The test is conservative: it finds every pair whose trajectories as commanded don't keep the distance.
     """
     reach, count = bound(picture), picture.commanded.size
     one, other = _all_pairs(count) if count <= FEW else _pairs_within(_farthest_m(picture, reach), reach.place_m)
@@ -238,11 +238,11 @@ def possible_pairs(picture: TrafficPicture) -> tuple[Indices, Indices]:
 
 
 def bound(picture: TrafficPicture) -> Reach:
-    """Return bounds of the horizontal distance and speed, in the reference's frame, of the ways as commanded.
+    """Return bounds of the horizontal distance and speed, in the reference's frame, of the trajectories as commanded.
 
-    An error e of speed or heading that decays with a lag tau, at a rate of at most r, displaces by e tau + e^2 / (2 r);
-    the trapezium rule adds half a step. A change of a multirotor's acceleration adds at most what `CarriedOn` says, and
-    what of that is still to come.
+    An error e of speed or heading that decays with a time constant tau, at a rate of at most r, displaces by e tau +
+    e^2 / (2 r); the trapezium rule adds half a step. A change of a multirotor's acceleration adds at most what
+    `CarriedOn` says, and what of that is still to come.
     """
     traffic, state, setpoints = picture.traffic, picture.traffic.state, picture.setpoints
     along = np.array(picture.along)
@@ -289,15 +289,15 @@ def _free(picture: TrafficPicture, frame_mps: Array, far_m: Array, fast_mps: Arr
 
 def _farthest_m(picture: TrafficPicture, reach: Reach) -> float:
     """Return a distance beyond which no two come too near."""
-    most_m = 2 * (reach.far_m.max() + 2 * picture.timing_s.max() * reach.fast_mps.max())
-    return float(most_m) + picture.kept.most_m
+    max_m = 2 * (reach.far_m.max() + 2 * picture.timing_s.max() * reach.fast_mps.max())
+    return float(max_m) + picture.kept.max_m
 
 
-def _pairs_within(most_m: float, place_m: Array) -> tuple[Indices, Indices]:
+def _pairs_within(max_m: float, place_m: Array) -> tuple[Indices, Indices]:
     """Return the pairs (one < other), in order, of places (2, N) no farther apart."""
     import scipy  # noqa: PLC0415 - a k-d tree pays only for many vehicles
 
-    near = scipy.spatial.cKDTree(place_m.T).query_pairs(most_m, output_type="ndarray")
+    near = scipy.spatial.cKDTree(place_m.T).query_pairs(max_m, output_type="ndarray")
     one, other = near.min(axis=1), near.max(axis=1)
     order = np.lexsort((other, one))
     return one[order], other[order]

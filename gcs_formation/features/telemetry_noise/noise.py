@@ -17,7 +17,7 @@ NOISE_OFF: Final = 1.8
 NOISE_BACK: Final = 1.4
 """Ratio below which the noise is as declared again."""
 UNITS: Final = ("m", "m", "m/s", "m/s", "m/s", "rad")
-BELIEVED_AGAIN: Final = "what it measures is believed again"
+ACCEPTED_AGAIN: Final = "what it measures is accepted again"
 
 
 class TelemetryNoise(Stage):
@@ -66,8 +66,8 @@ class TelemetryNoise(Stage):
             if was_believed:
                 self._unbelieved.add(identity)
                 shown = f"velocity over ground and wind show {check.synthetic_mps:.1f} m/s"
-                text = f"the {vehicle.telemetry.airspeed_mps:.1f} m/s that it measures isn't believed: {shown}"
+                text = f"the {vehicle.telemetry.airspeed_mps:.1f} m/s that it measures is rejected: {shown}"
                 self._note(now, "airspeed", text, vehicle, {"begins": True})
             else:
                 self._unbelieved.remove(identity)
-                self._note(now, "airspeed", BELIEVED_AGAIN, vehicle, {"begins": False})
+                self._note(now, "airspeed", ACCEPTED_AGAIN, vehicle, {"begins": False})

@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Fits a vehicle's lags to its telemetry, from simulations by models (7) of several lags; see `lags`."""
+"""Fits a vehicle's time constants to its telemetry, from simulations by several models (7); see `lags`."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from flight_model.autopilot_model import squared, within
 from gcs_formation.features.time_constants.lag_simulation import ResidualBatch
 
 RATIO_MAX: Final = 2.0
-"""Fitted lags are between the declared one divided by this and multiplied by it."""
+"""Fitted time constants are between the declared one divided by this and multiplied by it."""
 BOUND: Final = math.log(RATIO_MAX)
 PRIOR_SPREAD: Final = 0.35
-"""Prior standard deviation of the logarithm of a lag's ratio to the declared one: 40 %."""
+"""Prior standard deviation of the logarithm of a time constant's ratio to the declared one: 40 %."""
 PRIOR_INFORMATION: Final = 1.0 / PRIOR_SPREAD**2
 CORRELATED_S: Final = 1.0
 """Residuals this far apart count as independent, unless they are found to be correlated for longer."""
@@ -27,24 +27,24 @@ ALIKE_S: Final = 60.0
 """Time constant of the memory of `Persistence`."""
 STILL_ALIKE: Final = math.exp(-BATCH_S / ALIKE_S)
 PRIOR_BATCHES: Final = 6.0
-"""Prior number of successive batches whose residuals are correlated. Also the largest number that the misfit uses:
-residuals that are correlated for longer may come from wrong lags."""
+"""Prior number of successive batches whose residuals are correlated. Also the largest number that the mismatch uses:
+residuals that are correlated for longer may come from wrong time constants."""
 PRIOR_WORTH: Final = 5.0
 """Weight of that prior, in pairs of batches."""
 STEP_MAX: Final = 0.1
 """Largest change of a ratio's logarithm at a fit."""
 SETTLED: Final = 1e-3
 """After a fit that changes a ratio's logarithm by less, the next one waits for a batch with excitation."""
-LEAST_SPREAD: Final = 0.02
-"""Old samples are forgotten once a ratio's logarithm has a smaller standard deviation, since lags may change. Without
-excitation nothing is learnt and nothing forgotten."""
+MIN_SPREAD: Final = 0.02
+"""Old samples are forgotten once a ratio's logarithm has a smaller standard deviation, since time constants may change.
+Without excitation nothing is estimated and nothing forgotten."""
 RECENT_S: Final = 20.0
-"""Time constant of the misfit's memory."""
+"""Time constant of the mismatch's memory."""
 STILL_RECENT: Final = math.exp(-BATCH_S / RECENT_S)
 FITTED: Final = 2.0
-"""Degrees of freedom of the residuals that the misfit's own fit uses, for a mean and a share."""
+"""Degrees of freedom of the residuals that the mismatch's own fit uses, for a mean and a share."""
 SIGNIFICANT: Final = 2.0
-"""Standard deviations by which the misfit is reduced, so that chance doesn't count."""
+"""Standard deviations by which the mismatch is reduced, so that chance doesn't count."""
 
 
 class Nodes:
@@ -118,31 +118,31 @@ class Persistence:
 
 
 class LagFit:
-    """The fit of the P lags of a vehicle's airspeed, heading or height."""
+    """The fit of the P time constants of a vehicle's airspeed, heading or height."""
 
     def __init__(self, nodes: Nodes, resolution: float, finest: float, rate_hz: float, *, in_use: bool) -> None:
-        """Start with the declared lags.
+        """Start with the declared time constants.
 
         Args:
             nodes: the simulations' interpolation.
             resolution: standard deviation assumed of residuals before any were seen.
             finest: the least that they may turn out to have.
             rate_hz: of the telemetry.
-            in_use: whether the model has the fitted lags, not the declared ones.
+            in_use: whether the model has the fitted time constants, not the declared ones.
         """
         self.log_ratio = [0.0] * nodes.parameters
-        """(P) logarithms of the fitted lags' ratios to the declared ones."""
+        """(P) logarithms of the fitted time constants' ratios to the declared ones."""
         self.misfit = 0.0
-        """Relative difference of recently flown lags from those in use, beyond chance."""
+        """Relative difference of recently flown time constants from those in use, beyond chance."""
         self._nodes, self._in_use = nodes, in_use
-        self._least_variance, self._finest_variance = resolution**2, finest**2
+        self._min_variance, self._finest_variance = resolution**2, finest**2
         self._alike = max(1.0, CORRELATED_S * rate_hz)
         self._kept = 1.0
         """Factor by which the sums are scaled before the next batch is added: forgetting."""
         self._settled = True
         """Whether the last fit changed less than `SETTLED`."""
         self._weights = nodes.weights(self.log_ratio)
-        """Weights of the simulations at the lags in use, and their derivatives."""
+        """Weights of the simulations at the time constants in use, and their derivatives."""
         self._persistence = Persistence(resolution)
         self._all, self._recent = _zeros(len(nodes.at) + 1), _zeros(len(nodes.at) + 1)
         """(K + 1, K + 1) sums of products over all samples, and over recent ones, of batches with excitation, up to the
@@ -150,12 +150,13 @@ class LagFit:
         self._still_recent = 1.0
         """Factor by which the recent sums are yet to be scaled."""
         self._shown = _zeros(nodes.parameters + 2)
-        """(P + 2, P + 2) likewise over recent samples: of residuals of the lags in use, their derivatives, and 1."""
+        """(P + 2, P + 2) likewise over recent samples: of residuals of the time constants in use, their derivatives,
+        and 1."""
         self._calm_square = self._calm_total = self._calm_count = 0.0
         """Sums over recent samples of batches without excitation: of residuals squared, of residuals, and of 1."""
 
     def learn(self, tracks: ResidualBatch) -> bool:
-        """Take a batch of samples; refit the lags if it has excitation or they still change, and return whether.
+        """Take a batch of samples; refit if it has excitation or time constants still change, and return whether.
 
         Without excitation all simulations agree; the samples then only show how large and how correlated residuals are.
         """
@@ -208,8 +209,8 @@ class LagFit:
             self._calm_count += count
 
     def _noise_variance(self) -> float:
-        """Return the variance of residuals that isn't the lags': less than assumed at first once batches show less."""
-        return within(self._persistence.variance, self._finest_variance, self._least_variance)
+        """Return the residuals' variance that isn't the time constants': less than at first once batches show less."""
+        return within(self._persistence.variance, self._finest_variance, self._min_variance)
 
     def _least_squares_step(self, seen: vec[vec[float]]) -> list[float]:
         """Return the step of the log ratios that minimises the residuals `seen`, regularised by the prior."""
@@ -221,11 +222,11 @@ class LagFit:
         return found
 
     def _fit(self, seen: vec[vec[float]], variance: float) -> None:
-        """Make a Gauss-Newton step towards the most likely lags, and set how much is forgotten.
+        """Make a Gauss-Newton step towards the most likely time constants, and set how much is forgotten.
 
         Args:
             seen: products of the residuals at the present ratios, and of their derivatives, about their means.
-            variance: of the residuals that no lags explain, times the number of correlated batches.
+            variance: of the residuals that no time constants explain, times the number of correlated batches.
         """
         log_ratio, most, change = self.log_ratio, 1.0, 0.0
         worth = 1.0 / ((variance + self._noise_variance()) * self._alike)
@@ -238,17 +239,17 @@ class LagFit:
             log_ratio[place] = within(before + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
             change = max(change, abs(log_ratio[place] - before))
             most = max(most, information[place][place])
-        self._kept = min(1.0, 1.0 / (LEAST_SPREAD**2 * most))
+        self._kept = min(1.0, 1.0 / (MIN_SPREAD**2 * most))
         self._settled = change < SETTLED
         if self._in_use:
             self._weights = self._nodes.weights(log_ratio)
 
     def _judge(self) -> None:
-        """Estimate the misfit: the common relative difference of the lags in use from those flown recently.
+        """Estimate the model mismatch: the common relative difference of time constants in use and flown recently.
 
         The number of independent residuals is that of samples with excitation, divided by the correlation time, less
         `FITTED`. Calm flight doesn't add to it: a gust and the law's response to it are one event, however long the
-        flight. With none left the misfit is 0. It is limited to the range of the simulations.
+        flight. With none left the mismatch is 0. It is limited to the range of the simulations.
         """
         sums, last = self._shown, len(self._shown) - 1
         samples = max(sums[last][last] + self._calm_count, 1.0)
@@ -267,7 +268,7 @@ class LagFit:
             self.misfit = 0.0
             return
         left = max(size - squared(shown) / excitation, 0.0) / (self._alike * free)
-        chance = math.sqrt((left + self._least_variance) * self._alike / excitation)
+        chance = math.sqrt((left + self._min_variance) * self._alike / excitation)
         self.misfit = within(abs(shown) / excitation - SIGNIFICANT * chance, 0.0, RATIO_MAX - 1.0)
 
 

@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Simulations of a vehicle from its setpoints alone, by models (7) of several lags at once; see `lags`."""
+"""Simulations of a vehicle from its setpoints alone, by models (7) of several time constants at once; see `lags`."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from flight_model.slot import Triple
 from gcs_formation.estimation.setpoint_history import SentSetpoints
 
 FREE: Final = 0.6
-"""Share of a rate limit beyond which a batch isn't used: at its limit a vehicle doesn't show its lag, and the limit may
-be lower than declared (the faster an aircraft flies, the slower it turns)."""
+"""Share of a rate limit beyond which a batch isn't used: at its limit a vehicle doesn't show its time constant, and the
+limit may be lower than declared (the faster an aircraft flies, the slower it turns)."""
 STEP_NS: Final = 100_000_000
 """Approximate time step; in each step the simulations follow the mean of the setpoints that act in it."""
 ALIKE_NS: Final = 1_000_000
@@ -56,10 +56,10 @@ class ResidualBatch:
 
 
 class FirstOrder:
-    """Simulations of airspeed or heading by K lags."""
+    """Simulations of airspeed or heading by K time constants."""
 
     def __init__(self, lags_s: list[float], declared_s: float, rate_max: float, *, turns: bool) -> None:
-        """Take the lags, the declared one, and the rate limit; `turns`: the value is an angle."""
+        """Take the time constants, the declared one, and the rate limit; `turns`: the value is an angle."""
         self._lags_s, self._values = vec[float](lags_s), vec[float]([0.0] * len(lags_s))
         self._made_good = vec[float]([0.0] * len(lags_s))
         """Share of an error that a step removes."""
@@ -111,10 +111,10 @@ class FirstOrder:
 
 
 class SecondOrder:
-    """Simulations of height by K pairs of lags."""
+    """Simulations of height by K pairs of time constants."""
 
     def __init__(self, pairs_s: list[tuple[float, float]], declared: AutopilotModel) -> None:
-        """Take the pairs of lags, and the declared model."""
+        """Take the pairs of time constants, and the declared model."""
         self._slow_s = vec[float]([max(pair) for pair in pairs_s])
         self._fast_s = vec[float]([min(pair) for pair in pairs_s])
         self._heights_m, self._climbs_mps = vec[float]([0.0] * len(pairs_s)), vec[float]([0.0] * len(pairs_s))
@@ -125,7 +125,7 @@ class SecondOrder:
             vec[float]([0.0] * len(pairs_s)) for _ in range(3)
         )
         """Height and climb after a step from an error of 1 m, and climb after a step from a climb of 1 m/s."""
-        self._most_mps, self._step_s = declared.climb_max_mps, 0.0
+        self._max_mps, self._step_s = declared.climb_max_mps, 0.0
         self._free_m = FREE * declared.climb_max_mps * (declared.tau_ha_s + declared.tau_hb_s)
         self._off_m = 0.0
 
@@ -155,16 +155,16 @@ class SecondOrder:
 
     def step(self, height_m: float) -> None:
         """Follow a setpoint for a step."""
-        heights_m, climbs_mps, most_mps, off_m = self._heights_m, self._climbs_mps, self._most_mps, 0.0
+        heights_m, climbs_mps, max_mps, off_m = self._heights_m, self._climbs_mps, self._max_mps, 0.0
         climb_s, climb_of_error, climb_of_climb = self._climb_s, self._climb_of_error, self._climb_of_climb
-        most_m, height_of_error = most_mps * self._step_s, self._height_of_error
+        max_m, height_of_error = max_mps * self._step_s, self._height_of_error
         for node in range(len(heights_m)):
             now_m, now_mps = heights_m[node], climbs_mps[node]
             error_m = now_m - height_m
             off_m += abs(error_m)
             change_m = height_of_error[node] * error_m + climb_s[node] * now_mps - error_m
             later_mps = climb_of_error[node] * error_m + climb_of_climb[node] * now_mps
-            if abs(change_m) <= most_m and abs(later_mps) <= most_mps:
+            if abs(change_m) <= max_m and abs(later_mps) <= max_mps:
                 heights_m[node], climbs_mps[node] = now_m + change_m, later_mps
             else:
                 self._climb_at_limit(node, height_m)
@@ -173,7 +173,7 @@ class SecondOrder:
     def _climb_at_limit(self, node: i64, height_m: float) -> None:
         now_m, now_mps, left = self._heights_m[node], self._climbs_mps[node], self._left[node]
         self._heights_m[node], self._climbs_mps[node] = climbed(
-            now_m, now_mps, self._most_mps, height_m, self._step_s, left
+            now_m, now_mps, self._max_mps, height_m, self._step_s, left
         )
 
     def compare(self, seen_m: float, row: vec[float]) -> None:
@@ -221,7 +221,7 @@ class Bank:
     """A vehicle's simulations from its setpoints alone."""
 
     def __init__(self, declared: AutopilotModel, air: list[list[float]], height: list[list[float]]) -> None:
-        """Simulate the declared lags times exp(`air`), for airspeed and heading, and times exp(`height`), (K, 2)."""
+        """Simulate the declared ones times exp(`air`), for airspeed and heading, and times exp(`height`), (K, 2)."""
         self.flying = False
         """Whether the simulations have begun."""
         speed_s, heading_s = declared.tau_v_s, declared.tau_psi_s

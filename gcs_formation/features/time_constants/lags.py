@@ -1,12 +1,12 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Estimates of each vehicle's lags in equation (7), from its telemetry and the setpoints that it was sent.
+"""Estimates of each vehicle's time constants in equation (7), from its telemetry and the setpoints that it was sent.
 
 Output-error identification (Ljung, "System Identification", 2nd ed., 4.2 and 10.2): each vehicle is simulated from its
-setpoints alone by several models at once, whose lags span `RATIO_MAX`. Between them the simulated motion is
-interpolated by a polynomial in the logarithm of the lag's ratio to the declared one. The ratio is fitted to the
-telemetry by least squares, with a normal prior about the declared lag. No measurement enters the simulation, so white
-noise in the telemetry doesn't bias it; a constant difference (a sensor's bias) isn't fitted.
+setpoints alone by several models at once, whose time constants span `RATIO_MAX`. Between them the simulated motion is
+interpolated by a polynomial in the logarithm of the time constant's ratio to the declared one. The ratio is fitted to
+the telemetry by least squares, with a normal prior about the declared time constant. No measurement enters the
+simulation, so white noise in the telemetry doesn't bias it; a constant difference (a sensor's bias) isn't fitted.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ RESOLUTION: Final = (0.02, 0.002, 0.05)
 """Standard deviations of the residuals of airspeed (m/s), heading (rad) and height (m) before any were seen: telemetry
 is rounded, and the instant at which a setpoint acts isn't known exactly."""
 FINEST: Final = (0.001, 1e-4, 0.05)
-"""The least that they may turn out to have. Heights show vertical motion of the air, too, which looks like lags: their
-small motions teach nothing."""
+"""The minimum that they may turn out to have. Heights show vertical motion of the air, too, which looks like time
+constants: their small motions teach nothing."""
 GAP_S: Final = 3.0
 """A longer gap in the telemetry restarts the simulations."""
 
 
 class VehicleLags:
-    """A vehicle's batch of samples, its simulations, and the lags fitted to them."""
+    """A vehicle's batch of samples, its simulations, and the time constants fitted to them."""
 
     def __init__(
         self, model: AutopilotModel, air: Nodes, height: Nodes, samples: int, hz: float, *, learnt: bool, in_use: bool
     ) -> None:
-        """Start with the lags of `model`; `samples`: of a batch; `hz`: rate of the telemetry."""
+        """Start with the time constants of `model`; `samples`: of a batch; `hz`: rate of the telemetry."""
         self._learnt = learnt
-        """Whether it flies by (7); where the model is only an approximation, no lags are estimated."""
+        """Whether it flies by (7); where the model is only an approximation, no time constants are estimated."""
         self.model = model
         self._lags_s = model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s
         self._bank = Bank(model, air.at, height.at)
@@ -54,7 +54,7 @@ class VehicleLags:
         self._learning = True
 
     def log_ratios(self) -> list[float]:
-        """Return the logarithms of its lags' ratios to the declared ones: airspeed, heading, and both of height."""
+        """Return the logarithms of its ratios to the declared time constants: airspeed, heading, both of height."""
         return [each for channel in self.channels for each in channel.log_ratio]
 
     def hear(self, stamp: i64, motion: Seen) -> None:
@@ -67,7 +67,7 @@ class VehicleLags:
         self._samples.add(self._stamp, self._motion)
 
     def learn(self, sent: SentSetpoints) -> None:
-        """Fit the lags to the batch, and begin the next one with the newest sample.
+        """Fit the time constants to the batch, and begin the next one with the newest sample.
 
         Simulations whose residuals couldn't be used restart from that sample.
         """
@@ -86,7 +86,7 @@ class VehicleLags:
         self._samples.add(self._stamp, self._motion)
 
     def _use(self) -> None:
-        """Set the model's lags to the fitted ones."""
+        """Set the model's time constants to the fitted ones."""
         speed, heading, slow, fast = self.log_ratios()
         model, (speed_s, heading_s, slow_s, fast_s) = self.model, self._lags_s
         model.tau_v_s, model.tau_psi_s = speed_s * math.exp(speed), heading_s * math.exp(heading)
@@ -94,9 +94,9 @@ class VehicleLags:
 
 
 class LagEstimator:
-    """Updates the lags of all vehicles' models, (C,), in place.
+    """Updates the time constants of all vehicles' models, (C,), in place.
 
-    Whatever predicts or steers by those models reads the lags again each tick.
+    Whatever predicts or steers by those models reads the time constants again each tick.
     """
 
     def __init__(
@@ -109,10 +109,10 @@ class LagEstimator:
         in_use: bool,
         learnt: list[bool] | None = None,
     ) -> None:
-        """Start with the lags of `models`; `history` holds the setpoints.
+        """Start with the time constants of `models`; `history` holds the setpoints.
 
-        Unless `in_use`, the models stay as they are, and only their misfit is estimated. `learnt` (C,): vehicles that
-        fly by (7), so that their lags can be estimated; all by default.
+        Unless `in_use`, the models stay as they are, and only their mismatch is estimated. `learnt` (C,): vehicles that
+        fly by (7), so that their time constants can be estimated; all by default.
         """
         air, height, self._ticks = Nodes(5, 1), Nodes(4, 2), max(2, round(BATCH_S * law_hz))
         size = air, height, self._ticks, telemetry_hz
@@ -125,7 +125,7 @@ class LagEstimator:
 
     @property
     def misfit(self) -> list[list[float]]:
-        """(3, C) estimated relative differences of the lags of airspeed, heading and height from those in use."""
+        """(3, C) estimated relative mismatch of the time constants of airspeed, heading and height in use."""
         return [[each.channels[place].misfit for each in self.vehicles] for place in range(len(RESOLUTION))]
 
     def hear(self, column: int, stamp: int, motion: Seen) -> None:
@@ -133,7 +133,7 @@ class LagEstimator:
         self.vehicles[column].hear(stamp, motion)
 
     def learn(self, learning: list[bool]) -> None:
-        """Take the newest samples at a tick, and fit the lags every `BATCH_S`.
+        """Take the newest samples at a tick, and fit the time constants every `BATCH_S`.
 
         `learning` (C,): vehicles that follow their setpoints.
         """

@@ -27,7 +27,7 @@ class Cards {
       card.classList.toggle("selected", v === view.selected);
       say(parts.mode, view.said(name, "mode") || "no mode yet");
       say(parts.armed, armed > 0 ? "armed" : armed === 0 ? "disarmed" : "");
-      say(parts.phase, get("leads") > 0 ? "leads" : get("yielding") > 0 ? "gives way" : get("active") > 0 ? "follows" : get("airborne") > 0 ? "in the air" : "not commanded");
+      say(parts.phase, get("leads") > 0 ? "leads" : get("yielding") > 0 ? "avoids" : get("active") > 0 ? "follows" : get("airborne") > 0 ? "in the air" : "not commanded");
       say(parts.speed, number(get("airspeed_mps"), 1, " m/s"));
       say(parts.battery, Number.isFinite(battery) ? `battery ${number(100 * battery, 0)} %` : "");
       say(parts.place, `N ${number(get("north_m"), 1)} E ${number(get("east_m"), 1)} height ${number(get("height_m"), 1)} m, ${number(degrees(get("heading_rad")), 0)}°`);

@@ -72,7 +72,7 @@ def test_one_id_in_two_networks_is_two_vehicles(ground: Ground) -> None:
 @pytest.mark.parametrize(
     ("system", "kind", "words"),
     [
-        (0, "stranger", "system 0 is heard, but is everyone's address and nobody's id"),
+        (0, "stranger", "system 0 is heard, but is the broadcast address and no vehicle's id"),
         (9, "stranger", "system 9 is heard, but isn't in the scenario"),
         (
             STATION.system,

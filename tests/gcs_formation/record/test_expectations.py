@@ -95,10 +95,10 @@ def test_what_is_expected_of_a_window_at_whose_end_no_vehicle_flies_is_broken(me
     bounds = {"below": 0.1} if metric.startswith("error") else {"followers": "all", "below": None, "above": 10}
     wanted: dict[str, Any] = {"metric": metric, **bounds}
     found = verdict(crashed=everyone, faults=faults, to_s=FLOWN_S, **wanted)
-    assert (found.held, found.reason) == (False, "nobody flew from 4.1 s on")
+    assert (found.held, found.reason) == (False, "none flew from 4.1 s on")
     assert verdict(crashed=everyone, faults=faults, to_s=CRASH_S, **wanted).held is True
     alone = verdict(crashed=everyone[1:], faults=faults, to_s=FLOWN_S, **wanted)
-    assert alone.reason != "nobody flew from 4.1 s on"
+    assert alone.reason != "none flew from 4.1 s on"
 
 
 @pytest.mark.parametrize("crashed", [[FOLLOWER], [LEADER]])
@@ -132,7 +132,7 @@ def test_what_the_scenario_s_own_faults_crash_is_not_judged():
     assert verdict(crashed=[FOLLOWER], to_s=CRASH_S, faults=faults).held is True
     both = [{"at_s": 4.0, "vehicles": [2, 3], "kind": "crash"}]
     last = verdict(crashed=[FOLLOWER, THIRD], to_s=FLOWN_S, faults=both)
-    assert (last.held, last.reason) == (False, "crashed at 4.0 s, and nobody else follows")
+    assert (last.held, last.reason) == (False, "crashed at 4.0 s, and no other follows")
     others = [{"at_s": 4.0, "vehicles": [3], "kind": "crash"}]
     assert verdict(crashed=[FOLLOWER], to_s=FLOWN_S, faults=others).held is False
     assert verdict(crashed=[FOLLOWER], to_s=FLOWN_S, faults=[faults[0] | {"at_s": 8.0}]).held is False

@@ -155,7 +155,7 @@ def test_vehicles_that_all_lie_on_the_ground_are_not_kept_apart(tmp_path):
     columns = dict(read_parquet(tmp_path / TIMESERIES))
     columns["airborne"] = np.where(np.repeat(TIME_S, 3) < 20.0, 1.0, 0.0)
     write_parquet(tmp_path / TIMESERIES, [columns])
-    with pytest.raises(AssertionError, match=r"not 10 m apart all through the flight: nobody flew from 20.0 s on"):
+    with pytest.raises(AssertionError, match=r"not 10 m apart all through the flight: none flew from 20.0 s on"):
         flight.keeps_apart(10)
     columns["airborne"][-3] = 1.0  # one flies at the end
     write_parquet(tmp_path / TIMESERIES, [columns])
@@ -226,7 +226,7 @@ def test_expectations_none_of_which_was_judged_arent_met(tmp_path):
 def test_nobody_settles_where_nobody_follows(tmp_path):
     flight = flown(tmp_path)
     alone = replace(flight, summary=Summary({**flight.figures, "followers": {}}, (), ()))
-    with pytest.raises(AssertionError, match="nobody followed who could settle before 5 s"):
+    with pytest.raises(AssertionError, match="none followed that could settle before 5 s"):
         alone.settles(before_s=5)
 
 

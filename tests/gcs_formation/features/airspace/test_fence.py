@@ -54,14 +54,14 @@ def places(world: World) -> Any:
 
 def least(world: World, corners: Any, seconds: int) -> tuple[float, float]:
     """Fly for some seconds; return the least distance inside the fence, and the least separation, m."""
-    within_m, apart_m = np.inf, np.inf
+    within_m, distance_m = np.inf, np.inf
     for _ in range(2 * seconds):
         world.run(0.5)
         here = places(world)
         within_m = min(within_m, float(inside_m(np.array(corners), here[:, :2]).min()))
-        apart = np.linalg.norm(here[:, None] - here[None], axis=-1)[np.triu_indices(3, 1)]
-        apart_m = min(apart_m, float(apart.min()))
-    return within_m, apart_m
+        difference = np.linalg.norm(here[:, None] - here[None], axis=-1)[np.triu_indices(3, 1)]
+        distance_m = min(distance_m, float(difference.min()))
+    return within_m, distance_m
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def least(world: World, corners: Any, seconds: int) -> tuple[float, float]:
         pytest.param(SQUARE, (LAKE,), id="lake"),
     ],
 )
-def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any, areas: Any) -> None:
+def test_whatever_heading_is_asked_for_no_vehicle_leaves(corners: Any, areas: Any) -> None:
     """40 vehicles for 75 s in 4 m/s of wind, each commanded a heading of its own that changes from time to time."""
     rng, count, polygon = np.random.default_rng(1), 40, np.array(corners)
     planned = fenced(corners, count, areas=[Area(**each) for each in areas])
@@ -95,7 +95,7 @@ def test_whatever_heading_is_asked_for_nobody_leaves(corners: Any, areas: Any) -
     assert turned.sum() > count / 2
 
 
-def test_heights_are_held_between_the_limits_and_it_is_told_once() -> None:
+def test_heights_are_held_between_the_limits_and_it_is_reported_once() -> None:
     limits = FenceLimits(fenced(height_min_m=60.0, height_max_m=120.0), from_scenario.autopilot_models(fenced()))
     state = FlightStates(*np.tile([[0.0], [0.0], [100.0], [0.0], [22.0], [0.0], [0.0], [0.0]], 3))
     words: list[str] = []
@@ -140,9 +140,9 @@ def test_a_formation_whose_path_leads_out_stays_inside_and_says_so() -> None:
     world = World()
     corners = ((-700.0, -400.0), (200.0, -400.0), (200.0, 400.0), (-700.0, 400.0))
     world.stage("fence").limits = FenceLimits(fenced(corners), world.station.controller.models)
-    within_m, apart_m = least(world, corners, 20)
+    within_m, distance_m = least(world, corners, 20)
     assert within_m > 0.0
-    assert apart_m > 5.0
+    assert distance_m > 5.0
     assert world.times_s("fence", 1, "turned away")
 
 
@@ -151,6 +151,6 @@ def test_vehicles_that_the_fence_turns_towards_each_other_keep_apart() -> None:
     world = World(wind={"velocity_mps": [0, 6, 0]})
     corners = ((-500.0, -300.0), (300.0, -300.0), (300.0, 300.0), (-500.0, 300.0))
     world.stage("fence").limits = FenceLimits(fenced(corners), world.station.controller.models)
-    within_m, apart_m = least(world, corners, 14)
+    within_m, distance_m = least(world, corners, 14)
     assert within_m > 0.0
-    assert apart_m > 10.0
+    assert distance_m > 10.0

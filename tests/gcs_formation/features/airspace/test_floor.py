@@ -35,28 +35,35 @@ def floor_of(over: Scenario) -> HeightFloor:
 
 
 def kept(
-    floor: HeightFloor, told_m: float, height_m: float, north_m: float = 0.0, at_s: float = 0.0, climb_mps: float = 0.0
+    floor: HeightFloor,
+    commanded_m: float,
+    height_m: float,
+    north_m: float = 0.0,
+    at_s: float = 0.0,
+    climb_mps: float = 0.0,
 ) -> Tick:
     """Return the tick at which a vehicle that heads north gets another height than `told_m`."""
     now = after(Instant(0), at_s)
     tick = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * 3, [0.0] * 3, [0.0] * 3, [False, True, False])
     tick.state[1] = FlightState(north_m, 0.0, height_m, climb_mps, SPEED_MPS, 0.0, 0.0, 0.0)
-    tick.setpoints[1] = SPEED_MPS, 0.0, told_m
+    tick.setpoints[1] = SPEED_MPS, 0.0, commanded_m
     floor.keep(tick)
-    assert tick.replaced == [AS_DECIDED, (False, False, tick.setpoints[1][2] != told_m), AS_DECIDED]
+    assert tick.replaced == [AS_DECIDED, (False, False, tick.setpoints[1][2] != commanded_m), AS_DECIDED]
     return tick
 
 
-def flown(floor: HeightFloor, told_m: float, height_m: float, north_m: float = 0.0, climb_mps: float = 0.0) -> float:
-    return kept(floor, told_m, height_m, north_m, climb_mps=climb_mps).setpoints[1][2]
+def flown(
+    floor: HeightFloor, commanded_m: float, height_m: float, north_m: float = 0.0, climb_mps: float = 0.0
+) -> float:
+    return kept(floor, commanded_m, height_m, north_m, climb_mps=climb_mps).setpoints[1][2]
 
 
-def test_over_level_ground_heights_are_held_and_it_is_told_when_it_begins_and_ends() -> None:
+def test_over_level_ground_heights_are_held_and_it_is_reported_when_it_begins_and_ends() -> None:
     floor, words = floor_of(planned()), list[str]()
     heights = (50.0, 19.0, -30.0, 25.0, 19.0, 25.0, 25.0)
-    for at_s, told_m in zip((0.0, 1.0, 1.1, 1.2, 1.3, 1.4, 1.3 + OVER_S + 0.1), heights, strict=True):
-        tick = kept(floor, told_m, 24.0, at_s=at_s)
-        assert tick.setpoints[1][2] == max(told_m, CLEARANCE_M)
+    for at_s, commanded_m in zip((0.0, 1.0, 1.1, 1.2, 1.3, 1.4, 1.3 + OVER_S + 0.1), heights, strict=True):
+        tick = kept(floor, commanded_m, 24.0, at_s=at_s)
+        assert tick.setpoints[1][2] == max(commanded_m, CLEARANCE_M)
         words += [each.text for each in tick.events]
     assert words == ["height held at 20 m, 20 m above the ground", "height no longer held above the ground"]
 
@@ -67,7 +74,7 @@ def test_one_that_is_too_low_is_asked_for_no_more_than_it_can_climb() -> None:
 
 
 @pytest.mark.parametrize("north_m", [-700.0, -300.0, -100.0, 60.0, 300.0, 700.0])
-def test_one_that_flies_along_a_slope_is_told_the_ground_that_it_comes_to(north_m: float) -> None:
+def test_one_that_flies_along_a_slope_is_given_the_ground_that_it_comes_to(north_m: float) -> None:
     """Setpoints lead: a metre above the clearance nothing changes, uphill or downhill; below, the height is raised."""
     over = planned(SLOPE)
     ground = over.ground.height(np.array([north_m, north_m + SPEED_MPS, north_m + LAG_S * SPEED_MPS]), np.zeros(3))
@@ -120,7 +127,7 @@ def test_where_the_ground_is_not_known_there_is_no_floor() -> None:
 
 def test_a_leader_that_sinks_to_the_ground_does_not_take_its_followers_there() -> None:
     """Where their path is low the floor holds them."""
-    world, least_m = sunk(18.0)
-    assert least_m == pytest.approx(5.0, abs=0.05)  # safety.clearance_m
+    world, min_m = sunk(18.0)
+    assert min_m == pytest.approx(5.0, abs=0.05)  # safety.clearance_m
     for number in (2, 3):
         assert len(world.times_s("fence", number, "height held at 5 m, 5 m above the ground")) == 1

@@ -80,22 +80,22 @@ def test_unequally_split_links_cost_no_more_than_equal_ones(plan):
     """By round trips alone, errors would be 3.5 m along the path."""
     equal = fly(plan, 100.0, link(2, EQUAL), link(3, EQUAL))
     split = fly(plan, 100.0, link(2, SLOW_UP), link(3, SLOW_DOWN))
-    for vehicle, ways in ((2, SLOW_UP), (3, SLOW_DOWN)):
+    for vehicle, options in ((2, SLOW_UP), (3, SLOW_DOWN)):
         for axis in "xy":
-            least_m = rms_m(equal, vehicle, axis)
-            assert rms_m(split, vehicle, axis) <= max(1.2 * least_m, least_m + TOLERANCE_M), (vehicle, axis)
-        assert measured_ms(split, vehicle) == close(ways)
+            min_m = rms_m(equal, vehicle, axis)
+            assert rms_m(split, vehicle, axis) <= max(1.2 * min_m, min_m + TOLERANCE_M), (vehicle, axis)
+        assert measured_ms(split, vehicle) == close(options)
 
 
 @pytest.mark.parametrize(
-    ("known", "ways"),
+    ("known", "options"),
     [({}, close(SLOW_UP)), pytest.param({"station_utc": False}, (None, None), marks=pytest.mark.slow)],
 )
-def test_links_that_are_all_split_alike_are_known_where_the_stations_clock_keeps_utc(plan, known, ways):
+def test_links_that_are_all_split_alike_are_known_where_the_stations_clock_keeps_utc(plan, known, options):
     """The emulated vehicles' clock does; by the vehicles' UTC alone the result would be 240 ms up and 240 ms down."""
     flight: Plan = plan(keys(5.0, *(link(each, SLOW_UP) for each in (1, 2, 3))) | {"telemetry": GNSS | known})
     flown = flight.fly()
-    assert [measured_ms(flown, each) for each in (2, 3)] == [ways, ways]
+    assert [measured_ms(flown, each) for each in (2, 3)] == [options, options]
 
 
 @pytest.mark.slow
@@ -158,8 +158,8 @@ def jump(world: World, number: int, seconds: float) -> None:
 
 def setpoint_steps(world: World, column: int, from_s: float, to_s: float) -> list[float]:
     """Return the largest steps from tick to tick of its airspeed (m/s), heading (rad) and height (m) setpoints."""
-    told = [tick.setpoints[column] for tick in world.notes.ticks if from_s <= tick.mission_time_s <= to_s]
-    steps = np.diff(np.array(told), axis=0)
+    commands = [tick.setpoints[column] for tick in world.notes.ticks if from_s <= tick.mission_time_s <= to_s]
+    steps = np.diff(np.array(commands), axis=0)
     steps[:, 1] = np.remainder(steps[:, 1] + np.pi, 2 * np.pi) - np.pi
     return np.abs(steps).max(axis=0).tolist()
 

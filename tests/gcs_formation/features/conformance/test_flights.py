@@ -67,14 +67,14 @@ class HeadingsLost(Between):
             super().take(datagram, now)
 
 
-def test_setpoints_of_one_kind_that_never_come_are_a_link_that_fails_and_nobodys_disobedience() -> None:
+def test_setpoints_of_one_kind_that_never_come_are_a_link_that_fails_and_no_disobedience() -> None:
     """Everything else is answered. The others keep clear of a vehicle that may not hear, as of one that refuses."""
     world = World(HeadingsLost, duration_s=12, path={"speed_mps": 22, "waypoints_m": WEAVING})
     world.run()
     assert world.words("disobeys") == []
     found = world.words("uplink")
     begun, ended = found[: len(world.station.vehicles)], found[len(world.station.vehicles) :]
-    assert all(text.endswith("it may not hear GUIDED_CHANGE_HEADING") for text in begun)
+    assert all(text.endswith("it may not receive GUIDED_CHANGE_HEADING") for text in begun)
     assert ended == ["GUIDED_CHANGE_HEADING is no longer sent"] * len(begun)
     assert all(world.station.cycle.findings.doubted)
 
@@ -95,10 +95,10 @@ def test_a_follower_that_does_not_climb_with_the_path_is_reported() -> None:
     world.inject(2, "ignore")
     began_m = world.fleet.bodies[1].state.height_m
     world.network.run(lambda: world.notes.ticks[-1].setpoints[1][2] - began_m > 5.0)
-    told_s = world.now_s
+    commanded_s = world.now_s
     world.run(10.0)
     (reported_s,) = world.times_s("disobeys", 2)
-    assert reported_s - told_s < 5.0
+    assert reported_s - commanded_s < 5.0
     assert world.times_s("disobeys") == [reported_s]
 
 
@@ -144,7 +144,7 @@ def test_a_vehicle_that_flies_straight_on_where_the_path_bends_is_reported(numbe
     world.fly_to(6.0)
     world.inject(number, "ignore")
     began = world.fleet.bodies[number - 1].state.heading_rad
-    world.network.run(lambda: abs(told(world, number) - began) > 0.05)
+    world.network.run(lambda: abs(heading_setpoint(world, number) - began) > 0.05)
     bent_s = world.now_s
     world.run(5.0)
     (reported_s,) = world.times_s("disobeys", number)
@@ -155,7 +155,7 @@ def test_a_vehicle_that_flies_straight_on_where_the_path_bends_is_reported(numbe
 
 
 @pytest.mark.slow
-def test_a_leader_that_sinks_whatever_it_is_told_is_reported_and_another_leads() -> None:
+def test_a_leader_that_sinks_whatever_it_is_commanded_is_reported_and_another_leads() -> None:
     """Air that sinks at 6 m/s carries it down at 3 m/s from 100 m on; the others return to the path's height."""
     world = World(duration_s=60, disturbances=[{"at_s": 3, "vehicles": [1], "velocity_mps": [0, 0, 6]}])
     world.fly_to(3.0)
@@ -175,7 +175,7 @@ def test_a_leader_that_sinks_whatever_it_is_told_is_reported_and_another_leads()
     assert len(world.times_s("leader")) == len(world.times_s("disobeys")) == 1
 
 
-def test_one_that_refuses_the_speeds_it_is_told_is_reported_and_kept_clear_of_until_it_accepts_them() -> None:
+def test_one_that_refuses_the_speeds_it_is_commanded_is_reported_and_kept_clear_of_until_it_accepts_them() -> None:
     """As an ArduPlane does whose AIRSPEED_MAX is below the commanded speed."""
     world = World(duration_s=60)
 
@@ -209,7 +209,7 @@ def test_a_vehicle_whose_pilot_takes_it_is_not_said_to_refuse_what_was_on_its_wa
     assert world.words("disobeys") == []
 
 
-def told(world: World, number: int) -> float:
+def heading_setpoint(world: World, number: int) -> float:
     return world.notes.ticks[-1].setpoints[number - 1][1]
 
 
@@ -219,9 +219,9 @@ def test_an_order_to_loiter_that_is_acknowledged_and_not_obeyed_is_reported() ->
     world.inject(3, "ignore")
     world.inject(1, "freeze")
     world.run(15.0)
-    (told_s,) = world.times_s("member", 3, "told to loiter")
+    (commanded_s,) = world.times_s("member", 3, "told to loiter")
     (reported_s,) = world.times_s("disobeys", 3)
-    assert 2.0 <= reported_s - told_s < 5.0
+    assert 2.0 <= reported_s - commanded_s < 5.0
     assert world.words("disobeys")[0].startswith("acknowledged mode LOITER")
     assert world.times_s("disobeys", 2) == []
 
@@ -234,14 +234,14 @@ def test_falling_short_of_a_change_is_disobedience_and_overshooting_is_not(share
 
 
 @pytest.mark.parametrize(
-    ("climb_mps", "told_from_s", "at_least_s", "at_most_s"),
+    ("climb_mps", "commanded_from_s", "at_least_s", "at_most_s"),
     [(0.0, 0.1, 4.2, 6.0), (0.0, 4.0, 4.0, 9.0), (3.0, 0.1, 30.0, 32.0)],
 )
 def test_airspeed_is_judged_at_once_but_not_while_an_aircraft_levels_out_of_its_climb(
-    climb_mps: float, told_from_s: float, at_least_s: float, at_most_s: float
+    climb_mps: float, commanded_from_s: float, at_least_s: float, at_most_s: float
 ) -> None:
     """It climbs for 2 s after it is taken over, or doesn't, and ignores a command of 27 m/s."""
-    ((channel, at_s),) = judged(lambda _: 22.0, lambda at_s: climb_mps if at_s < 2.0 else 0.0, told_from_s)
+    ((channel, at_s),) = judged(lambda _: 22.0, lambda at_s: climb_mps if at_s < 2.0 else 0.0, commanded_from_s)
     assert channel == "airspeed"
     assert at_least_s <= at_s <= at_most_s
 
@@ -263,7 +263,7 @@ def test_climbs_are_not_judged_near_the_highest_airspeed_where_no_power_is_left_
     airspeed_mps: float, height_m: float, channels: list[str]
 ) -> None:
     """It flies level at the commanded airspeed, of 28 m/s at most, and ignores the height."""
-    found = judged(lambda _: airspeed_mps, lambda _: 0.0, 0.1, told_mps=airspeed_mps, told_m=height_m)
+    found = judged(lambda _: airspeed_mps, lambda _: 0.0, 0.1, commanded_mps=airspeed_mps, commanded_m=height_m)
     assert [channel for channel, _ in found] == channels
 
 
@@ -272,7 +272,7 @@ def test_a_small_step_of_airspeed_that_energy_control_answers_late_is_no_disobed
     overrides: Sequence[str], channels: list[str]
 ) -> None:
     """A real ArduPlane had done 0.1 m/s of a step of 1.5 m/s after 3.2 s; by equation (7) with 1 s it is complete."""
-    found = judged(lambda _: 22.1, lambda _: 0.0, 6.0, told_mps=23.5, overrides=overrides)
+    found = judged(lambda _: 22.1, lambda _: 0.0, 6.0, commanded_mps=23.5, overrides=overrides)
     assert [channel for channel, _ in found] == channels
 
 
@@ -285,17 +285,17 @@ def test_who_still_turned_the_other_way_has_the_time_to_come_back(rate_rps: floa
         back = -np.expm1(-max(at_s - 20.4, 0.0) / 2.5) if rate_rps else 0.0
         return float(right_rad - (right_rad + 0.13) * back)
 
-    found = judged(lambda _: 22.0, lambda _: 0.0, 20.0, -0.13, told_mps=22.0, flown_rad=flown_rad)
+    found = judged(lambda _: 22.0, lambda _: 0.0, 20.0, -0.13, commanded_mps=22.0, flown_rad=flown_rad)
     assert [channel for channel, _ in found] == channels
 
 
 def judged(
     airspeed_mps: Callable[[float], float],
     climb_mps: Callable[[float], float],
-    told_from_s: float = 4.0,
+    commanded_from_s: float = 4.0,
     heading_rad: float = 0.0,
-    told_mps: float = 27.0,
-    told_m: float = 100.0,
+    commanded_mps: float = 27.0,
+    commanded_m: float = 100.0,
     overrides: Sequence[str] = (),
     flown_rad: Callable[[float], float] = lambda _: 0.0,
 ) -> list[tuple[str, float]]:
@@ -308,9 +308,9 @@ def judged(
     commanded: Any = SimpleNamespace(active=[False, True, False])
     for tick in range(400):
         now, at_s = after(START, 0.1 * tick), 0.1 * tick
-        told = (told_mps, heading_rad, told_m) if at_s >= told_from_s else (22.0, 0.0, 100.0)
+        setpoint = (commanded_mps, heading_rad, commanded_m) if at_s >= commanded_from_s else (22.0, 0.0, 100.0)
         history.begin(vec[i64]([now] * 3))
-        history.note([told] * 3)
+        history.note([setpoint] * 3)
         for channel in plane.setpoint_channels:
             channel.sent(CommandInt(2, 1, 0, 0), now, 0.0)
             channel.acknowledged(now)

@@ -55,20 +55,20 @@ class Ground:
         commanded: Acknowledges = lambda _: True,
         airspeed_mps: Callable[[float], float] = lambda _: 22.0,
         height_m: Callable[[float], float] = lambda _: 100.0,
-        told_rad: Callable[[float], float] = lambda _: 0.0,
+        commanded_rad: Callable[[float], float] = lambda _: 0.0,
         heading_rad: Callable[[float], float] = lambda _: 0.0,
         *,
-        told_m: Callable[[float], float] = lambda _: 100.0,
-        told_mps: Callable[[float], float] = lambda _: 27.0,
+        commanded_m: Callable[[float], float] = lambda _: 100.0,
+        commanded_mps: Callable[[float], float] = lambda _: 27.0,
     ) -> list[float]:
         """Command the second vehicle 27 m/s from the start, heading and height; return when it is reported."""
         for tenth in range(round(10 * seconds)):
             now, at_s = after(START, 0.1 * tenth), 0.1 * tenth
-            speeds_mps = (22.0, told_mps(at_s) if commanded(at_s) else 22.0, 22.0)
+            speeds_mps = (22.0, commanded_mps(at_s) if commanded(at_s) else 22.0, 22.0)
             self.controller.history.begin(vec[i64]([now] * 3))
-            heights_m = 100.0, told_m(at_s), 100.0
-            told = zip(speeds_mps, heights_m, strict=True)
-            self.controller.history.note([(each_mps, told_rad(at_s), each_m) for each_mps, each_m in told])
+            heights_m = 100.0, commanded_m(at_s), 100.0
+            commands = zip(speeds_mps, heights_m, strict=True)
+            self.controller.history.note([(each_mps, commanded_rad(at_s), each_m) for each_mps, each_m in commands])
             for each in self.vehicles.values():
                 for channel in each.setpoint_channels:
                     channel.sent(CommandInt(1, 1, 0, 0), now, 0.0)
@@ -88,7 +88,7 @@ def vehicle(number: int) -> Vehicle:
     return made
 
 
-def test_one_that_is_told_another_airspeed_and_keeps_its_own_is_reported_once_with_both() -> None:
+def test_one_that_is_commanded_another_airspeed_and_keeps_its_own_is_reported_once_with_both() -> None:
     ground = Ground()
     (reported_s,) = ground.fly(20.0)
     assert SETTLED_S <= reported_s < SETTLED_S + 2.0
@@ -118,7 +118,7 @@ def test_a_command_that_is_refused_and_told_again_is_reported_once_and_when_it_i
             vehicle.commands.acknowledge(CommandAck(m.MAV_CMD_DO_SET_MODE, result), now)
         ground.monitor.judge_refusals(now)
     words = "mode LOITER (DO_SET_MODE: DENIED)"
-    assert ground.notes.of("disobeys", 2) == [f"refuses {words}, and is told again"]
+    assert ground.notes.of("disobeys", 2) == [f"refuses {words}, and is commanded again"]
     assert ground.notes.of("obeys", 2) == [f"no longer refuses {words}"]
 
 
@@ -144,7 +144,7 @@ def test_one_whose_height_has_the_energy_that_its_speed_lacks_obeys(climb_mps: f
 
 
 @pytest.mark.parametrize(("sinks_mps", "at_most_s"), [(2.0, 12.0), (3.0, 9.0), (8.0, 5.0)])
-def test_one_that_sinks_though_it_is_told_to_climb_is_reported_though_its_setpoint_sinks_with_it(
+def test_one_that_sinks_though_it_is_commanded_to_climb_is_reported_though_its_setpoint_sinks_with_it(
     sinks_mps: float, at_most_s: float
 ) -> None:
     """From 10 s to 30 s; setpoints stay within 12 m of it, which is the climb possible within its lags."""
@@ -153,15 +153,15 @@ def test_one_that_sinks_though_it_is_told_to_climb_is_reported_though_its_setpoi
     def height_m(at_s: float) -> float:
         return 300.0 - sinks_mps * min(max(0.0, at_s - 10.0), 20.0) + 3.0 * max(0.0, at_s - 30.0)
 
-    def told_m(at_s: float) -> float:
+    def commanded_m(at_s: float) -> float:
         return min(300.0, height_m(at_s) + 12.0)
 
-    (reported_s,) = ground.fly(50.0, height_m=height_m, told_m=told_m, told_mps=lambda _: 22.0)
+    (reported_s,) = ground.fly(50.0, height_m=height_m, commanded_m=commanded_m, commanded_mps=lambda _: 22.0)
     assert 10.0 < reported_s <= 10.0 + at_most_s
     assert [each.details["channel"] for each in ground.notes if each.kind == "disobeys"] == ["height"]
     (over_s,) = [each.at_s for each in ground.notes if each.kind == "obeys"]
     assert 30.0 < over_s < 38.0
-    sunk.fly(30.0, height_m=height_m, told_m=told_m, told_mps=lambda _: 22.0)
+    sunk.fly(30.0, height_m=height_m, commanded_m=commanded_m, commanded_mps=lambda _: 22.0)
     assert (sunk.monitor.sinking, ground.monitor.sinking) == ({VehicleId(1, 2)}, set())
 
 
@@ -177,12 +177,16 @@ HURRIED = (
 
 
 @pytest.mark.parametrize(("trades", "said"), [(True, []), (False, ["height"])])
-def test_an_aircraft_that_trades_height_for_the_airspeed_that_it_is_told_obeys(trades: bool, said: list[str]) -> None:
+def test_an_aircraft_that_trades_height_for_the_airspeed_that_it_is_commanded_obeys(
+    trades: bool, said: list[str]
+) -> None:
     """As it flew. A vehicle without a change of airspeed setpoint has no reason to."""
     at_s, ground = 0.8 * np.arange(len(HURRIED)), Ground()
-    flown_mps, told_mps, flown_m, told_m = (partial(np.interp, xp=at_s, fp=each) for each in np.array(HURRIED).T)
-    told_mps = told_mps if trades else flown_mps
-    ground.fly(at_s[-1], airspeed_mps=flown_mps, height_m=flown_m, told_m=told_m, told_mps=told_mps)
+    flown_mps, commanded_mps, flown_m, commanded_m = (
+        partial(np.interp, xp=at_s, fp=each) for each in np.array(HURRIED).T
+    )
+    commanded_mps = commanded_mps if trades else flown_mps
+    ground.fly(at_s[-1], airspeed_mps=flown_mps, height_m=flown_m, commanded_m=commanded_m, commanded_mps=commanded_mps)
     assert [each.details["channel"] for each in ground.notes if each.kind == "disobeys"] == said
 
 
@@ -199,29 +203,29 @@ def test_the_height_of_an_aircraft_is_judged_once_its_airspeed_has_been_right_fo
     (reported_s, *_) = ground.fly(
         30.0,
         airspeed_mps=lambda at_s: 22.0 + sign * 3.0 * (1.0 - math.exp(-at_s / 4.0)),
-        told_mps=lambda _: 22.0 + sign * 3.0,
-        told_m=lambda at_s: 100.0 + sign * 3.0 * at_s,
+        commanded_mps=lambda _: 22.0 + sign * 3.0,
+        commanded_m=lambda at_s: 100.0 + sign * 3.0 * at_s,
     )
     assert 5.0 < reported_s < 7.0 if hovers else 10.0 < reported_s < 12.0
 
 
 @pytest.mark.parametrize("above_m", [-12.0, 0.0, 5.0])
-def test_one_that_is_not_told_to_climb_may_sink(above_m: float) -> None:
+def test_one_that_is_not_commanded_to_climb_may_sink(above_m: float) -> None:
     """A descent at 2 m/s; if it were commanded 5 m higher, it would be reported."""
     ground, sunk = Ground(), set[VehicleId]()
     for seconds in (10.0, 20.0, 30.0):
         ground.fly(
             seconds,
             height_m=lambda at_s: 300.0 - 2.0 * at_s,
-            told_m=lambda at_s: 300.0 - 2.0 * at_s + above_m,
-            told_mps=lambda _: 22.0,
+            commanded_m=lambda at_s: 300.0 - 2.0 * at_s + above_m,
+            commanded_mps=lambda _: 22.0,
         )
         sunk |= ground.monitor.sinking
     assert not sunk
 
 
 @pytest.mark.parametrize("radps", [0.1, -0.1, 0.4])
-def test_one_that_turns_through_south_as_it_is_told_obeys(radps: float) -> None:
+def test_one_that_turns_through_south_as_it_is_commanded_obeys(radps: float) -> None:
     """Headings wrap at half a turn; the setpoint leads a ramp by what a time constant of 1 s lags."""
 
     def turned(at_s: float, ahead_s: float) -> float:
@@ -231,7 +235,7 @@ def test_one_that_turns_through_south_as_it_is_told_obeys(radps: float) -> None:
         return Ground().fly(
             20.0,
             airspeed_mps=lambda at_s: 27.0 - 5.0 * math.exp(-at_s / 3.0),
-            told_rad=lambda at_s: turned(at_s, 1.0),
+            commanded_rad=lambda at_s: turned(at_s, 1.0),
             heading_rad=heading_rad,
         )
 
@@ -244,7 +248,9 @@ def test_one_that_turns_through_south_as_it_is_told_obeys(radps: float) -> None:
     [lambda at_s: False, lambda at_s: at_s % 3.0 < 2.0, lambda at_s: at_s < 4.0],
     ids=["never", "with gaps of a second", "not any more"],
 )
-def test_setpoints_that_are_not_acknowledged_all_the_time_are_nobody_s_disobedience(acknowledges: Acknowledges) -> None:
+def test_setpoints_that_are_not_acknowledged_all_the_time_are_no_disobedience(
+    acknowledges: Acknowledges,
+) -> None:
     assert Ground().fly(20.0, acknowledges) == []
 
 
@@ -262,7 +268,7 @@ def test_one_that_is_heard_and_answers_nothing_is_reported_once_and_again_when_i
         return ground.notes.of("uplink", 2)
 
     assert judge(UNANSWERED_S - 0.1) == []
-    assert judge(silent_s) == judge(silent_s + 1.0) == ["is heard and answers nothing: it may not hear us"]
+    assert judge(silent_s) == judge(silent_s + 1.0) == ["is heard and answers nothing: it may not receive us"]
     follower.round_trips._answered = after(START, silent_s + 1.0)
     assert judge(silent_s + 1.0)[1:] == judge(silent_s + 1.2)[1:] == ["answers again"]
 

@@ -89,10 +89,10 @@ def test_the_share_in_use_is_the_loop_s_delay_over_its_margin(warning: Formation
     longest_s = warning.watch.longest_s
     assert warning.use(1.3) == pytest.approx(1.3)
     assert warning.watch.longest_s > longest_s
-    assert warning.watch.most_used == pytest.approx(1.3)
+    assert warning.watch.max_used == pytest.approx(1.3)
     longest_s = warning.watch.longest_s
     warning.use(0.4)
-    assert (warning.watch.most_used, warning.watch.longest_s) == (pytest.approx(1.3), longest_s)
+    assert (warning.watch.max_used, warning.watch.longest_s) == (pytest.approx(1.3), longest_s)
 
 
 def test_the_loop_s_delay_is_the_way_up_and_the_way_down_however_the_round_trip_is_split(warning: Formation) -> None:
@@ -114,7 +114,7 @@ def test_a_delay_that_is_not_known_yet_is_no_share_and_no_event() -> None:
     formation = Formation()
     formation.delay(formation.follower, math.nan)
     assert math.isnan(formation.look())
-    assert formation.watch.most_used == 0.0
+    assert formation.watch.max_used == 0.0
     assert formation.notes == []
 
 
@@ -219,7 +219,9 @@ def test_with_prediction_scatter_uses_the_margin_and_delay_does_not_and_wrong_la
     assert [formation.look() for _ in range(LASTING_LOOKS)][-1] > 0.0
     formation.watch.watch(NOW, formation.leader, [[0.0, 0.0], [0.0, 3.0], [0.0, 0.0]])
     (said,) = formation.notes
-    assert said.text.endswith("of its delay margin: heading doesn't follow as its model says, lags are 300% off")
+    assert said.text.endswith(
+        "of its delay margin: heading doesn't follow as its model says, time constants are 300% off"
+    )
     assert said.details["lags_off"] == 3.0
 
 
@@ -307,10 +309,10 @@ def test_a_step_of_the_delay_is_no_scatter(delays_s: tuple[float, float], jitter
 
     Jitter with a uniform distribution makes a round trip scatter by 0.8 of it, and some looks see 1.6 times that.
     """
-    most_s, known = 1.3 * jitter_s, Formation(delay_compensation=True)
+    max_s, known = 1.3 * jitter_s, Formation(delay_compensation=True)
     used: list[float] = []
     for one_way_s in delays_s:
-        known.delay(known.follower, one_way_s, most_s)
+        known.delay(known.follower, one_way_s, max_s)
         used.append(known.look())
     for seed in range(4 if jitter_s else 1):
         formation, link = Formation(delay_compensation=True, on_delay="hold"), Link(delays_s, jitter_s, seed)
@@ -318,10 +320,10 @@ def test_a_step_of_the_delay_is_no_scatter(delays_s: tuple[float, float], jitter
             sync = link.hear(float(second))
             formation.delay(formation.follower, sync.one_way_s, sync.usual_jitter_s)
             formation.look()
-        assert formation.watch.most_used <= max(used) + 1e-6
+        assert formation.watch.max_used <= max(used) + 1e-6
 
 
-def test_scatter_that_lasts_is_told_after_four_looks() -> None:
+def test_jitter_that_lasts_is_reported_after_four_looks() -> None:
     assert LASTING_LOOKS == 4
     formation = Formation(delay_compensation=True)
     formation.look()

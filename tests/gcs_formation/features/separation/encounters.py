@@ -14,8 +14,8 @@ from flight_model.arrays import Array, Mask
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.separation.approach import Traffic, sample_times
-from gcs_formation.features.separation.first_look import KeptDistance
-from gcs_formation.features.separation.giving_way import resolve
+from gcs_formation.features.separation.broad_phase import KeptDistance
+from gcs_formation.features.separation.conflict_resolution import resolve
 from gcs_formation.features.separation.traffic import TrafficPicture
 from tests.gcs_formation import tables
 
@@ -71,7 +71,7 @@ class Vehicles:
 
 @dataclass
 class Flown:
-    least_m: float = math.inf
+    min_m: float = math.inf
     sides: list[Array] = field(default_factory=list[Array])
     setpoints: list[Array] = field(default_factory=list[Array])
 
@@ -146,7 +146,7 @@ def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -
         flies = np.where(vehicles.flown_by_us, held, wanted(vehicles, now_s).table)
         true = advance(true, flies, np.full(count, STEP_S), each)
         past.append(true)
-        flown.least_m = min(flown.least_m, _nearest_m(true))
+        flown.min_m = min(flown.min_m, _nearest_m(true))
     return flown
 
 
@@ -168,5 +168,5 @@ def _delivered(on_the_way: list[tuple[float, int, Array]], now_s: float, held: A
 
 def _nearest_m(state: FlightStates) -> float:
     place = np.stack((state.north_m, state.east_m, state.height_m))
-    apart = np.linalg.norm(place[:, :, None] - place[:, None], axis=0)
-    return float(apart[np.triu_indices(len(apart), 1)].min())
+    difference = np.linalg.norm(place[:, :, None] - place[:, None], axis=0)
+    return float(difference[np.triu_indices(len(difference), 1)].min())

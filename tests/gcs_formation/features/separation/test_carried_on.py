@@ -53,10 +53,10 @@ class Copter:
         state, (north_mps, east_mps, _) = self.body.state, self.body.velocity_mps
         ground = math.hypot(north_mps, east_mps), math.atan2(east_mps, north_mps)
         now = FlightStates.of(np.array([(state.north_m, state.east_m, 60.0, 0.0, *ground, 0.0, 0.0, 0.0)]).T)
-        told = [np.array([each]) for each in (math.hypot(*velocity_mps), math.atan2(*reversed(velocity_mps)), 60.0)]
+        commands = [np.array([each]) for each in (math.hypot(*velocity_mps), math.atan2(*reversed(velocity_mps)), 60.0)]
         models, still = AutopilotModels.from_each(self.models), np.zeros(1)
         traffic = Traffic(now, still, still, models, np.array([self.changed]).T, hovers=True)
-        return fly_level(traffic, Manoeuvre(Setpoints(*told), *told), TIMES_S)[:, :, 0]
+        return fly_level(traffic, Manoeuvre(Setpoints(*commands), *commands), TIMES_S)[:, :, 0]
 
 
 @pytest.mark.parametrize("accelerates_s", [0.6, 1.0, 1.5, 6.0])

@@ -65,7 +65,7 @@ TURN: dict[str, Any] = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("delay_ms", [0, 300])
-def test_a_vehicle_that_nobody_commands_is_kept_away_from(fly: Fly, delay_ms: float) -> None:
+def test_a_vehicle_that_is_not_commanded_is_kept_away_from(fly: Fly, delay_ms: float) -> None:
     links = {"default": {"delay_ms": delay_ms}}
     off = fly(**TURN, start=START, links=links, safety={"avoidance": {"enabled": False}}).to_dict()["safety"]
     kept = fly(**TURN, start=START, links=links).to_dict()["safety"]
@@ -168,28 +168,28 @@ def test_vehicles_that_climb_a_third_as_fast_as_believed_are_kept_apart(fly: Fly
 
 
 @pytest.mark.parametrize(
-    ("model", "apart_m", "mode", "whose"),
+    ("model", "distance_m", "mode", "whose"),
     [
         ("px4_copter", 12, "RTL", 1),
         *(
-            pytest.param(model, apart_m, mode, whose, marks=pytest.mark.slow)
+            pytest.param(model, distance_m, mode, whose, marks=pytest.mark.slow)
             for model in ("px4_copter", "arducopter")
-            for apart_m in (8, 12, 25)
+            for distance_m in (8, 12, 25)
             for mode in ("RTL", "LOITER")
             for whose in (1, 2)
-            if (model, apart_m, mode, whose) != ("px4_copter", 12, "RTL", 1)
+            if (model, distance_m, mode, whose) != ("px4_copter", 12, "RTL", 1)
         ),
     ],
 )
 def test_multirotors_keep_apart_from_one_whose_pilot_stops_it_or_sends_it_back(
-    fly: Fly, model: str, apart_m: float, mode: str, whose: int
+    fly: Fly, model: str, distance_m: float, mode: str, whose: int
 ) -> None:
     """It comes back through their column at up to twice their speed; by climbing alone they missed it by 0.1 to 1.1 m.
 
     They stop, or fly to the side; a vehicle that does so isn't reported as disobedient.
     """
     vehicles = [{"id": each, "model": model, "role": "leader" if each == 1 else "follower"} for each in range(1, 5)]
-    column = {"shape": "custom", "slots_m": {each: [-apart_m * (each - 1), 0, 0] for each in range(2, 5)}}
+    column = {"shape": "custom", "slots_m": {each: [-distance_m * (each - 1), 0, 0] for each in range(2, 5)}}
     run = fly(
         duration_s=20,
         vehicles=vehicles,
@@ -205,9 +205,9 @@ def test_multirotors_keep_apart_from_one_whose_pilot_stops_it_or_sends_it_back(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("model", "apart_m", "whose"), [("arducopter", 12, 1), ("px4_copter", 25, 2)])
+@pytest.mark.parametrize(("model", "distance_m", "whose"), [("arducopter", 12, 1), ("px4_copter", 25, 2)])
 def test_multirotors_that_stand_keep_apart_from_one_that_is_sent_home_over_a_long_link(
-    fly: Fly, model: str, apart_m: float, whose: int
+    fly: Fly, model: str, distance_m: float, whose: int
 ) -> None:
     """When detected by its acceleration, it passed at 4.3 m; when they dithered in front of it, at 2.6 m."""
     run = fly(
@@ -215,7 +215,7 @@ def test_multirotors_that_stand_keep_apart_from_one_that_is_sent_home_over_a_lon
         vehicles=[{"id": each, "model": model, "role": "leader" if each == 1 else "follower"} for each in range(1, 5)],
         start={"in_air": True, "tolerance_m": 1},
         finish={"loiter_s": 0},
-        formation={"shape": "custom", "slots_m": {each: [-apart_m * (each - 1), 0, 0] for each in range(2, 5)}},
+        formation={"shape": "custom", "slots_m": {each: [-distance_m * (each - 1), 0, 0] for each in range(2, 5)}},
         path={"speed_mps": 5, "waypoints_m": [[0, 0, 60], [400, 0, 60]]},
         links={"default": {"delay_ms": 200}},
         orders=[{"at_s": 10, "order": "speed 0"}],

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from flight_model.vehicle_arrays import FlightStates, Setpoints
 from gcs_formation.features.separation.approach import approach, fly, fly_level, may_come_near
-from gcs_formation.features.separation.first_look import FirstLook, KeptDistance
+from gcs_formation.features.separation.broad_phase import BroadPhase, KeptDistance
 from gcs_formation.features.separation.traffic import TrafficPicture, bound, possible_pairs
 from tests.gcs_formation import tables
 from tests.gcs_formation.features.separation.encounters import KEPT_M, Vehicles, picture, wanted
@@ -67,14 +67,14 @@ def test_no_pair_is_left_out_that_comes_too_near(
 ) -> None:
     made = random_scene(seed, count, spread_m, unlike, hovers=hovers)
     one, other = np.triu_indices(count, 1)
-    ways = fly(made.traffic, made.as_commanded(), made.times_s, made.trails_m)
-    near = approach(ways[:, :, one], ways[:, :, other], made.minimum(one, other), made.times_s)
+    options = fly(made.traffic, made.as_commanded(), made.times_s, made.trails_m)
+    near = approach(options[:, :, one], options[:, :, other], made.minimum(one, other), made.times_s)
     ours = made.commanded[one] | made.commanded[other]
     pairs = list(zip(one[ours].tolist(), other[ours].tolist(), strict=True))
     bad = {pair for pair, lack in zip(pairs, near.deficit_m_s[ours].tolist(), strict=True) if lack > 1e-9}
     possible = set(zip(*(side.tolist() for side in possible_pairs(made)), strict=True))
     assert bad <= possible <= set(pairs)
-    assert np.allclose(fly_level(made.traffic, made.as_commanded(), made.times_s), ways[:2], rtol=0, atol=1e-9)
+    assert np.allclose(fly_level(made.traffic, made.as_commanded(), made.times_s), options[:2], rtol=0, atol=1e-9)
 
 
 @settings(max_examples=200, deadline=None)
@@ -85,21 +85,23 @@ def test_no_pair_is_left_out_that_comes_too_near(
     st.sampled_from((0.0, 0.003, 0.01, 0.1, 0.5)),
     st.booleans(),
 )
-def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
+def test_the_broad_phase_check_on_plain_numbers_finds_a_pair_where_there_is_one(
     seed: int, count: int, spread_m: float, unlike: float, hovers: bool
 ) -> None:
     made = random_scene(seed, count, spread_m, unlike, hovers=hovers)
     made = replace(made, commanded=np.ones(count, dtype=bool), setpoints=wanted_by_all(made))
     models, (_, first_s, *_, horizon_s) = tables.models(made.traffic.model), made.times_s.tolist()
-    look = FirstLook(models, first_s, horizon_s, hovers=hovers)
+    look = BroadPhase(models, first_s, horizon_s, hovers=hovers)
     states, setpoints = tables.states(made.traffic.state), tables.setpoints(made.setpoints)
     early_s, timing_s = made.traffic.lead_s.tolist(), made.timing_s.tolist()
     accel = np.hypot(*made.traffic.accel_mps2).tolist()
     slots_m = [(forward, right, up) for forward, right, up in made.slots_m.T.tolist()]
     for _ in range(2):  # the second time in the order found
         look.begin(states[0], setpoints[0][0], setpoints[0][1])
-        for place, (state, told) in enumerate(zip(states, setpoints, strict=True)):
-            look.see(place, state, slots_m[place], told[0], told[1], early_s[place], timing_s[place], accel[place])
+        for place, (state, commands) in enumerate(zip(states, setpoints, strict=True)):
+            look.see(
+                place, state, slots_m[place], commands[0], commands[1], early_s[place], timing_s[place], accel[place]
+            )
         assert look.all_apart(made.kept) == (possible_pairs(made)[0].size == 0)
 
 
@@ -107,12 +109,14 @@ def test_the_first_look_on_plain_numbers_finds_a_pair_where_there_is_one(
 @given(st.integers(0, 2**32 - 1), st.floats(10, 300), st.floats(0, 1))
 def test_no_neighbour_is_left_out_that_any_way_comes_too_near(seed: int, spread_m: float, unlike: float) -> None:
     made = random_scene(seed, 12, spread_m, unlike)
-    ways = fly_level(made.traffic, made.as_commanded(), made.times_s)
+    options = fly_level(made.traffic, made.as_commanded(), made.times_s)
     others = np.arange(3, 12)
     minimum = made.minimum(np.full(others.size, 0), others)
-    near = may_come_near(ways[:, :, :3], ways[:, :, others], minimum, made.times_s)
+    near = may_come_near(options[:, :, :3], options[:, :, others], minimum, made.times_s)
     for own in range(3):
-        come = approach(np.repeat(ways[:, :, [own]], others.size, axis=2), ways[:, :, others], minimum, made.times_s)
+        come = approach(
+            np.repeat(options[:, :, [own]], others.size, axis=2), options[:, :, others], minimum, made.times_s
+        )
         assert near[come.deficit_m_s > 1e-9].all()
 
 
@@ -138,11 +142,11 @@ def test_among_many_the_search_for_pairs_that_are_near_finds_all_that_a_look_at_
     assert 0 < near.sum() < one.size
 
 
-def test_along_multirotors_is_as_the_leader_is_told_whatever_velocity_giving_way_or_braking_has_left_it() -> None:
+def test_along_multirotors_is_as_the_leader_is_commanded_whatever_velocity_a_manoeuvre_or_braking_has_left_it() -> None:
     vehicles = Vehicles([[0, 0, 100, 25, 1, 0], [-12, 0, 100, 25, 1, 0]])
     made = picture(vehicles, vehicles.state, wanted(vehicles, 0.0))
-    told = Setpoints(np.full(2, 17.0), np.full(2, 2.0), np.full(2, 100.0))
-    hovers = replace(made, setpoints=told, traffic=replace(made.traffic, hovers=True))
+    commands = Setpoints(np.full(2, 17.0), np.full(2, 2.0), np.full(2, 100.0))
+    hovers = replace(made, setpoints=commands, traffic=replace(made.traffic, hovers=True))
     assert [each.tolist() for each in hovers.along] == [[17.0, 17.0], [2.0, 2.0]]
     assert hovers.lasting(0) == (17.0, 2.0)
     assert [each.tolist() for each in made.along] == [[25.0, 25.0], [1.0, 1.0]]

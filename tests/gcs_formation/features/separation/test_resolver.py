@@ -42,7 +42,7 @@ class Crossing:
         self.wind_north, self.ours = np.zeros(2), np.array((True, False))
         self.slots_m: list[Triple] = [(0.0, 0.0, 0.0), (0.0, 30.0, 0.0)]
         self.error_m: list[Triple] = [UNKNOWN, UNKNOWN]
-        self.told_mps: float | None = None
+        self.commanded_mps: float | None = None
         """By default, setpoints equal to their flight."""
         self.circling, self.flew = False, True
         self.height_m, self.holds_at_m = 100.0, math.nan
@@ -66,9 +66,9 @@ class Crossing:
         links[1].heard = now if self.heard_s is None else after(Instant(0), self.heard_s)
         tick = Tick(now, 0.0, "flying", 0, links, [age_s] * 2, [0.0] * 2, ours)
         tick.state = tables.states(table)
-        told_mps = [each.airspeed_mps if self.told_mps is None else self.told_mps for each in tick.state]
-        told = zip(told_mps, tick.state, strict=True)
-        tick.setpoints = [(mps, each.heading_rad, each.height_m) for mps, each in told]
+        commanded_mps = [each.airspeed_mps if self.commanded_mps is None else self.commanded_mps for each in tick.state]
+        commands = zip(commanded_mps, tick.state, strict=True)
+        tick.setpoints = [(mps, each.heading_rad, each.height_m) for mps, each in commands]
         tick.slots_m = self.slots_m
         tick.decided = [
             Decided(column, tick.state[column], tick.setpoints[column], error_m, UNKNOWN, NO_GAINS)
@@ -81,7 +81,7 @@ class Crossing:
         self.resolver.keep(tick, Measured(tick.state, vec[i64](seen), ours, vec[i64]([now] * 2)), planned)
         return tick
 
-    def gives_way(self, age_s: float = 0.0, at_s: float = 0.0) -> bool:
+    def manoeuvres(self, age_s: float = 0.0, at_s: float = 0.0) -> bool:
         return bool(self.keep(age_s, at_s).yielding[0])
 
 
@@ -92,10 +92,10 @@ def test_the_older_the_states_the_more_room_for_instants_that_are_off(
     behind_m: float, age_s: float, gives: bool
 ) -> None:
     """With timing errors of a tenth of 2 s each at 22 m/s, at a right angle, they pass up to 9 m too close."""
-    assert Crossing(behind_m).gives_way(age_s) is gives
+    assert Crossing(behind_m).manoeuvres(age_s) is gives
 
 
-def test_of_two_that_are_commanded_the_one_that_surely_hears_gives_way() -> None:
+def test_of_two_that_are_commanded_the_one_that_surely_receives_manoeuvres() -> None:
     """Otherwise the later one evades. One that may not hear is commanded, but others avoid it as if it flew on."""
     heard, unheard = Crossing(), Crossing()
     for each in (heard, unheard):
@@ -130,7 +130,7 @@ def test_a_way_planned_beside_anothers_slot_leaves_the_limit_to_be_kept() -> Non
 def test_who_has_not_been_heard_for_half_a_minute_is_kept_away_from_no_more(age_s: float, gives: bool) -> None:
     crossing = Crossing()
     crossing.east[1] = 110.0 + 8.0
-    assert crossing.gives_way(age_s) is gives
+    assert crossing.manoeuvres(age_s) is gives
 
 
 @pytest.mark.parametrize("flew", [True, False])
@@ -142,13 +142,13 @@ def test_what_flew_when_it_was_last_heard_is_kept_away_from_however_slow(
     crossing = Crossing()
     crossing.speed[1], crossing.wind_north[1], crossing.flew = speed_mps, wind_mps, flew
     crossing.east[1], crossing.north[1] = 5.0 * speed_mps, -5.0 * wind_mps
-    assert crossing.gives_way() is flew
+    assert crossing.manoeuvres() is flew
 
 
-def test_how_those_turn_that_nobody_commands_is_learnt_from_their_headings() -> None:
+def test_how_uncommanded_ones_turn_is_estimated_from_their_headings() -> None:
     """Straight on it would cross; at 0.2 rad/s to the right it turns away before."""
     crossing = Crossing()
-    assert crossing.gives_way(at_s=0.0)
+    assert crossing.manoeuvres(at_s=0.0)
     crossing.heading[1] += 0.2
     turned = crossing.keep(at_s=1.0)
     assert not turned.yielding[0]
@@ -156,31 +156,31 @@ def test_how_those_turn_that_nobody_commands_is_learnt_from_their_headings() -> 
 
 
 @pytest.mark.parametrize(
-    ("aside_m", "circling", "gives"), [(-15.0, True, True), (15.0, True, False), (-15.0, False, False)]
+    ("to_side_m", "circling", "gives"), [(-15.0, True, True), (15.0, True, False), (-15.0, False, False)]
 )
 def test_one_that_is_about_to_circle_turns_right_before_its_headings_show_it(
-    aside_m: float, circling: bool, gives: bool
+    to_side_m: float, circling: bool, gives: bool
 ) -> None:
     beside = Crossing()
-    beside.north[:], beside.east[:], beside.heading[:] = 0.0, (0.0, aside_m), 0.0
+    beside.north[:], beside.east[:], beside.heading[:] = 0.0, (0.0, to_side_m), 0.0
     beside.circling = circling
-    assert beside.gives_way() is gives
+    assert beside.manoeuvres() is gives
 
 
 def test_one_that_is_about_to_circle_may_fly_straight_on_too() -> None:
     """Straight on it crosses; turning right it would be out of the way before."""
     crossing = Crossing()
     crossing.circling = True
-    assert crossing.gives_way()
+    assert crossing.manoeuvres()
 
 
-@pytest.mark.parametrize(("told_m", "gives"), [(100.0, True), (math.nan, False)])
-def test_one_that_is_told_to_loiter_higher_climbs_there_as_it_turns(told_m: float, gives: bool) -> None:
+@pytest.mark.parametrize(("commanded_m", "gives"), [(100.0, True), (math.nan, False)])
+def test_one_that_is_commanded_to_loiter_higher_climbs_there_as_it_turns(commanded_m: float, gives: bool) -> None:
     """It was assumed to level off, and came within 4.1 m of one beside it."""
     beside = Crossing()
     beside.north[:], beside.east[:], beside.heading[:] = (0.0, 25.0), (0.0, -60.0), 0.0
-    beside.circling, beside.height_m, beside.holds_at_m = True, 92.0, told_m
-    assert beside.gives_way() is gives
+    beside.circling, beside.height_m, beside.holds_at_m = True, 92.0, commanded_m
+    assert beside.manoeuvres() is gives
 
 
 @pytest.mark.parametrize(("rate_hz", "acts_s"), [(50.0, 0.22), (10.0, 0.3), (2.0, 1.5), (0.5, 3.0)])
@@ -193,7 +193,7 @@ def test_a_setpoint_of_a_slow_law_is_reckoned_to_act_although_the_next_ones_are_
     assert resolver._times_s[1] == pytest.approx(acts_s)
 
 
-def test_nobody_gives_way_to_a_virtual_leader_and_it_to_nobody() -> None:
+def test_no_vehicle_avoids_a_virtual_leader_nor_it_a_vehicle() -> None:
     followers = [{"id": 1, "role": "follower"}, {"id": 2, "role": "follower"}]
     planned = load_scenario(scenario(vehicles=followers, formation={"shape": "line", "spacing_m": 30}))
     resolver = ConflictResolver(planned, SetpointHistory(planned.law.rate_hz), autopilot_models(planned))
@@ -213,27 +213,27 @@ def test_nobody_gives_way_to_a_virtual_leader_and_it_to_nobody() -> None:
     assert any(yielding((300.0, 0.0, 0.0), (0.0, 0.0, 24.0), (0.0, 0.0, nearer)))
 
 
-def test_an_encounter_is_told_when_it_begins_and_when_it_ends() -> None:
+def test_an_encounter_is_reported_when_it_begins_and_when_it_ends() -> None:
     crossing = Crossing()
     (begun,) = crossing.keep().events
     assert (str(begun.vehicle), begun.details["other"], begun.details["begins"]) == ("1", "2", True)
     assert begun.details["nearest_m"] == pytest.approx(6.0, abs=0.1)
     assert begun.details["in_s"] == pytest.approx(5.0, abs=0.5)
-    assert re.match("gives way to 2, (up|down)wards: they would be 6.0 m apart in", begun.text)
+    assert re.match("avoids 2, (up|down)wards: they would be 6.0 m apart in", begun.text)
     crossing.north[0], crossing.east[1] = -44.0, 44.0
     assert crossing.keep(at_s=3.0).events == []
     crossing.north[0], crossing.east[1] = 300.0, -300.0
     (ended,) = crossing.keep(at_s=20.0).events
-    assert ended.text == f"no longer gives way to 2: 20.0 s, {44.0 * math.sqrt(2.0):.1f} m apart at least"
+    assert ended.text == f"no longer avoids 2: 20.0 s, {44.0 * math.sqrt(2.0):.1f} m apart at least"
     assert ended.details["lasted_s"] == pytest.approx(20.0)
     assert ended.details["begins"] is False
     assert crossing.keep(at_s=20.1).events == []
 
 
-def test_an_encounter_that_does_not_end_is_told_once() -> None:
+def test_an_encounter_that_does_not_end_is_reported_once() -> None:
     crossing = Crossing()
     texts = [each.text for at_s in (0.0, 29.0, 31.0, 40.0) for each in crossing.keep(at_s=at_s).events]
-    assert texts[1:] == ["still gives way to 2 after 31 s: it may not get to where it is told"]
+    assert texts[1:] == ["still avoids 2 after 31 s: it may not get to where it is commanded"]
 
 
 def beside_each_other(slots_m: float, **keys: Any) -> Crossing:
@@ -287,7 +287,7 @@ def test_while_slots_change_two_keep_what_their_own_ways_leave() -> None:
     assert resolver.kept_on_the_way(near_m) is kept
 
 
-def test_who_comes_to_its_slot_from_afar_is_beside_nobody_and_stays_so_where_slots_are_left() -> None:
+def test_who_comes_to_its_slot_from_afar_is_near_no_vehicle_and_stays_so_where_slots_are_left() -> None:
     """Beside a column with slots 6 m apart, one that caught up passed at 3.0 m as the flight ended."""
     beside = beside_each_other(8.0)
     beside.error_m = [UNKNOWN, (20.0, 0.0, 0.0)]
@@ -323,7 +323,7 @@ def column_of_copters() -> Crossing:
 @pytest.mark.parametrize(
     ("stands_after_s", "silent_s", "gives"), [(3.0, 2.4, False), (3.0, 2.6, True), (math.inf, 9.0, False)]
 )
-def test_one_that_hears_nothing_any_more_may_stand_where_it_is_that_kind(
+def test_one_that_receives_nothing_any_more_may_stand_where_it_is_that_kind(
     stands_after_s: float, silent_s: float, gives: bool
 ) -> None:
     """An ArduCopter stops 3 s after its last setpoint (GUID_TIMEOUT); those behind flew into it."""
@@ -339,7 +339,7 @@ def standing_column(home_m: tuple[float, float] | None) -> Crossing:
     """The same, hovering; the second has heard nothing since 10.1 s, stops at 11.1 s and leaves by 16.1 s."""
     column = column_of_copters()
     column.stands_after_s, column.returns_after_s, column.home_m = 1.0, 6.0, home_m
-    column.told_mps, column.speed[:] = 0.0, 0.0
+    column.commanded_mps, column.speed[:] = 0.0, 0.0
     for at_s in (10.0, 10.1):
         column.keep(at_s=at_s)
     column.heard_s = 10.1
@@ -347,7 +347,7 @@ def standing_column(home_m: tuple[float, float] | None) -> Crossing:
 
 
 @pytest.mark.parametrize(("home_m", "gives"), [(None, False), ((400.0, 0.0), False), ((-400.0, 0.0), True)])
-def test_one_that_hears_nothing_any_more_may_have_set_off_for_home(
+def test_one_that_receives_nothing_any_more_may_have_set_off_for_home(
     home_m: tuple[float, float] | None, gives: bool
 ) -> None:
     """A PX4 has left by 6 s after its last setpoint, unseen: it came back through those behind it at 2.1 m."""
@@ -369,14 +369,14 @@ def test_one_that_is_not_seen_either_is_home_by_and_by(at_s: float, gives: bool)
     assert column.keep(at_s=at_s).yielding[0] is gives
 
 
-def test_a_multirotor_that_brakes_though_it_is_told_to_fly_on_is_kept_clear_of_until_it_comes_back() -> None:
+def test_a_multirotor_that_brakes_though_it_is_commanded_to_fly_on_is_kept_clear_of_until_it_comes_back() -> None:
     column, gives = column_of_copters(), list[bool]()
     for tick in range(60):
         if 20 <= tick < 40:
             column.speed[1] = max(column.speed[1] - 0.25, 0.0)
         elif tick >= 40:
             column.speed[1] = min(column.speed[1] + 0.25, 8.0)
-        column.told_mps = 8.0
+        column.commanded_mps = 8.0
         gives.append(column.keep(at_s=10.0 + 0.1 * tick).yielding[0])
     assert not any(gives[:24])
     assert all(gives[30:40])
@@ -401,7 +401,7 @@ def test_who_is_sent_down_is_clear_of_ground_that_the_wind_takes_it_over() -> No
     assert floor_m(keys, 0.0, wind_east_mps=10.0) == pytest.approx(40.0 + 5.0 + 10.0, abs=2.0)
 
 
-def test_over_ground_that_is_not_known_nobody_is_sent_down_and_anybody_may_be_sent_up(tmp_path: Path) -> None:
+def test_over_ground_that_is_not_known_no_vehicle_is_sent_down_and_anybody_may_be_sent_up(tmp_path: Path) -> None:
     """The tile's values end 1112 m north of the origin."""
     heights_m = np.full((1201, 1201), 30, dtype=">i2")
     heights_m[:599] = -32768

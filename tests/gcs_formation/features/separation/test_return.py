@@ -10,8 +10,8 @@ import pytest
 from flight_model.arrays import Array
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
 from gcs_formation.features.separation.approach import Traffic
-from gcs_formation.features.separation.first_look import KeptDistance
-from gcs_formation.features.separation.giving_way import resolve
+from gcs_formation.features.separation.broad_phase import KeptDistance
+from gcs_formation.features.separation.conflict_resolution import resolve
 from gcs_formation.features.separation.traffic import FARTHER_MPS, FARTHEST_M, PATIENCE_S, TrafficPicture
 from tests.gcs_formation.features.separation.encounters import DT_S, TIMES_S, model
 
@@ -55,41 +55,41 @@ def flown(climb_mps: float, models: AutopilotModels) -> tuple[float, float]:
     state = FlightStates(
         still, np.array([3.0, 8.0]), np.array([100.0, 110.6]), still + climb_mps, still + SPEED_MPS, still, still, still
     )
-    until_s, least_m = 0.0, np.inf
+    until_s, min_m = 0.0, np.inf
     lag_s = models.tau_ha_s + models.tau_hb_s
     for step in range(600):
         height_m = 100.0 + climb_mps * (step * DT_S + lag_s)
-        most_m = models.climb_max_mps * lag_s
+        max_m = models.climb_max_mps * lag_s
         law = Setpoints(
             still + SPEED_MPS,
             np.clip(0.02 * (BESIDE_M - state.east_m), -0.5, 0.5),
-            np.clip(height_m, state.height_m - most_m, state.height_m + most_m),
+            np.clip(height_m, state.height_m - max_m, state.height_m + max_m),
         )
         decided = resolve(picture(state, law, models, given_way_s), side)
         side = decided.side
         given_way_s = np.where(side != 0.0, given_way_s + DT_S, 0.0)
         until_s = step * DT_S if side.any() else until_s
         state = advance(state, decided.setpoints.table, np.full(2, DT_S), true)
-        least_m = min(least_m, float(np.linalg.norm(np.diff(state.place_m))))
+        min_m = min(min_m, float(np.linalg.norm(np.diff(state.place_m))))
     assert np.abs(state.east_m - BESIDE_M).max() < 0.5
-    return until_s, least_m
+    return until_s, min_m
 
 
 @pytest.mark.parametrize("climb_mps", [0.0, 0.35, 2.0])
 def test_those_that_climb_with_lags_of_their_own_get_back_and_keep_the_distance(climb_mps: float) -> None:
-    until_s, least_m = flown(climb_mps, lags(QUICK_S, SLOW_S))
+    until_s, min_m = flown(climb_mps, lags(QUICK_S, SLOW_S))
     assert until_s < 6.0
-    assert least_m > KEPT_M
+    assert min_m > KEPT_M
 
 
 @pytest.mark.parametrize(
-    ("climb_mps", "most_s"),
+    ("climb_mps", "max_s"),
     [pytest.param(0.35, 20.0, marks=pytest.mark.slow), pytest.param(0.7, 25.0, marks=pytest.mark.slow), (1.2, 30.0)],
 )
-def test_who_gets_where_no_model_says_gets_back_all_the_same(climb_mps: float, most_s: float) -> None:
+def test_who_gets_where_no_model_says_gets_back_all_the_same(climb_mps: float, max_s: float) -> None:
     """Lags are 2 s shorter or longer than known."""
     until_s, _ = flown(climb_mps, model(2))
-    assert until_s < most_s
+    assert until_s < max_s
 
 
 def test_who_has_given_way_for_long_aims_farther_by_and_by() -> None:

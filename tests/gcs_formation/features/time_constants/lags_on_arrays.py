@@ -19,7 +19,7 @@ from gcs_formation.features.time_constants.lag_fit import (
     BATCH_S,
     BOUND,
     CORRELATED_S,
-    LEAST_SPREAD,
+    MIN_SPREAD,
     PRIOR_BATCHES,
     PRIOR_SPREAD,
     PRIOR_WORTH,
@@ -37,15 +37,15 @@ from tests.gcs_formation.tables import Instants
 class Bank:
     """K simulations of each vehicle from its setpoints alone: airspeed and heading by one lag, height by two."""
 
-    def __init__(self, believed: AutopilotModels, air: Array, height: Array) -> None:
+    def __init__(self, assumed: AutopilotModels, air: Array, height: Array) -> None:
         """Simulate lags that are the assumed ones times e to the power of `air` (K,) and `height` (K', 2)."""
-        self._columns = columns = believed.tau_v_s.size
+        self._columns = columns = assumed.tau_v_s.size
         self.flying: Mask = np.zeros(columns, dtype=bool)
         """(C,) whether a vehicle's simulations have begun."""
         none = np.zeros_like
-        self._believed = believed
-        self._air_model = _spanned(believed, np.array((air, air, none(air), none(air))))
-        self._height_model = _spanned(believed, np.array((*none(height.T), *height.T)))
+        self._believed = assumed
+        self._air_model = _spanned(assumed, np.array((air, air, none(air), none(air))))
+        self._height_model = _spanned(assumed, np.array((*none(height.T), *height.T)))
         self._air: Array = np.zeros((2, columns * len(air)))
         self._height = Height(np.zeros(columns * len(height)), np.zeros(columns * len(height)))
 
@@ -61,7 +61,7 @@ class Bank:
         self._air = np.where(np.repeat(which[:2], air_k, axis=1), of_air, self._air)
         self._height = Height(*np.where(np.repeat(which[2], height_k), of_height, self._height))
 
-    def fly(self, stamps: Instants, acts: Instants, told: Array) -> tuple[tuple[Array, Array, Array], Mask]:
+    def fly(self, stamps: Instants, acts: Instants, commands: Array) -> tuple[tuple[Array, Array, Array], Mask]:
         """Return airspeed, heading and height at all stamps but the first, (B, C, K) each.
 
         Also which of them, (3, C), stayed within the rate limits.
@@ -82,21 +82,21 @@ class Bank:
         until = np.append(acts[1:, 0], np.iinfo(np.int64).max)
         since = np.append(np.iinfo(np.int64).min, acts[1:, 0])
         overlap = np.maximum(np.minimum(end, until) - np.maximum(begin, since), 0) / (end - begin)
-        segments = np.einsum("sr,rqc->sqc", overlap, told)
+        segments = np.einsum("sr,rqc->sqc", overlap, commands)
         duration_s = np.repeat((end - begin) / NANOSECONDS, stamps.shape[1], axis=1)
         at = np.searchsorted(borders, samples[1:])
         air, air_free = self._through_air(segments[:, :2], duration_s)
         height, height_free = self._through_heights(segments[:, 2], duration_s)
         return (air[at, 0], air[at, 1], height[at]), np.concatenate((air_free, height_free[None]))
 
-    def _through_air(self, told: Array, duration_s: Array) -> tuple[Array, Mask]:
+    def _through_air(self, commands: Array, duration_s: Array) -> tuple[Array, Mask]:
         """Return airspeeds and headings at segments' ends, (S + 1, 2, C, K), and which stayed within limits, (2, C)."""
         model, count = self._air_model, self._air.shape[1] // self._columns
-        told = np.repeat(told, count, axis=2)
-        told[:, 0] = within(told[:, 0], model.speed_min_mps, model.speed_max_mps)
+        commands = np.repeat(commands, count, axis=2)
+        commands[:, 0] = within(commands[:, 0], model.speed_min_mps, model.speed_max_mps)
         each_s = np.repeat(duration_s, count, axis=1)[:, None]
         values, errors = [self._air], list[Array]()
-        for segment, segment_s in zip(told, each_s, strict=True):
+        for segment, segment_s in zip(commands, each_s, strict=True):
             errors.append(air_errors(values[-1], segment))
             values.append(values[-1] + errors[-1] - model.remaining(errors[-1], segment_s))
         self._air = values[-1]
@@ -104,25 +104,25 @@ class Bank:
         free: Mask = error < FREE * self._believed.air_rates_max * self._believed.air_lags_s
         return np.array(values).reshape(-1, 2, self._columns, count), free
 
-    def _through_heights(self, told_m: Array, duration_s: Array) -> tuple[Array, Mask]:
+    def _through_heights(self, commanded_m: Array, duration_s: Array) -> tuple[Array, Mask]:
         """Return heights at the ends of S segments, (S + 1, C, K), and which stayed within limits, (C,)."""
         count = self._height.height_m.size // self._columns
-        told_m = np.repeat(told_m, count, axis=1)
+        commanded_m = np.repeat(commanded_m, count, axis=1)
         steps = HeightSteps.of(self._height_model, np.repeat(duration_s, count, axis=1))
         height, heights = self._height, [self._height.height_m]
-        for step, target_m in enumerate(told_m):
+        for step, target_m in enumerate(commanded_m):
             height = steps.after(step, height, target_m)
             heights.append(height.height_m)
         self._height, table = height, np.array(heights)
-        error_m = np.abs(told_m - table[:-1]).reshape(-1, self._columns, count).mean(axis=2).max(axis=0)
+        error_m = np.abs(commanded_m - table[:-1]).reshape(-1, self._columns, count).mean(axis=2).max(axis=0)
         free: Mask = error_m < FREE * self._believed.climb_max_mps * (self._believed.tau_ha_s + self._believed.tau_hb_s)
         return table.reshape(-1, self._columns, count), free
 
 
-def _spanned(believed: AutopilotModels, logs: Array) -> AutopilotModels:
+def _spanned(assumed: AutopilotModels, logs: Array) -> AutopilotModels:
     """Return (C K,) models whose lags are the assumed ones (C,) times e to the power of each of `logs` (4, K)."""
-    table = np.repeat(believed.table, logs.shape[1], axis=1)
-    table[:4] *= np.tile(np.exp(logs), believed.tau_v_s.size)
+    table = np.repeat(assumed.table, logs.shape[1], axis=1)
+    table[:4] *= np.tile(np.exp(logs), assumed.tau_v_s.size)
     return AutopilotModels.of(table)
 
 
@@ -184,7 +184,7 @@ class Sums:
         self.first *= share[:, None]
         self.second *= share[:, None, None]
 
-    def scatter(self) -> Array:
+    def spread(self) -> Array:
         """Return the sums of products about the mean, (C, K, K)."""
         mean = self.first / np.maximum(self.count, 1.0)[:, None]
         return self.second - mean[:, :, None] * self.first[:, None, :]
@@ -199,14 +199,14 @@ class Fit(NamedTuple):
     """(C, P, P)."""
 
     @classmethod
-    def of(cls, scatter: Array, weights: Array, slopes: Array, worth: Array) -> Fit:
+    def of(cls, spread: Array, weights: Array, slopes: Array, worth: Array) -> Fit:
         """Return the fit at the simulations' `weights` (C, K), whose derivatives are `slopes` (C, P, K).
 
         `worth`: inverse variance of each sample, (C,).
         """
-        misfit = (scatter @ weights[..., None])[..., 0]
+        misfit = (spread @ weights[..., None])[..., 0]
         pull = -(slopes @ misfit[..., None])[..., 0] * worth[:, None]
-        return cls(pull, slopes @ scatter @ slopes.swapaxes(1, 2) * worth[:, None, None])
+        return cls(pull, slopes @ spread @ slopes.swapaxes(1, 2) * worth[:, None, None])
 
 
 class Means:
@@ -266,15 +266,15 @@ class Channel:
 
     def learn(self, differences: Array, counted: Mask) -> None:
         """Take a batch of simulations minus telemetry, (B, C, K), where `counted` (B, C), and fit the lags again."""
-        apart = np.where(counted, np.abs(differences[..., 0] - differences[..., -1]), 0.0)
-        excited = apart.max(axis=0, initial=0.0) > np.sqrt(self._noise())
+        difference = np.where(counted, np.abs(differences[..., 0] - differences[..., -1]), 0.0)
+        excited = difference.max(axis=0, initial=0.0) > np.sqrt(self._noise())
         shows = excited & counted.any(axis=0)
         fits = shows | ~self._settled
         self._all.keep(np.where(shows, self._kept, 1.0))
         self._all.add(differences, counted & excited)
         weights, slopes = self.nodes.weights(self.log_ratio)
-        scatter, count = self._all.scatter(), np.maximum(self._all.count, 1.0)
-        nearer = self._nearest(scatter, weights, slopes)
+        spread, count = self._all.spread(), np.maximum(self._all.count, 1.0)
+        nearer = self._nearest(spread, weights, slopes)
         used = self.log_ratio if self._in_use else np.zeros_like(self.log_ratio)
         nearest = weights + np.einsum("cp,cpk->ck", nearer, slopes)
         taken = np.where(fits[:, None], nearest, self.nodes.weights(used)[0])
@@ -284,28 +284,28 @@ class Channel:
             sums.keep(math.exp(-BATCH_S / RECENT_S))
         self._recent.add(differences, counted & shows)
         self._calm.add(left[..., None], counted & ~shows)
-        variance = alike * np.einsum("ck,ckl,cl->c", nearest, scatter, nearest) / count + self._noise()
-        self._fit(Fit.of(scatter, weights, slopes, 1.0 / (variance * self._independent)), fits)
+        variance = alike * np.einsum("ck,ckl,cl->c", nearest, spread, nearest) / count + self._noise()
+        self._fit(Fit.of(spread, weights, slopes, 1.0 / (variance * self._independent)), fits)
         self._judge(alike)
 
     def _noise(self) -> Array:
         """Return (C,) variances of residuals that aren't the lags'."""
         return within(self._means.variance, self._finest**2, self._resolution**2)
 
-    def _nearest(self, scatter: Array, weights: Array, slopes: Array) -> Array:
+    def _nearest(self, spread: Array, weights: Array, slopes: Array) -> Array:
         """Return (C, P), the change of the ratios towards the best fit; the prior holds ratios that hardly matter."""
-        fit = Fit.of(scatter, weights, slopes, 1.0 / (self._noise() * self._independent))
+        fit = Fit.of(spread, weights, slopes, 1.0 / (self._noise() * self._independent))
         held = fit.information + np.eye(slopes.shape[1]) / PRIOR_SPREAD**2
         return np.linalg.solve(held, fit.pull[..., None])[..., 0].astype(np.float64)
 
     def _fit(self, fit: Fit, fits: Mask) -> None:
         """Make a Gauss-Newton step towards the most likely lags of the vehicles (C,) in `fits`."""
-        believed = np.eye(self.log_ratio.shape[1]) / PRIOR_SPREAD**2
-        covariance = np.linalg.inv(fit.information + believed)
+        assumed = np.eye(self.log_ratio.shape[1]) / PRIOR_SPREAD**2
+        covariance = np.linalg.inv(fit.information + assumed)
         wanted = (covariance @ (fit.pull - self.log_ratio / PRIOR_SPREAD**2)[..., None])[..., 0]
         stepped = within(self.log_ratio + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
         most = np.maximum(np.diagonal(fit.information, axis1=1, axis2=2).max(axis=1), 1.0)
-        self._kept = np.where(fits, np.minimum(1.0, 1.0 / (LEAST_SPREAD**2 * most)), self._kept)
+        self._kept = np.where(fits, np.minimum(1.0, 1.0 / (MIN_SPREAD**2 * most)), self._kept)
         self._settled = np.where(fits, np.abs(stepped - self.log_ratio).max(axis=1) < SETTLED, self._settled)
         self.log_ratio = np.where(fits[:, None], stepped, self.log_ratio)
 
@@ -402,12 +402,12 @@ class LagsOnArrays:
         sent = [self._history.of(column) for column in range(len(self.models))]
         places = range(sent[0].acting(int(stamps[0, 0])), sent[0].end)
         acts = np.array([[each.acts[place] for each in sent] for place in places], dtype=np.int64)
-        told = np.array([[each.at(place) for each in sent] for place in places]).transpose(0, 2, 1)
+        commands = np.array([[each.at(place) for each in sent] for place in places]).transpose(0, 2, 1)
         gaps = (stamps[-1] - stamps[0]) / NANOSECONDS > GAP_S + BATCH_S
         learning: Mask = self._learning & self.lagging & self._bank.flying
-        learning &= np.isfinite(told).all(axis=(0, 1)) & ~gaps
+        learning &= np.isfinite(commands).all(axis=(0, 1)) & ~gaps
         if (learning & (stamps[-1] > stamps[0])).any():
-            flown, free = self._bank.fly(stamps, acts, np.where(learning, told, 0.0))
+            flown, free = self._bank.fly(stamps, acts, np.where(learning, commands, 0.0))
             simulated, learning = [*flown], learning & free
         else:
             simulated = [np.zeros((*stamps[1:].shape, len(channel.nodes.at))) for channel in self.channels]

@@ -74,14 +74,14 @@ def flown(
     """
     true, count = true or models(ratios), len(ratios)
     history = SetpointHistory(1 / TICK_S)
-    believed = tables.models(models(np.ones((count, 4))))
-    lags = kind(believed, history, 1 / TICK_S, 1 / TICK_S, in_use=in_use)
+    assumed = tables.models(models(np.ones((count, 4))))
+    lags = kind(assumed, history, 1 / TICK_S, 1 / TICK_S, in_use=in_use)
     rows = np.array([0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0])
     state, random = FlightStates(*np.repeat(rows[:, None], count, axis=1)), np.random.default_rng(seed)
     tick_ns, acting = round(TICK_S * 1e9), []
     for tick in range(round(seconds / TICK_S)):
-        told = np.repeat(np.array(tell(tick * TICK_S), dtype=float)[:, None], count, axis=1)
-        acting.append(told)
+        commands = np.repeat(np.array(tell(tick * TICK_S), dtype=float)[:, None], count, axis=1)
+        acting.append(commands)
         acts = np.full(count, tick * tick_ns + round(DELAY_S * 1e9))
         table = state.table
         for column in range(count) if not silent_s[0] < tick * TICK_S < silent_s[1] else ():
@@ -91,7 +91,7 @@ def flown(
             motion = table[4:6, column] + errors[:2], table[2, column] + errors[2], table[3, column]
             lags.hear(column, tick * tick_ns, (*motion[0].tolist(), float(motion[1]), float(motion[2])))
         lags.learn([learning] * count)
-        tables.send(history, acts, Setpoints.of(told))
+        tables.send(history, acts, Setpoints.of(commands))
         # A setpoint acts 3.5 ticks after it was sent.
         for late in (4, 3):
             state = advance(state, acting[max(0, tick - late)], np.full(count, TICK_S / 2), true)
@@ -210,7 +210,7 @@ def test_straight_flight_teaches_nothing():
     assert ratios_of(lags) == pytest.approx(1.0, abs=0.05)
 
 
-def test_what_was_learnt_stays_in_straight_flight():
+def test_what_was_estimated_stays_in_straight_flight():
     def tell(time_s):
         return wander(time_s) if time_s < 60 else (22.0, 0.0, 100.0)
 
@@ -230,7 +230,7 @@ def test_flight_at_a_rate_limit_teaches_nothing():
     assert ratios_of(lags)[1] == pytest.approx(1.0, abs=0.05)
 
 
-def test_nothing_is_learnt_from_the_change_over_a_gap_in_the_telemetry():
+def test_nothing_is_estimated_from_the_change_over_a_gap_in_the_telemetry():
     """Somebody else flies it meanwhile: 4 s later it is 6 m/s slower."""
 
     def tell(time_s):

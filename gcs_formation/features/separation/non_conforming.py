@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Possible positions of vehicles that don't fly by the law's setpoints: unresponsive, astray or uncommanded ones."""
+"""Possible positions of vehicles that don't fly by the law's setpoints: non-conforming or uncommanded ones."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ known only roughly."""
 ACCELERATION_S: Final = 0.5
 """Averaging time of the acceleration of a multirotor."""
 ACCELERATES_S: Final = 2.0
-"""How long an astray or uncommanded multirotor is assumed to keep accelerating."""
-ASTRAY_MPS, ASTRAY_MPS2 = 1.5, 1.0
-"""A multirotor is astray if its velocity is so far from the commanded one and departs from it that fast."""
+"""How long a non-conforming or uncommanded multirotor is assumed to keep accelerating."""
+NON_CONFORMING_MPS, NON_CONFORMING_MPS2 = 1.5, 1.0
+"""A multirotor is non-conforming if its velocity is so far from the commanded one and departs from it that fast."""
 PROBE_S: Final = 0.27
 """Longest interval of requests that every vehicle answers."""
 MISSED_S: Final = 0.5
 """How much longer answers may be missing, since links lose some."""
 STANDS: Triple = (0.0, 0.0, math.nan)
-"""Intent of a vehicle that stands or stops."""
+"""Intent of a vehicle that hovers or stops."""
 SET_OFF: Final = (0.0, 1 / 3, 2 / 3, 1.0)
 """Assumed times of its departure for home, as shares of the time in which it may depart."""
 
@@ -51,15 +51,15 @@ class Place(NamedTuple):
 
     column: int
     stands: int | None
-    """Instant from which it stands; None: it flies on."""
+    """Instant from which it hovers; None: it flies on."""
     sets_off: int | None = None
     """Instant from which it flies home; None: it doesn't."""
     home_m: tuple[float, float] = (math.nan, math.nan)
     held: Triple = UNKNOWN
-    """Setpoint by which it flies on until it stands."""
+    """Setpoint by which it flies on until it hovers."""
 
 
-class Unresponsive:
+class NonConforming:
     """Predicts vehicles that may not respond: they fly on by the last setpoint that they are known to have received.
 
     A multirotor may also stop some time after its last setpoint, which is the last one that it is known to have
@@ -166,7 +166,7 @@ class Unresponsive:
         return found
 
     def _flies(self, state: FlightState, place: Place, begin: int, at: int) -> tuple[Triple, float] | None:
-        """Predict a state from `begin`: by its setpoint, then standing, until it sets off for home or the instant `at`.
+        """Predict a state from `begin`: by its setpoint, then hovering, until it sets off for home or the instant `at`.
 
         Return its intent then, and for how long it has had it; None for a vehicle that is home by now.
         """
@@ -186,8 +186,8 @@ class Unresponsive:
         return (setpoint, flown_s) if setpoint[0] * flown_s < distance_m(state, place.home_m) else None
 
 
-class Wandering:
-    """Estimates the turn rates of uncommanded vehicles and the accelerations of multirotors, and which are astray."""
+class UncommandedMotion:
+    """Estimates turn rates of uncommanded vehicles, accelerations of multirotors, and which are non-conforming."""
 
     def __init__(
         self, history: SetpointHistory, models: list[AutopilotModel], horizon_s: float, *, hovers: bool
@@ -196,16 +196,16 @@ class Wandering:
         self._history, self._models, self._horizon_s, self._hovers = history, models, horizon_s, hovers
         self.turn_rps = [0.0] * len(models)
         """Turn rates of uncommanded vehicles."""
-        self.astray = [False] * len(models)
+        self.non_conforming = [False] * len(models)
         """Whether a multirotor doesn't fly its commanded velocity."""
         self.accel_mps2 = [(0.0, 0.0)] * len(models)
         self._last: Measured | None = None
 
     @property
-    def any_astray(self) -> bool:
-        """Whether any multirotor is astray."""
-        for astray in self.astray:  # noqa: SIM110 - as above
-            if astray:
+    def any_non_conforming(self) -> bool:
+        """Whether any multirotor is non-conforming."""
+        for non_conforming in self.non_conforming:  # noqa: SIM110 - as above
+            if non_conforming:
                 return True
         return False
 
@@ -224,19 +224,19 @@ class Wandering:
             if measured.active[column] and not self._hovers:
                 self.turn_rps[column] = 0.0
             elif 0.0 < elapsed_s < FORGOTTEN_AFTER_S:
-                then, now, most_rps = before.states[column], measured.states[column], model.turn_rate_max_rps
+                then, now, max_rps = before.states[column], measured.states[column], model.turn_rate_max_rps
                 if self._hovers:
                     self._watch_velocity(column, then.ground_mps(), now.ground_mps(), elapsed_s)
-                    self.astray[column] = measured.active[column] and self._goes_astray(column, measured)
+                    self.non_conforming[column] = measured.active[column] and self._leaves_command(column, measured)
                 else:
                     turned_rad = wrap(now.heading_rad - then.heading_rad)
-                    self.turn_rps[column] = within(turned_rad / elapsed_s, -most_rps, most_rps)
+                    self.turn_rps[column] = within(turned_rad / elapsed_s, -max_rps, max_rps)
 
     def intents(self, tick: Tick, members: list[int], measured: Measured) -> list[tuple[int, Triple]]:
         """Return other possible intents of multirotors: their indices in `members`, and velocities as setpoints."""
         if not self._hovers:
             return []
-        free = [at for at, each in enumerate(members) if self.astray[each] or not tick.active[each]]
+        free = [at for at, each in enumerate(members) if self.non_conforming[each] or not tick.active[each]]
         found = [(at, self._accelerated(members[at], measured)) for at in free]
         return found + [(at, home) for at in free if (home := self._homewards(tick, members[at], measured))]
 
@@ -248,7 +248,7 @@ class Wandering:
         east_mps2 += share * ((now[1] - then[1]) / elapsed_s - east_mps2)
         self.accel_mps2[column] = north_mps2, east_mps2
 
-    def _goes_astray(self, column: int, measured: Measured) -> bool:
+    def _leaves_command(self, column: int, measured: Measured) -> bool:
         """Return whether a multirotor's velocity departs from the commanded one, or has and doesn't return.
 
         A vehicle that had no setpoint a second ago is excluded: it may still be stopping.
@@ -259,10 +259,10 @@ class Wandering:
         (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self.accel_mps2[column]
         north_mps, east_mps = told_mps * math.cos(told_rad) - north_mps, told_mps * math.sin(told_rad) - east_mps
         off_mps = math.hypot(north_mps, east_mps)
-        if not off_mps > ASTRAY_MPS:
+        if not off_mps > NON_CONFORMING_MPS:
             return False
         back_mps2 = (north_mps * north_mps2 + east_mps * east_mps2) / off_mps
-        return back_mps2 < -ASTRAY_MPS2 or (self.astray[column] and back_mps2 < ASTRAY_MPS2)
+        return back_mps2 < -NON_CONFORMING_MPS2 or (self.non_conforming[column] and back_mps2 < NON_CONFORMING_MPS2)
 
     def _accelerated(self, column: int, measured: Measured) -> Triple:
         """Return the velocity, as speed and heading, that a multirotor reaches if it keeps accelerating."""
@@ -283,8 +283,8 @@ def _suspect_after_s(link: VehicleLink) -> float:
 
     Without loss its last sign is as old as the one-way delay plus the interval of requests.
     """
-    most_s = link.delay_s + PROBE_S + MISSED_S
-    return most_s if most_s < UNANSWERED_S else UNANSWERED_S
+    max_s = link.delay_s + PROBE_S + MISSED_S
+    return max_s if max_s < UNANSWERED_S else UNANSWERED_S
 
 
 def distance_m(state: FlightState, home_m: tuple[float, float]) -> float:

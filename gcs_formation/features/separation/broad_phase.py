@@ -25,20 +25,20 @@ act against the formation."""
 class KeptDistance:
     """The distance that vehicles keep: for two that are commanded less where their slots are near each other."""
 
-    __slots__ = ("each_m", "most_m", "rows")
+    __slots__ = ("each_m", "max_m", "rows")
 
-    def __init__(self, most_m: float, each_m: Array | None = None, first: int = 0) -> None:
+    def __init__(self, max_m: float, each_m: Array | None = None, first: int = 0) -> None:
         """Take the largest distance, and those of pairs whose slots are moving.
 
         Args:
-            most_m: from uncommanded vehicles, and where slots are far apart, or vehicles far from their slots.
+            max_m: from uncommanded vehicles, and where slots are far apart, or vehicles far from their slots.
             each_m: (C, C); None where slots rest: then it follows from the slots' distance.
             first: the first column that is a vehicle.
         """
-        self.most_m = most_m
+        self.max_m = max_m
         self.each_m = each_m
         self.rows: list[list[float]] = [] if each_m is None else each_m[first:, first:].tolist()
-        """`each_m` of vehicles as lists, for `FirstLook`."""
+        """`each_m` of vehicles as lists, for `BroadPhase`."""
 
 
 class VehicleBounds:
@@ -60,12 +60,12 @@ class VehicleBounds:
         """How much earlier or later than predicted it may be at a position."""
 
 
-class FirstLook:
+class BroadPhase:
     """Tests whether all pairs keep their distance while they fly as commanded and then along the reference's velocity.
 
     The test uses a frame that moves with the reference: the leader, along whose velocity the others can always fly. An
-    error e of speed or heading that decays with a lag tau, at a rate of at most r, displaces by e tau + e^2 / (2 r);
-    the trapezium rule adds half a step. For multirotors the error is one of velocity.
+    error e of speed or heading that decays with a time constant tau, at a rate of at most r, displaces by e tau + e^2 /
+    (2 r); the trapezium rule adds half a step. For multirotors the error is one of velocity.
     """
 
     def __init__(self, models: list[AutopilotModel], first_s: float, horizon_s: float, *, hovers: bool) -> None:
@@ -82,7 +82,7 @@ class FirstLook:
         self._along_mps = self._along_rad = 0.0
         """Speed and heading along which the others can always fly: the reference's, of multirotors the commanded."""
         self._frame_north_mps = self._frame_east_mps = 0.0
-        self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
+        self._far_max_m = self._fast_max_mps = self._off_max_s = 0.0
 
     def begin(self, reference: FlightState, speed_mps: float, heading_rad: float) -> None:
         """Begin a test: `see` every vehicle, then ask whether `all_apart`. The reference is commanded these two."""
@@ -93,7 +93,7 @@ class FirstLook:
             self._along_mps, self._along_rad = speed_mps, heading_rad
             self._frame_north_mps = speed_mps * math.cos(heading_rad)
             self._frame_east_mps = speed_mps * math.sin(heading_rad)
-        self._far_most_m = self._fast_most_mps = self._off_most_s = 0.0
+        self._far_max_m = self._fast_max_mps = self._off_max_s = 0.0
 
     def see(
         self,
@@ -122,7 +122,7 @@ class FirstLook:
         assert reference is not None
         vehicle.slot_m = slot_m
         reference_mps, reference_rad, model = self._along_mps, self._along_rad, vehicle.model
-        most_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
+        max_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
         along_mps = within(reference_mps, model.speed_min_mps, model.speed_max_mps)
         if self._hovers:
             slow_mps = _apart_mps(state, along_mps, reference_rad)
@@ -134,7 +134,7 @@ class FirstLook:
             step_mps, turn_rad = speed_mps - state.airspeed_mps, wrap(heading_rad - state.heading_rad)
         slow_mps = _slower_mps(model, slow_mps, step_mps, until_s, accel_mps2 if self._hovers else math.nan)
         off_rad += min(abs(turn_rad) / model.tau_psi_s, turn_rps) * until_s
-        along_m = slow_mps * (until_s + model.tau_v_s + HALF_S) + slow_mps * slow_mps / (2.0 * most_mps2)
+        along_m = slow_mps * (until_s + model.tau_v_s + HALF_S) + slow_mps * slow_mps / (2.0 * max_mps2)
         aside_s = off_rad * (until_s + model.tau_psi_s + HALF_S) + off_rad * off_rad / (2.0 * turn_rps)
         north_mps = state.wind_north_mps - reference.wind_north_mps
         east_mps = state.wind_east_mps - reference.wind_east_mps
@@ -143,25 +143,25 @@ class FirstLook:
         vehicle.east_m = state.east_m + self._frame_east_mps * early_s
         vehicle.far_m = along_m + along_mps * aside_s + drift_mps * (early_s + self._horizon_s)
         vehicle.fast_mps, vehicle.timing_s = slow_mps + along_mps * off_rad + drift_mps, timing_s
-        self._far_most_m = max(self._far_most_m, vehicle.far_m)
-        self._fast_most_mps = max(self._fast_most_mps, vehicle.fast_mps)
-        self._off_most_s = max(self._off_most_s, timing_s)
+        self._far_max_m = max(self._far_max_m, vehicle.far_m)
+        self._fast_max_mps = max(self._fast_max_mps, vehicle.fast_mps)
+        self._off_max_s = max(self._off_max_s, timing_s)
 
     def all_apart(self, kept: KeptDistance) -> bool:
         """Return whether all seen vehicles keep their distance; pairs far apart along one axis are skipped."""
-        most_m = kept.most_m + 2.0 * self._far_most_m + 4.0 * self._off_most_s * self._fast_most_mps
+        max_m = kept.max_m + 2.0 * self._far_max_m + 4.0 * self._off_max_s * self._fast_max_mps
         self._sort()
         order = self._order
         for i in range(len(order)):
             one = order[i]
             for j in range(i + 1, len(order)):
                 other = order[j]
-                if other.along_m - one.along_m > most_m:
+                if other.along_m - one.along_m > max_m:
                     break
                 off_m = (one.timing_s + other.timing_s) * (one.fast_mps + other.fast_mps)
                 room_m = off_m + one.far_m + other.far_m
                 ahead_m, aside_m = other.north_m - one.north_m, other.east_m - one.east_m
-                apart_m2, needed_m = ahead_m * ahead_m + aside_m * aside_m, kept.most_m + room_m
+                apart_m2, needed_m = ahead_m * ahead_m + aside_m * aside_m, kept.max_m + room_m
                 if not apart_m2 >= needed_m * needed_m:
                     needed_m = _kept_m(kept, one, other) + room_m
                     if not apart_m2 >= needed_m * needed_m:
@@ -194,7 +194,7 @@ def _kept_m(kept: KeptDistance, one: VehicleBounds, other: VehicleBounds) -> flo
     kept_m = SLOT_SHARE * math.sqrt(forward_m * forward_m + right_m * right_m + up_m * up_m)
     if kept.rows and not math.isnan(kept_m):
         kept_m = kept.rows[one.place][other.place]
-    return kept_m if kept_m < kept.most_m else kept.most_m
+    return kept_m if kept_m < kept.max_m else kept.max_m
 
 
 def _apart_mps(state: FlightState, speed_mps: float, heading_rad: float) -> float:

@@ -1,4 +1,4 @@
-"""Decides which vehicles give way, and how: a predictive filter of setpoints with safe manoeuvres in reserve.
+"""Decides which vehicles manoeuvre, and how: a predictive filter of setpoints with safe manoeuvres in reserve.
 
 A setpoint passes if, after it has acted, a manoeuvre is left that keeps every distance over the whole horizon; if none
 is, such a manoeuvre is flown now. See docs/separation.md for sources and consequences.
@@ -35,8 +35,8 @@ RETURN_S = 4.0
 """How long a multirotor's way back to its slot must be clear before it stops giving way."""
 NEGLIGIBLE_M_S = 1e-6
 HELPED_BELOW = 0.9
-"""If the best way keeps less than this share of the minimum distance, the vehicle with precedence gives way too. The
-margin allows for prediction errors."""
+"""If the best trajectory keeps less than this share of the minimum distance, the vehicle with precedence manoeuvres
+too. The margin allows for prediction errors."""
 HEIGHTS_MAX = 8
 """Largest number of heights that are tried for one vehicle."""
 SWEEPS = 2
@@ -44,7 +44,7 @@ SWEEPS = 2
 
 @dataclass(frozen=True)
 class Conflict:
-    """A vehicle that gives way, another, and their closest approach if it didn't."""
+    """A vehicle that manoeuvres, another, and their closest approach if it didn't."""
 
     vehicle: int
     other: int
@@ -58,12 +58,12 @@ class Resolution:
 
     setpoints: Setpoints
     side: Array
-    """(N,) input of the next tick: 1 for vehicles that pass above the others, -1 below, 0 if they don't give way."""
+    """(N,) input of the next tick: 1 for vehicles that pass above the others, -1 below, 0 if they don't manoeuvre."""
     conflicts: tuple[Conflict, ...]
 
 
 def resolve(picture: TrafficPicture, side: Array) -> Resolution:
-    """Return setpoints that keep the distances; a vehicle that needn't give way keeps exactly its own.
+    """Return setpoints that keep the distances; a vehicle that needn't manoeuvre keeps exactly its own.
 
     `side` is that of the last tick's resolution, (N,).
     """
@@ -111,11 +111,11 @@ class _Search:
         return Resolution(Setpoints.of(setpoints), self._side, tuple(found))
 
     def _second(self, i: int, j: int) -> int:
-        """Return which of a pair gives way first: the later one, if it is commanded."""
+        """Return which of a pair manoeuvres first: the later one, if it is commanded."""
         return j if self._picture.commanded[j] else i
 
     def _sweep(self) -> bool:
-        """Choose the ways of all waiting vehicles, the last one first; return whether some found no safe way."""
+        """Choose the trajectories of all waiting vehicles, the last first; return whether any found no safe one."""
         waiting, done, unsafe = set(self._waiting), set[int](), False
         while waiting:
             vehicle = max(waiting)
@@ -139,8 +139,8 @@ class _Search:
         )[:HEIGHTS_MAX]
         escapes = take_height(picture, vehicle, heights)
         waits = self._passing(vehicle, plain, escapes, heights)
-        gives_way = self._giving_way(vehicle, escapes)
-        options = _joined(waits, gives_way)
+        manoeuvres = self._manoeuvring(vehicle, escapes)
+        options = _joined(waits, manoeuvres)
         comes = self._approach(vehicle, options, others, 1.0)
         total = comes.deficit_m_s.sum(axis=1)
         held_back = waits.height_m.size if self._before[vehicle] and not self._released(vehicle, others, near) else 0
@@ -151,11 +151,11 @@ class _Search:
         return others[comes.nearest_m[chosen] < HELPED_BELOW * self._minimum(vehicle, others).distance_m].tolist()
 
     def _mildest(self, options: Manoeuvre, safe: Indices, waiting: int) -> int:
-        """Return the first safe option; if it gives way at once, the first one within the fence's heights if any."""
+        """Return the first safe option; if it manoeuvres at once, the first one within the fence's heights if any."""
         if safe[0] < waiting:
             return int(safe[0])
-        height_m, (least_m, most_m) = options.height_m[safe], self._picture.heights_m
-        return int(safe[int(((height_m < least_m) | (height_m > most_m)).argmin())])
+        height_m, (min_m, max_m) = options.height_m[safe], self._picture.heights_m
+        return int(safe[int(((height_m < min_m) | (height_m > max_m)).argmin())])
 
     def _released(self, vehicle: int, others: Indices, near: ClosestApproach) -> bool:
         """Return whether a vehicle may stop giving way: as commanded and then straight on, it keeps well clear of all.
@@ -179,22 +179,22 @@ class _Search:
         return not (approach(*ways, self._minimum(vehicle, free), times_s[soon]).deficit_m_s > NEGLIGIBLE_M_S).any()
 
     def _plain(self, vehicle: int) -> Manoeuvre:
-        """Return a vehicle's two ways without giving way: as commanded, then along the reference or straight on."""
+        """Return the two trajectories without a manoeuvre: as commanded, then as the reference or straight on."""
         which = np.array([vehicle])
         setpoints, (speed_mps, heading_rad) = self._picture.setpoints.take(which), self._picture.lasting(vehicle)
         along = Manoeuvre(setpoints, np.array([speed_mps]), np.array([heading_rad]), setpoints.height_m)
         return _joined(along, self._picture.straight(which))
 
     def _passing(self, vehicle: int, plain: Manoeuvre, escapes: Manoeuvre, heights: Array) -> Manoeuvre:
-        """Return the ways that begin as commanded: the plain ones, and those that give way later."""
+        """Return the trajectories that begin as commanded: the plain ones, and those that manoeuvre later."""
         setpoints = self._picture.setpoints.table[:, [vehicle]]
         courses = escapes.height_m.size // max(heights.size, 1)
         later = escapes.table.reshape(6, heights.size, courses)[:, :, :AS_COMMANDED].reshape(6, -1)
         later[:3] = setpoints
         return _joined(plain, Manoeuvre.of(later))
 
-    def _giving_way(self, vehicle: int, escapes: Manoeuvre) -> Manoeuvre:
-        """Return the ways that give way at once: at other heights first, for multirotors at the commanded one first."""
+    def _manoeuvring(self, vehicle: int, escapes: Manoeuvre) -> Manoeuvre:
+        """Return those that manoeuvre at once: at other heights first, for multirotors at the commanded one first."""
         level = take_height(self._picture, vehicle, self._picture.setpoints.height_m[[vehicle]])
         level = level.take(np.arange(AS_COMMANDED, level.height_m.size))
         return _joined(level, escapes) if self._picture.traffic.hovers else _joined(escapes, level)
@@ -209,8 +209,8 @@ class _Search:
     def _neighbours(self, vehicle: int) -> Indices:
         """Return the others that any way of a vehicle could bring too near, whatever their heights.
 
-        Each of its ways follows one of its courses, and the others' ways are known. The test uses the bounding boxes of
-        these, step by step in a frame that moves with the reference.
+        Each of its trajectories follows one of its courses, and the others' trajectories are known. The test uses the
+        bounding boxes of these, step by step in a frame that moves with the reference.
         """
         picture = self._picture
         courses = take_height(picture, vehicle, picture.setpoints.height_m[[vehicle]])
@@ -239,7 +239,7 @@ class _Search:
 
 
 def _conflicts(vehicle: int, others: Indices, near: ClosestApproach, conflicting: Mask) -> tuple[Conflict, ...]:
-    """Return a vehicle's conflicts, each on that of its plain ways which comes nearer to the other."""
+    """Return a vehicle's conflicts, each on that of its plain trajectories which comes nearer to the other."""
     way = np.argmin(near.nearest_m, axis=0)
     found: list[Conflict] = []
     for place in np.flatnonzero(conflicting).tolist():

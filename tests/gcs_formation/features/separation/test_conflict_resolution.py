@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flight_model.vehicle_arrays import Setpoints
-from gcs_formation.features.separation.giving_way import resolve
+from gcs_formation.features.separation.conflict_resolution import resolve
 from gcs_formation.features.separation.traffic import BESIDE_M
 from tests.gcs_formation.features.separation.encounters import KEPT_M, Vehicles, encounter, picture, wanted
 
@@ -30,9 +30,9 @@ NIGHTLY = [pytest.param(name, marks=pytest.mark.slow) for name in ("overtaking",
 @pytest.mark.parametrize("name", ["head-on", "crossing", *NIGHTLY])
 def test_the_distance_is_kept_where_it_would_be_broken(name: str, delay_s: float, jitter_s: float, loss: float) -> None:
     vehicles = Vehicles(ENCOUNTERS[name], delay_s=delay_s, jitter_s=jitter_s, loss=loss)
-    assert encounter(vehicles, 16, rule=False).least_m < 6.0
+    assert encounter(vehicles, 16, rule=False).min_m < 6.0
     flown = encounter(vehicles, 18)
-    assert flown.least_m > 0.9 * KEPT_M
+    assert flown.min_m > 0.9 * KEPT_M
     assert not flown.gave_way[0], "the leader yields last"
     if not loss:
         assert flown.changes.max() <= 2, "it begins once and ends once"
@@ -42,7 +42,7 @@ def test_the_distance_is_kept_where_it_would_be_broken(name: str, delay_s: float
 def test_four_that_meet_at_one_point_pass_on_levels_of_their_own() -> None:
     across: list[list[float]] = [[300, 300, 100, 22, -PI / 2, 0], [300, -300, 100, 22, PI / 2, 0]]
     flown = encounter(Vehicles(ENCOUNTERS["head-on"] + across), 25)
-    assert flown.least_m > 0.9 * KEPT_M
+    assert flown.min_m > 0.9 * KEPT_M
     assert not flown.gave_way[0]
 
 
@@ -50,7 +50,7 @@ def test_four_that_meet_at_one_point_pass_on_levels_of_their_own() -> None:
 def test_who_isn_t_commanded_is_kept_away_from(turn_rps: float) -> None:
     rows: list[list[float]] = [[0, 0, 100, 22, 0, 0], [300 - 440 * turn_rps, -300, 100, 22, PI / 2, turn_rps]]
     flown = encounter(Vehicles(rows, commanded=[True, False]), 18)
-    assert flown.least_m > 0.9 * KEPT_M
+    assert flown.min_m > 0.9 * KEPT_M
     assert not flown.gave_way[1]
 
 
@@ -62,33 +62,33 @@ def test_a_leader_in_its_bend_can_fly_on_as_it_reckoned(turn_rps: float, east_m:
     rows: list[list[float]] = [[0, 0, 100, 22, 0, turn_rps], [0, east_m, 100, 21.5, heading, 0]]
     flown = encounter(Vehicles(rows, commanded=[True, False]), 16)
     assert flown.gave_way[0]
-    assert flown.least_m > KEPT_M
+    assert flown.min_m > KEPT_M
 
 
-def test_nobody_is_sent_below_the_floor() -> None:
+def test_no_vehicle_is_sent_below_the_floor() -> None:
     vehicles = Vehicles([[0, 0, 100, 22, 0, 0], [600, 0, 99, 22, PI, 0]])
     assert np.min([setpoints[2] for setpoints in encounter(vehicles, 15).setpoints]) < 95
     vehicles.floor_m = 95
     flown = encounter(vehicles, 15)
     assert np.min([setpoints[2] for setpoints in flown.setpoints]) >= 99
-    assert flown.least_m > 0.9 * KEPT_M
+    assert flown.min_m > 0.9 * KEPT_M
 
 
 @pytest.mark.parametrize("fence_m", [(0.0, 105.0), (95.0, 200.0), (98.0, 102.0)])
-def test_who_gives_way_stays_within_the_heights_of_the_fence(fence_m: tuple[float, float]) -> None:
+def test_one_that_manoeuvres_stays_within_the_heights_of_the_fence(fence_m: tuple[float, float]) -> None:
     """Up and down are equally far, so it descends under the first limit; within the last it turns."""
     flown = encounter(Vehicles(ENCOUNTERS["head-on"], fence_m=fence_m), 18)
     heights_m = np.array([setpoints[2] for setpoints in flown.setpoints])
     assert fence_m[0] <= heights_m.min()
     assert heights_m.max() <= fence_m[1]
     assert flown.gave_way[1]
-    assert flown.least_m > 0.9 * KEPT_M
+    assert flown.min_m > 0.9 * KEPT_M
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(40))
 def test_random_encounters_never_break_the_limit(seed: int) -> None:
-    assert encounter(random_encounter(seed), 30).least_m > LIMIT_M
+    assert encounter(random_encounter(seed), 30).min_m > LIMIT_M
 
 
 def random_encounter(seed: int) -> Vehicles:
@@ -114,7 +114,9 @@ rows = st.lists(
 
 @settings(max_examples=60, deadline=None)
 @given(rows)
-def test_what_is_told_stays_in_the_envelope_and_whoever_passes_is_told_the_same_bits(rows: list[list[float]]) -> None:
+def test_what_is_commanded_stays_in_the_envelope_and_one_that_passes_is_commanded_the_same_bits(
+    rows: list[list[float]],
+) -> None:
     vehicles = Vehicles(rows)
     law = wanted(vehicles, 0.0)
     decided = resolve(picture(vehicles, vehicles.state, law), np.zeros(len(rows)))
@@ -143,11 +145,11 @@ def test_a_formation_is_left_alone(count: int, spacing_m: float, heading: float,
 
 
 @pytest.mark.parametrize(
-    ("rising_mps", "told_m", "gives_way"),
+    ("rising_mps", "commanded_m", "manoeuvres"),
     [(1.0, 106.1, False), (-1.0, 114.1, False), (-1.0, 110.1, True), (1.0, 98.1, True)],
 )
 def test_the_air_that_carries_a_vehicle_is_part_of_its_way(
-    rising_mps: float, told_m: float, *, gives_way: bool
+    rising_mps: float, commanded_m: float, *, manoeuvres: bool
 ) -> None:
     """One flies 10.1 m above another, where 10 m are kept, in air that rises or sinks.
 
@@ -156,9 +158,9 @@ def test_the_air_that_carries_a_vehicle_is_part_of_its_way(
     vehicles = Vehicles([[0, 0, 100, 22, 0, 0], [0, 0, 110.1, 22, 0, 0]])
     state = vehicles.state
     state.updraught_mps[1] = rising_mps
-    told = Setpoints(state.airspeed_mps, state.heading_rad, np.array([100.0, told_m]))
-    decided = resolve(picture(vehicles, state, told), np.zeros(2))
-    assert bool(decided.side[1]) == gives_way
-    if gives_way:
+    commands = Setpoints(state.airspeed_mps, state.heading_rad, np.array([100.0, commanded_m]))
+    decided = resolve(picture(vehicles, state, commands), np.zeros(2))
+    assert bool(decided.side[1]) == manoeuvres
+    if manoeuvres:
         pass_m = 100.0 + KEPT_M + BESIDE_M
         assert decided.setpoints.height_m[1] == pytest.approx(pass_m - 4.0 * rising_mps)
