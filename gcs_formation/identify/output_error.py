@@ -176,7 +176,8 @@ class Search:
         pulled = seen.T @ (pulls + np.outer(moved, moved)) @ seen + TINY * np.diag(values[known])
         weighed = seen * values[known]
         found = np.linalg.inv(weighed @ np.linalg.inv(pulled) @ weighed.T + self._prior).astype(np.float64)
-        return widened(found, np.linalg.inv(self._white_information(points) + self._prior))
+        white = np.linalg.inv(self._white_information(points) + self._prior).astype(np.float64)
+        return widened(found, white)
 
     def _white_information(self, points: Sequence[Point]) -> Array:
         """Return the information (P, P) of errors that are as large as found, and white."""
