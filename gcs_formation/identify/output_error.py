@@ -175,7 +175,17 @@ class Search:
         seen = directions[:, known]
         pulled = seen.T @ (pulls + np.outer(moved, moved)) @ seen + TINY * np.diag(values[known])
         weighed = seen * values[known]
-        return np.linalg.inv(weighed @ np.linalg.inv(pulled) @ weighed.T + self._prior).astype(np.float64)
+        found = np.linalg.inv(weighed @ np.linalg.inv(pulled) @ weighed.T + self._prior).astype(np.float64)
+        white = np.linalg.inv(self._white_information(points) + self._prior).astype(np.float64)
+        return widened(found, white)
+
+    def _white_information(self, points: Sequence[Point]) -> Array:
+        """Return the information (P, P) of errors that are as large as found, and white."""
+        counted = sum(self._counted(place).sum(axis=1) for place in range(len(points)))
+        squares = sum((each.error.reshape(CHANNELS, -1) ** 2).sum(axis=1) for each in points)
+        weights = np.maximum(counted, 1) / np.maximum(squares, TINY)
+        each_channel = (each.slopes.reshape(len(self.logs), CHANNELS, -1) for each in points)
+        return np.asarray(sum(np.einsum("pcm,qcm,c->pq", each, each, weights) for each in each_channel))
 
     def _errors(self, tried: Sequence[Array], nudged: Array) -> list[list[Array]]:
         """Return simulated minus measured, (3, K), for each of T sets of logarithms and each recording.
@@ -207,6 +217,16 @@ class Search:
         for channel, weights in enumerate(self._predictors):
             there[channel, : weights.size - 1] = False
         return there
+
+
+def widened(covariance: Array, white: Array) -> Array:
+    """Return a covariance (P, P) with no standard deviation below that of `white` errors, its correlations kept.
+
+    A spectrum that is estimated from the errors left by a fit is too low near 0, where the fit has taken them away: of
+    30 recordings with white noise, deviations by it alone held the airspeed's lag in 26 and a height's in 23.
+    """
+    more = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(covariance), TINY**2), 1.0))
+    return covariance * np.outer(more, more)
 
 
 class _Measured(NamedTuple):

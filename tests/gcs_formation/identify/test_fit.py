@@ -65,6 +65,40 @@ def test_the_links_delay_isnt_taken_for_the_vehicles():
     assert fit([late], VehicleModel()).estimates["tau_v_s"].value == pytest.approx(TRUE.tau_v_s, rel=0.1)
 
 
+def turned_late(dead_s, points=200):
+    """Return the noisy recording of a vehicle that was commanded turns alone, and answers them late."""
+    commanded = np.repeat(np.array([[22.0], [0.3], [100.0]]), points, axis=1)
+    commanded[1, 60:110] += 0.25
+    commanded[1, 150:190] -= 0.25
+    begin = np.repeat(np.array([[22.0], [0.3], [100.0], [0.0]]), points, axis=1)
+    seen = begin.copy()
+    seen[:3] = flown_by_lags(recording(begin, commanded), TRUE.model_copy(update={"dead_time_s": dead_s}))
+    seen[1] += 0.003 * np.random.default_rng(3).standard_normal(points)
+    return replace(recording(seen, commanded), channels=("heading",))
+
+
+@pytest.mark.parametrize("dead_s", [pytest.param(0.0, marks=pytest.mark.slow), 0.35])
+def test_a_dead_time_is_found_beside_the_time_constant_and_none_where_there_is_none(dead_s):
+    found = fit([turned_late(dead_s)], VehicleModel(tau_psi_s=2.0))
+    for name, true in (("dead_time_s", dead_s), ("tau_psi_s", TRUE.tau_psi_s)):
+        assert abs(found.estimates[name].value - true) < 3.0 * found.estimates[name].sigma
+        assert found.estimates[name].sigma < 0.05
+    assert (found.model.dead_time_s > 0.0) == (dead_s > 0.0)
+    assert found.residual_rms["heading_rad"] < 0.005
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("dead_s", "hz", "times"), [(0.3, 10, 1), (0.3, 4, 2), (0.0, 10, 1)])
+def test_over_thirty_repeats_the_deviations_hold_the_dead_time_in_nine_of_ten(dead_s, hz, times):
+    true, held = TRUE.model_copy(update={"dead_time_s": dead_s}), list[list[bool]]()
+    for seed in range(30):
+        sigmas = times * np.array([0.2, np.radians(0.5), 0.3])
+        found = fit([told_by_noisy_sensors(seed, hz, sigmas, true)], VehicleModel()).estimates
+        each = ((found[name], getattr(true, name)) for name in ("dead_time_s", "tau_v_s", "tau_psi_s"))
+        held.append([abs(estimate.value - value) < 1.96 * estimate.sigma for estimate, value in each])
+    assert np.mean(held, axis=0).min() >= 0.9
+
+
 @pytest.fixture(scope="module")
 def punctual():
     """Let setpoints act as soon as they are taken."""
@@ -97,9 +131,9 @@ def test_the_deviations_cover_errors_that_last(flights, rounds):
     assert np.sqrt(np.mean(np.square(misses))) < 1.5
 
 
-def told_by_noisy_sensors(seed, hz, sigmas):
-    """Return a recording of `TRUE` whose samples have white noise, `hz` per second."""
-    exact, random = flown(TRUE, stepped()), np.random.default_rng(seed)
+def told_by_noisy_sensors(seed, hz, sigmas, true=TRUE):
+    """Return a recording of a vehicle whose samples have white noise, `hz` per second."""
+    exact, random = flown(true, stepped()), np.random.default_rng(seed)
     at = np.arange(0.0, POINTS - 1.0, 1.0 / (hz * STEP_S))
     values = [np.interp(at, np.arange(POINTS), each) for each in exact.seen[:3]]
     noisy = [each + sigma * random.standard_normal(at.size) for each, sigma in zip(values, sigmas, strict=True)]
