@@ -1,9 +1,10 @@
 """Keys that features bring to the groups of a scenario.
 
 A feature's module `keys` has a class of `BroughtKeys` for each place in a group where it adds keys, and names them in
-`KEYS`. A group that is open, `class Safety(OpenGroup, group="safety")`, takes them when its class is made: in types,
-error texts, schema and reference they are keys like its own. So every program that reads scenarios knows all keys of
-the features that are there, and a key of a feature whose folder is missing is an unknown key.
+`KEYS`; in `WORDS` it has the words that it adds to those which a key of the core allows. A group that is open,
+`class Safety(OpenGroup, group="safety")`, takes them when its class is made: in types, error texts, schema and
+reference they are keys like its own. So every program that reads scenarios knows all keys of the features that are
+there, and a key of a feature whose folder is missing is an unknown key.
 
 The feature reads them by its class, `SeparationKeys.of(scenario).avoidance`; the core, which knows no feature, asks a
 group for values of a kind that it knows: `scenario.safety.each(KeepsDistance)`.
@@ -73,7 +74,12 @@ class OpenGroup(Keys):
 @cache
 def brought_keys() -> tuple[type[BroughtKeys], ...]:
     """Return the keys that the features which are there bring, in the features' order."""
-    return tuple(each for module in brought("keys") for each in module.KEYS)
+    return tuple(each for module in brought("keys") for each in getattr(module, "KEYS", ()))
+
+
+def brought_words(name: str) -> tuple[str, ...]:
+    """Return the words that features add to those that the core allows for a key, `telemetry.clock`."""
+    return tuple(word for module in brought("keys") for word in getattr(module, "WORDS", {}).get(name, ()))
 
 
 def with_brought_defaults(data: Mapping[Key, Plain]) -> dict[Key, Plain]:

@@ -10,6 +10,7 @@ from annotated_types import MaxLen
 from pydantic import BaseModel, Tag, ValidationError
 from pydantic.fields import FieldInfo
 
+from formation_scenario.feature_folders import absent_features
 from formation_scenario.fields import CHOICE, EXTENSION, Allowed, Problem, did_you_mean
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, kind, show
 
@@ -43,7 +44,9 @@ def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: S
         keys = _keys(parent.type) if is_group(parent.type) else []
         near = did_you_mean(str(loc[-1]), keys) or _deeper(parent.type, loc[-1], (*above, *parent.path))
         path = (*above, *parent.path, loc[-1])
-        return source.problem(path, f"found an unknown key '{loc[-1]}'", ", ".join(keys) + near)
+        absent = absent_features(source.home)
+        flown = f"; it was flown with features that aren't here: {', '.join(absent)}" if absent else ""
+        return source.problem(path, f"found an unknown key '{loc[-1]}'", ", ".join(keys) + near + flown)
     if MAPPING_KEY in loc:
         loc = loc[: loc.index(MAPPING_KEY)]
         allowed = describe(*bare(get_args(_expected(model, loc[:-1]).type)[0]))

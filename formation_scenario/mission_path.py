@@ -226,7 +226,7 @@ class _FromFile:
         counts = ((len(found.areas), "areas of a fence"), (len(found.rally), "rally points"))
         said = " and ".join(f"{count} {what}" for count, what in counts if count)
         own = _group(self._source, "safety").get("fence") is not None
-        kept = None if own else next(brought("mission_keys"), None)
+        kept = None if own else next(iter(brought("mission_keys")), None)
         if kept is not None:
             keys: dict[Key, Plain] = kept.fence_keys(found, geodetic, self._home_m(origin))
             return keys

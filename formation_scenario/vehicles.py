@@ -11,6 +11,7 @@ from pydantic import Field
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.energy import AirframeParameters
+from formation_scenario.brought_keys import brought_words
 from formation_scenario.fields import (
     MAX_SYSTEM_ID,
     OF_AN_EXTENSION,
@@ -44,7 +45,7 @@ LeastSpeed = Annotated[Number, Field(ge=0.0, le=1e3)]
 BASE_PORT = 14550
 MAX_CLOCK_S = 4e6
 """MAVLink's time since boot, 32 bits of milliseconds, ends at 4.29e6 s."""
-CLOCKS: Final = ("round_trip", "gnss")
+CLOCKS: Final = ("round_trip", *brought_words("telemetry.clock"))
 """How we map vehicles' stamps to one clock ourselves."""
 AUTOPILOTS: Final = ("emulator", "arduplane", "arducopter", "px4")
 Family = Literal["arduplane", "arducopter", "px4_plane", "px4_copter"]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 import subprocess
 import sys
+from pathlib import Path
 from typing import get_type_hints
 
 import pytest
 
 from formation_scenario.brought_keys import BroughtKeys, brought_keys, in_order
-from formation_scenario.fields import Flag, Keys, Positive, key
+from formation_scenario.feature_folders import feature_names
+from formation_scenario.fields import Flag, Keys, Positive, ScenarioError, key
 from formation_scenario.load import load_scenario
 from formation_scenario.model import Safety
 from tests.formation_scenario.conftest import minimal
@@ -59,6 +62,22 @@ def test_each_is_a_key_of_its_group_in_this_and_in_another_process() -> None:
         for name in each.fields():
             assert getattr(each.of(copied), name) == getattr(each.of(scenario), name)
     assert copied == scenario
+
+
+def test_a_recorded_run_s_unknown_key_names_the_features_that_it_was_flown_with_and_that_are_not_here(
+    tmp_path: Path,
+) -> None:
+    scenario = tmp_path / "run.yaml"
+    scenario.write_text(json.dumps(minimal() | {"safety": {"ceiling": {"top_m": 140}}}))
+    said = {True: "; it was flown with features that aren't here: ceiling", False: ""}
+    for flown in (True, False):
+        features = [*feature_names(), *(["ceiling"] if flown else [])]
+        (tmp_path / "summary.json").write_text(json.dumps({"features": features}))
+        with pytest.raises(ScenarioError) as refused:
+            load_scenario(scenario)
+        (problem,) = refused.value.problems
+        assert (problem.key, problem.found) == ("safety.ceiling", "found an unknown key 'ceiling'")
+        assert problem.allowed == ", ".join(Safety.model_fields) + said[flown]
 
 
 def test_the_models_of_groups_are_read_by_type_checkers_without_brought_keys() -> None:

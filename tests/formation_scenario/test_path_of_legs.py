@@ -1,4 +1,4 @@
-"""Paths of legs of a scenario: turns that every slot can fly, what is refused, and the distance to the fence."""
+"""Paths of legs of a scenario: turns that every slot can fly, and what is refused."""
 
 import math
 
@@ -7,7 +7,6 @@ import pytest
 
 from flight_model.legs.deviation import deviation
 from formation_scenario import load_scenario
-from formation_scenario.ground_and_fence import fence_distances
 from formation_scenario.sampled_path import SampledPath
 from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
@@ -71,21 +70,6 @@ def test_a_leg_too_steep_is_refused_with_the_length_that_it_needs_and_that_lengt
         else:
             assert refusal(longer, LEGS)
     assert load(STEEP, LEGS, "path.climb=circle").leader_path.length_m > 7000.0
-
-
-def test_detours_stay_inside_a_fence_that_leaves_them_room_on_one_side(load):
-    lanes = "path.waypoints_m=[[0, 0, 100], [2000, 0, 100], [2000, 60, 100], [0, 60, 100]]"
-    fence = "safety.fence={corners_m: [[-900, -700], [-900, 700], [2600, 700], [2600, -700]], height_max_m: 130}"
-    scenario = load(lanes, LEGS, fence, "start.run_in_s=10", "start.in_air=true")
-    each = fence_distances(scenario)
-    assert len(each) == 4
-    assert min(slot.least_m for slot in each) > 25.0
-    assert [slot.height_m for slot in each] == sorted(slot.height_m for slot in each)
-    assert {slot.height_m for slot in each} == {30.0}
-    leader = next(slot for slot in each if slot.who == "the leader")
-    points = scenario.leader_path.at(np.linspace(0.0, scenario.leader_path.length_m, 4000))
-    sides = np.stack((2600.0 - points.north_m, points.north_m + 900.0, 700.0 - np.abs(points.east_m)))
-    assert leader.least_m == pytest.approx(sides.min(), abs=0.5)
 
 
 def test_check_says_how_far_a_path_is_from_its_legs_and_warns_of_a_spline_alone(load):

@@ -42,11 +42,11 @@ except SystemExit:
 LEFT_OUT = f"""
 from formation_scenario.links import LinkChange
 from formation_scenario.load import load_scenario
-from gcs_formation.features.airspace.keys import Fence
+from formation_scenario.surroundings import Terrain
 load_scenario({str(QUICKSTART)!r})
-print(Fence.__pydantic_complete__, LinkChange.__pydantic_complete__)
-load_scenario({str(QUICKSTART)!r}, ["safety.fence={{}}"])
-print(Fence.__pydantic_complete__)
+print(Terrain.__pydantic_complete__, LinkChange.__pydantic_complete__)
+load_scenario({str(QUICKSTART)!r}, ["terrain={{}}"])
+print(Terrain.__pydantic_complete__)
 """
 CHECK = f"""
 import sys

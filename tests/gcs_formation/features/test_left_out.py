@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from formation_scenario.brought_keys import brought_keys
-from formation_scenario.feature_folders import PACKAGE
+from formation_scenario.feature_folders import PACKAGE, brought
 from gcs_formation.core.feature import features
 
 ROOT = Path(__file__).parents[3]
@@ -28,31 +28,42 @@ FAMILIES = tuple(
     for each in sorted(ROOT.glob("*/**/families/*/family.py"))
     if each.parent.name != FLOWN and each.relative_to(ROOT).parts[0] in TREE
 )
-KEYS = {
-    f"{each.group}.{key}": each.__module__.removeprefix(f"{PACKAGE}.").partition(".")[0]
-    for each in brought_keys()
-    for key in each.fields()
-}
+
+
+def _feature(module: str) -> str:
+    return module.removeprefix(f"{PACKAGE}.").partition(".")[0]
+
+
+KEYS = {f"{each.group}.{key}": _feature(each.__module__) for each in brought_keys() for key in each.fields()}
 """The keys that features bring, each with the name of its feature."""
+WORDS = {
+    f"{key}={word}": _feature(module.__name__)
+    for module in brought("keys")
+    for key, words in getattr(module, "WORDS", {}).items()
+    for word in words
+}
+"""The words that they bring, likewise."""
+BROUGHT = KEYS | WORDS
 LOAD = """
 import sys
 from formation_scenario.fields import ScenarioError
 from formation_scenario.load import load_scenario
 for key in sys.argv[1:]:
     try:
-        load_scenario("configs/quickstart.yaml", [f"{key}=[[]]"])
+        load_scenario("configs/quickstart.yaml", [key if "=" in key else f"{key}=[[]]"])
     except ScenarioError as error:
-        if "unknown key" in str(error):
+        if "=" in key or "unknown key" in str(error):
             print(key)
 """
-"""Prints which of some keys are unknown."""
+"""Prints which of some keys and words are unknown."""
 
 
 def flown_without(tmp_path: Path, *names: str) -> dict[str, object]:
     """Fly the quickstart in a copy of the tree without some features; return the summary."""
     summary = flown_without_folders(tmp_path, *(f"gcs_formation/features/{name}" for name in names))
     assert summary["features"] == [name for name in NAMES if name not in names]
-    assert in_copy(tmp_path, "-c", LOAD, *KEYS).split() == [key for key, feature in KEYS.items() if feature in names]
+    unknown = in_copy(tmp_path, "-c", LOAD, *BROUGHT).split()
+    assert unknown == [key for key, feature in BROUGHT.items() if feature in names]
     return summary
 
 

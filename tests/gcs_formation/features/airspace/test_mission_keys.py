@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +19,8 @@ def test_without_a_feature_that_keeps_it_a_files_fence_is_not_flown_and_that_is_
     around = [lat_lon(*place) for place in ((-4000, -4000), (6000, -4000), (6000, 6000), (-4000, 6000))]
     areas = [{"polygon": around, "inclusion": True}]
 
-    def nothing(_: str) -> Iterator[object]:
-        return iter(())
+    def nothing(_: str) -> tuple[object, ...]:
+        return ()
 
     monkeypatch.setattr(mission_path, "brought", nothing)
     scenario = load(plan(tmp_path, geoFence={"polygons": areas}))
