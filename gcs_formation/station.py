@@ -59,7 +59,7 @@ class Station(Engine):
         self.scenario, self.cycle = parts.scenario, parts.cycle
         self.controller, self.course = parts.controller, parts.course
         self.flight, self.vehicles, self.networks = self.course.flight, parts.vehicles, parts.networks
-        self.gate, self.orders, self.budget = parts.gate, parts.orders, parts.budget
+        self.gate, self.orders = parts.gate, parts.orders
         self.signatures, self.radio_reports = parts.signatures, parts.radio_reports
         self._endpoints, self._receiver, self._senders = parts.endpoints, parts.receiver, parts.senders
         self._membership, self._flood = parts.membership, parts.flood

@@ -186,7 +186,7 @@ def forwarded(session: Session) -> tuple[Engine, Callable[[Engine], None] | None
         engine = Forwarding(session.engine, ends, remotes, ids, joined)
     else:
         engine = Forwarding(session.engine, ends, remotes, ids, joined, VerifyingReceiver(signing.copied()).passed)
-    station.budget.leaves_unread = True
+    station.cycle.findings.others_listen = True
     return engine, engine.replace
 
 

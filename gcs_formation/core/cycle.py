@@ -18,6 +18,8 @@ from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.fleet.frame_loss import FrameLoss
+from gcs_formation.fleet.routing_and_dispatch import HeartbeatScheduler
+from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.mission.beginning import Beginning
 from gcs_formation.mission.course import Course
 from gcs_formation.mission.ending import Ending
@@ -67,6 +69,8 @@ class Findings:
         """The scenario with the gains in force."""
         self.silent_aloft = list[VehicleId]()
         """Silent vehicles that were last heard in the air, if all others are down."""
+        self.others_listen = False
+        """Whether a second ground station hears the vehicles, and may read what this one doesn't."""
         self.wrecks = frozenset[VehicleId]()
         """Which of these are known to lie on the ground."""
 
@@ -81,6 +85,12 @@ class Cycle:
     Made once for a flight. Columns are those of the controller; what one stage says to another is here.
     """
 
+    as_written: Scenario
+    """The scenario as it was written, with what it says of radios."""
+    heartbeats: HeartbeatScheduler
+    """Schedules heartbeats and TIMESYNC requests."""
+    radio_reports: RadioReports
+    """What radios report of themselves."""
     now: Instant
     """The instant of the cycle."""
     mission_s: float

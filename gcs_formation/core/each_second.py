@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from airlink.clock import Instant
-from gcs_formation.budget.link_budget import LinkBudget
 from gcs_formation.core.cycle import EACH_SECOND, Cycle, Stage
 from gcs_formation.fleet.routing_and_dispatch import Dispatch, HeartbeatScheduler
 from gcs_formation.link.link_health import LinkState
@@ -28,21 +27,6 @@ class OwnParts(Stage):
             failure = each.autopilot.failure if own is None else own.failure or each.autopilot.failure
             if failure is not None:
                 cycle.course.fail_by(failure, cycle.now, begun=commands_anybody(cycle))
-
-
-class Budget(Stage):
-    """Fits what goes over a link to what it carries. It needs to know how much of their margin loops use."""
-
-    name = "budget"
-    when = EACH_SECOND
-
-    def __init__(self, budget: LinkBudget) -> None:
-        """Take what decides."""
-        self._budget = budget
-
-    def run(self, cycle: Cycle) -> None:
-        """Ask for other rates where they change."""
-        cycle.send(self._budget.watch(cycle.now, cycle.findings.margin_used), cycle.now)
 
 
 class Strangers(Stage):

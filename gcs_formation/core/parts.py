@@ -8,7 +8,6 @@ from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from airlink.signing.signed_links import SignedLinks, receiver_of
 from formation_scenario import Scenario
-from gcs_formation.budget.link_budget import link_budget
 from gcs_formation.controller import FormationController
 from gcs_formation.core.cycle import Cycle, Send
 from gcs_formation.core.feature import resumed_beginning
@@ -80,7 +79,8 @@ class Parts:
         self.orders = Orders(scenario, self.course, self.reconfiguration, note)
         self.several_links = SeveralLinks(*fleet)
         self.heartbeats = HeartbeatScheduler(*fleet, narrow, self.radio_reports)
-        self.budget = link_budget(stated, *fleet, self.radio_reports, self.heartbeats)
+        self.cycle.as_written, self.cycle.heartbeats = stated, self.heartbeats
+        self.cycle.radio_reports = self.radio_reports
 
     def resume(self, resumed: PastFlight) -> None:
         """Go on with an interrupted flight."""

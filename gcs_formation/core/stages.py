@@ -23,7 +23,7 @@ from gcs_formation.core.commanding import (
 )
 from gcs_formation.core.connecting import Begin, Commands, Links, Restarts, Start
 from gcs_formation.core.cycle import Stage
-from gcs_formation.core.each_second import Budget, Heartbeats, OwnParts, Strangers
+from gcs_formation.core.each_second import Heartbeats, OwnParts, Strangers
 from gcs_formation.core.estimating import Estimates, Members, Samples
 from gcs_formation.core.parts import NoteLink, Parts
 from gcs_formation.core.sending import End, Events, LookOn, Phases, Record, Setpoints, StandIns
@@ -44,7 +44,6 @@ def core_stages(
     return [
         # Once a second: what changes slowly, then the heartbeats.
         OwnParts(),
-        Budget(parts.budget),
         Strangers(strangers),
         Heartbeats(parts.heartbeats, dispatch),
         # Who is there, and ready.

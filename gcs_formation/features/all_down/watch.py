@@ -25,7 +25,7 @@ class AllDown(Stage):
 
     name = "all_down"
     when = EACH_SECOND
-    after = ("budget", "telemetry_noise", "stream_loss")
+    after = ("own_parts", "budget", "telemetry_noise", "stream_loss")
 
     def __init__(self, cycle: Cycle) -> None:
         """Start before the first take-off."""

@@ -127,7 +127,10 @@ class StreamLosses(Stage):
 
     name = "stream_loss"
     when = EACH_SECOND
-    after = ("budget",)
+    after = (
+        "own_parts",
+        "budget",
+    )
 
     def __init__(self, cycle: Cycle) -> None:
         """Replace what is known of each vehicle's lost frames."""

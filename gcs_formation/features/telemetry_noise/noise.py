@@ -28,7 +28,10 @@ class TelemetryNoise(Stage):
 
     name = "telemetry_noise"
     when = EACH_SECOND
-    after = ("budget",)
+    after = (
+        "own_parts",
+        "budget",
+    )
 
     def __init__(self, cycle: Cycle) -> None:
         """Begin with noise as declared and plausible airspeeds."""

@@ -40,7 +40,7 @@ def test_the_straight_before_the_path_is_as_long_as_the_fence_has_room_for(times
 
 @pytest.mark.parametrize("wind_east_mps", [-8.0, 0.0, 8.0])
 @pytest.mark.parametrize("side", [1, -1])
-def test_a_lap_is_flown_on_the_side_where_the_fence_has_room(side: int, wind_east_mps: float) -> None:
+def test_a_holding_pattern_is_flown_on_the_side_where_the_fence_has_room(side: int, wind_east_mps: float) -> None:
     west_m, east_m = (-200.0, 2000.0) if side > 0 else (-2000.0, 200.0)
     leads = fenced(-2000.0, west_m, east_m)
     way = leads.lap(leads.path.at(-44.0), 0.0, wind_east_mps)

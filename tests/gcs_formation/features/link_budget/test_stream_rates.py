@@ -13,7 +13,7 @@ from airlink.messages.command import CommandLong
 from airlink.messages.telemetry import Wind
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.budget.levels import UNREAD_HZ
-from gcs_formation.budget.stream_rates import StreamRates
+from gcs_formation.features.link_budget.stream_rates import StreamRates
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle

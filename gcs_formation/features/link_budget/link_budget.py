@@ -1,4 +1,4 @@
-"""What the links carry, watched once a second: the station's one call into this package.
+"""What the links carry, watched once a second.
 
 Over a full link rates go down by `levels.LEVELS`, one level at a time, until it isn't full any more. They go up again
 once what the level above would need is well below what the link carried when it was full; and, as a link may carry
@@ -16,9 +16,9 @@ from airlink.endpoint import VehicleId
 from airlink.messages import Message
 from formation_scenario import Scenario
 from gcs_formation.budget.levels import LEVELS, Level
-from gcs_formation.budget.link_load import LinkLoad
-from gcs_formation.budget.stream_rates import StreamRates
 from gcs_formation.budget.traffic import STEADY_PROBE_S, UNSTATED, Stated, bytes_per_s, flight_hz, stated_by, thinned
+from gcs_formation.features.link_budget.link_load import LinkLoad
+from gcs_formation.features.link_budget.stream_rates import StreamRates
 from gcs_formation.fleet.routing_and_dispatch import PROBE_S, HeartbeatScheduler
 from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.recorder import Note
@@ -150,11 +150,13 @@ class LinkBudget:
         for each in self._each:
             each.apply(Instant(0))
         self._note, self._reports = note, reports
-        self.leaves_unread = False
-        """Whether messages that the station doesn't read are left at their rates, as for a second ground station."""
 
-    def watch(self, now: Instant, margins_used: Sequence[float] = ()) -> list[tuple[Vehicle, Message]]:
+    def watch(
+        self, now: Instant, margins_used: Sequence[float] = (), *, leaves_unread: bool = False
+    ) -> list[tuple[Vehicle, Message]]:
         """Return the requests to send now; `margins_used`: shares of their delay margins that loops use.
+
+        `leaves_unread`: messages that the station doesn't read are left at their rates, as for a second ground station.
 
         What is held back is a delay, too: where a loop has little of its margin left every change is sent.
         """
@@ -169,18 +171,18 @@ class LinkBudget:
             change = each.judge(now)
             if change:
                 changes.setdefault(change, []).append(each)
-            found += [(vehicle, request) for request in self._requests(each, now)]
+            found += [(vehicle, request) for request in self._requests(each, now, leaves_unread=leaves_unread)]
         for change, those in changes.items():
             self._tell(change, those, now)
         return found
 
-    def _requests(self, each: VehicleBudget, now: Instant) -> list[Message]:
+    def _requests(self, each: VehicleBudget, now: Instant, *, leaves_unread: bool) -> list[Message]:
         vehicle, level = each.vehicle, LEVELS[each.level]
         requests = each.apply(now)
         probe_s = level.probe_s or (STEADY_PROBE_S if vehicle.round_trips.steady else PROBE_S)
         self._heartbeats.spare(vehicle.identity, probe_s, irregular=level.probe_s > 0.0)
         if vehicle.start_up.finished or (each.level and vehicle.start_up.asked_for_telemetry):
-            unread_hz = None if self.leaves_unread and not each.level else level.unread_hz
+            unread_hz = None if leaves_unread and not each.level else level.unread_hz
             requests += each.streams.requests(vehicle.rates_hz, unread_hz, now)
         return requests
 

@@ -1,0 +1,1 @@
+"""Fits what goes over the links to what they carry."""
