@@ -13,16 +13,27 @@ from gcs_formation.app.sitl.fleet import Simulated
 from gcs_formation.app.sitl.processes import SimulatorError, ended, running
 from gcs_formation.app.sitl.simulator import Craft, Launch
 from tests.gcs_formation.app.sitl.test_fleet import fleet
-from tests.processes import wait_for
+from tests.processes import free_port, wait_for
 
 WAITS = "import sys; print('up', flush=True); sys.stdin.close(); import time; time.sleep(60)"
 FAILS = "import sys; sys.exit('no such model')"
 
 
+def at_free_port(one: Simulated) -> Simulated:
+    """Return a vehicle whose simulator has a port that no simulator on this machine has."""
+    port = free_port()
+
+    class Elsewhere(type(one.simulator)):  # type: ignore[misc]
+        def ports(self, craft: Craft) -> tuple[int, ...]:
+            return (port,)
+
+    return replace(one, simulator=Elsewhere())
+
+
 def as_python(one: Simulated, code: str) -> Simulated:
     """Return a vehicle whose simulator is a line of Python."""
 
-    class Program(type(one.simulator)):  # type: ignore[misc]
+    class Program(type(at_free_port(one).simulator)):  # type: ignore[misc]
         def launch(self, program: Path, craft: Craft) -> Launch:
             return Launch([sys.executable, "-S", "-c", code], files={"set.parm": "A 1\n"})
 
@@ -45,7 +56,7 @@ def test_one_that_ends_is_named_with_its_last_words(tmp_path: Path) -> None:
 
 
 def test_a_port_that_another_program_has_is_named(tmp_path: Path) -> None:
-    one = fleet()[0]
+    one = at_free_port(fleet()[0])
     (port,) = one.simulator.ports(one.craft)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("", port))
@@ -55,6 +66,6 @@ def test_a_port_that_another_program_has_is_named(tmp_path: Path) -> None:
 
 def test_a_program_that_can_not_be_executed_is_named(tmp_path: Path) -> None:
     (tmp_path / "arduplane").write_bytes(b"no program")
-    one = replace(fleet()[0], program=tmp_path / "arduplane")
+    one = replace(at_free_port(fleet()[0]), program=tmp_path / "arduplane")
     with pytest.raises(SimulatorError, match=r"can't run .*arduplane: "):
         running([one], tmp_path).__enter__()
