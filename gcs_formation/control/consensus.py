@@ -58,7 +58,7 @@ class ConsensusLaw(Law):
 
         Args:
             gains: k1 in 1/s², k2 in 1/s and k3 in 1/s.
-            weights: (C, C): entry (p, q) > 0 when p receives q; a virtual leader receives from none and none from it.
+            weights: (C, C): entry (p, q) > 0 when p receives from q; a virtual leader has no edges.
             members: columns of real vehicles.
             frame: frame in which slots are defined.
             models: (C,) autopilot models.

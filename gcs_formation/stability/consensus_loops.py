@@ -1,6 +1,6 @@
 """Delay margin of the consensus protocol (3) on a directed or undirected communication graph.
 
-Graphs are weighted adjacency matrices: entry (p, q) is positive when p receives q.
+Graphs are weighted adjacency matrices: entry (p, q) is positive when p receives from q.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def consensus_delay_margin(
     first one is the margin. With c_p of each vehicle: the first crossing of the generalised Nyquist loci.
 
     Args:
-        adjacency: (n, n) weights; entry (p, q) > 0 when p receives q.
+        adjacency: (n, n) weights; entry (p, q) > 0 when p receives from q.
         k1: position gain, 1/s^2; with 0, position differences persist and the margin is 0.
         k2: velocity gain, 1/s.
         k3: gain of the undelayed velocity term, 1/s.
@@ -74,7 +74,7 @@ def ground_consensus_loops(
     the loops' gains scales the protocol's weights and its damping beyond the autopilot's.
 
     Args:
-        adjacency: (n, n) weights; entry (p, q) > 0 when p receives q.
+        adjacency: (n, n) weights; entry (p, q) > 0 when p receives from q.
         k1: position gain, 1/s^2.
         k2: velocity gain, 1/s.
         onboard_damping: c, 1/s.
@@ -93,7 +93,7 @@ def ground_consensus_loops(
 
 
 def as_adjacency(graph: npt.ArrayLike) -> Array:
-    """Adjacency matrix (n, n) of a graph given by its weights, entry (p, q) > 0 when p receives q.
+    """Adjacency matrix (n, n) of a graph given by its weights, entry (p, q) > 0 when p receives from q.
 
     Raises:
         ValueError: not square, a weight negative or not finite.
