@@ -218,7 +218,12 @@ def test_each_flight_of_a_rehearsal_begins_at_another_part_of_the_record(surveye
         report.write(report.trace(link, surveyed.vehicle(system)["loss"], surveyed.survey.until), file)
         vehicles[str(system)]["trace"] = str(file)
     begins_s = [
-        {way.trace.begin_s for change in each.links.changes for way in (change.uplink, change.downlink)}
+        {
+            way.trace.begin_s
+            for change in each.links.changes
+            for way in (change.uplink, change.downlink)
+            if way is not None and way.trace is not None
+        }
         for each in parts(load_scenario(rehearsal(vehicles, 10.0)), 240.0)
     ]
     assert begins_s == [{0.0}, {40.0}, {80.0}, {120.0}, {160.0}, {200.0}]
