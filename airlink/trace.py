@@ -2,8 +2,8 @@
 
 Between two samples the delay is interpolated, so that a recorded queue drains no faster than it did: held until the
 next sample, delays of datagrams that keep their order would be longer than recorded. A datagram is lost if the sample
-nearest in time was lost, or if the nearest is further away than half a period. The record begins with the run and is
-repeated from its beginning.
+nearest in time was lost, or if the nearest is further away than half a period. The record begins with the run, unless
+another part of it is to come first, and is repeated from its beginning.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ LONG: Final = 1.5
 class Trace:
     """A process of a link (`airlink.impairment.Process`)."""
 
-    def __init__(self, times_s: Sequence[float], delays_s: Sequence[float], period_s: float, *, gaps: bool) -> None:
+    def __init__(
+        self, times_s: Sequence[float], delays_s: Sequence[float], period_s: float, *, gaps: bool, begin_s: float = 0.0
+    ) -> None:
         """Take when each sample was sent, from 0 on and increasing, and how long it took; NaN: it was lost.
 
         Args:
@@ -30,7 +32,9 @@ class Trace:
             delays_s: (N,).
             period_s: usual time between two samples, and from the last one to the repetition.
             gaps: whether samples are missing where `times_s` are further apart than usual.
+            begin_s: how far into the record the run begins.
         """
+        self._begin_s = begin_s
         self._length_s = times_s[-1] + period_s
         self._times_s = [*times_s, self._length_s]
         self._delays_s = [*delays_s, delays_s[0]]
@@ -43,7 +47,7 @@ class Trace:
 
     def delay_s(self, now: Instant) -> float | None:
         """Return the delay of a datagram sent at `now`, s; None: it is lost."""
-        at_s = (now / NANOSECONDS) % self._length_s
+        at_s = (now / NANOSECONDS + self._begin_s) % self._length_s
         index = bisect_right(self._times_s, at_s, 0, len(self._times_s) - 1) - 1
         since_s, until_s = at_s - self._times_s[index], self._times_s[index + 1] - at_s
         before_s, after_s = self._delays_s[index], self._delays_s[index + 1]

@@ -10,6 +10,7 @@ from formation_scenario.fields import Keys, Number, Text, key
 
 Unit = Literal["ns", "us", "ms", "s"]
 Period = Annotated[Number, Field(ge=1e-4, le=86_400.0)]
+Begin = Annotated[Number, Field(ge=0.0, le=1e6)]
 
 
 class Trace(Keys):
@@ -31,3 +32,4 @@ class Trace(Keys):
     period_s: Period | None = key(
         None, "time between two, where no column says, s", 0.2, derived="of ping its own; 1 of numbers alone"
     )
+    begin_s: Begin = key(0.0, "how far into the record the run begins, s", 60.0)

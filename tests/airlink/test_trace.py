@@ -72,3 +72,10 @@ def test_two_processes_add_their_delays_and_either_loses() -> None:
     both = together(trace, lambda size_bytes, now: None if size_bytes > 100 else 0.5)
     assert (both(50, at(0.0)), both(200, at(0.0)), both(50, at(1.0))) == (0.6, None, None)
     assert together(trace, None) is trace
+
+
+@pytest.mark.parametrize(("begin_s", "now_s", "expected_s"), [(0.0, 1.0, 0.2), (1.0, 0.0, 0.2), (2.0, 2.0, 0.2)])
+def test_a_run_may_begin_at_any_part_of_the_record(begin_s, now_s, expected_s):
+    """Three samples a second apart are repeated after 3 s."""
+    trace = Trace([0.0, 1.0, 2.0], [0.1, 0.2, 0.3], 1.0, gaps=True, begin_s=begin_s)
+    assert trace.delay_s(at(now_s)) == pytest.approx(expected_s, abs=1e-6)
