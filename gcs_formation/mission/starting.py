@@ -31,6 +31,8 @@ TOGETHER_S = 600.0
 """Longest wait for the other vehicles; each one's own steps end or fail sooner."""
 WAITS_S = 10.0
 """A vehicle that takes longer than this to get ready is reported, with what it lacks."""
+STANDS_S = 1.0
+"""Time between the two positions by which features check what a vehicle says of its motion, s."""
 CONNECT_LIMIT_S = 30.0
 """Longest wait for every vehicle's first heartbeat."""
 
@@ -63,7 +65,7 @@ class AsFound:
     least_mps: float
     """The lowest airspeed at which it flies."""
     first: ReportedMotion
-    """The position that it reported first."""
+    """The position that it reported when it became ready, `STANDS_S` or more before."""
     flies: bool
     """Whether it's in the air already."""
 
@@ -100,7 +102,7 @@ class PreFlight:
         self._scenario, self._placed = scenario, set[VehicleId]()
         self._least_mps = {each.vehicle_id: each.model.speed_min_mps for each in scenario.vehicles}
         self._first = dict[VehicleId, ReportedMotion]()
-        """Each vehicle's first position."""
+        """Each vehicle's position when it became ready."""
         self.checks = list[BeforeTakeOff]()
         """What features check before the first command, in their order."""
         emulated = (each.vehicle_id for each in scenario.vehicles if each.autopilot == "emulator")
@@ -205,8 +207,11 @@ class PreFlight:
         motion = vehicle.telemetry.motion
         if motion is None:
             return
-        first = self._first.setdefault(vehicle.identity, motion)
         if not _is_ready(vehicle.start_up):
+            self._first[vehicle.identity] = motion  # an ArduPilot without a fix tells places near 0, 0 until it has one
+            return
+        first = self._first.setdefault(vehicle.identity, motion)
+        if self.checks and motion.stamp_s - first.stamp_s < STANDS_S:
             return
         self._placed.add(vehicle.identity)
         flies, seen = vehicle.airborne, vehicle.telemetry
