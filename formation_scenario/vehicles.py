@@ -267,10 +267,10 @@ class VehicleCommon(Keys):
     emulator: OwnEmulator | None = key(None, "emulators only: the autopilot to emulate, of an extension")
     autopilot_parameters: AutopilotParameters = key(
         None,
-        "emulators only: parameters with which its autopilot is switched on, such as its failsafes', by their names; "
-        "they go before those of its model's file",
+        "emulators, and simulators of `run --sitl`: parameters with which its autopilot is switched on, such as its "
+        "failsafes', by their names; they go before those of its model's file",
         {"FS_GCS_ENABL": 1, "FS_LONG_ACTN": 1},
-        derived="the firmware's own, and those of `model.parameters`",
+        derived="the firmware's own, and those of `model.parameters`; of simulators those that suit the scenario",
     )
 
     @property

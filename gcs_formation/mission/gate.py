@@ -21,6 +21,8 @@ from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 from gcs_formation.vehicle.vehicle import Vehicle
 
 IN_ORDER = "in order"
+STANDS_S = 1.0
+"""Time between the two positions by which features check what a vehicle reports of its motion, s."""
 TAKE = "; --take takes it over, --confirm asks"
 
 
@@ -54,7 +56,7 @@ class AsFound:
     least_mps: float
     """The lowest airspeed at which it flies."""
     first: ReportedMotion
-    """The position that it reported first."""
+    """The position that it reported when it became ready, `STANDS_S` or more before."""
     flies: bool
     """Whether it's in the air already."""
 
@@ -109,7 +111,7 @@ class Gate:
         """Vehicles to look at."""
         self._least_mps = {each.vehicle_id: each.model.speed_min_mps for each in scenario.vehicles}
         self._first = dict[VehicleId, ReportedMotion]()
-        """Each vehicle's first position."""
+        """Each vehicle's position when it became ready."""
         emulated = (each.vehicle_id for each in scenario.vehicles if each.autopilot == "emulator")
         self._nobodys = frozenset(emulated if scenario.start.in_air else ())
         """Vehicles that begin in the air, and so are not under another command."""
@@ -214,8 +216,13 @@ class Gate:
         motion = vehicle.telemetry.motion
         if motion is None:
             return
-        first = self._first.setdefault(vehicle.identity, motion)
         if not _is_ready(vehicle.start_up):
+            self._first[vehicle.identity] = (
+                motion  # an ArduPilot without a fix has positions near 0, 0 until it has one
+            )
+            return
+        first = self._first.setdefault(vehicle.identity, motion)
+        if self.checks and motion.stamp_s - first.stamp_s < STANDS_S:
             return
         self._placed.add(vehicle.identity)
         autopilot, seen, least_mps = vehicle.autopilot, vehicle.telemetry, self._least_mps[vehicle.identity]

@@ -49,6 +49,8 @@ ALIGNS: Final[tuple[tuple[float, int], ...]] = (
     (0.8, m.ESTIMATOR_POS_HORIZ_REL),
 )
 """From which share of the time to get ready on an estimator that takes longer than `SLOW_S` has which estimates."""
+UNFIXED_RADPS: Final = 1e-6
+"""How fast latitude and longitude drift without a fix, rad/s: 6 m/s north and east."""
 LOAD_PERMILLE: Final = 200
 CRUISE_THROTTLE_PERCENT: Final = 50
 BATTERY_V: Final = 12.4
@@ -147,9 +149,14 @@ def local_position_ned(v: Autopilot) -> Message:
 
 
 def global_position_int(v: Autopilot) -> Message:
-    """Return GLOBAL_POSITION_INT: position, heights above sea level and home, ground velocity, as sensed."""
+    """Return GLOBAL_POSITION_INT: position, heights above sea level and home, ground velocity, as sensed.
+
+    Until an estimator that takes long has a position, ArduPilot tells one near latitude and longitude 0, that drifts.
+    """
     motion = v.sensed
     lat, lon, alt = v.origin.from_ned(motion.north_m, motion.east_m, -motion.height_m)
+    if v.fleet.ready_s > SLOW_S and not v.ready and not _aligned(v) & m.ESTIMATOR_POS_HORIZ_REL:
+        lat = lon = UNFIXED_RADPS * v.time_s
     return GlobalPositionInt(
         v.time_s,
         lat,

@@ -18,7 +18,9 @@ from flight_model.arrays import wrap
 from gcs_formation.app.progress import Progress
 from gcs_formation.guidance.leader_guidance import SETTLE_S
 from gcs_formation.mission.course import GETS_ON_S
+from gcs_formation.mission.gate import PreFlightOptions
 from gcs_formation.phases import Phase
+from gcs_formation.station import Station
 from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
 from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import Between, World
@@ -172,6 +174,17 @@ def test_a_vehicle_that_takes_long_to_get_ready_is_waited_for_with_a_line_for_ea
     missing = [text.partition(";")[0].count("EKF_") - 1 for text in said]
     assert missing[:5] == [8, 7, 5, 4, 3]
     assert said[4].startswith("not ready yet (EKF_STATUS_REPORT: no EKF_POS_HORIZ_ABS, EKF_PRED_POS_HORIZ_REL")
+
+
+def test_positions_near_latitude_and_longitude_0_before_the_first_fix_are_no_motion() -> None:
+    """As an ArduPilot tells them that is switched on after the station."""
+    world = slow_boot(20.0)
+    caution = PreFlightOptions(parameters=True)
+    world.station = Station(world.station.scenario, world.notes, caution=caution)
+    world.process.replace(world.station)
+    world.network.run(lambda: world.station.flight.ended or world.vehicle(1).pilot.airborne)
+    assert world.station.course.failure is None
+    assert world.vehicle(1).pilot.airborne
 
 
 @pytest.mark.parametrize(

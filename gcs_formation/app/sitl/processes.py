@@ -8,7 +8,7 @@ import socket
 import subprocess
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -20,6 +20,8 @@ DIRECTORY, OUTPUT = "simulators", "output.txt"
 END_S: Final = 10.0
 """Wall time that a simulator gets to close its log, s."""
 LAST_BYTES: Final = 300
+MOST_NUMBERS: Final = 200
+"""Of simulators that are told apart by their numbers."""
 
 
 class SimulatorError(RunAbortedError):
@@ -51,10 +53,10 @@ def running(fleet: Sequence[Simulated], out: Path) -> Generator[list[Running]]:
     Raises:
         SimulatorError: a port that one needs is taken, or a program can't be executed.
     """
-    _require_free_ports(fleet)
+    free = _with_free_ports(fleet)
     shutil.rmtree(out / DIRECTORY, ignore_errors=True)
     with ExitStack() as stack:
-        yield [stack.enter_context(_started(each, out / DIRECTORY / str(each.craft.system))) for each in fleet]
+        yield [stack.enter_context(_started(each, out / DIRECTORY / str(each.craft.system))) for each in free]
 
 
 def ended(simulators: Iterable[Running]) -> str:
@@ -97,12 +99,23 @@ def _end(process: subprocess.Popen[bytes]) -> None:
         process.wait()
 
 
-def _require_free_ports(fleet: Sequence[Simulated]) -> None:
-    for each in fleet:
-        for port in each.simulator.ports(each.craft):
-            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-                try:
-                    probe.bind(("", port))
-                except OSError as error:
-                    found = f"found UDP port {port} taken, which vehicle {each.identity}'s simulator needs"
-                    raise SimulatorError(f"{found}; allowed: no other simulator of this number") from error
+def _with_free_ports(fleet: Sequence[Simulated]) -> Sequence[Simulated]:
+    """Return the simulators with numbers whose ports are free: another run may have started some."""
+    for further in range(0, MOST_NUMBERS, max(len(fleet), 1)):
+        numbered = [replace(each, craft=replace(each.craft, number=each.craft.number + further)) for each in fleet]
+        if not any(_taken(each) for each in numbered):
+            return numbered
+    each, port = next((each, port) for each in fleet if (port := _taken(each)))
+    found = f"found UDP port {port} taken, which vehicle {each.identity}'s simulator needs"
+    raise SimulatorError(f"{found}; allowed: no other simulator of this number")
+
+
+def _taken(one: Simulated) -> int:
+    """Return a port that a simulator needs and another program has; 0 if all are free."""
+    for port in one.simulator.ports(one.craft):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", port))
+            except OSError:
+                return port
+    return 0

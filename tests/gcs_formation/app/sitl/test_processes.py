@@ -12,28 +12,17 @@ import pytest
 from gcs_formation.app.sitl.fleet import Simulated
 from gcs_formation.app.sitl.processes import SimulatorError, ended, running
 from gcs_formation.app.sitl.simulator import Craft, Launch
-from tests.gcs_formation.app.sitl.test_fleet import fleet
-from tests.processes import free_port, wait_for
+from tests.gcs_formation.app.sitl.test_fleet import PX4_PATH, fleet
+from tests.processes import wait_for
 
 WAITS = "import sys; print('up', flush=True); sys.stdin.close(); import time; time.sleep(60)"
 FAILS = "import sys; sys.exit('no such model')"
 
 
-def at_free_port(one: Simulated) -> Simulated:
-    """Return a vehicle whose simulator has a port that no simulator on this machine has."""
-    port = free_port()
-
-    class Elsewhere(type(one.simulator)):  # type: ignore[misc]
-        def ports(self, craft: Craft) -> tuple[int, ...]:
-            return (port,)
-
-    return replace(one, simulator=Elsewhere())
-
-
 def as_python(one: Simulated, code: str) -> Simulated:
     """Return a vehicle whose simulator is a line of Python."""
 
-    class Program(type(at_free_port(one).simulator)):  # type: ignore[misc]
+    class Program(type(one.simulator)):  # type: ignore[misc]
         def launch(self, program: Path, craft: Craft) -> Launch:
             return Launch([sys.executable, "-S", "-c", code], files={"set.parm": "A 1\n"})
 
@@ -55,17 +44,26 @@ def test_one_that_ends_is_named_with_its_last_words(tmp_path: Path) -> None:
         assert ended(both).startswith("vehicle 2: its simulator has ended: no such model")
 
 
-def test_a_port_that_another_program_has_is_named(tmp_path: Path) -> None:
-    one = at_free_port(fleet()[0])
+def test_where_another_runs_simulator_has_the_port_the_next_numbers_are_taken(tmp_path: Path) -> None:
+    one = as_python(fleet()[0], WAITS)
     (port,) = one.simulator.ports(one.craft)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("", port))
-        with pytest.raises(SimulatorError, match=f"found UDP port {port} taken, which vehicle 1's"):
+        with running([one], tmp_path) as (only,):
+            assert only.process.poll() is None
+
+
+def test_a_port_that_its_id_says_and_another_program_has_is_named(tmp_path: Path) -> None:
+    vehicles = {"count": 1, "autopilot": "px4", "endpoint": "udpin:127.0.0.1:14550"}
+    (one,) = fleet("px4", vehicles=vehicles, path=PX4_PATH)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("", 18570))
+        with pytest.raises(SimulatorError, match="found UDP port 18570 taken, which vehicle 1's"):
             running([one], tmp_path).__enter__()
 
 
 def test_a_program_that_can_not_be_executed_is_named(tmp_path: Path) -> None:
     (tmp_path / "arduplane").write_bytes(b"no program")
-    one = replace(at_free_port(fleet()[0]), program=tmp_path / "arduplane")
+    one = replace(fleet()[0], program=tmp_path / "arduplane")
     with pytest.raises(SimulatorError, match=r"can't run .*arduplane: "):
         running([one], tmp_path).__enter__()
