@@ -131,9 +131,10 @@ class AutopilotModel:
             return
         self.speed_min_mps, self.speed_max_mps, self._held = slowest_mps, fastest_mps, None
 
-    def bound(self, accel_max_mps2: float, turn_rate_max_rps: float) -> None:
-        """Lower the limits of acceleration and turn rate to these, if they are higher."""
+    def bound(self, accel_max_mps2: float, turn_rate_max_rps: float, climb_max_mps: float = math.inf) -> None:
+        """Lower the limits of acceleration, turn rate and climb to these, if they are higher."""
         self.accel_max_mps2 = min(self.accel_max_mps2, accel_max_mps2)
+        self.climb_max_mps = min(self.climb_max_mps, climb_max_mps)
         self.turn_rate_max_rps, self._held = min(self.turn_rate_max_rps, turn_rate_max_rps), None
 
     def _hold(self, time_s: float) -> AutopilotModel:

@@ -63,7 +63,7 @@ from formation_scenario.formation import Formation, Law
 from formation_scenario.geofence import Geofence
 from formation_scenario.kept_distance import BUFFER_M, SEPARATION_M, KeepsDistance
 from formation_scenario.links import Links, LinkStep, link_steps, through_air
-from formation_scenario.orders import PlannedOrder, read_order
+from formation_scenario.orders import End, PlannedOrder, read_order
 from formation_scenario.path_of_legs import path_of_legs, planned_speeds
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.repair_plan import RepairPlan
@@ -167,6 +167,12 @@ class Finish(Keys):
     """The end of a run."""
 
     loiter_s: NonNegative = key(10.0, "how long the vehicles loiter after the run, s", 30)
+    then: End = key(
+        "loiter",
+        "what all do once the path or the time is at its end: circle or hover there, go home, or [land one after "
+        "another](formations.md#loiter-rtl-and-land) and disarm; where somebody can't land nobody takes off",
+        "land",
+    )
 
 
 class Telemetry(Keys):

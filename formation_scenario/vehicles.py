@@ -35,6 +35,7 @@ from formation_scenario.fields import (
     Word,
     key,
 )
+from formation_scenario.landing import StoredLanding
 from formation_scenario.navigation import Navigation, TrueNavigation
 from formation_scenario.signing import Signing
 
@@ -271,6 +272,12 @@ class VehicleCommon(Keys):
         "failsafes', by their names; they go before those of its model's file",
         {"FS_GCS_ENABL": 1, "FS_LONG_ACTN": 1},
         derived="the firmware's own, and those of `model.parameters`; of simulators those that suit the scenario",
+    )
+    landing: StoredLanding | None = key(
+        None,
+        "emulators of fixed wings only: the landing in its stored mission, as a ground station has written it there",
+        {"course_deg": 90},
+        derived="its mission is empty",
     )
 
     @property

@@ -277,9 +277,10 @@ class FormationController:
         active = [links[column].ready and not math.isnan(age_s[column]) for column in self._every_column]
         return Tick(now, mission_time_s, phase, self.plan.leader, links, age_s, list(margin_used), active)
 
-    def bound(self, column: int, accel_max_mps2: float, turn_rate_max_rps: float) -> None:
-        """Bound a vehicle's setpoints by limits that it has reported."""
-        self.models[column].bound(accel_max_mps2, turn_rate_max_rps)
+    def bound(self, column: int, accel_max_mps2: float, turn_rate_max_rps: float, climb_max_mps: float) -> None:
+        """Bound a vehicle's setpoints by limits that it has reported; the leader's way is for the slowest climb."""
+        self.models[column].bound(accel_max_mps2, turn_rate_max_rps, climb_max_mps)
+        self.guidance.climb_max_mps = min(self.guidance.climb_max_mps, climb_max_mps)
 
     def _limit_speeds(self, links: list[VehicleLink]) -> None:
         """Set the models' speed limits to the airspeeds that vehicles can be commanded to fly now."""

@@ -72,7 +72,7 @@ def as_known(scenario: Scenario) -> Scenario:
     if law.gains == AUTO:
         law = law.model_copy(update={"design_delay_ms": 1e3 * design_delay_s(scenario)})
     vehicles = tuple(
-        each.model_copy(update={"true_model": None, "true_navigation": None, "clock": VehicleClock()})
+        each.model_copy(update={"true_model": None, "true_navigation": None, "clock": VehicleClock(), "landing": None})
         for each in scenario.vehicles
     )
     unknown = {"wind": Wind(), "disturbances": (), "faults": (), "links": Links()}
@@ -152,6 +152,7 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         hold_turn_rps=hold_turn_rps(scenario),
         climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
         settle_s=settle_s(scenario),
+        hovers=scenario.hovers,
         fence=_lap_fence(scenario),
         dt_s=1.0 / scenario.law.rate_hz,
     )

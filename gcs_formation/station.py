@@ -12,6 +12,7 @@ from airlink.engine import Datagram, Engine
 from airlink.frame import Frame, FrameWriter, ParserCounts
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
+from airlink.messages.mission import MissionCount, MissionItemInt
 from airlink.messages.system import Heartbeat, Statustext, Timesync
 from airlink.signing.signed_links import SignedLinks
 from formation_scenario import Scenario
@@ -242,6 +243,8 @@ class Station(Engine):
         if isinstance(message, ParamValue):
             self.gate.take(vehicle, message, now)
             self.cycle.beginning.take(vehicle, message, now)
+        elif isinstance(message, (MissionCount, MissionItemInt)):
+            self.gate.take_item(vehicle, message, now)
 
     def _take_other(self, frame: Frame, datagram: Datagram, now: Instant) -> None:
         """Take a frame that is no vehicle's."""

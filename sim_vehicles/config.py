@@ -15,6 +15,7 @@ from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.extensions import EMULATED_FAMILY, Registered, Registry
 from formation_scenario.fields import VehicleSelection, refused
+from formation_scenario.landing import StoredLanding
 from formation_scenario.navigation import Navigation, TrueNavigation
 from formation_scenario.start_states_and_end_times import StartState, start_states
 from formation_scenario.station import StationId
@@ -70,6 +71,8 @@ class VehicleConfig:
     """Its own parameters, by name, where they differ from its firmware's defaults."""
     set_up: bool = False
     """Whether the scenario gives some of them itself."""
+    landing: StoredLanding | None = None
+    """The landing in its stored mission; None: the mission is empty."""
     signing_key: SigningKey | None = None
     """The key that it has been set up with; None: it signs nothing, and refuses nothing."""
     further_endpoints: tuple[Endpoint, ...] = ()
@@ -139,6 +142,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             **_own_family(vehicle, scenario),
             parameters=_parameters(vehicle),
             set_up=vehicle.autopilot_parameters is not None,
+            landing=vehicle.landing,
             further_endpoints=tuple(parse_endpoint(text).opposite() for text in vehicle.endpoints[1:]),
             signing_key=_signing_key(vehicle, scenario),
         )

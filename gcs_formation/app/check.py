@@ -280,7 +280,7 @@ def slots_of_no_shape(scenario: Scenario) -> str | None:
 def doomed_orders(scenario: Scenario) -> Iterator[str]:
     """Yield the planned orders that will be refused, and why, as far as that is known before the flight."""
     flown = [] if not scenario.timed_orders else [each for each in columns(scenario) if each is not None]
-    unable = next((each for each in flown if not autopilot_for(each, scenario).land()), None)
+    unable = next((each for each in flown if each.landing is None and not autopilot_for(each, scenario).land()), None)
     why_not = None if unable is None else f"vehicle {unable.vehicle_id} can't land by itself; allowed: rtl, loiter"
     named = dict(scenario.timed_orders)
     for index, reason in refused_orders(scenario, why_not):

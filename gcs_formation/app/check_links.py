@@ -196,8 +196,10 @@ def cramped_lap(scenario: Scenario) -> str | None:
 
 
 def goes_round(scenario: Scenario) -> str | None:
-    """Return why the leader will fly a lap before its path; None if the run-in is long enough."""
+    """Return why the leader will fly a lap before its path; None if the run-in is long enough, or it waits instead."""
     planned, found_s = assembly(scenario), scenario.start.run_in_s
+    if scenario.hovers and (planned.least_run_in_s or 0.0) < MOST_S:
+        return None
     if planned.least_run_in_s is None or found_s >= planned.least_run_in_s:
         return None
     lossy = any(way.loss > 0.0 for vehicle in scenario.vehicles for way in scenario.link_steps(vehicle)[0][1:])
@@ -216,6 +218,8 @@ def no_time_for_a_lap(scenario: Scenario) -> str | None:
 
     The leader's first pass is over after its run-in, and a lap follows.
     """
+    if scenario.hovers:
+        return None
     lap_s, run_in_s, found_s = assembly(scenario).lap_s, scenario.start.run_in_s, scenario.start.timeout_s
     if found_s >= run_in_s + lap_s or not scenario.followers:
         return None

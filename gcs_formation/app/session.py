@@ -417,6 +417,7 @@ class Session:
                 undone=tuple(self.station.orders.undone),
                 unsafe=tuple(self.station.course.unsafe),
                 flying_on=dict(self.station.course.flying_on),
+                not_landed=self.station.course.not_landed,
                 failure=self.station.course.failure,
                 features=self.station.features,
                 measure=self.options.measure,

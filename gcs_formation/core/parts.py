@@ -85,6 +85,7 @@ class Parts:
     def resume(self, resumed: PastFlight) -> None:
         """Go on with an interrupted flight."""
         self.course.flight.resume(resumed.at, resumed.path_began)
+        self.course.gate.let_go_on()
         self.heartbeats.resume(resumed.at)
         self.reconfiguration.resume(resumed)
         self.orders.resume(resumed.mission_s)

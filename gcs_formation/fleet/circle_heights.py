@@ -20,6 +20,7 @@ CIRCLES_MEET_M = 400.0
 AROUND_M = CIRCLES_MEET_M / 2
 """Largest distance of a circle's points from the commanded position."""
 SAMPLE_M = 10.0
+NO_ORDER: Mapping[VehicleId, frozenset[VehicleId]] = {}
 Band = tuple[float, float]
 """Lowest and highest of the heights at one of which a vehicle that can't be commanded may be, m."""
 
@@ -103,17 +104,32 @@ def loiter_heights(
     apart_m: float = STACK_M,
     *,
     together: bool = False,
+    first: Mapping[VehicleId, frozenset[VehicleId]] = NO_ORDER,
 ) -> dict[VehicleId, float]:
     """Return a height above the origin for each vehicle, m; none below its present height or `floor_m`.
 
     From the lowest vehicle up, each gets the lowest height that is `apart_m` from its neighbours' and from the `taken`
-    ones. So no vehicle descends, and few cross another's height. `together`: all circle at one position.
+    ones. So no vehicle descends, and few cross another's height. `together`: all circle at one position; `first`: those
+    that leave downwards before each, and so are below it.
     """
     heights: dict[VehicleId, float] = {}
-    for identity in sorted(places, key=lambda each: (places[each].height_m, each)):
+    for identity in _upwards(places, first):
         near = [(heights[i], heights[i]) for i in heights if together or may_meet(places[identity], places[i])]
-        heights[identity] = _free_m(max(places[identity].height_m, floor_m), (*near, *taken), apart_m)
+        below = (heights[i] for i in first.get(identity, ()) if i in heights)
+        heights[identity] = _free_m(max(places[identity].height_m, floor_m, *below), (*near, *taken), apart_m)
     return heights
+
+
+def _upwards(
+    places: Mapping[VehicleId, ReportedMotion], first: Mapping[VehicleId, frozenset[VehicleId]]
+) -> list[VehicleId]:
+    """Return vehicles by their heights, but those that leave downwards before others before these."""
+    waiting, found = sorted(places, key=lambda each: (places[each].height_m, each)), list[VehicleId]()
+    while waiting:
+        following = next((each for each in waiting if not first.get(each, frozenset()) & set(waiting)), waiting[0])
+        waiting.remove(following)
+        found.append(following)
+    return found
 
 
 def may_meet(one: ReportedMotion, other: ReportedMotion) -> bool:

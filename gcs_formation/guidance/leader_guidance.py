@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -39,6 +40,12 @@ MAX_SETTLES: Final = 4
 """Longest such straight, as a multiple; it grows with each holding pattern."""
 SHORTER_SETTLES: Final = (3.0, 2.0, 1.0, 0.75, 0.5)
 """Multiples that are tried where the fence leaves no room for a longer straight."""
+FIRST_SETTLES: Final = (0.35, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
+"""Multiples of it, of which one is the first straight, where vehicles join up on the way to it: followers are back in
+their slots 10 s after a turn's end."""
+JOINED_S: Final = 80.0
+"""How long a formation takes to join up: planned ways to slots begin up to 27 s after the last is ready, and take 53 s
+(four aircraft in a row, `tests/flights/test_gathering.py`). A shorter way than that would end in a lap."""
 ON_EXTENSION_M: Final = 60.0
 ON_EXTENSION_RAD: Final = math.radians(30.0)
 ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
@@ -137,6 +144,10 @@ class LeaderGuidance:
     """Planned airspeed along the path, until another speed is ordered; None: `speed_mps` all the way."""
     timed: TimedProgress | None = None
     """Progress by a timetable along a path with stops, in place of `speeds`."""
+    hovers: bool = False
+    """Whether the formation can stop before its path, and wait there for its followers."""
+    waits: bool = False
+    """Whether it does."""
     route: Route | None = None
     distance_m: float = 0.0
     rounds: int = 0
@@ -151,6 +162,10 @@ class LeaderGuidance:
     """Time between ticks."""
     _point: PathPoint | None = None
     """Point of the route where the leader was steered last."""
+    _resumes_mps: float = 0.0
+    """Speed at which it goes on after it has waited."""
+    _begun: bool = False
+    """Whether it has passed the path's start."""
 
     def __post_init__(self) -> None:
         """Make the lateral loop."""
@@ -164,7 +179,7 @@ class LeaderGuidance:
     @property
     def started(self) -> bool:
         """Whether the leader has passed the path's start."""
-        return self.on_path and self.distance_m >= 0.0
+        return self.on_path and self.distance_m >= 0.0 and not self.waits
 
     @property
     def at_end(self) -> bool:
@@ -195,21 +210,36 @@ class LeaderGuidance:
         self.distance_m = project(self._flown_route(), state.north_m, state.east_m, self.distance_m)
         if not self.on_path and self.distance_m >= self.route.length_m:
             self._follow_path(state)
+        elif self.hovers:
+            self._wait(model, assembled=assembled)
         elif self.on_path and not assembled and -DECISION_S * self.speed_mps < self.distance_m < 0.0:
             self.rounds += 1
             self._join(state)
-        due = None if self.timed is None or not self.on_path else self._progress(self.timed, at)
+        timed = None if self.waits or not self.on_path else self.timed
+        due = None if timed is None else self._progress(timed, at)
         self._point = self._flown_route().at(self.distance_m)
         height_m = height_setpoint_m(self._point, state, model)
         heading_rad = self._lateral.setpoint_rad(self._point, state, model, self.speed_mps, bounds or TurnBounds())
         setpoint = Setpoint(self.speed_mps, heading_rad, height_m)
-        if self.speeds is not None and self.on_path:
+        if self.speeds is not None and self.on_path and not self.waits:
             self.speed_mps, per_metre = self.speeds.at(self.distance_m)
             # By (7) a speed that changes takes a setpoint that leads it by the time constant.
             setpoint.speed_mps = self.speed_mps + model.tau_v_s * per_metre * self.heading(state).along_mps
         elif due is not None:
             setpoint.speed_mps = due.setpoint_mps(model.held(self.dt_s).tau_v_s)
         return setpoint
+
+    def _wait(self, model: AutopilotModel, *, assembled: bool) -> None:
+        """Stop before the path's start as long as the formation isn't assembled; then go on."""
+        if self.waits and assembled:
+            self.waits, self.speed_mps = False, self._resumes_mps
+        if self.waits or self._begun or not self.on_path:
+            return
+        stops_m = max(DECISION_S, model.tau_v_s + self.speed_mps / model.accel_max_mps2) * self.speed_mps
+        if assembled:
+            self._begun = self.distance_m >= 0.0
+        elif self.distance_m > -stops_m:
+            self.waits, self._resumes_mps, self.speed_mps = True, self.speed_mps, 0.0
 
     @property
     def follows_plan(self) -> bool:
@@ -259,7 +289,7 @@ class LeaderGuidance:
         """Continue a flight: at its speed, with the heading it held if it stood, within a range along the path."""
         if speed_mps != self.speed_mps:
             self.fly_at(speed_mps)
-        self.centroid_m = centroid_m
+        self.centroid_m, self._begun = centroid_m, centroid_m is not None
         self.turn = None if heading_rad is None else TurnOnSpot(heading_rad, 0.0, at, LEAST_S)
 
     def fly_at(self, speed_mps: float) -> None:
@@ -268,6 +298,8 @@ class LeaderGuidance:
         if self.timed is not None:
             self.timed.order(speed_mps)
         self.speed_mps, self.turn = speed_mps, self.turn if speed_mps == 0.0 else None
+        if self.waits:
+            self.speed_mps, self._resumes_mps = 0.0, speed_mps
 
     def heading(self, state: FlightState) -> RouteHeading:
         """Return the route's own heading, turn and climb at the leader, without corrections towards the route."""
@@ -295,7 +327,8 @@ class LeaderGuidance:
         off_rad = math.remainder(state.heading_rad - start.course_rad, math.tau)
         climb_m = abs(start.height_m - state.height_m) / CLIMB_SHARE / self.climb_max_mps * self.speed_mps
         near_enough = abs(right_m) < ON_EXTENSION_M and abs(off_rad) < ON_EXTENSION_RAD
-        if near_enough and -along_m > max(climb_m, DECISION_S * self.speed_mps):
+        room_m = 0.0 if self.hovers else max(climb_m, DECISION_S * self.speed_mps)
+        if near_enough and -along_m > room_m:
             self._follow_path(state)
         else:
             self._join(state)
@@ -332,27 +365,53 @@ class LeaderGuidance:
     def _join(self, state: FlightState) -> None:
         """Take the route to the start of the run-in."""
         begin = PathPoint(state.north_m, state.east_m, state.height_m, _course(state))
-        self.route, self.distance_m = self.lap(begin, state.wind_north_mps, state.wind_east_mps), 0.0
+        way = self.lap if self.rounds else self.first_way
+        self.route, self.distance_m = way(begin, state.wind_north_mps, state.wind_east_mps), 0.0
+
+    def first_way(self, begin: PathPoint, wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
+        """Return the way from where the leader sets out: the shortest with time enough for the others to join up."""
+        straights_m = sorted({*self._settles_m(FIRST_SETTLES), *self._straights_m()})
+        ways = sorted(self._ways(begin, straights_m, wind_north_mps, wind_east_mps), key=self._by_use)
+        return self._fitting([way for way, _ in ways], wind_north_mps, wind_east_mps)
 
     def lap(self, begin: PathPoint, wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
-        """Return the way from a point to the straight before the path: the longest straight, then the shortest way.
+        """Return the way from a point to the straight before the path: the longest straight, then the shortest way."""
+        ways = self._ways(begin, self._straights_m(), wind_north_mps, wind_east_mps)
+        return self._fitting((way for way, _ in ways), wind_north_mps, wind_east_mps)
 
-        With a fence, the first of these paths that fits into it, or else the one that lacks least room.
-        """
+    def _ways(
+        self, begin: PathPoint, straights_m: Iterable[float], wind_north_mps: float, wind_east_mps: float
+    ) -> Iterator[tuple[JoinRoute, float]]:
+        """Yield the ways to straights of these lengths before the path, and the lengths."""
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, MIN_MPS)
         radius_m = self.hold_radius_m(wind_north_mps, wind_east_mps)
-        candidates = (
-            candidate
-            for straight_m in self._straights_m()
-            for candidate in joins(begin, self.path.at(-straight_m), radius_m, slope)
-        )
+        for straight_m in straights_m:
+            for way in joins(begin, self.path.at(-straight_m), radius_m, slope):
+                yield way, straight_m
+
+    def _fitting(self, ways: Iterable[JoinRoute], wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
+        """Return the first way; with a fence, the first that fits into it, or else the one that lacks least room."""
         if self.fence is None:
-            return next(candidates)
-        return self.fence.roomiest(candidates, self.speed_mps, wind_north_mps, wind_east_mps)
+            return next(iter(ways))
+        return self.fence.roomiest(iter(ways), self.speed_mps, wind_north_mps, wind_east_mps)
+
+    def _by_use(self, way: tuple[JoinRoute, float]) -> tuple[float, float]:
+        """Return the rank of a way and the straight at its end: by what it lacks to join up in time, then its length.
+
+        It is to lead up to the path's height before the straight, too.
+        """
+        route, straight_m = way
+        whole_m, climb_m = route.length_m + straight_m, abs(route.end_height_m - route.begin_height_m) / route.slope
+        lacks_m = max(JOINED_S * self.speed_mps - whole_m, climb_m - route.length_m, 0.0)
+        return lacks_m, whole_m
 
     def hold_radius_m(self, wind_north_mps: float = 0.0, wind_east_mps: float = 0.0) -> float:
         """Return the radius over ground of turns before the path, allowing for the ground speed in a tailwind."""
         return (self.hold_speed_mps + math.hypot(wind_north_mps, wind_east_mps)) / self.hold_turn_rps
+
+    def _settles_m(self, times: Iterable[float]) -> list[float]:
+        """Return these multiples of the straight in which followers settle, m."""
+        return [each * self.settle_s * self.speed_mps for each in times]
 
     def _straights_m(self) -> list[float]:
         """Return the possible lengths of the straight before the path, the longest first."""

@@ -248,6 +248,13 @@ class Course:
         )
         self.fail(f"the leader does not get to the start of its path: {told}", now)
 
+    @property
+    def not_landed(self) -> dict[VehicleId, str | None] | None:
+        """Of each vehicle None if it has landed and is disarmed, otherwise why not; None if none was to land."""
+        ending = self._ending
+        lands = self._scenario.finish.then == "land" and ending is not None and ending.manner == "land"
+        return ending.not_landed() if lands and ending is not None else None
+
     def end_rehearsal(self, now: Instant) -> None:
         """End a rehearsal, in which nobody is commanded."""
         self.cut_short = self.move(Cause.REHEARSED, now)
@@ -302,10 +309,10 @@ class Course:
         """End a flight whose path or time is over, or that has reached mission time `until_s`."""
         flown_s = self.flight.mission_time_s(now)
         if flown_s >= self._duration_s or self._controller.guidance.at_end:
-            self.move(Cause.PATH_ENDED, now)
+            self.move(Cause.PATH_ENDED, now, self._scenario.finish.then)
         elif flown_s >= until_s:
             self.cut_short = True
-            self.move(Cause.PATH_ENDED, now)
+            self.move(Cause.PATH_ENDED, now, self._scenario.finish.then)
 
     def bring_to_end(self, now: Instant) -> None:
         """Manage the vehicles in the phases after the flight."""

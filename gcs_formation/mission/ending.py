@@ -145,6 +145,20 @@ class Ending:
         """Return the vehicles that can be reached and may not be left alone yet."""
         return [vehicle for identity, vehicle in self._vehicles.items() if self._is_pending(identity, vehicle)]
 
+    def not_landed(self) -> dict[VehicleId, str | None]:
+        """Return of each vehicle None if it is down and disarmed at the flight's end, otherwise why it isn't."""
+        return {identity: self._why_not_landed(vehicle) for identity, vehicle in self._vehicles.items()}
+
+    def _why_not_landed(self, vehicle: Vehicle) -> str | None:
+        if not may_be_armed(vehicle):
+            return None
+        mode = vehicle.autopilot.mode_name(vehicle.telemetry)
+        if not vehicle.connection.talks:
+            return f"not heard any more; last in {mode}"
+        if vehicle.member is Member.PARTED:
+            return f"left to its pilot, in {mode}"
+        return self.failure or f"still armed, in {mode}{vehicle.telemetry.last_words}"
+
     def at_one_height(self) -> list[str]:
         """Return which pairs of vehicles may circle at one height though they shouldn't, with the reason."""
         return []

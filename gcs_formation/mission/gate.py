@@ -87,6 +87,31 @@ class Examination(ABC):
         """Return in words what can't be flown by all that has been found."""
 
 
+@mypyc_attr(allow_interpreted_subclasses=True)
+class AlwaysExamined(ABC):
+    """What a feature must know of all vehicles before the first command, where a scenario asks for it."""
+
+    only_warns: bool = False
+    """Whether the flight goes on whatever is found: it is resumed, or vehicles are taken over in the air."""
+
+    @property
+    @abstractmethod
+    def passed(self) -> bool:
+        """Whether nothing is found that prevents the take-off."""
+
+    @abstractmethod
+    def requests(self, now: Instant) -> list[tuple[Vehicle, Message]]:
+        """Return what to ask vehicles now."""
+
+    @abstractmethod
+    def take_item(self, vehicle: Vehicle, message: Message, now: Instant) -> None:
+        """Take a message of the mission protocol."""
+
+    @abstractmethod
+    def refusal(self, *, ready: bool) -> str | None:
+        """Return once what is found, None if nothing is, or isn't known yet; `ready`: all vehicles may begin."""
+
+
 class Gate:
     """Holds all start-ups before their first command until every vehicle may begin."""
 
@@ -106,7 +131,7 @@ class Gate:
         """Whether vehicles may be commanded."""
         self.checks = list[BeforeTakeOff]()
         """What features check of each vehicle once it is ready, in their order."""
-        self._examinations = list[Examination]()
+        self._examinations, self._always = list[Examination](), list[AlwaysExamined]()
         self._examined = [vehicles[each.vehicle_id] for each in scenario.vehicles] if caution.parameters else []
         """Vehicles to look at."""
         self._least_mps = {each.vehicle_id: each.model.speed_min_mps for each in scenario.vehicles}
@@ -126,6 +151,22 @@ class Gate:
     def examines(self) -> bool:
         """Whether vehicles are looked at before the first command."""
         return bool(self._examined)
+
+    def hold(self, examination: AlwaysExamined) -> None:
+        """Hold all start-ups until an examination is over that every flight has, emulated ones too."""
+        self._always.append(examination)
+        self.passed = False
+
+    def let_go_on(self) -> None:
+        """Let a flight go on that has begun before, whatever such examinations find."""
+        for each in self._always:
+            each.only_warns = True
+        self.passed = self.passed or (self._confirmed and not self._examined)
+
+    def take_item(self, vehicle: Vehicle, message: Message, now: Instant) -> None:
+        """Take a message of the mission protocol."""
+        for each in self._always:
+            each.take_item(vehicle, message, now)
 
     def add(self, examination: Examination) -> None:
         """Let vehicles be examined before the first command."""
@@ -166,7 +207,8 @@ class Gate:
     @property
     def _checked(self) -> bool:
         looked_at = len(self._placed) == len(self._examined)
-        return looked_at and all(each.complete for each in self._examinations) and not self._refused
+        examined = all(each.complete for each in self._examinations) and all(each.passed for each in self._always)
+        return looked_at and examined and not self._refused
 
     def confirm(self) -> None:
         """Record the operator's confirmation."""
@@ -180,8 +222,10 @@ class Gate:
                 self._look_at(vehicle, now)
             for each in self._examinations:
                 found += [(vehicle, request) for request in each.requests(vehicle, now)]
-        if self._examined and not (self.passed or self._gave_up) and self._complete:
-            refused = [*self._refused, *self._unasked(), *self._objections()]
+        for always in self._always:
+            found += always.requests(now)
+        if (self._examined or self._always) and not (self.passed or self._gave_up) and self._complete:
+            refused = [*self._refused, *self._unasked(), *self._objections(), *self._found_always(now)]
             self._gave_up = bool(refused)
             if refused:
                 self._give_up("; ".join(refused), now)
@@ -193,6 +237,18 @@ class Gate:
         if not self._examinations:
             return len(self._placed) == len(self._examined)
         return all(each.complete for each in self._examinations)
+
+    def _found_always(self, now: Instant) -> list[str]:
+        """Return in words what such examinations find; of vehicles taken over it is only said."""
+        found = list[str]()
+        for each in self._always:
+            each.only_warns |= bool(self.flown_by_others)
+            refusal = each.refusal(ready=self._ready)
+            if each.only_warns and refusal is not None:
+                self._note(now, "parameters", refusal)
+            elif refusal is not None:
+                found.append(refusal)
+        return found
 
     def _objections(self) -> list[str]:
         """Return in words what can't be flown by what was found, unless a vehicle flies already."""

@@ -91,6 +91,10 @@ def summarise(outcome: RunOutcome) -> Summary:
         },
     }
     parts["undone"] += _never_assembled(outcome, parts["followers"])
+    if outcome.not_landed is not None:
+        ended = {str(each): {"landed": why is None, "why": why} for each, why in outcome.not_landed.items()}
+        parts["finish"] = {"then": "land", "vehicles": ended}
+        parts["undone"] += [f"vehicle {each} hasn't landed: {why}" for each, why in outcome.not_landed.items() if why]
     verdicts, measured = (
         tuple(judge(scenario, flight, parts, outcome.links, outcome.cut_short, wanted))
         for wanted in (scenario.expect, outcome.measure)

@@ -26,6 +26,8 @@ from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.checks import Check
 from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
+from gcs_formation.vehicle.own_fence import OwnFence
+from gcs_formation.vehicle.stored_mission import LandingSequence
 from gcs_formation.vehicle.telemetry import Telemetry
 
 NO_MODE: Final = -1
@@ -35,6 +37,8 @@ STATION: Final = StationId().ids
 SLOW_RATE_HZ: Final = 2.0
 UTC_RATE_HZ: Final = 1.0
 NEVER_US: Final = -1
+AS_USUAL: Final = -1.0
+"""A speed that isn't changed."""
 READY_S: Final = 90.0
 """Longest wait for a vehicle that gets ready to be armed without progress."""
 ASKED_S: Final = 30.0
@@ -158,7 +162,11 @@ class Autopilot(ABC):
     flies_courses: ClassVar[bool] = False
     """Whether a fixed wing is commanded by course over ground instead of heading."""
     approach_m: ClassVar[float] = 0.0
-    """Height above home at which the approach of `land` begins, m."""
+    """Height above home at which the approach of `land` begins, m, unless its mission has one."""
+    lands_by_mission: ClassVar[bool] = False
+    """Whether it flies the landing of its stored mission on MAV_CMD_DO_LAND_START."""
+    landing_is_marked: ClassVar[bool] = True
+    """Whether such a landing begins at DO_LAND_START alone."""
     mounting_parameter: ClassVar[str] = "AHRS_ORIENTATION"
     """Parameter that says how the autopilot is mounted in its aircraft."""
     failsafe_words: ClassVar[tuple[str, ...]] = ("failsafe",)
@@ -185,6 +193,10 @@ class Autopilot(ABC):
         """The ground station's ids: vehicles answer to them, and its heartbeats hold off their failsafe."""
         self._bounds_mps: tuple[float, float] | None = None
         """Lowest and highest airspeed to command by its own parameters, None where these allow the model's."""
+        self.landing: LandingSequence | None = None
+        """The landing of its stored mission, None without one, or as long as it wasn't read."""
+        self.heights_m: tuple[float, float] | None = None
+        """Lowest and highest height above the origin to command by its own geofence, m; None without one."""
 
     @classmethod
     def of(cls, craft: Craft) -> Autopilot:
@@ -401,6 +413,10 @@ class Autopilot(ABC):
         """Return its failsafe by the values of `failsafe_parameters` that are known; None if it has none."""
         return None
 
+    def own_fence(self, values: Parameters) -> OwnFence | None:  # noqa: ARG002 - for families that have one
+        """Return its geofence by the values of its parameters; None if it has none, or it is off."""
+        return None
+
     def parameter(self, reported: ParamValue) -> float:
         """Return a parameter's value from its PARAM_VALUE."""
         return reported.param_value
@@ -418,11 +434,26 @@ class Autopilot(ABC):
 
     def leave(self, manner: End, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
         """Return the commands that end a flight: circle here or, for `rtl` and before `land`, over home."""
+        if manner == "land":
+            return self.wait_over_home(height_m, seen)
         return self.loiter(height_m, seen) if manner == "loiter" else self.go_home(height_m, seen)
 
+    def wait_over_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
+        """Return the commands to wait over home for its turn to land, at `height_m` above the scenario's origin."""
+        return self.go_home(height_m, seen)
+
     def land(self) -> tuple[Command, ...]:
-        """Return the commands to land where the vehicle took off; empty if the family can't."""
-        return ()
+        """Return the commands to land by its mission, or where it took off; empty if it can't."""
+        return self.land_by_mission() if self.landing is not None else ()
+
+    def land_by_mission(self) -> tuple[Command, ...]:
+        """Return MAV_CMD_DO_LAND_START, which flies the landing of its mission."""
+        return (self._command(m.MAV_CMD_DO_LAND_START),)
+
+    @property
+    def highest_approach_m(self) -> float:
+        """Greatest height above home of its approach, m."""
+        return self.approach_m if self.landing is None else self.landing.approach_m
 
     def hold(self) -> tuple[Command, ...]:
         """Return the command to circle or hover where it is, at its present height."""
@@ -438,6 +469,27 @@ class Autopilot(ABC):
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - for fixed wings
         """Return the commands, in order, to circle where it was `seen`, at `height_m` above the scenario's origin."""
         return self.hold()
+
+
+def fly_to_home(autopilot: Autopilot, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
+    """Return MAV_CMD_DO_REPOSITION to a vehicle's home, at a height above the origin; empty if its home is unknown."""
+    if seen.home_m is None:
+        return ()
+    lat_rad, lon_rad, above_sea_m = autopilot.origin.from_ned(*seen.home_m, -height_m)
+    return (
+        CommandInt(
+            autopilot.system,
+            m.MAV_COMP_ID_AUTOPILOT1,
+            m.MAV_FRAME_GLOBAL_INT,
+            m.MAV_CMD_DO_REPOSITION,
+            param1=AS_USUAL,
+            param2=m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE,
+            param4=math.nan,
+            x=round(math.degrees(lat_rad) * 1e7),
+            y=round(math.degrees(lon_rad) * 1e7),
+            z=above_sea_m,
+        ),
+    )
 
 
 def _mode(seen: Telemetry) -> int | None:

@@ -104,6 +104,24 @@ def only_read(name: str) -> Check:
     return Check((name,), "any", lambda _: True)
 
 
+def climb_check(names: tuple[str, ...], model: VehicleModel, unit: str = "m/s", size: float = 1.0) -> Check:
+    """Return the check that a vehicle climbs, or descends, as fast as its model says.
+
+    Args:
+        names: the parameter's, newest first.
+        model: limits of its setpoints.
+        unit: of its values.
+        size: of this unit, m/s.
+    """
+    fastest = model.climb_max_mps
+    return Check(
+        names,
+        f"{fastest / size:g} {unit} or more, its model's climb_max_mps; it changes its height no faster",
+        lambda value: size * value >= fastest,
+        bounds=lambda value: ("climb_max_mps", size * value),
+    )
+
+
 def lowest_m(path: PathPlan) -> float:
     """Return the height of a path's lowest waypoint above the origin, m."""
     return min(height_m for _, _, height_m in path.waypoints_m)

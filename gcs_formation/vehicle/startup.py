@@ -26,6 +26,10 @@ class TakeOff:
     stood: ReportedMotion | None = None
     """Last position while disarmed."""
     course_rad: float | None = None
+    """Course of the take-off: where its nose pointed before, or where it climbed to if that wasn't told."""
+    flew: bool = False
+    """Whether it has been seen in the air since it was first found on the ground."""
+    _nose_rad: float | None = None
 
     def watch(self, seen: Telemetry) -> None:
         """Update with a new position."""
@@ -34,8 +38,10 @@ class TakeOff:
             return
         if not seen.armed:
             self.stood, self.course_rad = motion, None
+            self._nose_rad = None if seen.attitude is None else seen.attitude.yaw_rad
         elif self.stood is not None and self.course_rad is None and motion.above_home_m > UP_M:
-            self.course_rad = math.atan2(motion.east_mps, motion.north_mps)
+            climbs_rad = math.atan2(motion.east_mps, motion.north_mps)
+            self.course_rad, self.flew = climbs_rad if self._nose_rad is None else self._nose_rad, True
 
 
 @dataclass

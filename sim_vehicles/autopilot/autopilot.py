@@ -21,11 +21,13 @@ from airlink.messages.system import Statustext
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.motion import Estimate, Motion
+from sim_vehicles.autopilot.mission_items import Item
 from sim_vehicles.autopilot.missions import Missions, home_of
 from sim_vehicles.autopilot.modes_and_failsafe import FlightMode, GroundStationFailsafe, Request
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.sensors import sensors_of
+from sim_vehicles.autopilot.stored_landing import items_of, place_of
 from sim_vehicles.autopilot.streams import Builders, Streams
 from sim_vehicles.board_clock import BoardClock
 from sim_vehicles.config import FleetConfig
@@ -127,7 +129,9 @@ class Autopilot(ABC):
         self.pilot = self.make_pilot()
         self.link = Link(fleet.sockets_of(index), self.config, fleet.utc_at_0_us, locks=self.locks)
         start, origin = self.config.start, self.origin
-        self.missions = Missions(home_of(start, origin), stored=self.stores_missions)
+        landing = None if self.config.landing is None else place_of(self.config.landing, start)
+        self.missions = self.make_missions(home_of(start, origin))
+        self.missions.items += () if landing is None else items_of(landing, origin)
         self.sender: Address = self.config.endpoint.address
         """Sender of the last frame."""
         self.sticks = False
@@ -337,6 +341,10 @@ class Autopilot(ABC):
     def flies_mission(self) -> bool:
         """Whether it flies by its stored mission."""
         return False
+
+    def make_missions(self, home: Item) -> Missions:
+        """Return what stores its mission, and tells it to ground stations."""
+        return Missions(home, stored=self.stores_missions)
 
     def forget(self) -> None:
         """Forget, at boot, the state that only the family has."""

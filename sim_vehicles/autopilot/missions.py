@@ -110,6 +110,11 @@ class Missions:
             self.state = m.MISSION_STATE_NOT_STARTED
         return True
 
+    def choose_landing(self) -> bool:
+        """Make the item where the landing begins the current one; return whether there is one."""
+        begins = (seq for seq, item in enumerate(self.items) if item.command == m.MAV_CMD_DO_LAND_START)
+        return self.choose(next(begins, -1))
+
     def take(self, message: Message, sender: Sender, now: Instant) -> list[Message]:
         """Return the answers to a message."""
         kind = getattr(message, "mission_type", PLAN)

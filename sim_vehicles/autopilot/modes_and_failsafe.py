@@ -63,6 +63,7 @@ class Px4Mode(IntEnum):
     ORBIT = 0x01030000
     TAKEOFF = 0x02040000
     HOLD = 0x03040000
+    MISSION = 0x04040000
     RTL = 0x05040000
     LAND = 0x06040000
 
@@ -175,9 +176,10 @@ PX4_AS_PLANE: Final[dict[Px4Mode, FlightMode]] = {
     Px4Mode.OFFBOARD: Mode.GUIDED,
     Px4Mode.TAKEOFF: Mode.TAKEOFF,
     Px4Mode.HOLD: Mode.LOITER,
+    Px4Mode.MISSION: Mode.AUTO,
     Px4Mode.RTL: Mode.RTL,
 }
-"""A fixed wing's modes, and ArduPlane's that fly alike. PX4's landing isn't emulated."""
+"""A fixed wing's modes, and ArduPlane's that fly alike. PX4's mode LAND isn't emulated; it lands by its mission."""
 PX4_BY_STICKS: Final = frozenset({Px4Mode.MANUAL, Px4Mode.ALTITUDE, Px4Mode.POSITION, Px4Mode.ACRO, Px4Mode.STABILIZED})
 """Modes that need a transmitter once the vehicle is armed."""
 PX4_AS_COPTER: Final[dict[Px4Mode, FlightMode]] = {
@@ -190,7 +192,7 @@ PX4_AS_COPTER: Final[dict[Px4Mode, FlightMode]] = {
     Px4Mode.LAND: CopterMode.LAND,
 }
 """A multirotor's modes, and ArduCopter's that fly alike: with sticks untouched it hovers."""
-PX4_NOT_ARMABLE: Final = frozenset({Px4Mode.RTL, Px4Mode.LAND, Px4Mode.ORBIT})
+PX4_NOT_ARMABLE: Final = frozenset({Px4Mode.RTL, Px4Mode.LAND, Px4Mode.ORBIT, Px4Mode.MISSION})
 
 
 PLANE_NOT_ARMABLE = frozenset({Mode.RTL, Mode.INITIALISING})

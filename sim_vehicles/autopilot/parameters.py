@@ -68,6 +68,18 @@ def floating(least: float, most: float, initial: float) -> ParameterKind:
     return ParameterKind(m.MAV_PARAM_TYPE_REAL32, least, most, initial)
 
 
+def fence_parameters(kinds: int) -> dict[str, ParameterKind]:
+    """Return an ArduPilot's geofence, off at first, with a default of FENCE_TYPE; the emulators don't act on it."""
+    return {
+        "FENCE_ACTION": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 16, 1),
+        "FENCE_ALT_MAX": floating(10, 1000, 100),
+        "FENCE_ALT_MIN": floating(-100, 100, -10),
+        "FENCE_ENABLE": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 2, 0),
+        "FENCE_RADIUS": floating(30, 10000, 300),
+        "FENCE_TYPE": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 15, kinds),
+    }
+
+
 def as_in_file(
     kinds: Mapping[str, ParameterKind], file: Mapping[str, Parameter], identity: Sequence[str] = ()
 ) -> dict[str, ParameterKind]:

@@ -320,7 +320,8 @@ class PlanePilot(Pilot):
         to_north_m, to_east_m = north_m - motion.north_m, east_m - motion.east_m
         length_m = max(math.hypot(to_north_m, to_east_m), 1.0)
         direction_rad = math.atan2(to_east_m, to_north_m)
-        self.final = Approach(north_m, east_m, direction_rad, length_m, motion.height_m, self._lead_m())
+        lead_m = self._lead_m(motion.airspeed_mps)
+        self.final = Approach(north_m, east_m, direction_rad, length_m, motion.height_m, lead_m)
         self._steering.kind = COURSE
 
     def _approach(self) -> Approach:
@@ -331,9 +332,14 @@ class PlanePilot(Pilot):
         height_m, direction_rad = self._parameters["AUTOLAND_WP_ALT"], self.landing_rad or 0.0
         return Approach(start.north_m, start.east_m, direction_rad, length_m, height_m, self._lead_m())
 
-    def _lead_m(self) -> float:
-        """Return the distance before its end at which a landing touches down: of braking, and of the height's lag."""
+    def _lead_m(self, airspeed_mps: float = 0.0) -> float:
+        """Return the distance before its end at which a landing touches down: of braking, and of the height's lag.
+
+        One whose throttle's integrator takes longer than an approach touches down at nearly its present airspeed.
+        """
         model, speed_mps = self._config.model, self._parameters["AIRSPEED_MIN"]
+        if model.prompt_share < 1.0:
+            speed_mps = max(speed_mps, airspeed_mps)
         return speed_mps**2 / (2.0 * model.accel_max_mps2) + speed_mps * (model.tau_ha_s + model.tau_hb_s)
 
     def _circle_radius_m(self) -> float:

@@ -211,7 +211,7 @@ def test_what_will_be_refused_of_those_that_hover_is_reported_before_the_flight(
         "heading 10",
         "speed 4",
         "heading 20",
-        "land",
+        "speed 4",
         "speed 99",
     ]
     planned = [{"at_s": 10 * n, "order": order} for n, order in enumerate(orders, 1)]
@@ -221,7 +221,6 @@ def test_what_will_be_refused_of_those_that_hover_is_reported_before_the_flight(
         "orders.3: 'speed 4' will be refused: the formation faces 90° off its path; allowed: up to 15°, by `heading 0` "
         "first",
         "orders.6: 'heading 20' will be refused: found a formation that flies at 4 m/s; allowed: after `speed 0`",
-        "orders.7: 'land' will be refused: vehicle 1 can't land by itself; allowed: rtl, loiter",
         "orders.8: 'speed 99' will be refused: found 99 m/s; allowed: 0 to 9 m/s, leader 1's limits",
     ]
     ends = [{"at_s": 10, "order": "rtl"}, {"at_s": 20, "order": "land"}]
@@ -231,14 +230,13 @@ def test_what_will_be_refused_of_those_that_hover_is_reported_before_the_flight(
 def test_they_are_refused_in_flight_with_the_same_words():
     world = World(**STANDING, start={"in_air": True, "run_in_s": 6})
     world.fly_to(1.0)
-    texts = ("heading 90", "speed 0", "heading 90", "speed 4", "land")
+    texts = ("heading 90", "speed 0", "heading 90", "speed 4")
     answers = [world.station.orders.take(text, world.clock.now()).text for text in texts]
     assert answers == [
         "heading 90: refused: found a formation that flies at 5 m/s; allowed: after `speed 0`",
         "speed 0: accepted",
         "heading 90: accepted",
         "speed 4: refused: the formation faces 90° off its path; allowed: up to 15°, by `heading 0` first",
-        "land: refused: vehicle 1 can't land by itself; allowed: rtl, loiter",
     ]
 
 

@@ -15,11 +15,13 @@ from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
-from gcs_formation.features.ending.landings import Landings, why_not_land
-from gcs_formation.fleet.circle_heights import GroundFloor
+from gcs_formation.features.ending.landing_places import LandingOrder
+from gcs_formation.features.ending.landings import Landings
+from gcs_formation.fleet.circle_heights import GroundFloor, loiter_heights
 from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.phases import Phase
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
+from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Vehicle
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
@@ -28,6 +30,7 @@ from tests.flights.in_memory import World
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 NOW = Instant(0)
+CONNECTION = Connection(0, Address("127.0.0.1", 1), LinkState.CONNECTED)
 LEVEL = GroundFloor(load_scenario(scenario()))
 
 
@@ -80,28 +83,50 @@ def test_none_lands_while_one_that_restarted_as_it_landed_is_still_low() -> None
 
 def plane(number: int, north_m: float, east_m: float, height_m: float = 100.0, course_rad: float = 0.0) -> Vehicle:
     """Return a vehicle that took off from a place on the ground, and circles over it."""
-    connection = Connection(0, Address("127.0.0.1", 1), LinkState.CONNECTED)
-    vehicle = Vehicle(VehicleId(1, number), number - 1, ArduPlane(number, ORIGIN, 0.25), connection, 10.0)
+    vehicle = Vehicle(VehicleId(1, number), number - 1, ArduPlane(number, ORIGIN, 0.25), CONNECTION, 10.0)
     for armed, up_m in ((False, 0.0), (True, 20.0), (True, height_m)):
         tell(vehicle, north_m, east_m, up_m, armed=armed, course_rad=course_rad)
     vehicle.commands.begin((), NOW)
     return vehicle
 
 
+def grounded(number: int, north_m: float, east_m: float) -> Vehicle:
+    """Return a vehicle that hasn't taken off."""
+    vehicle = Vehicle(VehicleId(1, number), number - 1, ArduPlane(number, ORIGIN, 0.25), CONNECTION, 10.0)
+    tell(vehicle, north_m, east_m, 0.0, armed=False)
+    return vehicle
+
+
 def tell(
-    vehicle: Vehicle, north_m: float, east_m: float, height_m: float, *, armed: bool = True, course_rad: float = 0.0
+    vehicle: Vehicle,
+    north_m: float,
+    east_m: float,
+    height_m: float,
+    *,
+    armed: bool = True,
+    course_rad: float = 0.0,
+    rolls_mps: float = 0.0,
 ) -> None:
     base, status = (m.MAV_MODE_FLAG_SAFETY_ARMED, m.MAV_STATE_ACTIVE) if armed else (0, m.MAV_STATE_STANDBY)
     kind = m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA
     vehicle.telemetry.take(Heartbeat(*kind, base, m.PLANE_MODE_RTL, status))
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(north_m, east_m, -height_m)
-    velocity = 20.0 * math.cos(course_rad), 20.0 * math.sin(course_rad), 0.0
+    speed_mps = 20.0 if armed else rolls_mps
+    velocity = speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad), 0.0
     vehicle.telemetry.take(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, height_m, *velocity, 0.0))
     vehicle.take_off.watch(vehicle.telemetry)
 
 
+def motion(height_m: float) -> ReportedMotion:
+    return ReportedMotion(0.0, 0.0, 0.0, height_m, 20.0, 0.0, 0.0, height_m)
+
+
 def refusal(*vehicles: Vehicle, ground: GroundFloor = LEVEL) -> str | None:
-    return why_not_land({vehicle.identity: vehicle for vehicle in vehicles}, ground)
+    return order(*vehicles, ground=ground).refusal
+
+
+def order(*vehicles: Vehicle, ground: GroundFloor = LEVEL) -> LandingOrder:
+    return LandingOrder({vehicle.identity: vehicle for vehicle in vehicles}, ground)
 
 
 @pytest.mark.parametrize(
@@ -119,8 +144,7 @@ def refusal(*vehicles: Vehicle, ground: GroundFloor = LEVEL) -> str | None:
 )
 def test_none_lands_where_another_stands(place: tuple[float, float], course_deg: float, in_way: bool) -> None:
     """A vehicle that took off at the origin, and another that is on the ground."""
-    lands, stands = plane(1, 0.0, 0.0, course_rad=math.radians(course_deg)), plane(2, 0.0, 0.0)
-    tell(stands, *place, 0.0, armed=False)
+    lands, stands = plane(1, 0.0, 0.0, course_rad=math.radians(course_deg)), grounded(2, *place)
     said = "vehicle 1 would come in over the place of vehicle 2"
     assert refusal(lands, stands) == (said if in_way else None)
 
@@ -139,8 +163,37 @@ def test_the_ground_around_must_be_level() -> None:
     assert refusal(plane(1, -300.0, 0.0), ground=GroundFloor(rough)) is None
 
 
+@pytest.mark.parametrize(("ahead_m", "in_way"), [(30.0, True), (40.0, False)])
+def test_one_that_has_landed_short_of_its_home_leaves_the_next_less_room(ahead_m: float, in_way: bool) -> None:
+    landed, lands = plane(1, 60.0, 0.0), plane(2, 0.0, 0.0)
+    tell(landed, ahead_m, 0.0, 0.0, armed=False)
+    assert (refusal(lands, landed) is not None) == in_way
+
+
+def test_those_of_a_diamond_land_over_one_approach_the_foremost_first() -> None:
+    slots = [(0.0, 0.0), (-30.0, -30.0), (-30.0, 30.0), (-60.0, 0.0)]
+    found = order(*(plane(n, *slot) for n, slot in enumerate(slots, 1)))
+    assert found.refusal is None
+    first, last = VehicleId(1, 1), VehicleId(1, 4)
+    assert found.first == {last: frozenset({first})}
+    assert found.why_not_now([last, first]) == "vehicle 1 would come in over the place of vehicle 4"
+    assert found.why_not_now([first, last]) is None
+
+
+def test_those_that_stand_too_near_behind_one_another_can_not_land() -> None:
+    assert refusal(plane(1, 0.0, 0.0), plane(2, -50.0, 0.0)) == "vehicle 1 would come in over the place of vehicle 2"
+
+
+def test_who_lands_first_circles_lowest_even_if_it_flew_highest() -> None:
+    high, low = VehicleId(1, 1), VehicleId(1, 2)
+    places = {high: motion(120.0), low: motion(100.0)}
+    assert loiter_heights(places, 0.0, together=True) == {low: 100.0, high: 120.0}
+    found = loiter_heights(places, 0.0, together=True, first={low: frozenset({high})})
+    assert found == {high: 120.0, low: 135.0}
+
+
 def waiting(*vehicles: Vehicle) -> Landings:
-    landings = Landings(lambda: refusal(*vehicles))
+    landings = Landings(lambda following: order(*vehicles).why_not_now(following))
     for level, vehicle in reversed(list(enumerate(vehicles))):
         landings.await_turn(vehicle, 100.0 + 15.0 * level)
     return landings
@@ -163,6 +216,10 @@ def test_the_lowest_lands_when_all_are_at_their_heights_and_the_next_when_it_is_
     tell(low, 0.0, 0.0, 0.0)
     landings.advance(NOW)
     assert commanded(high) is None, "the first one stands there, armed"
+    tell(low, 0.0, 0.0, 0.0, armed=False, rolls_mps=5.0)
+    landings.advance(NOW)
+    landings.advance(NOW)
+    assert commanded(high) is None, "it still rolls"
     tell(low, 0.0, 0.0, 0.0, armed=False)
     landings.advance(NOW)
     landings.advance(NOW)

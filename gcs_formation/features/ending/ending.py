@@ -13,10 +13,11 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.core.cycle import Cycle
-from gcs_formation.features.ending.landings import Landings, lowest_circle_m, why_not_land
+from gcs_formation.features.ending.landing_places import LandingOrder, lowest_circle_m
+from gcs_formation.features.ending.landings import Landings
 from gcs_formation.features.ending.opening import Opening
 from gcs_formation.features.ending.stack import Ahead, Stack, home_of, place_of, stacked, stays
-from gcs_formation.fleet.circle_heights import GroundFloor, may_meet
+from gcs_formation.fleet.circle_heights import NO_ORDER, GroundFloor, may_meet
 from gcs_formation.mission.ending import EndCommand, Ending, Endings
 from gcs_formation.recorder import VehicleLink
 from gcs_formation.vehicle.command_delivery import Outcome
@@ -54,12 +55,14 @@ class SeparatedEnding(Ending):
             climb_mps: how fast all of them climb.
         """
         super().__init__(vehicles, manner)
-        self.landings = landings or Landings(lambda: why_not_land(vehicles, ground))
+        self.landings = landings or Landings(lambda following: LandingOrder(vehicles, ground).why_not_now(following))
         self._ours = {identity: each for identity, each in self._ours.items() if not self.landings.is_pending(each)}
         self.stands = manner == "loiter" and all(each.autopilot.stands for each in self._ours.values())
         """Whether all of them hover where they are, and need no separate heights."""
-        lowest_m = lowest_circle_m(vehicles) if manner == "land" else -math.inf
-        self.stack = Stack(gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=self.stands)
+        lowest_m, first = -math.inf, NO_ORDER
+        if manner == "land":
+            lowest_m, first = lowest_circle_m(vehicles), LandingOrder(vehicles, ground).first
+        self.stack = Stack(gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=self.stands, first=first)
         homes = {identity: home for identity, each in self._ours.items() if (home := home_of(each))}
         self.limit_s = stacked(self._places(), self.stack, ground, manner, ahead, climb_mps, homes)
         """Longest time for which the formation is opened."""
@@ -192,7 +195,7 @@ class SeparatedEndings(Endings):
 
     def why_not(self, manner: End) -> str | None:
         """Return why a flight can't be ended in a manner, and what is allowed; None if it can."""
-        unable = why_not_land(self._vehicles, self._ground) if manner == "land" else None
+        unable = LandingOrder(self._vehicles, self._ground).refusal if manner == "land" else None
         return f"{unable}; allowed: rtl, loiter" if unable else None
 
     def begin(

@@ -5,11 +5,14 @@ from __future__ import annotations
 from gcs_formation.core.cycle import Cycle, Stage
 from gcs_formation.core.feature import Feature
 from gcs_formation.features.ending.ending import SeparatedEndings
+from gcs_formation.features.ending.landing_check import LandingCheck
 from gcs_formation.features.ending.stages import AtEndHeights, EndHeights
 
 
 def _stages(cycle: Cycle) -> list[Stage]:
     cycle.course.endings = SeparatedEndings(cycle)
+    if cycle.scenario.finish.then == "land":
+        cycle.course.gate.hold(LandingCheck(cycle.scenario, cycle.vehicles))
     chosen = EndHeights()
     return [chosen, AtEndHeights(chosen)]
 

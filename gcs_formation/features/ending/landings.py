@@ -1,70 +1,43 @@
-"""Landings one after another, each where the vehicle took off, and the reasons why they may not be possible.
+"""Landings one after another, each where `landing_places` says.
 
-All vehicles circle over their homes at separate heights. The lowest lands first; the next one follows when it stands
-there disarmed. So no two vehicles land at the same time, and none lands where another stands.
+All vehicles circle, or hover, over their homes at separate heights. The lowest lands first; the next one follows when
+it stands there disarmed. So no two vehicles land at the same time, and none lands where another stands.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from gcs_formation.features.ending.stack import home_of
-from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M, GroundFloor
+from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M
 from gcs_formation.mission.ending import may_be_armed
 from gcs_formation.vehicle.command_delivery import Outcome
-from gcs_formation.vehicle.telemetry import ReportedMotion
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 
-BEFORE_M, BEYOND_M, ASIDE_M = 150.0, 60.0, 25.0
-"""Distances before, beyond and beside its home within which a landing aircraft is low, or rolls."""
-APPROACH_M = 600.0
-"""Distance from home within which its approach lies."""
-LEVEL_M = 5.0
-"""How much higher than home the ground may be within that distance."""
 AT_HEIGHT_M = STACK_M / 3
+OVER_HOME_M, OVER_HOME_MPS = 2.0, 0.3
+"""Distance from its home, and speed, within which one that hovers is over it."""
+ROLLS_MPS = 1.5
+"""Ground speed from which on a landed vehicle still rolls: a receiver says less of one that stands."""
 REFUSED_FOR_S = 5.0
 LANDING_LIMIT_S = 900.0
 """Longest wait for vehicles to circle over their homes, and for each to land."""
 
 
-def why_not_land(vehicles: Mapping[VehicleId, Vehicle], ground: GroundFloor) -> str | None:
-    """Return why the flying vehicles can't land where they took off, in words; None if they can."""
-    flying = {each: vehicle for each, vehicle in vehicles.items() if _is_ours(vehicle)}
-    places = {each: v.take_off.stood if each in flying else v.telemetry.motion for each, v in vehicles.items()}
-    for each, vehicle in flying.items():
-        home, course_rad = places[each], vehicle.take_off.course_rad
-        if not vehicle.autopilot.land():
-            return f"vehicle {each} can't land by itself"
-        if home is not None and course_rad is None and vehicle.autopilot.climbs_out(vehicle.telemetry):
-            continue  # its take-off is being seen; this is asked again before it lands
-        if home is None or course_rad is None:
-            return f"vehicle {each} lands where it took off, and that was not seen"
-        others = ((other, place) for other, place in places.items() if other != each and place is not None)
-        in_way = next((other for other, place in others if _in_way(home, course_rad, place)), None)
-        if in_way is not None:
-            return f"vehicle {each} would come in over the place of vehicle {in_way}"
-        above_m = ground.highest_m(home.north_m, home.east_m, APPROACH_M) - home.height_m
-        if above_m > LEVEL_M:
-            return f"the ground within {APPROACH_M:g} m of where vehicle {each} lands is {above_m:.0f} m higher"
-    return None
-
-
-def lowest_circle_m(vehicles: Mapping[VehicleId, Vehicle]) -> float:
-    """Return the lowest height of circles above the origin, m: above the approaches of all vehicles."""
-    stood = ((vehicle.take_off.stood, vehicle.autopilot.approach_m) for vehicle in vehicles.values())
-    return max((home.height_m + approach_m + STACK_M for home, approach_m in stood if home), default=-math.inf)
-
-
 class Landings:
     """Lands the vehicles that circle over their homes, one at a time."""
 
-    def __init__(self, refusal: Callable[[], str | None]) -> None:
-        """Start empty; `refusal` is called before each landing and returns why it isn't possible, None if it is."""
+    def __init__(self, refusal: Callable[[Sequence[VehicleId]], str | None]) -> None:
+        """Start empty.
+
+        `refusal` is called before each landing with those that are to land, the next one first; it returns why that
+        isn't possible, None if it is.
+        """
         self._refusal = refusal
         self.failure: str | None = None
         """Why landing was stopped; vehicles that haven't landed go on circling."""
@@ -115,7 +88,7 @@ class Landings:
             )
 
     def _begin(self, now: Instant) -> None:
-        refusal = self._refusal()
+        refusal = self._refusal([each.identity for _, each in self._waiting])
         if refusal is not None:
             self._give_up(refusal)
             return
@@ -126,7 +99,8 @@ class Landings:
     def _watch(self, vehicle: Vehicle, waited_s: float, now: Instant) -> None:
         refusal = vehicle.commands.refusal
         if not may_be_armed(vehicle):
-            self._landing, self._since = None, now
+            if _stands(vehicle):
+                self._landing, self._since = None, now
         elif vehicle.commands.outcome is not Outcome.ACCEPTED and refusal is not None and waited_s > REFUSED_FOR_S:
             vehicle.commands.begin((), now)
             said = vehicle.telemetry.last_words
@@ -139,16 +113,10 @@ class Landings:
         self._waiting.clear()
 
 
-def _is_ours(vehicle: Vehicle) -> bool:
-    return vehicle.member is not Member.PARTED and vehicle.airborne
-
-
-def _in_way(home: ReportedMotion, course_rad: float, place: ReportedMotion) -> bool:
-    """Return whether a vehicle that lands at `home` on this course is low at `place`, or rolls there."""
-    north_m, east_m = place.north_m - home.north_m, place.east_m - home.east_m
-    along_m = north_m * math.cos(course_rad) + east_m * math.sin(course_rad)
-    aside_m = east_m * math.cos(course_rad) - north_m * math.sin(course_rad)
-    return -BEFORE_M < along_m < BEYOND_M and abs(aside_m) < ASIDE_M
+def _stands(vehicle: Vehicle) -> bool:
+    """Return whether a vehicle that has landed has rolled out; one that doesn't tell its speed counts as standing."""
+    seen = vehicle.telemetry.motion
+    return seen is None or math.hypot(seen.north_mps, seen.east_mps) < ROLLS_MPS
 
 
 def _circles(vehicle: Vehicle, height_m: float) -> bool:
@@ -157,4 +125,7 @@ def _circles(vehicle: Vehicle, height_m: float) -> bool:
     if seen is None or home_m is None or vehicle.commands.outcome is not Outcome.ACCEPTED:
         return False
     away_m = math.hypot(seen.north_m - home_m[0], seen.east_m - home_m[1])
-    return away_m < CIRCLES_MEET_M and abs(seen.height_m - height_m) < AT_HEIGHT_M
+    near = away_m < CIRCLES_MEET_M
+    if vehicle.autopilot.stands:
+        near = away_m < OVER_HOME_M and math.hypot(seen.north_mps, seen.east_mps) < OVER_HOME_MPS
+    return near and abs(seen.height_m - height_m) < AT_HEIGHT_M

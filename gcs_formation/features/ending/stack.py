@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
-from gcs_formation.fleet.circle_heights import STACK_M, Band, GroundFloor, loiter_heights, may_meet
+from gcs_formation.fleet.circle_heights import NO_ORDER, STACK_M, Band, GroundFloor, loiter_heights, may_meet
 from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -68,6 +68,7 @@ class Stack:
         sway_m: float = 0.0,
         together: bool = False,
         stand: bool = False,
+        first: Mapping[VehicleId, frozenset[VehicleId]] = NO_ORDER,
     ) -> None:
         """Start without vehicles.
 
@@ -77,12 +78,13 @@ class Stack:
             sway_m: standard deviation of the vertical displacement of vehicles by the air.
             together: whether all circle at one position, wherever they are now.
             stand: whether all hover where they are instead, at their present heights.
+            first: those that land before each, and so circle below it.
         """
         self.heights_m: dict[VehicleId, float] = {}
         """Height of each vehicle above the origin."""
         beside_m = max(BESIDE_M, SWAY_SIGMAS * math.sqrt(2.0) * sway_m)
         self._gap_m, self._apart_m = (-math.inf, 0.0) if stand else (gap_m, max(STACK_M, gap_m + beside_m))
-        self._floor_m, self._together = floor_m, together
+        self._floor_m, self._together, self._first = floor_m, together, first
         self._taken: dict[VehicleId, Band] = {}
 
     def take(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
@@ -128,7 +130,7 @@ class Stack:
 
     def climb_m(self, places: Mapping[VehicleId, ReportedMotion]) -> float:
         """Return the longest climb from these positions to the heights that they would be assigned."""
-        heights_m = loiter_heights(places, self._floor_m, (), self._apart_m, together=self._together)
+        heights_m = self._heights_m(places, ())
         return max((heights_m[identity] - place.height_m for identity, place in places.items()), default=0.0)
 
     def apart(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
@@ -146,7 +148,11 @@ class Stack:
         return True
 
     def _assign(self, places: Mapping[VehicleId, ReportedMotion], taken: Sequence[Band]) -> None:
-        self.heights_m |= loiter_heights(places, self._floor_m, taken, self._apart_m, together=self._together)
+        self.heights_m |= self._heights_m(places, taken)
+
+    def _heights_m(self, places: Mapping[VehicleId, ReportedMotion], taken: Sequence[Band]) -> dict[VehicleId, float]:
+        floor_m, apart_m, first = self._floor_m, self._apart_m, self._first
+        return loiter_heights(places, floor_m, taken, apart_m, together=self._together, first=first)
 
     def _in_way(self, identity: VehicleId, taken: list[Band]) -> bool:
         height_m = self.heights_m[identity]

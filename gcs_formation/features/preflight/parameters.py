@@ -7,6 +7,7 @@ from airlink.endpoint import VehicleId
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from gcs_formation.core.cycle import Cycle
+from gcs_formation.features.preflight.own_fences import OwnFences
 from gcs_formation.features.preflight.read_limits import ReadLimits
 from gcs_formation.mission.gate import Examination
 from gcs_formation.vehicle.checks import ParameterReader
@@ -26,15 +27,16 @@ class ParameterExamination(Examination):
             autopilot = cycle.vehicles[planned.vehicle_id].autopilot
             checks = autopilot.checks(planned.model, scenario.path)
             self._readers[planned.vehicle_id] = ParameterReader(planned.id, checks, autopilot.parameter)
-        self._judged = set[VehicleId]()
+        self._fences, self._judged = OwnFences(scenario), set[VehicleId]()
 
     @property
     def complete(self) -> bool:
         """Whether all vehicles have been judged."""
-        return len(self._judged) == len(self._readers)
+        return len(self._judged) == len(self._readers) and self._fences.settled
 
     def requests(self, vehicle: Vehicle, now: Instant) -> list[Message]:
         """Return the parameter requests to send a vehicle now; judge a complete set of parameters."""
+        self._fences.settle()
         if vehicle.identity in self._judged or not vehicle.connection.talks:
             return []
         reader = self._readers[vehicle.identity]
@@ -49,12 +51,13 @@ class ParameterExamination(Examination):
 
     def objections(self) -> list[str]:
         """Return in words what can't be flown within the limits that vehicles tell."""
-        return self._limits.unflyable()
+        return [*self._limits.unflyable(), *self._fences.unflyable]
 
     def _judge(self, vehicle: Vehicle, reader: ParameterReader, now: Instant) -> None:
         """Record the findings. Those that prevent a take-off are warnings for a vehicle already in flight."""
         findings, flies = reader.findings(), vehicle.airborne
         self._limits.take(vehicle, reader.bounds())
+        self._fences.take(vehicle, vehicle.autopilot.own_fence(reader.values))
         news = self._limits.take_news()
         if news is not None:
             self._changes.plan_with(news)

@@ -12,10 +12,11 @@ from formation_scenario.source import dotted
 from gcs_formation.vehicle.vehicle import Vehicle
 
 LEAST, MOST, ACCELERATION, TURN_RATE = "speed_min_mps", "speed_max_mps", "accel_max_mps2", "turn_rate_max_rps"
+CLIMB = "climb_max_mps"
 SHOWN = 3
 """Of what can't be flown so many are named."""
-Bound = Callable[[int, float, float], None]
-"""Bounds a column's acceleration, m/s², and its turn rate, rad/s."""
+Bound = Callable[[int, float, float, float], None]
+"""Bounds a column's acceleration, m/s², its turn rate, rad/s, and its climb and descent, m/s."""
 
 
 class ReadLimits:
@@ -39,7 +40,9 @@ class ReadLimits:
         if not bounds:
             return
         autopilot, model = vehicle.autopilot, self._models[vehicle.identity]
-        own = {key: value for key, value, _ in bounds}
+        own = dict[str, float]()
+        for key, value, _ in bounds:  # climb and descent bound one key
+            own[key] = max(own.get(key, value), value) if key == LEAST else min(own.get(key, value), value)
         reported = autopilot.airspeed_to_tell(model.speed_min_mps), autopilot.airspeed_to_tell(model.speed_max_mps)
         slowest_mps, fastest_mps = (
             max(own.get(LEAST, reported[0]), reported[0]),
@@ -51,8 +54,9 @@ class ReadLimits:
         accel_mps2 = min(own.get(ACCELERATION, model.accel_max_mps2), model.accel_max_mps2)
         turn_rps = min(own.get(TURN_RATE, model.turn_rate_max_rps), model.turn_rate_max_rps)
         autopilot.turn_rate_max_rps = turn_rps
-        self._bound(vehicle.column, accel_mps2, turn_rps)
-        update = {ACCELERATION: accel_mps2, TURN_RATE: turn_rps}
+        climb_mps = min(own.get(CLIMB, model.climb_max_mps), model.climb_max_mps)
+        self._bound(vehicle.column, accel_mps2, turn_rps, climb_mps)
+        update = {ACCELERATION: accel_mps2, TURN_RATE: turn_rps, CLIMB: climb_mps}
         update |= {LEAST: autopilot.true_airspeed(slowest_mps), MOST: autopilot.true_airspeed(fastest_mps)}
         self._models[vehicle.identity] = model.model_copy(update=update)
         self._told[vehicle.identity] = ", ".join(words for _, _, words in bounds)

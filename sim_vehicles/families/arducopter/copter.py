@@ -44,7 +44,14 @@ from sim_vehicles.autopilot.modes_and_failsafe import (
     GroundStationFailsafe,
     select,
 )
-from sim_vehicles.autopilot.parameters import SYSTEM_NAMES, ParameterKind, ParameterServer, as_in_file, floating
+from sim_vehicles.autopilot.parameters import (
+    SYSTEM_NAMES,
+    ParameterKind,
+    ParameterServer,
+    as_in_file,
+    fence_parameters,
+    floating,
+)
 from sim_vehicles.autopilot.streams import UNASKED_NS
 from sim_vehicles.board_clock import delayed
 from sim_vehicles.config import FleetConfig, VehicleConfig
@@ -335,6 +342,7 @@ def copter_parameters(config: VehicleConfig, fleet: FleetConfig) -> dict[str, Pa
     return {
         "ARMING_CHECK": ParameterKind(m.MAV_PARAM_TYPE_INT32, 0, 2**24, 1),
         "DISARM_DELAY": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 10),
+        **fence_parameters(7),
         "FS_GCS_ENABLE": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 0),
         "FS_GCS_TIMEOUT": floating(2, 1e6, 5),
         "GUID_TIMEOUT": floating(0.1, 1e6, 3),

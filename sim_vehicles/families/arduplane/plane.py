@@ -50,6 +50,7 @@ from sim_vehicles.autopilot.parameters import (
     ParameterKind,
     ParameterServer,
     as_in_file,
+    fence_parameters,
     floating,
 )
 from sim_vehicles.autopilot.pilot import PlanePilot
@@ -155,6 +156,14 @@ def _start_mission(vehicle: Plane, given: GivenCommand) -> int:
     return DENIED if any(given.params[:2]) else ACCEPTED if vehicle.switch(Mode.AUTO) else FAILED
 
 
+def _land_by_mission(vehicle: Plane, _given: GivenCommand) -> int:
+    """Fly the mission from its DO_LAND_START on, in AUTO (`handle_command_int_packet`); FAILED if there is none."""
+    if not (vehicle.pilot.airborne and vehicle.missions.choose_landing()):
+        return FAILED
+    vehicle.begin_landing()
+    return ACCEPTED
+
+
 NO_EFFECT = (
     m.MAV_CMD_DO_SET_RELAY,
     m.MAV_CMD_DO_SET_SERVO,
@@ -177,6 +186,7 @@ HANDLERS: Final[CommandHandlers[Plane]] = {
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: to_mode(Mode.RTL),
     m.MAV_CMD_NAV_LOITER_UNLIM: to_mode(Mode.LOITER),
     m.MAV_CMD_MISSION_START: _start_mission,
+    m.MAV_CMD_DO_LAND_START: _land_by_mission,
     m.MAV_CMD_DO_CHANGE_SPEED: _legacy_speed,
     m.MAV_CMD_DO_CHANGE_ALTITUDE: _legacy_altitude,
 }
@@ -262,6 +272,13 @@ class Plane(Vehicle):
             self.missions.in_mode = mode is Mode.AUTO
             self._begin_mission()
             self.tell_heartbeat()
+
+    def begin_landing(self) -> None:
+        """Fly the mission from the item that was chosen, in AUTO."""
+        if self.pilot.mode is Mode.AUTO:
+            self._begin_mission()
+        else:
+            self.enter(Mode.AUTO)
 
     def switch(self, number: float) -> bool:
         """Change to a mode by its number; return whether that was allowed. AUTOLAND needs the take-off's direction."""
@@ -374,6 +391,7 @@ def _defaults(config: VehicleConfig, cruise_mps: float, station_system: int) -> 
         "ARMING_CHECK": ParameterKind(m.MAV_PARAM_TYPE_INT32, 0, 2**24, 1),
         "AUTOLAND_WP_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT16, 10, 32767, 55),
         "AUTOLAND_WP_DIST": ParameterKind(m.MAV_PARAM_TYPE_INT16, 100, 32767, 400),
+        **fence_parameters(4),
         "FS_GCS_ENABL": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 0),
         "FS_LONG_ACTN": ParameterKind(m.MAV_PARAM_TYPE_INT8, 0, 127, 0),
         "FS_LONG_TIMEOUT": floating(1, 1e6, 5),
@@ -382,6 +400,8 @@ def _defaults(config: VehicleConfig, cruise_mps: float, station_system: int) -> 
         "MAV_SYSID": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 255, config.identity.system),
         "ROLL_LIMIT_DEG": floating(0, 90, max(ROLL_LIMIT_DEG, math.ceil(bank_deg))),
         "RTL_ALTITUDE": floating(-1, 1e5, 100),
+        "TECS_CLMB_MAX": floating(0.1, 20, max(5.0, model.climb_max_mps)),
+        "TECS_SINK_MAX": floating(0.0, 20, max(5.0, model.climb_max_mps)),
         "TKOFF_ALT": ParameterKind(m.MAV_PARAM_TYPE_INT16, 0, 32767, 50),
         "WP_LOITER_RAD": ParameterKind(m.MAV_PARAM_TYPE_INT16, -32767, 32767, radius_m),
         "WP_RADIUS": ParameterKind(m.MAV_PARAM_TYPE_INT16, 1, 32767, 90),

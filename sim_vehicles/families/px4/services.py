@@ -265,6 +265,9 @@ def _defaults(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKi
         "COM_FAIL_ACT_T": floating(0, 25, 5.0),
         "COM_OBL_RC_ACT": _whole(0, 7, 0),
         "COM_OF_LOSS_T": floating(0, 60, 1.0),
+        "GF_ACTION": _whole(0, 5, 2),
+        "GF_MAX_HOR_DIST": floating(0, 10000, 0.0),
+        "GF_MAX_VER_DIST": floating(0, 10000, 0.0),
         "MAV_SYS_ID": _whole(1, 250, config.identity.system),
         "MIS_TAKEOFF_ALT": floating(0, 1000, 2.5 if model.hovers else 30.0),
         "NAV_DLL_ACT": _whole(0, 6, 0),
@@ -285,6 +288,8 @@ def _defaults(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKi
         "FW_AIRSPD_MIN": floating(0.5, 40, math.floor(model.speed_min_mps)),
         "FW_AIRSPD_TRIM": floating(0.5, 40, cruise_mps),
         "FW_R_LIM": floating(35, 65, 50.0),
+        "FW_T_CLMB_R_SP": floating(0.5, 15, max(3.0, model.climb_max_mps)),
+        "FW_T_SINK_R_SP": floating(0.5, 15, max(2.0, model.climb_max_mps)),
         "NAV_LOITER_RAD": floating(-1000, 1000, max(80.0, LOITER_RADIUS_M)),
     }
 

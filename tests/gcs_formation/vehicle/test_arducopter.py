@@ -9,11 +9,13 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.frame import FrameWriter, StreamParser
-from airlink.messages.command import CommandLong, ParamValue, SetPositionTargetLocalNed
+from airlink.messages.command import CommandInt, CommandLong, ParamValue, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
+from airlink.messages.telemetry import HomePosition
 from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.families.arducopter.arducopter import ArduCopter
+from gcs_formation.vehicle.own_fence import FENCE_NAMES
 from gcs_formation.vehicle.velocity_setpoint import HEIGHT_S, ground_motion
 from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat, planned
 
@@ -96,7 +98,21 @@ def test_it_ends_in_brake_for_in_loiter_a_missing_transmitter_sinks_it(telemetry
     (stop,) = COPTER.loiter(80.0, telemetry)
     (home,) = COPTER.leave("rtl", 80.0, telemetry)
     assert (stop.param2, home.param2) == (m.COPTER_MODE_BRAKE, m.COPTER_MODE_RTL)
-    assert COPTER.land() == ()
+
+
+def test_it_waits_over_its_home_at_its_own_height_and_comes_down_there(telemetry):
+    """RTL would climb to one height for all, and land at once."""
+    (unknown,) = COPTER.leave("land", 80.0, telemetry)
+    assert isinstance(unknown, CommandLong)
+    assert unknown.param2 == m.COPTER_MODE_RTL
+    lat_rad, lon_rad, alt_m = ORIGIN.from_ned(30.0, -20.0, 0.0)
+    telemetry.take(HomePosition(lat_rad, lon_rad, alt_m, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)))
+    (home,) = COPTER.leave("land", 80.0, telemetry)
+    assert isinstance(home, CommandInt)
+    north_m, east_m, down_m = ORIGIN.to_ned(math.radians(home.x * 1e-7), math.radians(home.y * 1e-7), home.z)
+    assert (home.command, home.frame, home.param2) == (m.MAV_CMD_DO_REPOSITION, m.MAV_FRAME_GLOBAL_INT, 1)
+    assert (north_m, east_m, down_m) == pytest.approx((30.0, -20.0, -80.0), abs=0.01)
+    assert [each.param2 for each in COPTER.land()] == [m.COPTER_MODE_LAND]
 
 
 def test_it_takes_setpoints_in_guided_alone(tell, telemetry):
@@ -122,6 +138,9 @@ IN_ORDER = {
     "WPNAV_SPEED": 1000,
     "WPNAV_ACCEL": 250,
     "RTL_ALT": 1500,
+    "WPNAV_SPEED_UP": 300,
+    "WPNAV_SPEED_DN": 300,
+    **dict.fromkeys(FENCE_NAMES, 0),
 }
 
 
@@ -132,6 +151,9 @@ IN_ORDER_SINCE_4_7 = {
     "WP_SPD": 9,
     "WP_ACC": 2.5,
     "RTL_ALT_M": 15,
+    "WP_SPD_UP": 3,
+    "WP_SPD_DN": 3,
+    **dict.fromkeys(FENCE_NAMES, 0),
 }
 
 

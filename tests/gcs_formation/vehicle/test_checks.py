@@ -14,6 +14,7 @@ from flight_model.earth import GeodeticOrigin
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.checks import AT_ONCE, RETRY_S, TRIES, Finding, ParameterReader
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
+from gcs_formation.vehicle.own_fence import FENCE_NAMES
 from tests.gcs_formation.vehicle.conftest import ORIGIN, planned
 
 MODEL, PATH = planned(22.0, 80.0, speed_min_mps=14.0, speed_max_mps=29.0, turn_rate_max_rps=0.25, accel_max_mps2=1.5)
@@ -27,6 +28,9 @@ IN_ORDER = {
     "AIRSPEED_MAX": 29,
     "AIRSPEED_CRUISE": 22,
     "ROLL_LIMIT_DEG": 45,
+    "TECS_CLMB_MAX": 5,
+    "TECS_SINK_MAX": 5,
+    **dict.fromkeys(FENCE_NAMES, 0),
 }
 NOW = ("AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG")
 START, PLANE = Instant(0), ArduPlane(2, ORIGIN, 0.25)
@@ -156,6 +160,9 @@ def test_airspeeds_are_commanded_within_what_the_vehicle_tells(field_m: float | 
         ("AIRSPEED_MIN", 18.0, ("speed_min_mps", 18.0)),
         ("LIM_ROLL_CD", 2000.0, ("turn_rate_max_rps", math.tan(math.radians(20.0)) * 9.80665 / 22.0)),
         ("AIRSPEED_MAX", 40.0, None),
+        ("TECS_CLMB_MAX", 2.0, ("climb_max_mps", 2.0)),
+        ("TECS_SINK_MAX", 1.5, ("climb_max_mps", 1.5)),
+        ("TECS_CLMB_MAX", 3.0, None),
     ],
 )
 def test_parameters_narrower_than_the_model_bound_it(name: str, value: float, bound: tuple[str, float] | None) -> None:

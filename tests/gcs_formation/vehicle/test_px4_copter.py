@@ -17,6 +17,8 @@ from formation_scenario import load_scenario
 from gcs_formation.from_scenario import autopilot_for
 from gcs_formation.vehicle.command_delivery import CommandQueue, Outcome
 from gcs_formation.vehicle.families.px4.copter import Px4Copter
+from gcs_formation.vehicle.families.px4.px4 import LAND
+from gcs_formation.vehicle.own_fence import GEOFENCE_NAMES
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import VelocityLead
@@ -184,7 +186,7 @@ def test_it_takes_setpoints_in_offboard_alone_and_in_the_air(telemetry):
 def test_it_ends_in_hold_or_goes_home_at_its_height(telemetry):
     assert [COPTER.mode_asked(each) for each in COPTER.loiter(80.0, telemetry)] == [HOLD]
     assert [COPTER.mode_asked(each) for each in COPTER.leave("rtl", 80.0, telemetry)] == [RTL]
-    assert COPTER.land() == ()
+    assert [COPTER.mode_asked(each) for each in COPTER.land()] == [LAND]
 
 
 IN_ORDER = {
@@ -193,6 +195,9 @@ IN_ORDER = {
     "COM_OBL_RC_ACT": 0,
     "MPC_XY_VEL_MAX": 12,
     "RTL_RETURN_ALT": 30,
+    "MPC_Z_VEL_MAX_UP": 3.0,
+    "MPC_Z_VEL_MAX_DN": 3.0,
+    **dict.fromkeys(GEOFENCE_NAMES, 0),
 }
 
 

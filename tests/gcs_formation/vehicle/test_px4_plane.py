@@ -21,7 +21,9 @@ from gcs_formation.vehicle.autopilot_family import Command
 from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.command_delivery import CommandQueue, EffectWatch, Outcome
 from gcs_formation.vehicle.families.px4.plane import Px4Plane
+from gcs_formation.vehicle.own_fence import GEOFENCE_NAMES
 from gcs_formation.vehicle.startup import StartUp
+from gcs_formation.vehicle.stored_mission import LandingSequence
 from gcs_formation.vehicle.telemetry import Telemetry
 from tests.gcs_formation.vehicle.conftest import ORIGIN, planned, position
 
@@ -222,8 +224,11 @@ def test_home_is_where_it_says_and_rtl_if_it_never_did(px4):
     assert (north_m, east_m, place.z) == (pytest.approx(40.0, abs=0.01), pytest.approx(-60.0, abs=0.01), 150.0)
 
 
-def test_it_cannot_land_by_itself():
-    assert PLANE.land() == ()
+def test_it_lands_by_its_mission_alone():
+    plane = Px4Plane(PLANE.system, ORIGIN, 0.25)
+    assert plane.land() == ()
+    plane.landing = LandingSequence(0.0, 0.0, 0.0, 50.0)
+    assert [each.command for each in plane.land()] == [m.MAV_CMD_DO_LAND_START]
 
 
 def test_an_integer_parameter_is_the_bytes_of_one():
@@ -255,6 +260,9 @@ def test_a_parameter_that_bounds_what_is_asked_is_named(name, value, refuses):
         "FW_AIRSPD_TRIM": 14.0,
         "FW_R_LIM": 50.0,
         "NAV_LOITER_RAD": 80.0,
+        "FW_T_CLMB_R_SP": 3.0,
+        "FW_T_SINK_R_SP": 3.0,
+        **dict.fromkeys(GEOFENCE_NAMES, 0.0),
     }
     flown = planned(14.0, 80.0, speed_min_mps=11.0, speed_max_mps=20.0, turn_rate_max_rps=0.25, accel_max_mps2=1.0)
     reader = ParameterReader(7, PLANE.checks(*flown), PLANE.parameter)

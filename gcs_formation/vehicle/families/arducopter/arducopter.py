@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import ClassVar, Final
 
 from mypy_extensions import mypyc_attr
@@ -31,10 +32,12 @@ from gcs_formation.vehicle.autopilot_family import (
     Command,
     Craft,
     StartUpStep,
+    fly_to_home,
 )
-from gcs_formation.vehicle.checks import Check, lowest_m
+from gcs_formation.vehicle.checks import Check, climb_check, lowest_m, only_read
 from gcs_formation.vehicle.mode_names import COPTER
 from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
+from gcs_formation.vehicle.own_fence import FENCE_NAMES, OwnFence, ardupilot_fence
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
     MULTIROTOR_TYPES,
@@ -44,6 +47,8 @@ from gcs_formation.vehicle.velocity_setpoint import (
     velocity_setpoint,
 )
 
+CLIMBS: Final = (("WP_SPD_UP", "WPNAV_SPEED_UP"), ("WP_SPD_DN", "WPNAV_SPEED_DN"))
+"""Parameters of climb and descent, in 4.7.0 and before."""
 COPTER_LEADS_TO: Final = {
     5: frozenset({m.COPTER_MODE_LAND}),
     7: frozenset({m.COPTER_MODE_BRAKE, m.COPTER_MODE_LAND}),
@@ -173,7 +178,16 @@ class ArduCopter(ArduPilot):
                 ),
                 lambda value: value <= lowest_m(path),
             ),
+            *(
+                replace(climb_check((now,), model), older=climb_check((before,), model, "cm/s", CM))
+                for now, before in CLIMBS
+            ),
+            *map(only_read, FENCE_NAMES),
         )
+
+    def own_fence(self, values: Parameters) -> OwnFence | None:
+        """Return its geofence, None if it is off."""
+        return ardupilot_fence(values)
 
     def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:
         """Return its failsafe, None if it is off."""
@@ -181,6 +195,14 @@ class ArduCopter(ArduPilot):
         if not action:
             return None
         return OwnFailsafe(values.get("FS_GCS_TIMEOUT", TIMEOUT_S), COPTER_LEADS_TO.get(action, COPTER_HOMEWARD))
+
+    def wait_over_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
+        """Return DO_REPOSITION to its home in GUIDED: unlike RTL it flies there at its own height, and stays."""
+        return fly_to_home(self, height_m, seen) or self.go_home(height_m, seen)
+
+    def land(self) -> tuple[Command, ...]:
+        """Return LAND, which comes down where it hovers, and disarms."""
+        return (self.set_mode(m.COPTER_MODE_LAND),)
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw while it moves.

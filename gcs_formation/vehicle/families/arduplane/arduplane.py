@@ -30,9 +30,10 @@ from gcs_formation.vehicle.autopilot_family import (
     KnownSetpoints,
     StartUpStep,
 )
-from gcs_formation.vehicle.checks import Check, envelope_checks
+from gcs_formation.vehicle.checks import Check, climb_check, envelope_checks, only_read
 from gcs_formation.vehicle.mode_names import PLANE, PLANE_TYPES
 from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
+from gcs_formation.vehicle.own_fence import FENCE_NAMES, OwnFence, ardupilot_fence
 from gcs_formation.vehicle.telemetry import Telemetry
 
 LEAST_TAKE_OFF_M = 50
@@ -86,6 +87,7 @@ class ArduPlane(ArduPilot):
     home_mode = m.PLANE_MODE_RTL
     approach_m = 55.0
     """Default of AUTOLAND_WP_ALT."""
+    lands_by_mission = True
     mode_names: ClassVar = PLANE
     failsafe_parameters = ("FS_GCS_ENABL", "FS_LONG_ACTN", "FS_LONG_TIMEOUT")
     unarmable_modes = PLANE_UNARMABLE
@@ -131,7 +133,14 @@ class ArduPlane(ArduPilot):
                 lambda _: True,
             ),
             *(check.formerly(*BEFORE_4_5[check.names[0]]) for check in envelope),
+            climb_check(("TECS_CLMB_MAX",), model),
+            climb_check(("TECS_SINK_MAX",), model),
+            *map(only_read, FENCE_NAMES),
         )
+
+    def own_fence(self, values: Parameters) -> OwnFence | None:
+        """Return its geofence, None if it is off."""
+        return ardupilot_fence(values)
 
     def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:
         """Return its long failsafe, None if it is off."""
@@ -177,8 +186,11 @@ class ArduPlane(ArduPilot):
         return (altitude, self.set_mode(m.PLANE_MODE_RTL), altitude)
 
     def land(self) -> tuple[Command, ...]:
-        """Return AUTOLAND, available from version 4.7: it lands at home, in the direction of the take-off."""
-        return (self.set_mode(m.PLANE_MODE_AUTOLAND),)
+        """Return DO_LAND_START where its mission has a landing.
+
+        Otherwise AUTOLAND, available from version 4.7: it lands at home, in the direction of the take-off.
+        """
+        return (self.set_mode(m.PLANE_MODE_AUTOLAND),) if self.landing is None else self.land_by_mission()
 
     def _altitude(self, height_m: float) -> Command:
         return self._command(m.MAV_CMD_DO_CHANGE_ALTITUDE, height_m + self.origin.alt_m, m.MAV_FRAME_GLOBAL)

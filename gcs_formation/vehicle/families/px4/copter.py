@@ -20,10 +20,12 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.autopilot_family import Autopilot, Craft
-from gcs_formation.vehicle.checks import Check, lowest_m
+from gcs_formation.vehicle.autopilot_family import Autopilot, Command, Craft, fly_to_home
+from gcs_formation.vehicle.checks import Check, climb_check, lowest_m, only_read
 from gcs_formation.vehicle.families.px4.px4 import LAND, LOITER, OFFBOARD, RTL, STREAM_LOSS_S, Px4, heartbeats_lost
 from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
+from gcs_formation.vehicle.own_fence import GEOFENCE_NAMES
+from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
     MULTIROTOR_TYPES,
     TURNS_FROM_MPS,
@@ -122,7 +124,18 @@ class Px4Copter(Px4):
                 "at most the lowest height of the path: lower than that, nobody climbs into others on the way home",
                 lambda value: value <= lowest_m(path),
             ),
+            climb_check(("MPC_Z_VEL_MAX_UP",), model),
+            climb_check(("MPC_Z_VEL_MAX_DN",), model),
+            *map(only_read, GEOFENCE_NAMES),
         )
+
+    def wait_over_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
+        """Return DO_REPOSITION to its home, in Hold: unlike RTL it flies there at its own height, and stays."""
+        return fly_to_home(self, height_m, seen) or self.go_home(height_m, seen)
+
+    def land(self) -> tuple[Command, ...]:
+        """Return AUTO.LAND, which comes down where it hovers, and disarms."""
+        return (self.set_mode(LAND),)
 
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return one message: velocity over ground, and the course as yaw while it moves.

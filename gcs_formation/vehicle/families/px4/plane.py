@@ -25,8 +25,9 @@ from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.autopilot_family import Autopilot, Command, Craft, StartUpStep
-from gcs_formation.vehicle.checks import Check, envelope_checks
+from gcs_formation.vehicle.checks import Check, climb_check, envelope_checks, only_read
 from gcs_formation.vehicle.families.px4.px4 import LOITER, RTL, UNCHANGED, Px4, heartbeats_lost
+from gcs_formation.vehicle.own_fence import GEOFENCE_NAMES
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
     SpeedLead,
@@ -57,6 +58,8 @@ class Px4Plane(Px4):
     setpoints_set_mode = True
     """DO_REPOSITION without the flag for this (its second parameter) is UNSUPPORTED."""
     flies_courses = True
+    lands_by_mission = True
+    landing_is_marked = False
 
     def __init__(
         self,
@@ -106,6 +109,9 @@ class Px4Plane(Px4):
                 f"up to {LARGEST_CIRCLE_M:g} m; wider circles may meet, and bend the course",
                 lambda value: abs(value) <= LARGEST_CIRCLE_M,
             ),
+            climb_check(("FW_T_CLMB_R_SP",), model),
+            climb_check(("FW_T_SINK_R_SP",), model),
+            *map(only_read, GEOFENCE_NAMES),
         )
 
     @property

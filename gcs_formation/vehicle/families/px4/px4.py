@@ -23,6 +23,7 @@ from gcs_formation.vehicle.autopilot_family import Autopilot, Command, StartUpSt
 from gcs_formation.vehicle.checks import Check
 from gcs_formation.vehicle.mode_names import AUTO, PX4, px4_mode
 from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
+from gcs_formation.vehicle.own_fence import OwnFence, px4_fence
 from gcs_formation.vehicle.telemetry import Telemetry
 
 LEADS_AWAY = (1, 2, 3)
@@ -83,6 +84,10 @@ class Px4(Autopilot, ABC):
         """Return its failsafe for lost heartbeats, None if it is off."""
         modes = LEADS_TO.get(int(values.get("NAV_DLL_ACT", 0)))
         return None if modes is None else OwnFailsafe(values.get("COM_DL_LOSS_T", LINK_LOSS_S), modes)
+
+    def own_fence(self, values: Parameters) -> OwnFence | None:
+        """Return its geofence around home, None if it is off."""
+        return px4_fence(values)
 
     def parameter(self, reported: ParamValue) -> float:
         """Return a parameter's value: PX4 sends an integer's bytes in the float field."""

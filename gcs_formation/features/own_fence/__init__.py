@@ -1,0 +1,1 @@
+"""Keeps commanded heights within the geofences that vehicles have themselves."""

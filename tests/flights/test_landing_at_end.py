@@ -1,0 +1,122 @@
+"""`finish: {then: land}`: everybody lands by himself, one after another, and is disarmed; or nobody takes off."""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+from typing import Any
+
+import pytest
+
+import gcs_formation
+from airlink.clock import Instant, after
+from formation_scenario import load_scenario
+from gcs_formation.features.ending.landing_check import LandingCheck
+from gcs_formation.phases import Phase
+from sim_vehicles.autopilot.modes_and_failsafe import Condition
+from tests.flights.conftest import scenario
+from tests.flights.in_memory import World
+from tests.flights.test_landing import plane
+
+LAND = {"then": "land", "loiter_s": 0}
+COPTERS_PATH = {"speed_mps": 5, "waypoints_m": [[0, 0, 30], [300, 0, 30], [600, 0, 30]]}
+PX4_PATH = {"speed_mps": 14, "waypoints_m": [[0, 0, 60], [2000, 0, 60], [4000, 0, 60]]}
+ON_GROUND: dict[str, Any] = {"start": {"in_air": False}, "duration_s": 10, "finish": LAND, "telemetry": {"rate_hz": 5}}
+FAMILIES: dict[str, dict[str, Any]] = {
+    "ArduPlane": {"formation": {"shape": "diamond", "spacing_m": 30}, "vehicles": {"count": 4}},
+    "ArduPlane by its mission": {
+        "formation": {"shape": "line", "spacing_m": 30},
+        "vehicles": {"count": 4, "landing": {"approach_m": 500}},
+    },
+    "ArduCopter": {
+        "formation": {"shape": "diamond", "spacing_m": 12},
+        "vehicles": {"count": 4, "model": "arducopter"},
+        "path": COPTERS_PATH,
+    },
+    "PX4": {
+        "formation": {"shape": "diamond", "spacing_m": 30},
+        "vehicles": {"count": 4, "model": "px4", "landing": {}},
+        "path": PX4_PATH,
+    },
+    "PX4 multirotor": {
+        "formation": {"shape": "diamond", "spacing_m": 12},
+        "vehicles": {"count": 4, "model": "px4_copter"},
+        "path": COPTERS_PATH,
+    },
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("from_deg", [None, 0, 120, 240])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_everybody_lands_and_is_disarmed(family: str, from_deg: int | None) -> None:
+    keys = ON_GROUND | FAMILIES[family]
+    if from_deg is not None:
+        towards = math.radians(from_deg + 180.0)
+        keys |= {"wind": {"velocity_mps": [4.0 * math.cos(towards), 4.0 * math.sin(towards), 0.0]}}
+    world, least_m = World(**keys), math.inf
+    while not world.station.flight.ended:
+        world.run(0.2)
+        flying = [each.body.state for each in world.fleet.vehicles if each.pilot.condition is Condition.FLYING]
+        places = [(each.north_m, each.east_m, each.height_m) for each in flying]
+        if world.station.flight.phase in (Phase.ENDING, Phase.LOITERING):
+            least_m = min([least_m, *(math.dist(one, other) for one, other in combinations(places, 2))])
+    assert world.station.course.failure is None
+    assert [each.pilot.condition for each in world.fleet.vehicles] == [Condition.DISARMED] * 4
+    assert list((world.station.course.not_landed or {}).values()) == [None] * 4
+    assert least_m > world.station.scenario.safety.avoidance.distance_m
+
+
+def refused(**keys: Any) -> str:
+    """Return why a flight ended before anybody was armed."""
+    world = World(**ON_GROUND | keys)
+    world.network.run(lambda: world.station.flight.ended)
+    assert not any(each.pilot.condition.armed for each in world.fleet.vehicles) or keys.get("start")
+    return str(world.station.course.failure)
+
+
+@pytest.mark.parametrize(
+    ("keys", "why"),
+    [
+        ({"vehicles": {"count": 2, "model": "px4"}, "path": PX4_PATH}, "vehicle 1 can't land by itself"),
+        (
+            {"vehicles": {"count": 2}, "formation": {"shape": "follower", "spacing_m": 40}},
+            "vehicle 1 would come in over the place of vehicle 2",
+        ),
+        (
+            {"vehicles": {"count": 2}, "start": {"in_air": True, "run_in_s": 6}},
+            "vehicle 1 lands where it took off, and that was not seen",
+        ),
+        (
+            {"vehicles": {"count": 2, "landing": {"touchdown_m": [0, 0], "course_deg": 90}}},
+            "vehicle 1 would come in over the place of vehicle 2",
+        ),
+    ],
+)
+def test_where_somebody_can_not_land_nobody_takes_off(keys: dict[str, Any], why: str) -> None:
+    allowed = "allowed: rtl, loiter, or another place or a stored landing for it"
+    assert refused(**keys) == f"finish.then: found land, but {why}; {allowed}"
+
+
+def test_a_flight_that_goes_on_is_not_refused_for_its_landing() -> None:
+    """Refused, vehicles that fly would be left without anybody who commands them."""
+    vehicle = plane(1, 0.0, 0.0)
+    vehicle.take_off.stood = None
+    planned = load_scenario(scenario(finish=LAND))
+    check = LandingCheck(planned, {vehicle.identity: vehicle})
+    assert not check.passed
+    check.only_warns = True
+    assert check.passed
+    for second in range(30):
+        check.requests(after(Instant(0), 2.0 * second))
+    assert "that was not seen" in str(check.refusal(ready=True))
+    assert check.refusal(ready=True) is None, "it is said once"
+
+
+@pytest.mark.slow
+def test_the_summary_says_who_has_landed(tmp_path) -> None:
+    keys = scenario(**ON_GROUND | FAMILIES["ArduCopter"])
+    found = gcs_formation.run(keys, clock="virtual", out=tmp_path / "run").to_dict()
+    each = {str(number): {"landed": True, "why": None} for number in range(1, 5)}
+    assert found["finish"] == {"then": "land", "vehicles": each}
+    assert (found["undone"], found["failure"]) == ([], None)

@@ -1,0 +1,77 @@
+"""The leader's first way to its path is long enough for the others to join up, and no longer."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from flight_model.autopilot_model import AutopilotModel, FlightState
+from formation_scenario import load_scenario
+from gcs_formation import from_scenario
+from gcs_formation.guidance.leader_guidance import JOINED_S, SETTLE_S, LeaderGuidance
+from tests.flights.conftest import scenario
+
+MODEL = AutopilotModel(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)
+HOVERING = AutopilotModel(0.6, 0.6, 0.3, 0.3, 0.0, 9.0, 2.5, 0.5, 1.5)
+SPEED = 22.0
+
+
+def set_out(north_m: float, east_m: float, height_m: float = 100.0, heading_deg: float = 0.0) -> tuple[float, float]:
+    """Return the lengths of the way to the straight before the path, and of this straight, m; the path leads north."""
+    leads = from_scenario.leader_guidance(load_scenario(scenario(start={"in_air": False})))
+    state = FlightState(north_m, east_m, height_m, 0.0, SPEED, math.radians(heading_deg), 0.0, 0.0)
+    leads.steer(state, MODEL, assembled=False)
+    assert leads.route is not None
+    assert leads.route is not leads.path
+    return leads.route.length_m, -leads.route.at(leads.route.length_m).north_m
+
+
+@pytest.mark.parametrize("place", [(300.0, 0.0), (0.0, 200.0), (-500.0, -400.0), (-900.0, 300.0), (50.0, -900.0)])
+def test_it_takes_as_long_as_joining_up_takes_wherever_it_begins(place: tuple[float, float]) -> None:
+    way_m, straight_m = set_out(*place)
+    assert JOINED_S * SPEED <= way_m + straight_m < 1.5 * JOINED_S * SPEED
+
+
+def test_one_that_must_fly_back_flies_back_no_farther_than_it_must() -> None:
+    """It used to fly back to a run-in of 60 s: 65 s longer."""
+    _, straight_m = set_out(300.0, 0.0)
+    assert straight_m == pytest.approx(0.35 * SETTLE_S * SPEED)
+
+
+def test_it_is_as_high_as_its_path_before_the_straight() -> None:
+    """From 55 m below it at 2.1 m/s."""
+    way_m, _ = set_out(-900.0, 300.0, 45.0)
+    assert way_m >= 55.0 / (0.7 * 3.0) * SPEED
+
+
+def hovering(north_m: float) -> tuple[LeaderGuidance, FlightState]:
+    keys = scenario(
+        vehicles={"count": 3, "model": "arducopter"},
+        start={"in_air": True, "run_in_s": 1},
+        path={"speed_mps": 5, "waypoints_m": [[0, 0, 100], [1000, 0, 100]]},
+        formation={"shape": "diamond", "spacing_m": 12},
+    )
+    leads = from_scenario.leader_guidance(load_scenario(keys))
+    return leads, FlightState(north_m, 0.0, 100.0, 0.0, 5.0, 0.0, 0.0, 0.0)
+
+
+def test_one_that_hovers_waits_before_its_path_until_the_others_are_there() -> None:
+    """It used to fly an aircraft's lap of 143 m radius."""
+    leads, state = hovering(-5.0)
+    assert leads.steer(state, HOVERING, assembled=False).speed_mps == 0.0
+    state.north_m = 1.0
+    assert leads.steer(state, HOVERING, assembled=False).speed_mps == 0.0, "it has stopped beyond the start"
+    assert (leads.started, leads.rounds) == (False, 0)
+    assert leads.steer(state, HOVERING, assembled=True).speed_mps == pytest.approx(5.0)
+    assert leads.started
+    state.north_m = 3.0
+    assert leads.steer(state, HOVERING, assembled=False).speed_mps == pytest.approx(5.0), "it has begun"
+
+
+def test_an_order_of_speed_is_flown_after_the_wait() -> None:
+    leads, state = hovering(-5.0)
+    leads.steer(state, HOVERING, assembled=False)
+    leads.fly_at(3.0)
+    assert leads.steer(state, HOVERING, assembled=False).speed_mps == 0.0
+    assert leads.steer(state, HOVERING, assembled=True).speed_mps == pytest.approx(3.0)
