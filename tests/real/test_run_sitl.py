@@ -1,0 +1,41 @@
+"""`run --sitl`: each shipped scenario of real autopilots, their simulators started and ended by the run itself."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.processes import STATION
+from tests.real.simulators import LIMIT_S, ROOT
+
+SHIPPED = {
+    "arduplane": ("arduplane", "ARDUPLANE_SITL"),
+    "arducopter": ("arducopter", "ARDUCOPTER_SITL"),
+    "px4": ("px4", "PX4_SITL"),
+    "px4_copter": ("px4", "PX4_SITL"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("config", SHIPPED)
+def test_a_shipped_scenario_is_flown_and_judged_by_true_states(config: str, tmp_path: Path) -> None:
+    family, variable = SHIPPED[config]
+    if not (program := os.environ.get(variable)):
+        pytest.skip(f"{variable} isn't set to the path of a SITL binary")
+    command = [*STATION, "run", f"configs/{config}.yaml", "--sitl", f"{family}={Path(program).absolute()}", "--json"]
+    done = subprocess.run(
+        [*command, "--out", str(tmp_path / "run")],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary["truth"] is True
+    assert summary["safety"]["violations"] == 0
