@@ -64,7 +64,7 @@ def test_everybody_lands_and_is_disarmed(family: str, from_deg: int | None) -> N
     assert world.station.course.failure is None
     assert [each.pilot.condition for each in world.fleet.vehicles] == [Condition.DISARMED] * 4
     assert list((world.station.course.not_landed or {}).values()) == [None] * 4
-    assert least_m > world.station.scenario.safety.avoidance.distance_m
+    assert least_m > world.station.scenario.safety.kept_m
 
 
 def refused(**keys: Any) -> str:
