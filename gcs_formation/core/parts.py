@@ -57,7 +57,9 @@ class Parts:
             scenario, self.controller, self.vehicles, self.course, self.reconfiguration, note, send, utc_at_0_s
         )
         flight, fail = self.course.flight, self.course.fail
-        self.senders = Senders(self.vehicles, self.networks, flight, note, fail, scenario.station.ids)
+        self.several_links = SeveralLinks(*fleet)
+        ids, try_port = scenario.station.ids, self.several_links.try_port
+        self.senders = Senders(self.vehicles, self.networks, flight, note, fail, ids, try_port)
         self.flood = FloodWatch(note)
         self.signatures = SignatureWatch(signing, self.receiver, self.networks, *fleet)
         connections = [link.connection for each in self.vehicles.values() for link in each.each_link]
@@ -68,7 +70,6 @@ class Parts:
             self.vehicles, self.endpoints, flight, self.preflight, self.takeover, note, fail, together=together
         )
         self.orders = Orders(scenario, self.course, self.reconfiguration, note)
-        self.several_links = SeveralLinks(*fleet)
         self.heartbeats = HeartbeatScheduler(*fleet, narrow, self.radio_reports)
         self.budget = link_budget(stated, *fleet, self.radio_reports, self.heartbeats)
 

@@ -63,6 +63,9 @@ class DuplicateId:
     """Whether its clock proved that it is another vehicle."""
     reported: bool = False
     frames: int = 0
+    goes_on: bool = False
+    stamped: bool = False
+    """Whether each of its stamps continues the vehicle's clock; whether one came."""
 
 
 class SourceBinding:
@@ -154,6 +157,9 @@ class SourceBinding:
         duplicate.last = now
         duplicate.frames += 1
         duplicate.refuted |= evidence is ANOTHERS
+        if evidence is not NOTHING:
+            duplicate.goes_on = evidence is GOES_ON and (duplicate.goes_on or not duplicate.stamped)
+            duplicate.stamped = True
         bound = self._connection.peer
         enough = remote == (self._connection.socket, bound) or duplicate.frames >= FEWEST_FRAMES
         both = enough and self._last_certain(remote) >= after(duplicate.since, BOTH_TALK_S)
@@ -161,11 +167,22 @@ class SourceBinding:
         if duplicate.reported or not (both or refused):
             return None
         duplicate.reported = True
-        where = "from the same address" if remote[1] == bound else f"from {remote[1]}, beside {bound}"
         about = f", {evidence.value}" if evidence is not NOTHING else ""
-        return f"another sender has its system id, {where}{about}; it is ignored"
+        return second_sender(remote[1], bound, about)
+
+    def may_be_second_port(self, socket: int, peer: Address) -> bool:
+        """Return whether another sender, which is heard at the same time, may be the vehicle by another port."""
+        duplicate = self._duplicates.get((socket, peer))
+        elsewhere = socket != self._connection.socket or peer != self._connection.peer
+        return elsewhere and duplicate is not None and duplicate.goes_on and not duplicate.refuted
 
     def _last_certain(self, remote: Remote) -> Instant:
         """Return when the vehicle itself was last heard for certain, given the other sender `remote`."""
         connection = self._connection
         return self._agreed if remote == (connection.socket, connection.peer) else connection.last_heard
+
+
+def second_sender(peer: Address, bound: Address | None, about: str = "") -> str:
+    """Return the text about a second sender at `peer`, where the vehicle is `bound` to another or the same address."""
+    where = "from the same address" if peer == bound else f"from {peer}, beside {bound}"
+    return f"another sender has its system id, {where}{about}; it is ignored"

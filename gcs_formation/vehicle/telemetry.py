@@ -198,6 +198,20 @@ class Telemetry:
         if math.isnan(self.airspeed_stamp_s):
             self.airspeed_stamp_s = stamp_s
 
+    def apart_m(self, message: GlobalPositionInt) -> float:
+        """Return how far a reported position is from the newest one, carried by its velocity; NaN if none is known."""
+        motion = self.motion
+        if motion is None or not _is_position(message):
+            return math.nan
+        north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
+        north_more_m, east_more_m, up_m = self.displaced_m
+        later_s = message.time_boot_s - motion.stamp_s
+        return math.hypot(
+            north_m + north_more_m - motion.north_m - motion.north_mps * later_s,
+            east_m + east_more_m - motion.east_m - motion.east_mps * later_s,
+            up_m - down_m - motion.height_m - motion.climb_mps * later_s,
+        )
+
     def _fly_without(self, stamp_s: float) -> None:
         """Replace an airspeed or attitude that isn't reported: no airspeed is a reading of 0, as in VFR_HUD."""
         if self._without_airspeed > ALONE and stamp_s - self._airspeed_told_s > ALONE_S and not self.stands:
