@@ -28,6 +28,8 @@ FEWEST_FRAMES: Final = 4
 """Of so many frames not all are ones that the vehicle's link lost, from a second link that isn't known as one yet."""
 DISBELIEVED_S: Final = 2.0
 """After this long without a stamp that fits the known clock, an answer with another clock is accepted."""
+NOW_S: Final = 3.0
+"""Stamps no older than this, by the vehicle's clock, may be its own by another port."""
 FORGOTTEN_S: Final = 60.0
 MAX_RIVALS: Final = 8
 
@@ -65,7 +67,7 @@ class DuplicateId:
     frames: int = 0
     goes_on: bool = False
     stamped: bool = False
-    """Whether each of its stamps continues the vehicle's clock; whether one came."""
+    """Whether each of its stamps is of now by the vehicle's clock; whether one came."""
 
 
 class SourceBinding:
@@ -82,6 +84,8 @@ class SourceBinding:
         self.turned_s = 0.0
         """What to add to the last judged stamp for the time since boot, s: a whole number of wraps (`TURN_S`)."""
         self._duplicates: dict[Remote, DuplicateId] = {}
+        self._age_s = math.nan
+        """Age of the last judged stamp by the vehicle's clock."""
 
     def judge(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
         """Decide on a frame, and bind the vehicle to the frame's address if the evidence supports it."""
@@ -121,7 +125,8 @@ class SourceBinding:
     def _evidence(self, stamp_s: float, now: Instant) -> Evidence:
         if not self._clock.samples:
             return NOTHING
-        if -EARLY_S <= self._clock.age_s(stamp_s, now) <= LONGEST_DELAY_S:
+        self._age_s = self._clock.age_s(stamp_s, now)
+        if -EARLY_S <= self._age_s <= LONGEST_DELAY_S:
             return GOES_ON
         booted = after(now, -stamp_s)
         return Evidence.BEGAN_ANEW if booted >= after(self._agreed, -BOOT_SLACK_S) else ANOTHERS
@@ -158,7 +163,8 @@ class SourceBinding:
         duplicate.frames += 1
         duplicate.refuted |= evidence is ANOTHERS
         if evidence is not NOTHING:
-            duplicate.goes_on = evidence is GOES_ON and (duplicate.goes_on or not duplicate.stamped)
+            alike = evidence is GOES_ON and self._age_s <= NOW_S
+            duplicate.goes_on = alike and (duplicate.goes_on or not duplicate.stamped)
             duplicate.stamped = True
         bound = self._connection.peer
         enough = remote == (self._connection.socket, bound) or duplicate.frames >= FEWEST_FRAMES

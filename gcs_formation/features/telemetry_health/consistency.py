@@ -38,6 +38,9 @@ MEMORY: Final = 0.05
 UNCHANGED: Final = 2
 """A position that is the same to the bit so many times in a row is frozen, and a velocity that is 0 isn't filled. One
 that isn't 0 may well be the same: that is straight flight."""
+FROZEN_M: Final = 1.0
+"""A height that is the same to the bit while its climb rate says that it moved by this, and five standard deviations
+of that, is frozen, m: heights that are told in whole metres change after one."""
 OPPOSED_SHARE: Final = 0.25
 """A velocity has the wrong sign if its opposite leaves less than this share of what it leaves itself."""
 CONFIRMED: Final = 3
@@ -170,6 +173,8 @@ class Consistency:
         self._unchanged = [0, 0]
         """How many samples in a row had the same position, and the same velocity."""
         self._agrees_s = 0.0
+        self._stood_s, self._passed_m = 0.0, 0.0
+        """For how long a height has been the same, s, and how far it would have moved meanwhile by its rate, m."""
         self.scatters = False
         """Whether its position scatters too much."""
         self.scatter_m = 0.0
@@ -259,6 +264,7 @@ class Consistency:
                 axis.offset_m -= gained_m
         self._unchanged[POSITION] = self._unchanged[POSITION] + 1 if same_position else 0
         self._unchanged[VELOCITY] = self._unchanged[VELOCITY] + 1 if same_rate else 0
+        self._stand(elapsed_s, rate_mps[0], same=same_position)
         self._watch_scatter()
         short, long = self._shares(elapsed_s, variances)
         share = max(short, long)
@@ -269,10 +275,27 @@ class Consistency:
         if not self._begun:
             return
         self._count(share, elapsed_s, short=short >= long)
-        if self._beyond >= CONFIRMED or (self._beyond and self._stands()):
+        if self.wrong is None and self._is_frozen(variances[1] * elapsed_s / 2.0):
+            self.axes[0].excess_m = 0.0 - self._passed_m
+            self._disbelieve()
+        elif self._beyond >= CONFIRMED or (self._beyond and self._stands()):
             self._disbelieve()
         elif self.wrong is not None and self._agrees_s >= RETURNS_S:
             self._believe(variances[0])
+
+    def _stand(self, elapsed_s: float, rate_mps: float, *, same: bool) -> None:
+        """Sum what a height that stays the same to the bit would have moved by its rate."""
+        if same and len(self.axes) == 1:
+            self._stood_s += elapsed_s
+            self._passed_m += (rate_mps + self.axes[0].rate_mps) * elapsed_s / 2.0
+        else:
+            self._stood_s, self._passed_m = 0.0, 0.0
+
+    def _is_frozen(self, doubled: float) -> bool:
+        """Return whether a height has stayed the same while its rate says otherwise; `doubled`: noise of a sum, m²/s."""
+        if self._unchanged[POSITION] < UNCHANGED or len(self.axes) > 1:
+            return False
+        return abs(self._passed_m) > FROZEN_M + SIGMAS * math.sqrt(doubled * self._stood_s)
 
     def _watch_scatter(self) -> None:
         most_m2 = 0.0
@@ -343,7 +366,7 @@ class Consistency:
         self.wrong = found
 
     def _which(self) -> int:
-        if self._faster:
+        if self._faster or abs(self._passed_m) > FROZEN_M:
             return POSITION
         if self.doubts_velocity:
             return VELOCITY

@@ -99,6 +99,28 @@ def test_a_frozen_position_is_found_at_once_and_carried_on_by_the_velocity():
     assert flown.off_m()[0] < 0.5
 
 
+def climbing(height_of, rate_mps=0.7, seconds=60.0):
+    """Return a height's check after a steady climb, as it is told, and when it was first not believed, s."""
+    checked, found_s = Consistency(1, FASTEST_MPS), None
+    for number in range(1, round(seconds / STEP_S)):
+        time_s = number * STEP_S
+        checked.take(1 + round(time_s * 1e9), [height_of(rate_mps * time_s)], [rate_mps], [rate_mps], (0.0, 0.0))
+        if found_s is None and checked.wrong is not None:
+            found_s = time_s
+    return checked, found_s
+
+
+def test_a_frozen_height_is_found_once_it_should_have_moved_by_a_metre():
+    checked, found_s = climbing(lambda height_m: min(height_m, 7.0), seconds=13.0)  # frozen at 10 s
+    assert found_s == pytest.approx(10.0 + 1.0 / 0.7, abs=2.5 * STEP_S)
+    assert checked.wrong == POSITION
+    assert checked.axes[0].flown_m == pytest.approx(0.7 * 12.9, abs=0.1)
+
+
+def test_heights_in_whole_metres_are_not_frozen():
+    assert climbing(math.floor)[1] is None
+
+
 def test_a_jump_is_taken_out_and_a_jump_back_forgets_it():
     flown = Turning()
     flown.fly(5.0)
