@@ -141,14 +141,6 @@ class VehicleHealth:
             airspeed_ratio=sample.airspeed_ratio,
         )
 
-    others_scatter: bool = False
-    """Whether another vehicle's position scatters, too: two such ones can't be kept apart."""
-
-    @property
-    def scatters(self) -> bool:
-        """Whether its position scatters."""
-        return self._across.scatters
-
     @property
     def height_unknown(self) -> bool:
         """Whether its height is known by its climb rate alone."""
@@ -162,8 +154,6 @@ class VehicleHealth:
                 return f"its {quantity} doesn't move by its velocity"
             if found.wrong is None and found.displaced_m > DISPLACED_MOST_M:
                 return f"its {quantity} has jumped by {found.displaced_m:.0f} m"
-        if self.scatters and self.others_scatter and self.vehicle.telemetry.stands:  # it stops where it truly is
-            return "its position scatters, and another's"
         if self._timing.standing:
             return "the stamps of its positions stand still"
         return f"its positions come {self._timing.late_s:.1f} s late" if self._timing.late_s else ""

@@ -72,6 +72,20 @@ def test_noise_that_hides_what_else_is_wrong_is_said_and_an_outlier_is_no_noise(
     assert not flown.checked.scatters
 
 
+def test_a_position_that_scatters_is_flown_as_its_velocity_carries_it():
+    flown = Turning()
+    flown.fly(10.0)
+    flown.sigmas = 10.0, 0.0
+    flown.fly(3.0)
+    assert flown.checked.scatters
+    off_m = list[float]()
+    for _ in range(300):
+        flown.fly(STEP_S)
+        off_m.append(flown.off_m()[0])
+    assert max(off_m) < 4.0, "of positions that are off by 30 m"
+    assert np.mean(off_m) < 1.5
+
+
 def test_one_that_has_stopped_is_not_believed_to_be_where_its_frozen_position_was():
     axes, still = Consistency(2, FASTEST_MPS), [0.0, 0.0]
     for number in range(1, 300):
