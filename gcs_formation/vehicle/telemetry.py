@@ -15,6 +15,7 @@ from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import (
     Attitude,
     EkfStatusReport,
+    EstimatorStatus,
     ExtendedSysState,
     GlobalPositionInt,
     GpsRawInt,
@@ -102,6 +103,10 @@ class Telemetry:
     flight_status: int = m.MAV_STATE_UNINIT
     """Last STANDBY or ACTIVE, by which ArduPilot reports whether it flies; CRITICAL and EMERGENCY don't tell."""
     ekf_flags: int = 0
+    estimator_reports: int = 0
+    """Number of reports of its estimator."""
+    estimator_ratios: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Of the newest: innovations of velocity, position and height, as shares of their gates."""
     fix: tuple[int, int] = (0, 0)
     """Kind of the receiver's fix, and number of satellites, where it tells them."""
     unfixed: bool = False
@@ -143,6 +148,12 @@ class Telemetry:
             self.take_position(message)
         elif isinstance(message, EkfStatusReport):
             self.ekf_flags = message.flags
+            self.estimator_reports += 1
+            self.estimator_ratios = message.velocity_variance, message.pos_horiz_variance, message.pos_vert_variance
+        elif isinstance(message, EstimatorStatus):
+            self.ekf_flags = message.flags
+            self.estimator_reports += 1
+            self.estimator_ratios = message.vel_ratio, message.pos_horiz_ratio, message.pos_vert_ratio
         elif isinstance(message, SysStatus):
             self.sensors_healthy = message.onboard_control_sensors_health
         elif isinstance(message, ExtendedSysState):

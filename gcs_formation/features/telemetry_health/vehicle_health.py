@@ -13,6 +13,7 @@ from flight_model.slot import Triple
 from gcs_formation.estimation.estimator import Sample, VehicleFilter
 from gcs_formation.features.telemetry_health.commanded_velocity import CommandedVelocity
 from gcs_formation.features.telemetry_health.consistency import POSITION, VELOCITY, Consistency
+from gcs_formation.features.telemetry_health.estimator_report import EstimatorReport
 from gcs_formation.features.telemetry_health.heading_and_airspeed import AirspeedJumps, HeadingCheck
 from gcs_formation.features.telemetry_health.timing import JITTERS, LATE_S, Timing
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -67,13 +68,14 @@ class VehicleHealth:
         self._up = Consistency(1, FASTER * model.climb_max_mps + RISES_MPS)
         self._heading, self._timing = HeadingCheck(model.turn_rate_max_rps), Timing()
         self._airspeed, self._wind = AirspeedJumps(model.accel_max_mps2), (UNKNOWN, UNKNOWN)
-        self._commanded = CommandedVelocity(model)
+        self._commanded, self._estimator = CommandedVelocity(model), EstimatorReport()
 
     def examine(
         self, sample: Sample, known: VehicleFilter, commanded: Commanded, now: Instant, *, leads: bool
     ) -> Sample:
         """Return what is to be flown by: the sample itself, or a copy without what can't be true."""
         vehicle, noise = self.vehicle, known.noise.by_quantity
+        self._estimator.take(vehicle.telemetry, now)
         longest_s = vehicle.clock.one_way_s + LATE_S + JITTERS * vehicle.jitter.jitter_s
         north_m, east_m, up_m = vehicle.telemetry.displaced_m
         place_m, velocity_mps = (sample.north_m - north_m, sample.east_m - east_m), (sample.north_mps, sample.east_mps)
@@ -154,6 +156,8 @@ class VehicleHealth:
                 return f"its {quantity} doesn't move by its velocity"
             if found.wrong is None and found.displaced_m > DISPLACED_MOST_M:
                 return f"its {quantity} has jumped by {found.displaced_m:.0f} m"
+        if self._estimator.lost:
+            return "its estimator has no absolute position"
         if self._timing.standing:
             return "the stamps of its positions stand still"
         return f"its positions come {self._timing.late_s:.1f} s late" if self._timing.late_s else ""
@@ -188,7 +192,9 @@ class VehicleHealth:
                 words = f"its {names[0]} moved {each.evidence_m:.1f} m otherwise than its velocity says"
                 found[names[each.wrong]] = f"{words}: {names[each.wrong]} not believed, {instead}"
             elif each.displaced_m > 0.0:
-                found[names[0]] = f"its {names[0]} has jumped by {each.displaced_m:.1f} m: taken to be where it was"
+                said = f" ('{self._estimator.switched}')" if self._estimator.switched else ""
+                jumped = f"its {names[0]} has jumped by {each.displaced_m:.1f} m{said}"
+                found[names[0]] = f"{jumped}: taken to be where it was"
             elif each.scatters:
                 found[names[0]] = f"its {names[0]} scatters by {each.scatter_m:.0f} m or more: smoothed"
         if self._heading.frozen:
@@ -207,6 +213,8 @@ class VehicleHealth:
             found["stamps"] = f"its stamps have jumped by {-timing.shift_s:+.2f} s: shifted back"
         if timing.late_s:
             found.setdefault("position", "its positions come late: not flown by")
+        for quantity, text in self._estimator.findings().items():
+            found.setdefault(quantity, text)
         lacking = seen.lacking
         if lacking:
             found.setdefault(lacking, f"it tells no {lacking} any more")
