@@ -76,16 +76,16 @@ class VehicleHealth:
         """Return what is to be flown by: the sample itself, or a copy without what can't be true."""
         vehicle, noise = self.vehicle, known.noise.by_quantity
         self._estimator.take(vehicle.telemetry, now)
-        longest_s = vehicle.clock.one_way_s + LATE_S + JITTERS * vehicle.jitter.jitter_s
         north_m, east_m, up_m = vehicle.telemetry.displaced_m
         place_m, velocity_mps = (sample.north_m - north_m, sample.east_m - east_m), (sample.north_mps, sample.east_mps)
         height_m = sample.height_m - up_m
         motion = vehicle.telemetry.motion
         told_s = UNKNOWN if motion is None else motion.stamp_s
-        stamp = self._timing.take(told_s, int(sample.stamp), int(now), place_m, velocity_mps, longest_s)
+        stamp = self._stamp(sample, told_s, now, place_m, velocity_mps)
         if self._timing.standing or math.isnan(told_s):
             return sample
         own = 1 + round((told_s + self._timing.shift_s) * NANOSECONDS)
+        at = stamp if self._timing.by_arrival else own
         airspeed_mps, heading_rad = sample.airspeed_mps, sample.heading_rad
         witness = [UNKNOWN, UNKNOWN]
         if not vehicle.telemetry.stands:
@@ -97,16 +97,28 @@ class VehicleHealth:
         else:
             witness = self._commanded.take(own, commanded.acting, velocity_mps, stops=commanded.stops)
         across_variances, up_variances = (noise[0], noise[2]), (noise[1], noise[3])
-        across = self._across.take(own, list(place_m), list(velocity_mps), witness, across_variances)
+        across = self._across.take(at, list(place_m), list(velocity_mps), witness, across_variances)
         self._up.doubts_velocity = self._across.wrong == VELOCITY
         climb_mps = self._climb_mps(commanded.height_m - height_m - self._up.axes[0].offset_m)
-        up = self._up.take(own, [height_m], [sample.climb_mps], [climb_mps], up_variances)
+        up = self._up.take(at, [height_m], [sample.climb_mps], [climb_mps], up_variances)
         as_told = airspeed_mps == sample.airspeed_mps and heading_rad == sample.heading_rad and stamp == sample.stamp
         if as_told and not across and not up and vehicle.telemetry.displaced_m == (0.0, 0.0, 0.0):
             return sample
         north, east = self._across.axes
         vehicle.telemetry.displaced_m = north.offset_m, east.offset_m, self._up.axes[0].offset_m
         return self._corrected(sample, Instant(stamp), airspeed_mps, heading_rad, leads=leads)
+
+    def _stamp(
+        self, sample: Sample, told_s: float, now: Instant, place_m: tuple[float, float], mps: tuple[float, float]
+    ) -> int:
+        """Return the stamp to be used of a sample, stamped at `told_s` by its own clock."""
+        timing, before, vehicle = self._timing, self._timing.by_arrival, self.vehicle
+        longest_s = vehicle.clock.one_way_s + LATE_S + JITTERS * vehicle.jitter.jitter_s
+        stamp = timing.take(told_s, int(sample.stamp), int(now), place_m, mps, longest_s)
+        if timing.by_arrival != before:  # what was found meanwhile was due to the stamps
+            self._across.forget()
+            self._up.forget()
+        return stamp
 
     def _by_air(self, airspeed_mps: float, heading_rad: float, known: FlightState | None) -> list[float]:
         """Return the velocity over ground by airspeed, heading and wind; NaN while that isn't known.
@@ -185,7 +197,22 @@ class VehicleHealth:
 
     def _findings(self) -> dict[str, str]:
         """Return the quantities that aren't believed, with the evidence."""
-        found, seen, timing = dict[str, str](), self.vehicle.telemetry, self._timing
+        found, seen = self._of_positions(), self.vehicle.telemetry
+        self._add_of_others(found)
+        stamps = self._timing.finding
+        if stamps:
+            found["stamps"] = stamps
+        if self._timing.late_s:
+            found.setdefault("position", "its positions come late: not flown by")
+        for quantity, text in self._estimator.findings().items():
+            found.setdefault(quantity, text)
+        lacking = seen.lacking
+        if lacking:
+            found.setdefault(lacking, f"it tells no {lacking} any more")
+        return found
+
+    def _of_positions(self) -> dict[str, str]:
+        found = dict[str, str]()
         for each, names in ((self._across, HORIZONTAL), (self._up, VERTICAL)):
             if each.wrong is not None:
                 instead = "carried on by its velocity" if each.wrong == POSITION else f"that of its {names[0]} is flown"
@@ -197,6 +224,10 @@ class VehicleHealth:
                 found[names[0]] = f"{jumped}: taken to be where it was"
             elif each.scatters:
                 found[names[0]] = f"its {names[0]} scatters by {each.scatter_m:.0f} m or more: smoothed"
+        return found
+
+    def _add_of_others(self, found: dict[str, str]) -> None:
+        seen = self.vehicle.telemetry
         if self._heading.frozen:
             found["attitude"] = "its heading doesn't turn with its course: turned with it"
         elif self._heading.offset_rad != 0.0:
@@ -207,18 +238,6 @@ class VehicleHealth:
         if self._airspeed.offset_mps != 0.0:
             jumped = f"its airspeed has jumped by {self._airspeed.evidence_mps:.1f} m/s"
             found["airspeed"] = f"{jumped}: taken to be as before"
-        if timing.standing:
-            found["stamps"] = "the stamps of its positions stand still"
-        elif timing.shift_s != 0.0:
-            found["stamps"] = f"its stamps have jumped by {-timing.shift_s:+.2f} s: shifted back"
-        if timing.late_s:
-            found.setdefault("position", "its positions come late: not flown by")
-        for quantity, text in self._estimator.findings().items():
-            found.setdefault(quantity, text)
-        lacking = seen.lacking
-        if lacking:
-            found.setdefault(lacking, f"it tells no {lacking} any more")
-        return found
 
 
 def _wind_mps(known: FlightState | None) -> tuple[float, float]:

@@ -277,6 +277,20 @@ class TestStamps:
         assert max(map(abs, errors)) < 0.01
         assert timing.shift_s == pytest.approx(-shift_s)
 
+    @pytest.mark.parametrize("rate", [0.3, 0.15, -0.3])
+    def test_stamps_that_run_at_another_rate_are_timed_by_arrival_until_they_run_rightly(self, rate):
+        drift_s = [rate * STEP_S * max(0, min(i - 50, 50)) for i in range(200)]
+        timing, errors = self.taken(drift_s)
+        assert max(map(abs, errors)) < 0.35
+        assert max(map(abs, errors[80:100])) < 0.1, "while they drift by up to 1.5 s"
+        assert not timing.by_arrival
+        assert max(map(abs, errors[150:])) < 0.1
+
+    def test_positions_that_drift_ahead_and_links_that_slow_down_dont_alter_stamps_rates(self):
+        timing, errors = self.taken([0.0] * 100, arrivals_s=[0.02 * i for i in range(100)])
+        assert not timing.by_arrival
+        assert max(map(abs, errors)) < 1e-6
+
     def test_a_link_that_slows_down_moves_no_stamp(self):
         timing, errors = self.taken([0.0] * 20, arrivals_s=[0.0] * 10 + [0.4] * 10)
         assert max(map(abs, errors)) < 1e-6
