@@ -96,11 +96,10 @@ class VehicleHealth:
             witness = self._by_air(airspeed_mps, heading_rad, known.state)
         else:
             witness = self._commanded.take(own, commanded.acting, velocity_mps, stops=commanded.stops)
-        across_variances, up_variances = (noise[0], noise[2]), (noise[1], noise[3])
-        across = self._across.take(at, list(place_m), list(velocity_mps), witness, across_variances)
+        across = self._across.take(at, list(place_m), list(velocity_mps), witness, (noise[0], noise[2]))
         self._up.doubts_velocity = self._across.wrong == VELOCITY
         climb_mps = self._climb_mps(commanded.height_m - height_m - self._up.axes[0].offset_m)
-        up = self._up.take(at, [height_m], [sample.climb_mps], [climb_mps], up_variances)
+        up = self._up.take(at, [height_m], [sample.climb_mps], [climb_mps], (noise[1], noise[3]))
         as_told = airspeed_mps == sample.airspeed_mps and heading_rad == sample.heading_rad and stamp == sample.stamp
         if as_told and not across and not up and vehicle.telemetry.displaced_m == (0.0, 0.0, 0.0):
             return sample
