@@ -11,6 +11,7 @@ from airlink.clock import Instant
 from airlink.endpoint import VehicleId, parse_endpoint
 from airlink.engine import Datagram
 from sim_vehicles.config import FleetConfig, fleet_config
+from sim_vehicles.fleet import Fleet
 from tests.flights import in_memory
 from tests.flights.in_memory import Between, World
 
@@ -27,7 +28,7 @@ class Appearing(Between):
 
     silent: set[int]
 
-    def __init__(self, fleet: Any) -> None:
+    def __init__(self, fleet: Fleet) -> None:
         super().__init__(fleet)
         self.silent = {len(fleet.vehicles)}
 
@@ -82,7 +83,7 @@ def test_two_that_boot_at_once_and_are_elsewhere_are_two(world: World) -> None:
     world.fly_to(2.0)
     twin = next(each for each in world.config.vehicles if each.identity.system == 2)
     booted = world.vehicle(2).clock.booted
-    other = in_memory.Fleet(
+    other = Fleet(
         replace(world.config, vehicles=(replace(twin, further_endpoints=(), start=replace(twin.start, east_m=40.0)),)),
         booted,
     )

@@ -74,7 +74,7 @@ class Unresponsive:
         self._held: list[Triple | None] = [None] * len(models)
         """Setpoint by which each vehicle that doesn't answer flies on; None for those that answer."""
         self._disobeying = [False] * len(models)
-        self._stops: list[tuple[Instant, int, int, Triple] | None] = [None] * len(models)
+        self._stops: list[tuple[int, int, int, Triple] | None] = [None] * len(models)
         """Of each that was commanded to stop without a position since: when, of when that is, and what it knew."""
         self._left: list[int | None] = [None] * len(models)
         """Instant from which each has been sent nothing; None while it is sent setpoints."""
@@ -173,7 +173,7 @@ class Unresponsive:
             found += [Place(column, begins + later_ns, held=held) for later_ns in BRAKES_NS]
         return found
 
-    def _last_known(self, column: int, brakes: Instant, way_s: float, seen: int) -> tuple[int, Triple]:
+    def _last_known(self, column: int, brakes: int, way_s: float, seen: int) -> tuple[int, Triple]:
         """Return when a command to stop came through, and the setpoint at the last position: kept, as histories end."""
         known = self._stops[column]
         if known is None or known[:2] != (brakes, seen):
