@@ -56,9 +56,12 @@ VELOCITY: Final = 1
 class Consistency:
     """A position of one or two coordinates and its velocity, as one vehicle tells them."""
 
-    def __init__(self, axes: int, fastest_mps: float) -> None:
-        """Start by believing both; `axes`: 2 for north and east, 1 for the height; `fastest_mps`: it can't be."""
-        self._fastest_mps = fastest_mps
+    def __init__(self, axes: int, fastest_mps: float, scale: float = 1.0) -> None:
+        """Start by believing both; `axes`: 2 for north and east, 1 for the height; `fastest_mps`: it can't be.
+
+        `scale`: of the bounds, by which false alarms are traded for time.
+        """
+        self._fastest_mps, self._scale = fastest_mps, scale
         self.axes = [Axis() for _ in range(axes)]
         self.wrong: int | None = None
         """Which quantity isn't believed: `POSITION`, `VELOCITY`, or None."""
@@ -223,8 +226,8 @@ class Consistency:
             noise_m2 = max(noise_m2, axis.noise_m2)
             short += axis.short_m * axis.short_m
             long += axis.long_m * axis.long_m
-        short_m = SHORT_M + SIGMAS * math.sqrt(noise_m2 + doubled * SHORT_S)
-        long_m = LONG_M + SIGMAS * math.sqrt(noise_m2 + doubled * LONG_S)
+        short_m = self._scale * (SHORT_M + SIGMAS * math.sqrt(noise_m2 + doubled * SHORT_S))
+        long_m = self._scale * (LONG_M + SIGMAS * math.sqrt(noise_m2 + doubled * LONG_S))
         return math.sqrt(short) / short_m, math.sqrt(long) / long_m
 
     def _begin(self) -> None:
