@@ -281,6 +281,7 @@ class Telemetry:
         self.armed, self.flight_status = False, m.MAV_STATE_UNINIT
         self.airspeed_mps = self.airspeed_stamp_s = self.hud_heading_rad = math.nan
         self.ekf_flags = self.sensors_healthy = 0
+        self.estimator_ratios = (0.0, 0.0, 0.0)
         self.landed_state, self.home_m = m.MAV_LANDED_STATE_UNDEFINED, None
         self.home_height_m, self.position_refused = math.nan, ""
 
