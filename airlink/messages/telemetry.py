@@ -651,6 +651,85 @@ EKF_STATUS_REPORT: Final = Kind(
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
+class EstimatorStatus(Message):
+    """ESTIMATOR_STATUS (230): which estimates are good, and innovations as shares of their gates."""
+
+    def __init__(
+        self,
+        time_usec: int,
+        flags: int,
+        vel_ratio: float,
+        pos_horiz_ratio: float,
+        pos_vert_ratio: float,
+        mag_ratio: float,
+        hagl_ratio: float,
+        tas_ratio: float,
+        pos_horiz_accuracy_m: float,
+        pos_vert_accuracy_m: float,
+    ) -> None:
+        self.time_usec = time_usec
+        self.flags = flags
+        self.vel_ratio = vel_ratio
+        self.pos_horiz_ratio = pos_horiz_ratio
+        self.pos_vert_ratio = pos_vert_ratio
+        self.mag_ratio = mag_ratio
+        self.hagl_ratio = hagl_ratio
+        self.tas_ratio = tas_ratio
+        self.pos_horiz_accuracy_m = pos_horiz_accuracy_m
+        self.pos_vert_accuracy_m = pos_vert_accuracy_m
+
+    def kind(self) -> Kind:
+        return ESTIMATOR_STATUS
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u64(payload, self.time_usec)
+        put_f32(payload, self.vel_ratio)
+        put_f32(payload, self.pos_horiz_ratio)
+        put_f32(payload, self.pos_vert_ratio)
+        put_f32(payload, self.mag_ratio)
+        put_f32(payload, self.hagl_ratio)
+        put_f32(payload, self.tas_ratio)
+        put_f32(payload, self.pos_horiz_accuracy_m)
+        put_f32(payload, self.pos_vert_accuracy_m)
+        put_u16(payload, self.flags)
+
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return EstimatorStatus(
+            get_u64(frame, begin, end),
+            get_u16(frame, begin + 40, end),
+            get_f32(frame, begin + 8, end),
+            get_f32(frame, begin + 12, end),
+            get_f32(frame, begin + 16, end),
+            get_f32(frame, begin + 20, end),
+            get_f32(frame, begin + 24, end),
+            get_f32(frame, begin + 28, end),
+            get_f32(frame, begin + 32, end),
+            get_f32(frame, begin + 36, end),
+        )
+
+
+ESTIMATOR_STATUS: Final = Kind(
+    "ESTIMATOR_STATUS",
+    230,
+    163,
+    (42, 42),
+    (
+        "time_usec",
+        "flags",
+        "vel_ratio",
+        "pos_horiz_ratio",
+        "pos_vert_ratio",
+        "mag_ratio",
+        "hagl_ratio",
+        "tas_ratio",
+        "pos_horiz_accuracy_m",
+        "pos_vert_accuracy_m",
+    ),
+    EstimatorStatus(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+)
+
+
+@mypyc_attr(acyclic=True, free_list_len=1)
 class HomePosition(Message):
     """HOME_POSITION (242): the home position."""
 
@@ -768,6 +847,7 @@ KINDS: Final = (
     BATTERY_STATUS,
     WIND,
     EKF_STATUS_REPORT,
+    ESTIMATOR_STATUS,
     HOME_POSITION,
     EXTENDED_SYS_STATE,
 )

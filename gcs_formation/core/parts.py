@@ -58,7 +58,9 @@ class Parts:
             scenario, self.controller, self.vehicles, self.course, self.reconfiguration, note, send, utc_at_0_s
         )
         flight, fail = self.course.flight, self.course.fail
-        self.senders = Senders(self.vehicles, self.networks, flight, note, fail, scenario.station.ids)
+        self.several_links = SeveralLinks(*fleet)
+        ids, try_port = scenario.station.ids, self.several_links.try_port
+        self.senders = Senders(self.vehicles, self.networks, flight, note, fail, ids, try_port)
         self.flood = FloodWatch(note)
         self.signatures = SignatureWatch(signing, self.receiver, self.networks, *fleet)
         connections = [link.connection for each in self.vehicles.values() for link in each.each_link]
@@ -77,7 +79,6 @@ class Parts:
             together=scenario.hovers and not scenario.start.in_air and begins.anew,
         )
         self.orders = Orders(scenario, self.course, self.reconfiguration, note)
-        self.several_links = SeveralLinks(*fleet)
         self.heartbeats = HeartbeatScheduler(*fleet, narrow, self.radio_reports)
         self.cycle.as_written, self.cycle.heartbeats = stated, self.heartbeats
         self.cycle.radio_reports = self.radio_reports

@@ -329,8 +329,11 @@ class LargeGust:
     def repeats(self, before: LargeGust, values: Values, noise: float, elapsed_s: float) -> bool:
         """Return whether this sample, of `values`, shows the gust of the one before, and moved with it.
 
-        `noise`: variance of a component of the wind that one sample shows, (m/s)².
+        `noise`: variance of a component of the wind that one sample shows, (m/s)². Where a stamp went back no time has
+        passed, and it hasn't moved.
         """
+        if elapsed_s <= 0.0:
+            return False
         change = squared(self.wind_north_mps - before.wind_north_mps) + squared(
             self.wind_east_mps - before.wind_east_mps
         )

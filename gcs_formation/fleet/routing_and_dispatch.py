@@ -7,7 +7,7 @@ time and TIMESYNC have schedules of their own; setpoints are sent so that they t
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Set
+from collections.abc import Callable, Collection, Mapping, Set
 from typing import Final
 
 from librt.vecs import vec
@@ -37,10 +37,14 @@ SYSTEMS: Final = 256
 MANY_COPIES: Final = 20
 """Number of copies of a vehicle's frames after which they are reported."""
 COPIES_TEXT: Final = "its frames come more than once, as by a second link; copies and what is overtaken are ignored"
+IF_ONE: Final = "If it is one vehicle with two links, name both: endpoint: [A, B]"
 HOLDS_OFF: Final = "its heartbeats hold off the vehicles' failsafe when ours stop (another id: station.system)"
 
 EVERYONE = 0
 """MAVLink's broadcast id, which isn't allowed as a sender's id."""
+
+
+TryPort = Callable[[Vehicle, int, Address, Instant], bool]
 
 
 class Senders:
@@ -54,8 +58,13 @@ class Senders:
         note: Note,
         give_up: GiveUp,
         station: ComponentId = STATION,
+        try_port: TryPort | None = None,
     ) -> None:
-        """Take the `vehicles`; `networks[s]` is the network of socket s; `station`: our own ids."""
+        """Take the `vehicles`; `networks[s]` is the network of socket s; `station`: our own ids.
+
+        `try_port`: tries a second sender as a further link of a vehicle.
+        """
+        self._try_port = try_port
         self._networks = networks
         self._vehicles: list[list[Vehicle | None]] = [[None] * SYSTEMS for _ in networks]
         """Vehicles by socket and system id."""
@@ -70,14 +79,15 @@ class Senders:
         self._strangers: set[VehicleId] = set()
         self._namesakes: set[ComponentId] = set()
         """Other senders with our system id that have been reported."""
-        self._connections = [link.connection for vehicle in vehicles.values() for link in vehicle.each_link]
+        self._all = list(vehicles.values())
         self._peers, self._peers_at = frozenset[Address](), NEVER
 
     def peers(self, tick: Instant) -> frozenset[Address]:
         """Return the vehicles' addresses, looked up once for each next tick."""
         if self._peers_at != tick:
             self._peers_at = tick
-            self._peers = frozenset(each.peer for each in self._connections if each.peer is not None)
+            connections = [link.connection for vehicle in self._all for link in vehicle.each_link]
+            self._peers = frozenset(each.peer for each in connections if each.peer is not None)
         return self._peers
 
     def sender(self, frame: Frame, datagram: Datagram, now: Instant) -> Vehicle | None:
@@ -93,7 +103,7 @@ class Senders:
         if frame.component != AUTOPILOT or (isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT):
             return None  # from a device that isn't an autopilot, such as a companion computer
         if vehicle.links is not None:
-            vehicle.see(vehicle.links.at(socket))
+            vehicle.see(vehicle.links.at(socket, datagram.peer))
         connection, history = vehicle.connection, vehicle.history
         bound = connection.state is not LinkState.SEARCHING
         elsewhere = bound and (socket != connection.socket or datagram.peer != connection.peer)
@@ -106,7 +116,8 @@ class Senders:
         if history.is_lost_one(frame, now, elsewhere=elsewhere):
             return None
         admitted, finding = vehicle.source_binding.judge(message, socket, datagram.peer, now)
-        if finding is not None:
+        tried = not admitted and self._is_tried(vehicle, datagram, now) if finding is not None else False
+        if finding is not None and not tried:
             self._note_finding(vehicle, finding, datagram, now, admitted=admitted)
         if not admitted:
             return None
@@ -114,13 +125,19 @@ class Senders:
         history.take(frame, now, follows=follows, awaited=vehicle.round_trips.awaits(message))
         return vehicle
 
+    def _is_tried(self, vehicle: Vehicle, datagram: Datagram, now: Instant) -> bool:
+        """Return whether another sender is tried as a further link: in flight, where positions tell vehicles apart."""
+        if self._try_port is None or self._flight.phase is Phase.CONNECTING:
+            return False
+        return self._try_port(vehicle, datagram.socket, datagram.peer, now)
+
     def _note_finding(self, vehicle: Vehicle, text: str, datagram: Datagram, now: Instant, *, admitted: bool) -> None:
         self._note(now, "address" if admitted else "duplicate", text, vehicle, {"peer": str(datagram.peer)})
         if admitted:
             vehicle.sequence.restart()
             vehicle.history.restart()
         elif self._flight.phase is Phase.CONNECTING:
-            self._give_up(f"vehicle {vehicle.identity}: {text}; allowed: each id once", now)
+            self._give_up(f"vehicle {vehicle.identity}: {text}; allowed: each id once. {IF_ONE}", now)
 
     def _note_stranger(self, identity: VehicleId, frame: Frame, datagram: Datagram, now: Instant) -> None:
         if not isinstance(frame.message, Heartbeat):

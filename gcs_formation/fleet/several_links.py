@@ -6,16 +6,20 @@ from collections.abc import Mapping
 from typing import Final
 
 from airlink import mavlink as m
-from airlink.clock import Instant
-from airlink.endpoint import VehicleId
+from airlink.clock import NEVER, Instant
+from airlink.endpoint import Address, VehicleId
 from airlink.messages import Message
 from airlink.messages.command import CommandLong
 from airlink.messages.system import Heartbeat, Timesync
 from gcs_formation.link.link_health import Connection, LinkState
+from gcs_formation.link.source_binding import second_sender
 from gcs_formation.link.vehicle_links import Link, is_one_clock
+from gcs_formation.link.vehicle_links import Links as VehicleLinks
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Vehicle
 
+MOST_LINKS: Final = 4
+"""A vehicle with so many links gets no more by appearing elsewhere."""
 OTHERS: Final = "another sender has its system id there, whose clock is another's; what it sends is ignored"
 
 
@@ -24,8 +28,36 @@ class SeveralLinks:
 
     def __init__(self, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
         """Watch those of `vehicles`."""
-        self._each = [(vehicle, vehicle.links) for vehicle in vehicles.values() if vehicle.links is not None]
-        self._note = note
+        self._vehicles, self._note = vehicles, note
+        self._each = list[tuple[Vehicle, VehicleLinks]]()
+        self._take_each()
+
+    def _take_each(self) -> None:
+        each = self._vehicles.values()
+        self._each = [(vehicle, vehicle.links) for vehicle in each if vehicle.links is not None]
+
+    def try_port(self, vehicle: Vehicle, socket: int, peer: Address, now: Instant) -> bool:
+        """Try whether another sender is the vehicle, by another port; return whether it is tried."""
+        may_be = vehicle.source_binding.may_be_second_port(socket, peer) and len(vehicle.each_link) < MOST_LINKS
+        if may_be:
+            vehicle.try_port(socket, peer, now)
+            self._take_each()
+        return may_be
+
+    def _judge_trials(self, vehicle: Vehicle, links: VehicleLinks, now: Instant) -> None:
+        for link in links.each[1:]:
+            if link.on_trial_since == NEVER:
+                continue
+            proven, peer = links.judge_trial(link, now), link.connection.peer
+            if proven:
+                link.on_trial_since = NEVER
+                text = f"is heard from {peer}, too, with one clock and position: taken as link {link.number}"
+                self._note(now, "address", text, vehicle, {"peer": str(peer)})
+            elif proven is not None and peer is not None:
+                vehicle.drop_port(link)
+                self._take_each()
+                text = second_sender(peer, links.in_use.connection.peer)
+                self._note(now, "duplicate", text, vehicle, {"peer": str(peer)})
 
     def see_by_those_in_use(self) -> None:
         """See each vehicle by the link in use again, after frames that came on others."""
@@ -35,6 +67,7 @@ class SeveralLinks:
     def watch(self, now: Instant) -> None:
         """Note what has become of the links that aren't in use, and choose which one is; called once a tick."""
         for vehicle, links in self._each:
+            self._judge_trials(vehicle, links, now)
             for link in links.each:
                 if link is not links.in_use:
                     self._check(vehicle, link, now)

@@ -303,7 +303,7 @@ class RoundTrips:
 
         With `by_utc` stamps are mapped by the vehicle's UTC once that is known.
         """
-        self._loop_s, self._by_utc = loop_s, by_utc
+        self.loop_s, self.by_utc = loop_s, by_utc
         self.own: OwnDelays | None = None
         """Estimates the delays from outside."""
         self.clock = ClockSync(loop_s)
@@ -351,7 +351,7 @@ class RoundTrips:
     def steady(self) -> bool:
         """Whether the clock is known by many round trips, of which the last were alike, and none is overdue."""
         recent_s = self._recent_s
-        alike = len(recent_s) == STEADY_TRIPS and max(recent_s) - min(recent_s) <= self._loop_s + STEADY_S
+        alike = len(recent_s) == STEADY_TRIPS and max(recent_s) - min(recent_s) <= self.loop_s + STEADY_S
         return alike and len(self._pending) <= 1 and self.clock.samples >= KNOWN_TRIPS
 
     def longest_s(self, since: Instant) -> float:
@@ -412,7 +412,7 @@ class RoundTrips:
         if restarted:
             own.reset()
         usual_s = max(0.0, clock.one_way_s + clock.asymmetry_s), max(0.0, clock.one_way_s - clock.asymmetry_s)
-        up_s, down_s = own.take(sent, vehicle_ns, now, self._loop_s, usual_s)
+        up_s, down_s = own.take(sent, vehicle_ns, now, self.loop_s, usual_s)
         clock.one_way_s, clock.asymmetry_s = (up_s + down_s) / 2, (up_s - down_s) / 2
 
     @property
@@ -453,4 +453,4 @@ class RoundTrips:
         return 0.0 if self._answered == NEVER else max(0.0, seconds_between(self._answered, last_heard))
 
     def _new_stamps(self) -> StampMap:
-        return StampMap(self.clock, GnssClock(self._loop_s) if self._by_utc else None)
+        return StampMap(self.clock, GnssClock(self.loop_s) if self.by_utc else None)

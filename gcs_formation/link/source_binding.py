@@ -28,6 +28,8 @@ FEWEST_FRAMES: Final = 4
 """Of so many frames not all are ones that the vehicle's link lost, from a second link that isn't known as one yet."""
 DISBELIEVED_S: Final = 2.0
 """After this long without a stamp that fits the known clock, an answer with another clock is accepted."""
+NOW_S: Final = 3.0
+"""Stamps no older than this, by the vehicle's clock, may be its own by another port."""
 FORGOTTEN_S: Final = 60.0
 MAX_RIVALS: Final = 8
 
@@ -63,6 +65,9 @@ class DuplicateId:
     """Whether its clock proved that it is another vehicle."""
     reported: bool = False
     frames: int = 0
+    goes_on: bool = False
+    stamped: bool = False
+    """Whether each of its stamps is of now by the vehicle's clock; whether one came."""
 
 
 class SourceBinding:
@@ -79,6 +84,8 @@ class SourceBinding:
         self.turned_s = 0.0
         """What to add to the last judged stamp for the time since boot, s: a whole number of wraps (`TURN_S`)."""
         self._duplicates: dict[Remote, DuplicateId] = {}
+        self._age_s = math.nan
+        """Age of the last judged stamp by the vehicle's clock."""
 
     def judge(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
         """Decide on a frame, and bind the vehicle to the frame's address if the evidence supports it."""
@@ -118,7 +125,8 @@ class SourceBinding:
     def _evidence(self, stamp_s: float, now: Instant) -> Evidence:
         if not self._clock.samples:
             return NOTHING
-        if -EARLY_S <= self._clock.age_s(stamp_s, now) <= LONGEST_DELAY_S:
+        self._age_s = self._clock.age_s(stamp_s, now)
+        if -EARLY_S <= self._age_s <= LONGEST_DELAY_S:
             return GOES_ON
         booted = after(now, -stamp_s)
         return Evidence.BOOTED_SINCE if booted >= after(self._agreed, -BOOT_SLACK_S) else ANOTHERS
@@ -154,6 +162,10 @@ class SourceBinding:
         duplicate.last = now
         duplicate.frames += 1
         duplicate.refuted |= evidence is ANOTHERS
+        if evidence is not NOTHING:
+            alike = evidence is GOES_ON and self._age_s <= NOW_S
+            duplicate.goes_on = alike and (duplicate.goes_on or not duplicate.stamped)
+            duplicate.stamped = True
         bound = self._connection.peer
         enough = remote == (self._connection.socket, bound) or duplicate.frames >= FEWEST_FRAMES
         both = enough and self._last_certain(remote) >= after(duplicate.since, BOTH_TALK_S)
@@ -161,11 +173,22 @@ class SourceBinding:
         if duplicate.reported or not (both or refused):
             return None
         duplicate.reported = True
-        where = "from the same address" if remote[1] == bound else f"from {remote[1]}, beside {bound}"
         about = f", {evidence.value}" if evidence is not NOTHING else ""
-        return f"another sender has its system id, {where}{about}; it is ignored"
+        return second_sender(remote[1], bound, about)
+
+    def may_be_second_port(self, socket: int, peer: Address) -> bool:
+        """Return whether another sender, which is heard at the same time, may be the vehicle by another port."""
+        duplicate = self._duplicates.get((socket, peer))
+        elsewhere = socket != self._connection.socket or peer != self._connection.peer
+        return elsewhere and duplicate is not None and duplicate.goes_on and not duplicate.refuted
 
     def _last_certain(self, remote: Remote) -> Instant:
         """Return when the vehicle itself was last heard for certain, given the other sender `remote`."""
         connection = self._connection
         return self._agreed if remote == (connection.socket, connection.peer) else connection.last_heard
+
+
+def second_sender(peer: Address, bound: Address | None, about: str = "") -> str:
+    """Return the text about a second sender at `peer`, where the vehicle is `bound` to another or the same address."""
+    where = "from the same address" if peer == bound else f"from {peer}, beside {bound}"
+    return f"another sender has its system id, {where}{about}; it is ignored"

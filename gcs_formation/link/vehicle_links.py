@@ -24,6 +24,7 @@ from librt.vecs import vec
 
 from airlink import mavlink as m
 from airlink.clock import LONG_AGO, NANOSECONDS, NEVER, Instant, after, seconds_between
+from airlink.endpoint import Address
 from airlink.frame import Frame
 from airlink.messages import KINDS
 from gcs_formation.link.clock_sync import ClockSync
@@ -59,6 +60,11 @@ RESTARTED_S: Final = 10.0
 """A stamp that is older by more than this is of a clock that has restarted; the link's own history has judged that."""
 GONE: Final = (LinkState.SEARCHING, LinkState.LOST)
 """Nothing is heard of the vehicle on a link in these states: then another link may, whatever its clock."""
+TRIAL_S: Final = 5.0
+ALIKE: Final = 3
+NEAR_M: Final = 5.0
+"""A link that has appeared by itself is proven by so many positions so near to the vehicle's, within this time; or it
+is another's. Nearer than that two vehicles don't fly; a fixed wing turns by 2 m off its velocity in 0.6 s."""
 DISAGREES_S: Final = 3.0
 """After this time a clock that differs is another vehicle's; one that has just restarted is soon seen on all links."""
 ANSWERS: Final = frozenset(
@@ -87,6 +93,10 @@ class Link:
         """Shares lost of late, 0 to 1."""
         self.agrees, self.disagrees_since, self.reported = False, NEVER, False
         """Whether its clock has been shown to be the vehicle's, since when it differs, and whether that was said."""
+        self.on_trial_since = NEVER
+        """Since when it is unproven: nobody named it, it has appeared by itself."""
+        self.near, self.far = 0, 0
+        """How many positions there were near to, and far from where the vehicle is by the link in use."""
         self.barred_until, self.barred_s, self.failed_at = LONG_AGO, BARRED_S, LONG_AGO
         self._looked = NEVER
         self._counts = [0.0, 0.0, 0.0, 0.0]
@@ -157,6 +167,11 @@ class Link:
         connection = self.connection
         return connection.talks and self.is_known and self.agrees and not self.failing(now)
 
+    def compare_position(self, apart_m: float) -> None:
+        """Take how far a position that came here is from where the vehicle is by the link in use, m."""
+        self.near += apart_m <= NEAR_M
+        self.far += apart_m > NEAR_M
+
     def bar(self, now: Instant) -> None:
         """Note that it failed while it was in use."""
         often = seconds_between(self.failed_at, now) < FORGIVEN_S
@@ -183,10 +198,40 @@ class Links:
         self._newest_s = vec[float]([math.nan] * len(KINDS))
         """Newest stamp of each kind of message, by any link."""
         self._at_socket = {link.connection.socket: link for link in each}
+        self._named = len(each)
+        """So many were named in the scenario; the others have appeared by themselves."""
 
-    def at(self, socket: int) -> Link:
-        """Return the link whose socket it is; the one in use for another socket."""
+    def at(self, socket: int, peer: Address) -> Link:
+        """Return the link of a socket and an address, or the one that was named for the socket; else the one in use."""
+        for link in self.each[self._named :]:
+            if link.connection.socket == socket and link.connection.peer == peer:
+                return link
         return self._at_socket.get(socket, self.in_use)
+
+    def try_port(self, socket: int, peer: Address, now: Instant) -> None:
+        """Try a link that nobody named."""
+        number, trips = 1 + max(link.number for link in self.each), self.in_use.round_trips
+        link = Link(number, Connection(socket, peer), trips.loop_s, by_utc=trips.by_utc)
+        link.on_trial_since = now
+        self.each.append(link)
+
+    def judge_trial(self, link: Link, now: Instant) -> bool | None:
+        """Return whether a link on trial is the vehicle's: its clock and position are; None while that isn't known."""
+        used = self.in_use
+        if link.far >= ALIKE or seconds_between(link.on_trial_since, now) > TRIAL_S:
+            return False
+        if not link.is_known or not used.is_known:
+            return None
+        if not is_one_clock(used.clock, link.clock, now):
+            return False
+        return True if link.near >= ALIKE else None
+
+    def of(self, connection: Connection) -> Link:
+        """Return the link that has a connection."""
+        for link in self.each:
+            if link.connection is connection:
+                return link
+        return self.in_use
 
     def is_news(self, frame: Frame, link: Link) -> bool:
         """Return whether a frame that is news on its link is news of the vehicle, and take it as such."""
@@ -257,6 +302,8 @@ class Links:
             if link is used or not link.is_known:
                 continue
             agrees = used.is_known and is_one_clock(used.clock, link.clock, now)
+            if link.on_trial_since != NEVER:
+                continue
             link.agrees = agrees or gone
             if link.agrees or not used.is_known:
                 link.disagrees_since = NEVER

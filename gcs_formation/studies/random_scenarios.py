@@ -240,6 +240,16 @@ def _telemetry_faults(rng: np.random.Generator, severity: Severity, count: int) 
 
 
 def _telemetry_fault(rng: np.random.Generator, severity: Severity, count: int) -> Keys:
+    fault = telemetry_fault(rng)
+    drawn: Keys = {}
+    drawn["at_s"] = _trouble_at(rng, severity)
+    drawn["for_s"] = float(rng.uniform(1.0, severity.longest_spell_s))
+    drawn["vehicles"] = "all" if rng.random() < ALL_SHARE else [_vehicle(rng, count)]
+    return drawn | fault
+
+
+def telemetry_fault(rng: np.random.Generator) -> Keys:
+    """Return a fault of telemetry without when and whose: quantity, effect and amount."""
     quantity = _one_of(rng, *QUANTITIES)
     amounts = AMOUNTS.get(quantity, {})
     effect = _one_of(
@@ -248,15 +258,7 @@ def _telemetry_fault(rng: np.random.Generator, severity: Severity, count: int) -
     low, high = LATE_S if effect == "late" else amounts.get(effect, (0.0, 0.0))
     sign = _one_of(rng, -1.0, 1.0) if effect in ("offset", "drift") else 1.0
     amount: Keys = {"amount": sign * float(rng.uniform(low, high))} if effect in NEEDS_AMOUNT else {}
-    return {
-        "at_s": _trouble_at(rng, severity),
-        "for_s": float(rng.uniform(1.0, severity.longest_spell_s)),
-        "vehicles": "all" if rng.random() < ALL_SHARE else [_vehicle(rng, count)],
-        "kind": "telemetry",
-        "quantity": quantity,
-        "effect": effect,
-        **amount,
-    }
+    return {"kind": "telemetry", "quantity": quantity, "effect": effect, **amount}
 
 
 def _trouble_at(rng: np.random.Generator, severity: Severity) -> float:

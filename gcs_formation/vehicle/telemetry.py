@@ -15,6 +15,7 @@ from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import (
     Attitude,
     EkfStatusReport,
+    EstimatorStatus,
     ExtendedSysState,
     GlobalPositionInt,
     GpsRawInt,
@@ -102,6 +103,10 @@ class Telemetry:
     flight_status: int = m.MAV_STATE_UNINIT
     """Last STANDBY or ACTIVE, by which ArduPilot reports whether it flies; CRITICAL and EMERGENCY don't tell."""
     ekf_flags: int = 0
+    estimator_reports: int = 0
+    """Number of reports of its estimator."""
+    estimator_ratios: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Of the newest: innovations of velocity, position and height, as shares of their gates."""
     fix: tuple[int, int] = (0, 0)
     """Kind of the receiver's fix, and number of satellites, where it tells them."""
     unfixed: bool = False
@@ -143,6 +148,12 @@ class Telemetry:
             self.take_position(message)
         elif isinstance(message, EkfStatusReport):
             self.ekf_flags = message.flags
+            self.estimator_reports += 1
+            self.estimator_ratios = message.velocity_variance, message.pos_horiz_variance, message.pos_vert_variance
+        elif isinstance(message, EstimatorStatus):
+            self.ekf_flags = message.flags
+            self.estimator_reports += 1
+            self.estimator_ratios = message.vel_ratio, message.pos_horiz_ratio, message.pos_vert_ratio
         elif isinstance(message, SysStatus):
             self.sensors_healthy = message.onboard_control_sensors_health
         elif isinstance(message, ExtendedSysState):
@@ -197,6 +208,20 @@ class Telemetry:
         self.motion.heading_rad = message.hdg_rad if message.hdg_rad < TURN_RAD else math.nan
         if math.isnan(self.airspeed_stamp_s):
             self.airspeed_stamp_s = stamp_s
+
+    def apart_m(self, message: GlobalPositionInt) -> float:
+        """Return how far a reported position is from the newest one, carried by its velocity; NaN if none is known."""
+        motion = self.motion
+        if motion is None or not _is_position(message):
+            return math.nan
+        north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
+        north_more_m, east_more_m, up_m = self.displaced_m
+        later_s = message.time_boot_s - motion.stamp_s
+        return math.hypot(
+            north_m + north_more_m - motion.north_m - motion.north_mps * later_s,
+            east_m + east_more_m - motion.east_m - motion.east_mps * later_s,
+            up_m - down_m - motion.height_m - motion.climb_mps * later_s,
+        )
 
     def _fly_without(self, stamp_s: float) -> None:
         """Replace an airspeed or attitude that isn't reported: no airspeed is a reading of 0, as in VFR_HUD."""
@@ -256,6 +281,7 @@ class Telemetry:
         self.armed, self.flight_status = False, m.MAV_STATE_UNINIT
         self.airspeed_mps = self.airspeed_stamp_s = self.hud_heading_rad = math.nan
         self.ekf_flags = self.sensors_healthy = 0
+        self.estimator_ratios = (0.0, 0.0, 0.0)
         self.landed_state, self.home_m = m.MAV_LANDED_STATE_UNDEFINED, None
         self.home_height_m, self.position_refused = math.nan, ""
 

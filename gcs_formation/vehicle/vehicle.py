@@ -11,8 +11,8 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink import mavlink as m
-from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
-from airlink.endpoint import VehicleId
+from airlink.clock import LONG_AGO, NANOSECONDS, NEVER, Instant, seconds_between
+from airlink.endpoint import Address, VehicleId
 from airlink.frame import Frame
 from airlink.messages import KINDS, Message
 from airlink.messages.command import CommandAck
@@ -173,6 +173,19 @@ class Vehicle:
         self.source_binding, self.history = link.source_binding, link.history
         self.jitter, self.sequence = link.jitter, link.sequence
 
+    def try_port(self, socket: int, peer: Address, now: Instant) -> Links:
+        """Try a link that nobody named; what comes there isn't taken before it has been shown to be the vehicle's."""
+        if self.links is None:
+            self.links = Links(self.each_link)
+        self.links.try_port(socket, peer, now)
+        return self.links
+
+    def drop_port(self, link: Link) -> None:
+        """Drop a link that was tried: it isn't the vehicle's."""
+        self.each_link.remove(link)
+        if len(self.each_link) == 1:
+            self.links = None
+
     def take(self, frame: Frame, now: Instant, *, timed: bool = True) -> bool:
         """Take a frame of this vehicle's autopilot; return whether the link's state changed.
 
@@ -210,11 +223,13 @@ class Vehicle:
 
     def _is_old_or_unproven(self, frame: Frame, links: Links, now: Instant, *, timed: bool) -> bool:
         """Return whether a frame is no news, as one that another link has brought before; what it measures is taken."""
-        message, link = frame.message, links.at(self.connection.socket)
+        message, link = frame.message, links.of(self.connection)
         self.sequence.silence = None  # how long the vehicle sent is known: other links may have brought it
         if isinstance(message, Timesync) or links.is_news(frame, link):
             return False
         self.bytes_in += len(frame.raw)
+        if isinstance(message, GlobalPositionInt) and link.on_trial_since != NEVER:
+            link.compare_position(self.telemetry.apart_m(message))
         if isinstance(message, GlobalPositionInt) and timed:
             self.jitter.observe(message.time_boot_s, now, self.clock.drift)
         elif isinstance(message, SystemTime):

@@ -111,6 +111,10 @@ MODULES = {
                 "which estimates are good (bits of EKF_STATUS_FLAGS), and their variances.",
                 optional="airspeed_variance",
             ),
+            Declared(
+                "ESTIMATOR_STATUS",
+                "which estimates are good, and innovations as shares of their gates.",
+            ),
             Declared("HOME_POSITION", "the home position.", optional="approach_x_m"),
             Declared("EXTENDED_SYS_STATE", "on the ground or in the air (MAV_LANDED_STATE)."),
         ),

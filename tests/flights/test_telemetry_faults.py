@@ -114,6 +114,38 @@ def test_a_multirotor_that_brakes_without_a_position_is_kept_clear_of(fly):
     assert summary["safety"]["min_separation_m"] > 10.0
 
 
+@pytest.mark.slow
+def test_where_a_multirotor_stopped_is_kept_clear_of_half_a_minute_later_too(fly):
+    """It says neither its position nor its mode any more; the others end their flight around it."""
+    faults = [
+        {"at_s": at_s, "vehicles": [1], "kind": "telemetry", "quantity": quantity, "effect": "missing"}
+        for at_s, quantity in ((23.7, "heartbeat"), (24.2, "position"))
+    ]
+    path = {"speed_mps": 5, "waypoints_m": [[0, 0, 60], [120, 0, 60], [240, 60, 65], [500, 60, 65]]}
+    keys = COPTERS | {"path": path, "seed": 5, "duration_s": 51.7, "faults": faults}
+    summary, _ = fly([1], "position", "missing", **keys)
+    assert summary["safety"]["min_separation_m"] > 10.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("vehicles", [[3], "all"])
+def test_multirotors_whose_positions_scatter_keep_their_slots(fly, vehicles):
+    summary, events = fly(vehicles, "position", "noise", 10.0, **COPTERS)
+    assert ("3", "position", False) in health(events)
+    assert all(each["kind"] != "member" for each in events)
+    assert summary["safety"]["min_separation_m"] > 18.0
+
+
+@pytest.mark.slow
+def test_stamps_that_run_too_fast_for_a_while_displace_nobody(fly):
+    fault = {"at_s": AT_S, "for_s": 4.0, "vehicles": [3], "kind": "telemetry"}
+    fault |= {"quantity": "stamps", "effect": "drift", "amount": 0.3}
+    _, events = fly([3], "position", "duplicate", faults=[fault])
+    assert ("3", "stamps", False) in health(events)
+    assert all("has jumped" not in each["text"] for each in events)
+    assert all(each["kind"] != "member" for each in events)
+
+
 @pytest.mark.parametrize(("slot_m", "leaves"), [([-30, 30, 0], False), ([-32, 0, 40], True)])
 def test_a_height_known_by_its_climb_rate_is_flown_with_unless_slots_lie_above_one_another(fly, slot_m, leaves):
     slots = {2: [-30, 0, 0], 3: slot_m, 4: [-70, 0, 0]}

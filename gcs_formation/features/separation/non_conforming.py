@@ -74,6 +74,8 @@ class NonConforming:
         self._held: list[Triple | None] = [None] * len(models)
         """Setpoint by which each vehicle that doesn't answer flies on; None for those that answer."""
         self._disobeying = [False] * len(models)
+        self._stops: list[tuple[int, int, int, Triple] | None] = [None] * len(models)
+        """Of each that was commanded to stop without a position since: when, of when that is, and what it knew."""
         self._left: list[int | None] = [None] * len(models)
         """Instant from which each has been sent nothing; None while it is sent setpoints."""
 
@@ -103,14 +105,22 @@ class NonConforming:
         return False
 
     def traffic(
-        self, members: list[int], now: Instant, links: list[VehicleLink], measured: Measured, at: int
+        self,
+        members: list[int],
+        stopped: list[int],
+        now: Instant,
+        links: list[VehicleLink],
+        measured: Measured,
+        at: int,
     ) -> tuple[list[int], list[Triple], Traffic | None]:
         """Return the possible positions, at the instant `at`, of those of the columns `members` that may not respond.
 
-        For each position: the column, the vehicle's assumed intent, and its column of the traffic.
+        `stopped`: columns whose states are too old, of which alone it is known where they stopped. For each position:
+        the column, the vehicle's assumed intent, and its column of the traffic.
         """
         columns, intents, states, leads_s = list[int](), list[Triple](), list[FlightState](), list[float]()
-        for place in self._places(members, now, links, measured.stamps):
+        places = self._places(members, now, links, measured.stamps)
+        for place in places + self._braking(stopped, now, links, measured.stamps):
             state = measured.states[place.column].copy()
             found = self._flies(state, place, measured.stamps[place.column], at)
             if found is not None:
@@ -159,11 +169,17 @@ class NonConforming:
             brakes = links[column].brakes
             if brakes is None or now - seen[column] < BLIND_NS:
                 continue
-            begins, held = brakes + round(links[column].until_it_acts_s * NANOSECONDS), int(seen[column])
-            found += [
-                Place(column, begins + later_ns, held=self._history.commanded(held, column)) for later_ns in BRAKES_NS
-            ]
+            begins, held = self._last_known(column, brakes, links[column].until_it_acts_s, int(seen[column]))
+            found += [Place(column, begins + later_ns, held=held) for later_ns in BRAKES_NS]
         return found
+
+    def _last_known(self, column: int, brakes: int, way_s: float, seen: int) -> tuple[int, Triple]:
+        """Return when a command to stop came through, and the setpoint at the last position: kept, as histories end."""
+        known = self._stops[column]
+        if known is None or known[:2] != (brakes, seen):
+            comes = brakes + round(way_s * NANOSECONDS)
+            known = self._stops[column] = brakes, seen, comes, self._history.commanded(seen, column)
+        return known[2], known[3]
 
     def _flies(self, state: FlightState, place: Place, begin: int, at: int) -> tuple[Triple, float] | None:
         """Predict a state from `begin`: by its setpoint, then hovering, until it sets off for home or the instant `at`.

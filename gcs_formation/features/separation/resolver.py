@@ -115,10 +115,10 @@ class ConflictResolver:
         self._non_conforming.watch(tick.now, tick.links, tick.active)
         if self._nobody_near(tick, measured, kept):
             return
-        members = self._members(tick)
-        if len(members) < 2:
+        members, stopped = self._members(tick), self._stopped(tick)
+        if len(members) + len(stopped) < 2 or not members:
             return
-        picture = self._picture(tick, measured, members, kept)
+        picture = self._picture(tick, measured, members, stopped, kept)
         side = np.array(self._side)[picture.vehicles]
         resolution = resolve(picture, np.where(picture.commanded, side, 0.0))
         self._replace(tick, picture.vehicles, resolution)
@@ -192,7 +192,19 @@ class ConflictResolver:
             counted.insert(0, tick.leader)
         return counted
 
-    def _picture(self, tick: Tick, measured: Measured, members: list[int], kept: KeptDistance) -> TrafficPicture:
+    def _stopped(self, tick: Tick) -> list[int]:
+        """Return the columns whose states are too old, but which were commanded to stop: where they did isn't."""
+        return [
+            column
+            for column in range(self._first, len(self._models))
+            if tick.age_s[column] >= FORGOTTEN_AFTER_S
+            and tick.links[column].brakes is not None
+            and tick.links[column].flew
+        ]
+
+    def _picture(
+        self, tick: Tick, measured: Measured, members: list[int], stopped: list[int], kept: KeptDistance
+    ) -> TrafficPicture:
         """Return the rule's input.
 
         A vehicle that may be at several positions is in it several times: one that may not respond and flies on or
@@ -202,7 +214,9 @@ class ConflictResolver:
         acts: list[int] = [measured.acts[each] for each in members]
         together = max((at for at, each in zip(acts, members, strict=True) if tick.active[each]), default=min(acts))
         traffic = self._traffic(tick, measured, members, together)
-        columns, setpoints_of, others = self._non_conforming.traffic(members, tick.now, tick.links, measured, together)
+        columns, setpoints_of, others = self._non_conforming.traffic(
+            members, stopped, tick.now, tick.links, measured, together
+        )
         vehicles = [*members, *columns]
         commanded = [tick.active[each] for each in members]
         setpoints = [tick.setpoints[each] if tick.active[each] else UNKNOWN for each in members]
@@ -381,7 +395,7 @@ def _acts_s(dt_s: float) -> float:
 
 
 def _timing_s(tick: Tick, column: int) -> float:
-    timing_s = TIMING_SHARE * (tick.age_s[column] + tick.links[column].delay_s)
+    timing_s = TIMING_SHARE * (min(tick.age_s[column], FORGOTTEN_AFTER_S) + tick.links[column].delay_s)
     return 0.0 if math.isnan(timing_s) else timing_s
 
 

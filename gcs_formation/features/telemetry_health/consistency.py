@@ -22,14 +22,12 @@ from __future__ import annotations
 import math
 from typing import Final
 
-SHORT_S: Final = 2.0
-LONG_S: Final = 10.0
-"""Memories of the two sums, s."""
+from gcs_formation.features.telemetry_health.axis import GAP_S, LONG_S, SCATTER_M, SHORT_S, Axis
+
 SHORT_M: Final = 2.0
 LONG_M: Final = 4.0
 """Bounds of the sums in exact telemetry, m. A position rounded to a control loop's cycle is off by 0.5 m at 25 m/s."""
 SIGMAS: Final = 5.0
-GAP_S: Final = 0.5
 GAPS: Final = 3.0
 """After an interval longer than this, and than so many usual ones, there is nothing to compare: a simulator that was
 held up has stood still meanwhile, by its clock too or not."""
@@ -38,6 +36,9 @@ MEMORY: Final = 0.05
 UNCHANGED: Final = 2
 """A position that is the same to the bit so many times in a row is frozen, and a velocity that is 0 isn't filled. One
 that isn't 0 may well be the same: that is straight flight."""
+FROZEN_M: Final = 1.0
+"""A height that is the same to the bit while its climb rate says that it moved by this, and five standard deviations
+of that, is frozen, m: heights that are told in whole metres change after one."""
 OPPOSED_SHARE: Final = 0.25
 """A velocity has the wrong sign if its opposite leaves less than this share of what it leaves itself."""
 CONFIRMED: Final = 3
@@ -48,107 +49,19 @@ LEAST_WEIGHT: Final = 0.05
 AGREES_SHARE: Final = 0.5
 RETURNS_S: Final = 3.0
 """What has been wrong is right again after it has kept this share of its bounds for this time, s."""
-ALPHA: Final = 0.4
-BETA: Final = 0.1
-"""Gains of the alpha-beta filter; together critically damped at some 4 samples."""
-SCATTER_M: Final = 5.0
-SCATTER_LIMIT: Final = 9.0
-"""Noise of more than this standard deviation is said, m: less than it a GNSS receiver has, and what else is wrong isn't
-found beside more. A sample adds up to this multiple of its square."""
 POSITION: Final = 0
 VELOCITY: Final = 1
-
-
-class Axis:
-    """One coordinate: its sums, and what is flown instead of a wrong quantity."""
-
-    def __init__(self) -> None:
-        """Start without a sample."""
-        self.position_m = math.nan
-        """The newest position reported, m."""
-        self.rate_mps = math.nan
-        self.witness_mps = math.nan
-        self.short_m = 0.0
-        self.long_m = 0.0
-        """What the position gains on the integral of the velocity, in the two sums, m."""
-        self.unlike_m = 0.0
-        """What it gains on the integral of the witness, in the short sum, m; NaN without one."""
-        self.opposed_m = 0.0
-        """What it gains on the integral of the opposite velocity, in the short sum, m."""
-        self.moved_m = 0.0
-        """How far it has moved since the sample before, m."""
-        self.noise_m2 = 0.0
-        """Variance of the position's noise by what samples gain one after the other, m²."""
-        self.scatter_m2 = 0.0
-        """The same, with a limit on what one sample adds: an outlier is no noise."""
-        self.gain_m = 0.0
-        """What it gained on the velocities last, m."""
-        self.excess_m = 0.0
-        """What it has gained since a sum was first beyond its bound, that sum included, m."""
-        self.offset_m = 0.0
-        """What is added to the position reported, m."""
-        self.before_m = 0.0
-        """The same, before the fault that was found last."""
-        self.flown_m = math.nan
-        self.flown_mps = math.nan
-
-    def take(
-        self, elapsed_s: float, position_m: float, rate_mps: float, witness_mps: float, arc: float, share: float
-    ) -> float:
-        """Take the next sample after some time; return what its position gains on the velocities, m.
-
-        `arc`: ratio of an arc's chord by the mean of the velocities at its ends; `share`: the sample's in the noise.
-        """
-        moved_m, half_s = position_m - self.position_m, elapsed_s / 2.0 * arc
-        gained_m = moved_m - (rate_mps + self.rate_mps) * half_s
-        kept = max(0.0, 1.0 - elapsed_s / SHORT_S)
-        self.short_m = kept * self.short_m + gained_m
-        self.long_m = (1.0 - elapsed_s / LONG_S) * self.long_m + gained_m
-        before_m = 0.0 if math.isnan(self.unlike_m) else kept * self.unlike_m
-        self.unlike_m = before_m + moved_m - (witness_mps + self.witness_mps) * half_s
-        self.opposed_m = kept * self.opposed_m + moved_m + (rate_mps + self.rate_mps) * half_s
-        self.moved_m = moved_m
-        # What noise adds to one sample it takes from the next.
-        self.noise_m2 += share * (0.0 - gained_m * self.gain_m - self.noise_m2)
-        product_m2 = 0.0 - gained_m * self.gain_m
-        product_m2 = min(max(product_m2, -SCATTER_LIMIT * SCATTER_M * SCATTER_M), SCATTER_LIMIT * SCATTER_M * SCATTER_M)
-        self.scatter_m2 += share * (product_m2 - self.scatter_m2)
-        self.gain_m = gained_m
-        return gained_m
-
-    def fly(
-        self, elapsed_s: float, position_m: float, rate_mps: float, witness_mps: float, *, derived: bool, waits: bool
-    ) -> None:
-        """Set what is flown by the newest sample, and keep it.
-
-        `derived`: the velocity is that of the position; `waits`: the position is carried on, this time.
-        """
-        known_m, before_m, change_mps = position_m + self.offset_m, self.flown_m, witness_mps - self.witness_mps
-        if not derived:
-            self.flown_m, self.flown_mps = known_m - self.excess_m if waits else known_m, rate_mps
-        elif math.isnan(before_m):
-            by_position_mps = (position_m - self.position_m) / elapsed_s
-            self.flown_m, self.flown_mps = known_m, by_position_mps if math.isnan(witness_mps) else witness_mps
-        else:
-            velocity_mps = self.flown_mps + (0.0 if math.isnan(change_mps) else change_mps)
-            expected_m = before_m + velocity_mps * elapsed_s
-            innovation_m = known_m - expected_m
-            self.flown_m = expected_m + ALPHA * innovation_m
-            self.flown_mps = velocity_mps + BETA * innovation_m / elapsed_s
-        self.position_m, self.rate_mps, self.witness_mps = position_m, rate_mps, witness_mps
-
-    def clear(self) -> None:
-        """Reset the sums."""
-        self.short_m = self.long_m = 0.0
-        self.unlike_m = self.opposed_m = 0.0
 
 
 class Consistency:
     """A position of one or two coordinates and its velocity, as one vehicle tells them."""
 
-    def __init__(self, axes: int, fastest_mps: float) -> None:
-        """Start by believing both; `axes`: 2 for north and east, 1 for the height; `fastest_mps`: it can't be."""
-        self._fastest_mps = fastest_mps
+    def __init__(self, axes: int, fastest_mps: float, scale: float = 1.0) -> None:
+        """Start by believing both; `axes`: 2 for north and east, 1 for the height; `fastest_mps`: it can't be.
+
+        `scale`: of the bounds, by which false alarms are traded for time.
+        """
+        self._fastest_mps, self._scale = fastest_mps, scale
         self.axes = [Axis() for _ in range(axes)]
         self.wrong: int | None = None
         """Which quantity isn't believed: `POSITION`, `VELOCITY`, or None."""
@@ -170,6 +83,8 @@ class Consistency:
         self._unchanged = [0, 0]
         """How many samples in a row had the same position, and the same velocity."""
         self._agrees_s = 0.0
+        self._stood_s, self._passed_m = 0.0, 0.0
+        """For how long a height has been the same, s, and how far it would have moved meanwhile by its rate, m."""
         self.scatters = False
         """Whether its position scatters too much."""
         self.scatter_m = 0.0
@@ -227,10 +142,12 @@ class Consistency:
                 derived=self.wrong == VELOCITY,
                 waits=self._waits,
             )
+            if self.scatters and self.wrong is None:
+                axis.flown_m = axis.smooth_m
         return self._flies_otherwise()
 
     def _flies_otherwise(self) -> bool:
-        if self.wrong is not None or self._waits:
+        if self.wrong is not None or self._waits or self.scatters:
             return True
         for axis in self.axes:  # noqa: SIM110 - compiled, `any` costs ten times as much
             if axis.offset_m != 0.0:
@@ -259,6 +176,7 @@ class Consistency:
                 axis.offset_m -= gained_m
         self._unchanged[POSITION] = self._unchanged[POSITION] + 1 if same_position else 0
         self._unchanged[VELOCITY] = self._unchanged[VELOCITY] + 1 if same_rate else 0
+        self._stand(elapsed_s, rate_mps[0], same=same_position)
         self._watch_scatter()
         short, long = self._shares(elapsed_s, variances)
         share = max(short, long)
@@ -269,10 +187,27 @@ class Consistency:
         if not self._begun:
             return
         self._count(share, elapsed_s, short=short >= long)
-        if self._beyond >= CONFIRMED or (self._beyond and self._stands()):
+        if self.wrong is None and self._is_frozen(variances[1] * elapsed_s / 2.0):
+            self.axes[0].excess_m = 0.0 - self._passed_m
+            self._disbelieve()
+        elif self._beyond >= CONFIRMED or (self._beyond and self._stands()):
             self._disbelieve()
         elif self.wrong is not None and self._agrees_s >= RETURNS_S:
             self._believe(variances[0])
+
+    def _stand(self, elapsed_s: float, rate_mps: float, *, same: bool) -> None:
+        """Sum what a height that stays the same to the bit would have moved by its rate."""
+        if same and len(self.axes) == 1:
+            self._stood_s += elapsed_s
+            self._passed_m += (rate_mps + self.axes[0].rate_mps) * elapsed_s / 2.0
+        else:
+            self._stood_s, self._passed_m = 0.0, 0.0
+
+    def _is_frozen(self, doubled: float) -> bool:
+        """Return whether a height stays the same and its rate says otherwise; `doubled`: noise of a sum, m²/s."""
+        if self._unchanged[POSITION] < UNCHANGED or len(self.axes) > 1:
+            return False
+        return abs(self._passed_m) > FROZEN_M + SIGMAS * math.sqrt(doubled * self._stood_s)
 
     def _watch_scatter(self) -> None:
         most_m2 = 0.0
@@ -291,8 +226,8 @@ class Consistency:
             noise_m2 = max(noise_m2, axis.noise_m2)
             short += axis.short_m * axis.short_m
             long += axis.long_m * axis.long_m
-        short_m = SHORT_M + SIGMAS * math.sqrt(noise_m2 + doubled * SHORT_S)
-        long_m = LONG_M + SIGMAS * math.sqrt(noise_m2 + doubled * LONG_S)
+        short_m = self._scale * (SHORT_M + SIGMAS * math.sqrt(noise_m2 + doubled * SHORT_S))
+        long_m = self._scale * (LONG_M + SIGMAS * math.sqrt(noise_m2 + doubled * LONG_S))
         return math.sqrt(short) / short_m, math.sqrt(long) / long_m
 
     def _begin(self) -> None:
@@ -343,7 +278,7 @@ class Consistency:
         self.wrong = found
 
     def _which(self) -> int:
-        if self._faster:
+        if self._faster or abs(self._passed_m) > FROZEN_M:
             return POSITION
         if self.doubts_velocity:
             return VELOCITY

@@ -56,8 +56,6 @@ class TelemetryHealth:
             sample = health.examine(sample, self._filters[column], commanded, now, leads=leads)
             if health.height_unknown:
                 health.stacked = self._stacked()
-            if health.scatters:
-                health.others_scatter = any(each.scatters for each in self._each.values() if each is not health)
             vehicle.unfit = health.unfit
         for quantity, healthy, text in health.changes(now):
             self._note(now, "health", text, vehicle, {"quantity": quantity, "healthy": healthy})

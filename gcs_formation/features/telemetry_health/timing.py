@@ -7,6 +7,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from flight_model.autopilot_model import within
+
 SHIFT_S: Final = 0.2
 """Smallest shift of stamps that is found: positions reach a tick of the control loop up to its period late."""
 SUPPORT_S: Final = 0.12
@@ -19,6 +21,16 @@ JITTERS: Final = 5.0
 """A position is late if it is older on arrival than its link's delay by this and so many standard deviations of it."""
 LASTS_S: Final = 2.0
 """Positions that have been late for this long aren't flown by: the link's measured delay has had time to follow."""
+RATE_MEMORY_S: Final = 3.0
+RATE_S: Final = 0.25
+RATE_MOST_S: Final = 0.15
+"""Stamps that gain this, in sums with this memory, run at another rate; a single step adds so much at most: a jump."""
+MOVES_MPS: Final = 3.0
+"""A position tells how much time has passed by its velocity from this speed on."""
+RETURN_S, RETURNS_S = 0.1, 3.0
+"""Stamps run rightly again once the sum is within the first for the second."""
+USUAL: Final = 0.005
+"""Weight of the newest age in the usual one."""
 STANDING: Final = 3
 """So many positions that differ and have the same stamp: the stamps stand still."""
 
@@ -33,9 +45,23 @@ class Timing:
         self.late_s = 0.0
         """How late positions come, once they do so for long; else 0."""
         self.standing = False
+        self.by_arrival = False
+        """Whether positions are timed by their arrival: their stamps run at another rate."""
+        self._gained_s, self._later_s, self._right_s, self._usual_s = 0.0, 0.0, 0.0, math.nan
+        """What stamps lose on time by the positions, and by their arrival, in the sums; for how long they have been
+        right; the usual age of positions."""
         self._told_s = math.nan
         self._stamp_ns, self._arrived_ns, self._north_m, self._east_m = 0, 0, 0.0, 0.0
         self._late_since_ns, self._same = 0, 0
+
+    @property
+    def finding(self) -> str:
+        """What is wrong with the stamps, in words; empty if nothing is."""
+        if self.standing:
+            return "the stamps of its positions stand still"
+        if self.by_arrival:
+            return "its stamps run at another rate than its positions come and move: timed by arrival"
+        return f"its stamps have jumped by {-self.shift_s:+.2f} s: shifted back" if self.shift_s != 0.0 else ""
 
     def take(
         self,
@@ -64,12 +90,43 @@ class Timing:
             self._same = self._same + 1 if stands and moved_m != (0.0, 0.0) else 0
             self.standing = self._same >= STANDING or (self.standing and stands)
             if not stands and 0.0 < elapsed_s < 2.0 * LASTS_S:
+                before = self.by_arrival
+                self._watch_rate(elapsed_s, arrival_s, moved_m, velocity_mps)
+                if before and not self.by_arrival:  # they go on from where they are now
+                    shift_s = (now_ns - stamp_ns) * 1e-9 - self._usual_s
+                    self.shift_s = shift_s if abs(shift_s) > SHIFT_S else 0.0
                 self._shift(elapsed_s, arrival_s, moved_m, velocity_mps)
         self._told_s, self._stamp_ns, self._arrived_ns = told_s, stamp_ns, now_ns
         self._north_m, self._east_m = place_m
         used_ns = stamp_ns + round(self.shift_s * 1e9)
+        if self.by_arrival:
+            used_ns = now_ns - round(self._usual_s * 1e9)
+        elif math.isnan(self._usual_s):
+            self._usual_s = (now_ns - used_ns) * 1e-9
+        else:
+            self._usual_s += USUAL * ((now_ns - used_ns) * 1e-9 - self._usual_s)
         self._watch_age((now_ns - used_ns) * 1e-9, now_ns, longest_s)
         return used_ns
+
+    def _watch_rate(
+        self, elapsed_s: float, arrival_s: float, moved_m: tuple[float, float], velocity_mps: tuple[float, float]
+    ) -> None:
+        """Compare the stamps' rate with that at which positions move and come: either alone may be due to others."""
+        speed2 = velocity_mps[0] * velocity_mps[0] + velocity_mps[1] * velocity_mps[1]
+        kept = max(0.0, 1.0 - arrival_s / RATE_MEMORY_S)
+        by_place_s = 0.0
+        if speed2 >= MOVES_MPS * MOVES_MPS:
+            along = moved_m[0] * velocity_mps[0] + moved_m[1] * velocity_mps[1]
+            by_place_s = within(along / speed2 - elapsed_s, -RATE_MOST_S, RATE_MOST_S)
+        self._gained_s = kept * self._gained_s + by_place_s
+        self._later_s = kept * self._later_s + within(arrival_s - elapsed_s, -RATE_MOST_S, RATE_MOST_S)
+        gained_s = abs(self._gained_s)
+        if self.by_arrival:
+            self._right_s = self._right_s + arrival_s if abs(self._later_s) < RETURN_S else 0.0
+            if self._right_s >= RETURNS_S:
+                self.by_arrival = False
+        elif gained_s > RATE_S and abs(self._gained_s - self._later_s) < max(SUPPORT_S, SUPPORT_SHARE * gained_s):
+            self.by_arrival, self._right_s = True, 0.0
 
     def _shift(
         self, elapsed_s: float, arrival_s: float, moved_m: tuple[float, float], velocity_mps: tuple[float, float]

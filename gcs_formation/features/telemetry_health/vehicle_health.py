@@ -13,6 +13,7 @@ from flight_model.slot import Triple
 from gcs_formation.estimation.estimator import Sample, VehicleFilter
 from gcs_formation.features.telemetry_health.commanded_velocity import CommandedVelocity
 from gcs_formation.features.telemetry_health.consistency import POSITION, VELOCITY, Consistency
+from gcs_formation.features.telemetry_health.estimator_report import EstimatorReport
 from gcs_formation.features.telemetry_health.heading_and_airspeed import AirspeedJumps, HeadingCheck
 from gcs_formation.features.telemetry_health.timing import JITTERS, LATE_S, Timing
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -67,23 +68,24 @@ class VehicleHealth:
         self._up = Consistency(1, FASTER * model.climb_max_mps + RISES_MPS)
         self._heading, self._timing = HeadingCheck(model.turn_rate_max_rps), Timing()
         self._airspeed, self._wind = AirspeedJumps(model.accel_max_mps2), (UNKNOWN, UNKNOWN)
-        self._commanded = CommandedVelocity(model)
+        self._commanded, self._estimator = CommandedVelocity(model), EstimatorReport()
 
     def examine(
         self, sample: Sample, known: VehicleFilter, commanded: Commanded, now: Instant, *, leads: bool
     ) -> Sample:
         """Return what is to be flown by: the sample itself, or a copy without what can't be true."""
         vehicle, noise = self.vehicle, known.noise.by_quantity
-        longest_s = vehicle.clock.one_way_s + LATE_S + JITTERS * vehicle.jitter.jitter_s
+        self._estimator.take(vehicle.telemetry, now)
         north_m, east_m, up_m = vehicle.telemetry.displaced_m
         place_m, velocity_mps = (sample.north_m - north_m, sample.east_m - east_m), (sample.north_mps, sample.east_mps)
         height_m = sample.height_m - up_m
         motion = vehicle.telemetry.motion
         told_s = UNKNOWN if motion is None else motion.stamp_s
-        stamp = self._timing.take(told_s, int(sample.stamp), int(now), place_m, velocity_mps, longest_s)
+        stamp = self._stamp(sample, told_s, now, place_m, velocity_mps)
         if self._timing.standing or math.isnan(told_s):
             return sample
         own = 1 + round((told_s + self._timing.shift_s) * NANOSECONDS)
+        at = stamp if self._timing.by_arrival else own
         airspeed_mps, heading_rad = sample.airspeed_mps, sample.heading_rad
         witness = [UNKNOWN, UNKNOWN]
         if not vehicle.telemetry.stands:
@@ -94,17 +96,28 @@ class VehicleHealth:
             witness = self._by_air(airspeed_mps, heading_rad, known.state)
         else:
             witness = self._commanded.take(own, commanded.acting, velocity_mps, stops=commanded.stops)
-        across_variances, up_variances = (noise[0], noise[2]), (noise[1], noise[3])
-        across = self._across.take(own, list(place_m), list(velocity_mps), witness, across_variances)
+        across = self._across.take(at, list(place_m), list(velocity_mps), witness, (noise[0], noise[2]))
         self._up.doubts_velocity = self._across.wrong == VELOCITY
         climb_mps = self._climb_mps(commanded.height_m - height_m - self._up.axes[0].offset_m)
-        up = self._up.take(own, [height_m], [sample.climb_mps], [climb_mps], up_variances)
+        up = self._up.take(at, [height_m], [sample.climb_mps], [climb_mps], (noise[1], noise[3]))
         as_told = airspeed_mps == sample.airspeed_mps and heading_rad == sample.heading_rad and stamp == sample.stamp
         if as_told and not across and not up and vehicle.telemetry.displaced_m == (0.0, 0.0, 0.0):
             return sample
         north, east = self._across.axes
         vehicle.telemetry.displaced_m = north.offset_m, east.offset_m, self._up.axes[0].offset_m
         return self._corrected(sample, Instant(stamp), airspeed_mps, heading_rad, leads=leads)
+
+    def _stamp(
+        self, sample: Sample, told_s: float, now: Instant, place_m: tuple[float, float], mps: tuple[float, float]
+    ) -> int:
+        """Return the stamp to be used of a sample, stamped at `told_s` by its own clock."""
+        timing, before, vehicle = self._timing, self._timing.by_arrival, self.vehicle
+        longest_s = vehicle.clock.one_way_s + LATE_S + JITTERS * vehicle.jitter.jitter_s
+        stamp = timing.take(told_s, int(sample.stamp), int(now), place_m, mps, longest_s)
+        if timing.by_arrival != before:  # what was found meanwhile was due to the stamps
+            self._across.forget()
+            self._up.forget()
+        return stamp
 
     def _by_air(self, airspeed_mps: float, heading_rad: float, known: FlightState | None) -> list[float]:
         """Return the velocity over ground by airspeed, heading and wind; NaN while that isn't known.
@@ -141,14 +154,6 @@ class VehicleHealth:
             airspeed_ratio=sample.airspeed_ratio,
         )
 
-    others_scatter: bool = False
-    """Whether another vehicle's position scatters, too: two such ones can't be kept apart."""
-
-    @property
-    def scatters(self) -> bool:
-        """Whether its position scatters."""
-        return self._across.scatters
-
     @property
     def height_unknown(self) -> bool:
         """Whether its height is known by its climb rate alone."""
@@ -162,8 +167,8 @@ class VehicleHealth:
                 return f"its {quantity} doesn't move by its velocity"
             if found.wrong is None and found.displaced_m > DISPLACED_MOST_M:
                 return f"its {quantity} has jumped by {found.displaced_m:.0f} m"
-        if self.scatters and self.others_scatter and self.vehicle.telemetry.stands:  # it stops where it truly is
-            return "its position scatters, and another's"
+        if self._estimator.lost:
+            return "its estimator has no absolute position"
         if self._timing.standing:
             return "the stamps of its positions stand still"
         return f"its positions come {self._timing.late_s:.1f} s late" if self._timing.late_s else ""
@@ -191,16 +196,37 @@ class VehicleHealth:
 
     def _findings(self) -> dict[str, str]:
         """Return the quantities that aren't believed, with the evidence."""
-        found, seen, timing = dict[str, str](), self.vehicle.telemetry, self._timing
+        found, seen = self._of_positions(), self.vehicle.telemetry
+        self._add_of_others(found)
+        stamps = self._timing.finding
+        if stamps:
+            found["stamps"] = stamps
+        if self._timing.late_s:
+            found.setdefault("position", "its positions come late: not flown by")
+        for quantity, text in self._estimator.findings().items():
+            found.setdefault(quantity, text)
+        lacking = seen.lacking
+        if lacking:
+            found.setdefault(lacking, f"it tells no {lacking} any more")
+        return found
+
+    def _of_positions(self) -> dict[str, str]:
+        found = dict[str, str]()
         for each, names in ((self._across, HORIZONTAL), (self._up, VERTICAL)):
             if each.wrong is not None:
                 instead = "carried on by its velocity" if each.wrong == POSITION else f"that of its {names[0]} is flown"
                 words = f"its {names[0]} moved {each.evidence_m:.1f} m otherwise than its velocity says"
                 found[names[each.wrong]] = f"{words}: {names[each.wrong]} not believed, {instead}"
             elif each.displaced_m > 0.0:
-                found[names[0]] = f"its {names[0]} has jumped by {each.displaced_m:.1f} m: taken to be where it was"
+                said = f" ('{self._estimator.switched}')" if self._estimator.switched else ""
+                jumped = f"its {names[0]} has jumped by {each.displaced_m:.1f} m{said}"
+                found[names[0]] = f"{jumped}: taken to be where it was"
             elif each.scatters:
                 found[names[0]] = f"its {names[0]} scatters by {each.scatter_m:.0f} m or more: smoothed"
+        return found
+
+    def _add_of_others(self, found: dict[str, str]) -> None:
+        seen = self.vehicle.telemetry
         if self._heading.frozen:
             found["attitude"] = "its heading doesn't turn with its course: turned with it"
         elif self._heading.offset_rad != 0.0:
@@ -211,16 +237,6 @@ class VehicleHealth:
         if self._airspeed.offset_mps != 0.0:
             jumped = f"its airspeed has jumped by {self._airspeed.evidence_mps:.1f} m/s"
             found["airspeed"] = f"{jumped}: taken to be as before"
-        if timing.standing:
-            found["stamps"] = "the stamps of its positions stand still"
-        elif timing.shift_s != 0.0:
-            found["stamps"] = f"its stamps have jumped by {-timing.shift_s:+.2f} s: shifted back"
-        if timing.late_s:
-            found.setdefault("position", "its positions come late: not flown by")
-        lacking = seen.lacking
-        if lacking:
-            found.setdefault(lacking, f"it tells no {lacking} any more")
-        return found
 
 
 def _wind_mps(known: FlightState | None) -> tuple[float, float]:

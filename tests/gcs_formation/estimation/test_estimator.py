@@ -12,7 +12,7 @@ from flight_model.gain_design import UNMODELLED, WIND_WALK
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import load_scenario
 from gcs_formation.controller import FormationController
-from gcs_formation.estimation.estimator import Sample, StateEstimator
+from gcs_formation.estimation.estimator import LargeGust, Sample, StateEstimator
 from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, VehicleNoise
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.estimation.updraught import Updraught
@@ -403,3 +403,10 @@ def test_the_controller_filters_what_noisy_vehicles_tell():
         assert found is not None
         errors.append(np.array((found.north_m, found.east_m, found.height_m, found.airspeed_mps)) - true)
     assert np.all(np.sqrt(np.square(errors[100:]).mean(axis=0)) < 0.6 * np.array((0.3, 0.3, 0.3, 0.2)))
+
+
+def test_a_gust_that_two_samples_of_one_stamp_show_is_not_repeated_by_the_second() -> None:
+    values, one = (3.0, 0.0, 100.0, 20.0, 0.0, 0.0, 20.0, 0.0), LargeGust(30.0, 0.0, 3.0, 0.0)
+    before = LargeGust(30.0, 0.0, 1.0, 0.0)
+    assert one.repeats(before, values, 0.01, 0.1)
+    assert not one.repeats(before, values, 0.01, 0.0)

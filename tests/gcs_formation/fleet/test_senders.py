@@ -107,7 +107,8 @@ def test_two_with_one_id_are_not_taken_off_and_the_second_is_ignored_in_flight(p
         assert ground.hear(PLANE, port=THERE, at_s=0.1 * tenth) is None
     (said,) = ground.notes.of("duplicate", 2)
     assert said == "another sender has its system id, from 127.0.0.1:50000, beside 127.0.0.1:40000; it is ignored"
-    assert ground.given_up == ([f"vehicle 2: {said}; allowed: each id once"] if ends else [])
+    names = f"vehicle 2: {said}; allowed: each id once. If it is one vehicle with two links, name both: "
+    assert ground.given_up == ([names + "endpoint: [A, B]"] if ends else [])
 
 
 def test_one_that_has_moved_is_the_same_and_its_sequence_numbers_begin_again(ground: Ground) -> None:

@@ -72,6 +72,20 @@ def test_noise_that_hides_what_else_is_wrong_is_said_and_an_outlier_is_no_noise(
     assert not flown.checked.scatters
 
 
+def test_a_position_that_scatters_is_flown_as_its_velocity_carries_it():
+    flown = Turning()
+    flown.fly(10.0)
+    flown.sigmas = 10.0, 0.0
+    flown.fly(3.0)
+    assert flown.checked.scatters
+    off_m = list[float]()
+    for _ in range(300):
+        flown.fly(STEP_S)
+        off_m.append(flown.off_m()[0])
+    assert max(off_m) < 4.0, "of positions that are off by 30 m"
+    assert np.mean(off_m) < 1.5
+
+
 def test_one_that_has_stopped_is_not_believed_to_be_where_its_frozen_position_was():
     axes, still = Consistency(2, FASTEST_MPS), [0.0, 0.0]
     for number in range(1, 300):
@@ -97,6 +111,28 @@ def test_a_frozen_position_is_found_at_once_and_carried_on_by_the_velocity():
     assert flown.checked.wrong == POSITION
     assert flown.checked.lasts
     assert flown.off_m()[0] < 0.5
+
+
+def climbing(height_of, rate_mps=0.7, seconds=60.0):
+    """Return a height's check after a steady climb, as it is told, and when it was first not believed, s."""
+    checked, found_s = Consistency(1, FASTEST_MPS), None
+    for number in range(1, round(seconds / STEP_S)):
+        time_s = number * STEP_S
+        checked.take(1 + round(time_s * 1e9), [height_of(rate_mps * time_s)], [rate_mps], [rate_mps], (0.0, 0.0))
+        if found_s is None and checked.wrong is not None:
+            found_s = time_s
+    return checked, found_s
+
+
+def test_a_frozen_height_is_found_once_it_should_have_moved_by_a_metre():
+    checked, found_s = climbing(lambda height_m: min(height_m, 7.0), seconds=13.0)  # frozen at 10 s
+    assert found_s == pytest.approx(10.0 + 1.0 / 0.7, abs=2.5 * STEP_S)
+    assert checked.wrong == POSITION
+    assert checked.axes[0].flown_m == pytest.approx(0.7 * 12.9, abs=0.1)
+
+
+def test_heights_in_whole_metres_are_not_frozen():
+    assert climbing(math.floor)[1] is None
 
 
 def test_a_jump_is_taken_out_and_a_jump_back_forgets_it():
@@ -240,6 +276,20 @@ class TestStamps:
         timing, errors = self.taken([0.0] * 10 + [shift_s] * 10)
         assert max(map(abs, errors)) < 0.01
         assert timing.shift_s == pytest.approx(-shift_s)
+
+    @pytest.mark.parametrize("rate", [0.3, 0.15, -0.3])
+    def test_stamps_that_run_at_another_rate_are_timed_by_arrival_until_they_run_rightly(self, rate):
+        drift_s = [rate * STEP_S * max(0, min(i - 50, 50)) for i in range(200)]
+        timing, errors = self.taken(drift_s)
+        assert max(map(abs, errors)) < 0.35
+        assert max(map(abs, errors[80:100])) < 0.1, "while they drift by up to 1.5 s"
+        assert not timing.by_arrival
+        assert max(map(abs, errors[150:])) < 0.1
+
+    def test_positions_that_drift_ahead_and_links_that_slow_down_dont_alter_stamps_rates(self):
+        timing, errors = self.taken([0.0] * 100, arrivals_s=[0.02 * i for i in range(100)])
+        assert not timing.by_arrival
+        assert max(map(abs, errors)) < 1e-6
 
     def test_a_link_that_slows_down_moves_no_stamp(self):
         timing, errors = self.taken([0.0] * 20, arrivals_s=[0.0] * 10 + [0.4] * 10)
