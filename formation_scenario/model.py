@@ -170,7 +170,7 @@ class Finish(Keys):
     then: End = key(
         "loiter",
         "what all do once the path or the time is at its end: circle or hover there, go home, or [land one after "
-        "another](formations.md#loiter-rtl-and-land) and disarm; where somebody can't land nobody takes off",
+        "another](formations.md#loiter-rtl-and-land) and disarm; where one can't land none takes off",
         "land",
     )
 

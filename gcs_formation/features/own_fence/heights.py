@@ -2,8 +2,8 @@
 
 """Keeps commanded heights within the geofences that vehicles have themselves, by their parameters.
 
-Beyond its fence a vehicle goes home by itself, out of the formation and through it. Which path and slots need more is
-refused before take-off (`mission/read_limits`); this bounds what changes, orders, the law and the end command.
+Beyond its fence a vehicle goes home by itself, out of the formation and through it. A path or slots that need more are
+refused before take-off (`features/preflight`); this bounds what changes, orders, the law and the end command.
 """
 
 from __future__ import annotations
