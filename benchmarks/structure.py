@@ -139,9 +139,9 @@ def main() -> None:
     print(f"imported by the station, without features and families: {size}")
     files = way()
     own = [file for file in files if file.startswith("gcs_formation")]
-    print(
-        f"files that run from a position to the setpoints of its tick: {len(own)} of the station, {len(files)} in all"
-    )
+    brought = sum("/features/" in file or "/families/" in file for file in own)
+    of_station = f"{len(own)} of the station ({len(own) - brought} without features and families)"
+    print(f"files that run from a position to the setpoints of its tick: {of_station}, {len(files)} in all")
     print("\n".join(f"  {file}" for file in files))
 
 

@@ -20,7 +20,7 @@ from gcs_formation.core.each_second import commands_anybody
 from gcs_formation.core.feature import features
 from gcs_formation.core.parts import Parts
 from gcs_formation.core.stages import core_stages, ordered
-from gcs_formation.fleet.routing_and_dispatch import HEARTBEAT
+from gcs_formation.fleet.heartbeats import HEARTBEAT
 from gcs_formation.fleet.several_links import receivers
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.vehicle_links import Link

@@ -9,7 +9,7 @@ from airlink import mavlink as m
 from formation_scenario import Scenario, Vehicle
 from gcs_formation.budget.levels import LEVELS
 from gcs_formation.budget.traffic import STEADY_PROBE_S, USABLE, Flow, Rates, fitting_level, flows_of, rates_of
-from gcs_formation.fleet.routing_and_dispatch import FAILOVER_PROBE_S
+from gcs_formation.fleet.heartbeats import FAILOVER_PROBE_S
 from gcs_formation.from_scenario import autopilot_for
 
 ACK: Final = m.MAVLINK_MSG_ID_COMMAND_ACK

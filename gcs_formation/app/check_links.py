@@ -23,7 +23,7 @@ from formation_scenario import Scenario, Vehicle
 from formation_scenario.ground_and_fence import drift
 from formation_scenario.links import LinkStep
 from formation_scenario.mean_delays import since, ways_s
-from gcs_formation.fleet.routing_and_dispatch import HEARTBEAT_S, PROBE_S
+from gcs_formation.fleet.heartbeats import HEARTBEAT_S, PROBE_S
 from gcs_formation.from_scenario import autopilot_for, leader_guidance
 from gcs_formation.guidance.leader_guidance import DECISION_S, LeaderGuidance
 from gcs_formation.guidance.way_to_run_in import JoinRoute

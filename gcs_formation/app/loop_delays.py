@@ -11,8 +11,8 @@ from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.mean_delays import ways_s
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.control.laws import law_kind
+from gcs_formation.fleet.heartbeats import HEARTBEAT_S, PROBE_S
 from gcs_formation.fleet.membership import SUCCESSION_S
-from gcs_formation.fleet.routing_and_dispatch import HEARTBEAT_S, PROBE_S
 from gcs_formation.from_scenario import autopilot_for
 
 BURSTS_HZ = 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0

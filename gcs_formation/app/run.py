@@ -15,12 +15,12 @@ from contextlib import closing, contextmanager, suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
 from airlink.cli import rare_garbage_collection, same_modules
-from airlink.clock import Clock, Instant, RealClock, VirtualClock, seconds_between
+from airlink.clock import Clock, Instant, RealClock, VirtualClock
 from airlink.driver import Driver
-from airlink.endpoint import Address, ComponentId, Endpoint, PortError, VehicleId
+from airlink.endpoint import Address, ComponentId, PortError, VehicleId
 from airlink.engine import Engine, MemoryNetwork
 from airlink.forwarding import Forward, Forwarding, Remote
 from airlink.signing.signed_links import VerifyingReceiver
@@ -30,17 +30,12 @@ from formation_scenario.extensions import LINK, ExtensionError
 from formation_scenario.fields import refused
 from formation_scenario.scripted import ScriptedOrder
 from formation_scenario.simulated import Place
-from gcs_formation.app.dry_run import rehearsed
 from gcs_formation.app.link_processes import UNKNOWN
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.session import Session
-from gcs_formation.core.feature import NOT_RESUMED, features
-from gcs_formation.errors import RecordError, RunAbortedError
-from gcs_formation.mission.past_flight import PastFlight
-from gcs_formation.record.run_directory import PORT, RECORDING, SCENARIO, SUMMARY, TRUTH
+from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TRUTH
 from gcs_formation.record.summary import Summary
-from gcs_formation.record.unfinished import epoch_us, from_ports, read_past, recorded_speedup
 from gcs_formation.recorder import Detail, Event
 from sim_vehicles.config import fleet_config, stand_ins
 from sim_vehicles.fleet import Fleet
@@ -318,81 +313,3 @@ def lying(session: Session) -> set[VehicleId]:
         return set()
     airborne = truth.between(truth.last_s, truth.last_s)["airborne"][-1]
     return {each.vehicle_id for each, aloft in zip(session.scenario.vehicles, airborne, strict=True) if not aloft}
-
-
-def rehearse(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> dict[str, Any]:
-    """Do all that `fly` does before the first command; return what vehicles would be sent.
-
-    Raises:
-        RunAbortedError: as `fly`, or it was interrupted before every vehicle was ready.
-        RecordError: the run directory can't be written.
-    """
-    session = _flown(scenario, options, progress, interrupts)
-    session.recorder.close()
-    failure = session.station.course.failure
-    if failure is not None or not session.station.gate.rehearsed:
-        raise RunAbortedError(failure or "interrupted before every vehicle was ready")
-    return rehearsed(session.station)
-
-
-def fly(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
-    """Fly a scenario over UDP.
-
-    Raises:
-        RunAbortedError: a port is taken, no vehicle answered, a vehicle refused.
-        RecordError: the run directory can't be written.
-    """
-    return _flown(scenario, options, progress, interrupts).conclude(None)
-
-
-def _flown(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Session:
-    import_ahead()
-    clock, begun, ports, behind_s = RealClock(options.speedup), None, dict[str, int](), 0.0
-    if options.resume:
-        clock, resumed, behind_s = taken_up(scenario, options)
-        begun, ports = (epoch_us(options.out), resumed), from_ports(options.out)
-    session = Session(scenario, options, clock, progress, interrupts, emulated=False, begun=begun)
-    if behind_s > 0.0:
-        session.recorder.event(Event(clock.now(), RECORDING, clock_behind(options, behind_s)))
-    try:
-        resolve_peers(session)
-        with Driver(forwarded(session)[0], clock, ports) as driver, session.listening():
-            for endpoint, port in driver.from_ports.items():
-                details: dict[str, Detail] = {"endpoint": endpoint, "port": port}
-                session.recorder.event(Event(clock.now(), PORT, f"{endpoint} from port {port}", None, details))
-            driver.run(session.attend)
-    except PortError as error:
-        raise session.could_not_begin(error) from error
-    return session
-
-
-def clock_behind(options: RunOptions, behind_s: float) -> str:
-    """Return in words that the machine's clock is behind the record that is continued, and a possible cause."""
-    text = f"the machine's clock is {behind_s:.0f} s behind the record: time goes on from the record's end"
-    began = recorded_speedup(options.out)
-    if began == options.speedup:
-        return text
-    return f"{text}; the run began with --speedup {began:g}, and goes on with {options.speedup:g}"
-
-
-def resolve_peers(session: Session) -> None:
-    """Replace host names of vehicles' addresses by IP addresses, because answers come from these."""
-    for _, each in session.station.each_link():
-        link = each.connection
-        if session.station.endpoints()[link.socket].kind == "udpout" and link.peer is not None:
-            link.peer = resolved(Endpoint("udpout", link.peer)).address
-
-
-def taken_up(scenario: Scenario, options: RunOptions) -> tuple[RealClock, PastFlight, float]:
-    """Return the clock of a continued record, the flight's state, and how far the machine's clock is behind it, s.
-
-    Raises:
-        RecordError: as `read_past`; or no feature resumes flights.
-    """
-    if not any(each.resumes for each in features().values()):
-        raise RecordError(NOT_RESUMED)
-    clock = RealClock.from_utc(epoch_us(options.out), options.speedup)
-    now = clock.now()
-    resumed = read_past(options.out, scenario, now, take=options.take)
-    behind_s = seconds_between(now, resumed.at)
-    return (RealClock.at(resumed.at, options.speedup) if behind_s > 0.0 else clock), resumed, behind_s

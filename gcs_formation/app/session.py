@@ -10,15 +10,10 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import numpy as np
-from librt.strings import BytesWriter, write_f64_le
-
 from airlink.cli import counted
 from airlink.clock import MICROSECONDS, NANOSECONDS, Clock, Instant, Stopwatch, after, seconds_between
 from airlink.endpoint import PortError, VehicleId
 from airlink.engine import Engine
-from airlink.signing.signed_links import SignedLinks
-from flight_model.arrays import Array
 from formation_scenario import Scenario, ScenarioError
 from formation_scenario.extensions import ExtensionError
 from formation_scenario.orders import Answer
@@ -40,6 +35,7 @@ from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page
 from gcs_formation.app.script import Script, scripted
 from gcs_formation.app.signing import flight_signing, open_links
+from gcs_formation.app.timed_station import TimedStation
 from gcs_formation.core.feature import derived
 from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.extend.in_flight import Sinks, sinks
@@ -63,7 +59,6 @@ from gcs_formation.record.timeseries import Spool, spools, write_parquet
 from gcs_formation.record.unfinished import recorded_events
 from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
-from gcs_formation.station import Station
 
 MOST_DIGITS = 5
 LOOK_S = 1.0
@@ -76,40 +71,6 @@ WATCHED_FLUSH_S = 0.09
 """Wall time between writes of the record while somebody may look on: at 10 Hz each tick is written at once."""
 HURRY = 10.0
 """A --speedup above this may be too high for the machine: 30 s of flight then pass in under 3 s of wall time."""
-
-
-class TimedStation(Station):
-    """A station that times its control ticks."""
-
-    def __init__(
-        self,
-        scenario: Scenario,
-        recorder: RunDirectory,
-        until_s: float | None,
-        utc_at_0_s: float | None,
-        caution: PreFlightOptions,
-        resumed: PastFlight | None,
-        signing: SignedLinks | None,
-    ) -> None:
-        super().__init__(scenario, recorder, until_s, utc_at_0_s, caution, resumed, signing)
-        self._watch = Stopwatch()
-        self._times = BytesWriter()
-        """Three 64-bit floats for each tick: when it was due and when it began, ns, and how long it took, s."""
-
-    def handle_timer(self, now: Instant) -> None:
-        """Do what is due; record the times of a tick that commanded the formation."""
-        due, ticks = self.next_timer(), self.controlled_ticks
-        began_s = self._watch.wall_s
-        super().handle_timer(now)
-        if due is not None and self.controlled_ticks > ticks:
-            write_f64_le(self._times, float(due))
-            write_f64_le(self._times, float(now))
-            write_f64_le(self._times, self._watch.wall_s - began_s)
-
-    def times_s(self) -> Array:
-        """Return (3, K), s: when each tick was due, when it began, and how long it took."""
-        due_ns, begun_ns, taken_s = np.frombuffer(self._times.getvalue(), "<f8").reshape(-1, 3).T
-        return np.array((due_ns / NANOSECONDS, begun_ns / NANOSECONDS, taken_s))
 
 
 def _opened(scenario: Scenario, options: RunOptions, began_us: int, *, resume: bool) -> RunDirectory:

@@ -23,11 +23,11 @@ from airlink.forwarding import Forward
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from gcs_formation.app.check import never_reached
 from gcs_formation.app.dry_run import rehearsal_text
+from gcs_formation.app.fly import fly as fly_scenario
+from gcs_formation.app.fly import rehearse
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, progress_on
 from gcs_formation.app.result_text import NOTHING_EXPECTED, result_line, spoilt, summary_text, unjudged
-from gcs_formation.app.run import fly as fly_scenario
-from gcs_formation.app.run import rehearse
 from gcs_formation.app.run import run as run_scenario
 from gcs_formation.cli import OVERRIDES, PLUGINS
 from gcs_formation.cli.no_flight import load

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from gcs_formation.core.cycle import IN_COMMAND, LED, Cycle, Stage
-from gcs_formation.fleet.routing_and_dispatch import Dispatch
-from gcs_formation.mission.course import Orders
+from gcs_formation.fleet.dispatch import Dispatch
+from gcs_formation.mission.orders import Orders
 
 
 class Wanted(Stage):

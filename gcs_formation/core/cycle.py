@@ -18,7 +18,7 @@ from gcs_formation.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.fleet.frame_loss import FrameLoss
-from gcs_formation.fleet.routing_and_dispatch import HeartbeatScheduler
+from gcs_formation.fleet.heartbeats import HeartbeatScheduler
 from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.mission.beginning import Beginning
 from gcs_formation.mission.course import Course

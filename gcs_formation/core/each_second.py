@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 from airlink.clock import Instant
 from gcs_formation.core.cycle import EACH_SECOND, Cycle, Stage
-from gcs_formation.fleet.routing_and_dispatch import Dispatch, HeartbeatScheduler
+from gcs_formation.fleet.dispatch import Dispatch
+from gcs_formation.fleet.heartbeats import HeartbeatScheduler
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.phases import COMMANDED, Phase
 

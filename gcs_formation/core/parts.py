@@ -11,14 +11,18 @@ from formation_scenario import Scenario
 from gcs_formation.controller import FormationController
 from gcs_formation.core.cycle import Cycle, Send
 from gcs_formation.core.feature import resumed_beginning
+from gcs_formation.fleet.dispatch import Dispatch
+from gcs_formation.fleet.flood_watch import FloodWatch
+from gcs_formation.fleet.heartbeats import HeartbeatScheduler
 from gcs_formation.fleet.membership import Membership
-from gcs_formation.fleet.routing_and_dispatch import Dispatch, FloodWatch, HeartbeatScheduler, Senders
+from gcs_formation.fleet.senders import Senders
 from gcs_formation.fleet.several_links import SeveralLinks
 from gcs_formation.fleet.signature_watch import SignatureWatch
 from gcs_formation.from_scenario import as_known, narrow_links, planned
 from gcs_formation.link.radio_reports import RadioReports
-from gcs_formation.mission.course import Course, Orders
+from gcs_formation.mission.course import Course
 from gcs_formation.mission.gate import Gate, PreFlightOptions
+from gcs_formation.mission.orders import Orders
 from gcs_formation.mission.past_flight import PastFlight
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.starting import Starting

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from flight_model.autopilot_model import FlightState
 from gcs_formation.core.cycle import IN_COMMAND, NOT_IN_COMMAND, Cycle, Stage
-from gcs_formation.fleet.routing_and_dispatch import Dispatch, HeartbeatScheduler
-from gcs_formation.mission.course import Orders
+from gcs_formation.fleet.dispatch import Dispatch
+from gcs_formation.fleet.heartbeats import HeartbeatScheduler
+from gcs_formation.mission.orders import Orders
 from gcs_formation.phases import OVER, Cause, Phase
 from gcs_formation.recorder import Recorder, Tick
 

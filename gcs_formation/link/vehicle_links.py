@@ -30,7 +30,7 @@ from airlink.messages import KINDS
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.frame_history import FrameHistory
 from gcs_formation.link.link_health import RARELY, Connection, JitterMeter, LinkState, SequenceTracker, run_length
-from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
+from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
 
 SILENT_S: Final = 0.5

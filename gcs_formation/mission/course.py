@@ -3,132 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 
-from airlink.clock import Instant, after, seconds_between
+from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from flight_model.path import Route
 from formation_scenario import Scenario
-from formation_scenario.expectation import LATE_PERIODS
-from formation_scenario.orders import Answer, End, Order, OrderError, parse_order
-from formation_scenario.shapes import SHAPE
+from formation_scenario.orders import End
 from formation_scenario.slot_assignment import column_names
-from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller import FormationController
 from gcs_formation.errors import NotFiniteError
+from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership import Membership
-from gcs_formation.fleet.routing_and_dispatch import Dispatch
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.ending import Ending, Endings
 from gcs_formation.mission.gate import Gate
-from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.phases import ALL_ENDED, BEFORE_COMMANDS, NOT_ALL_ENDED, OVER, Cause, Flight, Phase
 from gcs_formation.recorder import Note, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 GETS_ON_S, GETS_ON_SHARE = 120.0, 0.05
 """A leader must get nearer to its path within this time, by this share of the distance flown through the air."""
-
-
-class Orders:
-    """Takes orders from the operator and those planned in the scenario."""
-
-    def __init__(self, scenario: Scenario, course: Course, reconfiguration: Reconfiguration, note: Note) -> None:
-        """Carry out changes by `reconfiguration`, and the end of the flight by `course`."""
-        self._course, self._flight = course, course.flight
-        self._reconfiguration = reconfiguration
-        self._note = note
-        self._duration_s, self._shapes = scenario.duration_s, scenario.registered.names(SHAPE)
-        self._latest_s = scenario.duration_s + LATE_PERIODS / scenario.law.rate_hz
-        self._planned = deque(sorted((each for _, each in scenario.timed_orders), key=lambda each: each.at_s))
-        self._refused: list[str] = []
-        self._ended = False
-        """Whether a planned order has ended the flight."""
-
-    @property
-    def undone(self) -> list[str]:
-        """Planned orders and changes of the formation that weren't carried out to their end, with the reasons.
-
-        What an end by order or `--until` prevented isn't counted.
-        """
-        late = [f"order at {each.at_s:g} s: {each.order}: the flight was over" for each in self._planned]
-        late += self._reconfiguration.left + self._reconfiguration.under_way(self._flight_ended)
-        missed = [] if self._course.cut_short else late
-        return self._refused + self._reconfiguration.unflown + missed
-
-    @property
-    def _flight_ended(self) -> Instant | None:
-        """When the flight along the path ended, or was to end if late ticks prolonged it."""
-        began, ended = self._flight.path_began, self._flight.path_ended
-        if began is None or ended is None or seconds_between(began, ended) < self._latest_s:
-            return ended
-        return after(began, self._duration_s)
-
-    def resume(self, mission_s: float) -> None:
-        """Resume at a mission time: orders planned for earlier have been given."""
-        while self._planned and self._planned[0].at_s <= mission_s:
-            self._planned.popleft()
-
-    def advance(self, now: Instant) -> None:
-        """Give the planned orders that are due, also at the end, unless something else has cut the flight short."""
-        if self._course.cut_short and not self._ended:
-            return
-        mission_s = self._flight.mission_time_s(now)
-        while self._planned and mission_s >= self._planned[0].at_s:
-            planned = self._planned.popleft()
-            self._reconfiguration.note_late(mission_s - planned.at_s)
-            answer = self.take(planned.order, now)
-            self._ended = self._ended or (answer.accepted and self._flight.phase in OVER)
-            if not answer.accepted:
-                self._refused.append(f"order at {planned.at_s:g} s: {answer.text}")
-
-    def take(self, text: str, now: Instant) -> Answer:
-        """Carry out an order, or refuse it with a reason; record both as an event."""
-        try:
-            refusal = self._carry_out(parse_order(text, shapes=self._shapes), now)
-        except (OrderError, NotFlyableError, ValueError) as error:
-            refusal = str(error)
-        answer = Answer(refusal is None, f"{text}: {'accepted' if refusal is None else f'refused: {refusal}'}")
-        self._note(now, "order", answer.text, None, {"accepted": answer.accepted})
-        return answer
-
-    def consider(self, text: str, now: Instant) -> Answer:
-        """Return what the answer to an order would be, without carrying it out."""
-        try:
-            refusal = self._refusal(parse_order(text, shapes=self._shapes), now)
-        except (OrderError, NotFlyableError, ValueError) as error:
-            refusal = str(error)
-        return Answer(refusal is None, f"{text}: {'can be done' if refusal is None else f'refused: {refusal}'}")
-
-    def _refusal(self, order: Order, now: Instant) -> str | None:
-        if order.end is not None:
-            return self._course.why_not_end(order.end)
-        if self._not_flying is not None:
-            return self._not_flying
-        if order.speed_mps is not None:
-            return self._reconfiguration.why_not_speed(order.speed_mps, now)
-        if order.heading_rad is not None:
-            return self._reconfiguration.why_not_heading()
-        return None if order.change is None else self._reconfiguration.why_not_change(order.change, now)
-
-    @property
-    def _not_flying(self) -> str | None:
-        """Why no order but one that ends the flight can be carried out; None if it can."""
-        if self._flight.phase in (Phase.ASSEMBLING, Phase.FLYING):
-            return None
-        return f"the run is {self._flight.phase.value}; allowed: assembling, flying"
-
-    def _carry_out(self, order: Order, now: Instant) -> str | None:
-        if order.end is not None:
-            return self._course.end_by_order(order.end, now)
-        if self._not_flying is not None:
-            return self._not_flying
-        if order.speed_mps is not None:
-            return self._reconfiguration.order_speed(order.speed_mps, now)
-        if order.heading_rad is not None:
-            return self._reconfiguration.order_heading(order.heading_rad, now)
-        return None if order.change is None else self._reconfiguration.order_change(order.change, now)
 
 
 class ProgressToStart:

@@ -11,7 +11,7 @@ from flight_model.autopilot_model import FlightState, wrap
 from gcs_formation.estimation.airspeed import AirspeedCheck
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.link.frame_history import EARLY_S, LONGEST_DELAY_S
-from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
+from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry

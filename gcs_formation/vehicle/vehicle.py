@@ -23,7 +23,7 @@ from gcs_formation.estimation.airspeed import AirspeedCheck
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.frame_history import TURN_S, FrameHistory
 from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
-from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
+from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
 from gcs_formation.link.vehicle_links import Link, Links, links_by
 from gcs_formation.vehicle.autopilot_family import Autopilot, Command, StartUpStep

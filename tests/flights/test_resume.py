@@ -21,8 +21,8 @@ from airlink.frame import HEADER_V2, StreamParser
 from airlink.messages.command import CommandLong
 from airlink.messages.system import Heartbeat
 from formation_scenario import Scenario
+from gcs_formation.app.fly import taken_up
 from gcs_formation.app.operator_at_terminal import RunOptions
-from gcs_formation.app.run import taken_up
 from gcs_formation.cli import main
 from gcs_formation.phases import Cause, Phase
 from gcs_formation.record.run_directory import GOES_ON, RECORDING, SPOOL, RunDirectory

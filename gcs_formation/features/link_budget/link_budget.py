@@ -19,7 +19,7 @@ from gcs_formation.budget.levels import LEVELS, Level
 from gcs_formation.budget.traffic import STEADY_PROBE_S, UNSTATED, Stated, bytes_per_s, flight_hz, stated_by, thinned
 from gcs_formation.features.link_budget.link_load import LinkLoad
 from gcs_formation.features.link_budget.stream_rates import StreamRates
-from gcs_formation.fleet.routing_and_dispatch import PROBE_S, HeartbeatScheduler
+from gcs_formation.fleet.heartbeats import PROBE_S, HeartbeatScheduler
 from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.setpoint_delivery import EVERYTHING, LOSSY_S

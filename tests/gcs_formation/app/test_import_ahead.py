@@ -5,12 +5,13 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
 
 from formation_scenario import load_scenario
-from gcs_formation.app import run
+from gcs_formation.app import fly, run
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from tests.flights.conftest import scenario
@@ -59,14 +60,14 @@ def test_all_that_a_tick_may_import_is_imported_ahead() -> None:
     assert {"scipy.optimize", "scipy.spatial"} <= late
 
 
-@pytest.mark.parametrize("flown", [run.run, run.fly])
+@pytest.mark.parametrize(("module", "flown"), [(run, run.run), (fly, fly.fly)])
 def test_it_is_imported_before_anything_else_is_done(
-    flown: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    module: ModuleType, flown: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     def ahead() -> None:
         raise BeforeAnybodyError
 
-    monkeypatch.setattr(run, "import_ahead", ahead)
+    monkeypatch.setattr(module, "import_ahead", ahead)
     with pytest.raises(BeforeAnybodyError):
         flown(load_scenario(scenario()), RunOptions(tmp_path / "run", "real"), Progress(), Interrupts())
     assert not (tmp_path / "run").exists()

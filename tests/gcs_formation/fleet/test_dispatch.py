@@ -12,7 +12,7 @@ from airlink.clock import NEVER, Instant, after
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import FlightState
 from formation_scenario import load_scenario
-from gcs_formation.fleet.routing_and_dispatch import HOLD_MAX_S, Dispatch
+from gcs_formation.fleet.dispatch import HOLD_MAX_S, Dispatch
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.vehicle.vehicle import Member
 from tests.flights.conftest import scenario

@@ -11,7 +11,7 @@ import pytest
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
-from gcs_formation.fleet.routing_and_dispatch import HeartbeatScheduler
+from gcs_formation.fleet.heartbeats import HeartbeatScheduler
 from gcs_formation.from_scenario import narrow_links
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.link_health import LinkState

@@ -15,7 +15,8 @@ from airlink.messages import Message
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.fleet.routing_and_dispatch import FloodWatch, Senders
+from gcs_formation.fleet.flood_watch import FloodWatch
+from gcs_formation.fleet.senders import Senders
 from gcs_formation.link.link_health import Connection
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.vehicle.autopilot_family import STATION

@@ -11,7 +11,8 @@ import pytest
 
 from airlink.clock import NANOSECONDS, Instant, after
 from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.round_trips_and_gnss_clock import UNKNOWN_DRIFT_S, GnssClock, StampMap
+from gcs_formation.link.gnss_clock import UNKNOWN_DRIFT_S, GnssClock
+from gcs_formation.link.stamp_map import StampMap
 from gcs_formation.link.utc_slack import UTC_SLACK_S
 
 UTC_AT_0_S = 1.6e9

@@ -11,7 +11,7 @@ from formation_scenario import load_scenario
 from formation_scenario.formation import FormationChange
 from formation_scenario.orders import End
 from formation_scenario.transition_plan import NotFlyableError
-from gcs_formation.mission.course import Orders
+from gcs_formation.mission.orders import Orders
 from gcs_formation.phases import OVER, Cause, Flight, Phase
 from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import Noted

@@ -14,7 +14,7 @@ from airlink.messages.system import Timesync
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.link.link_health import Connection
-from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
+from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.sampler import EXTRAPOLATED_S, Sampler

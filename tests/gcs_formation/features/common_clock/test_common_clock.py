@@ -12,7 +12,7 @@ from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.messages.system import Timesync
 from gcs_formation.features.common_clock.agreed_utc import CommonClock, UtcBounds, agreed_s
-from gcs_formation.link.round_trips_and_gnss_clock import RoundTrips
+from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.testing.flight_plan import Formation, Plan
 from gcs_formation.vehicle.vehicle import Member
 from tests.flights.in_memory import World

@@ -14,7 +14,7 @@ from gcs_formation.budget.levels import LEVELS
 from gcs_formation.budget.traffic import Stated
 from gcs_formation.features.link_budget.link_budget import CALM_S, IN_VAIN_S, SETTLES_S, TRY_AGAIN_S, LinkBudget
 from gcs_formation.features.link_budget.link_load import LinkLoad
-from gcs_formation.fleet.routing_and_dispatch import HeartbeatScheduler
+from gcs_formation.fleet.heartbeats import HeartbeatScheduler
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane

@@ -1,0 +1,174 @@
+"""Sends setpoints so that they take effect at the same time."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from librt.vecs import vec
+from mypy_extensions import i64
+
+from airlink.clock import NEVER, Instant, after, seconds_between
+from airlink.endpoint import VehicleId
+from airlink.engine import DelayQueue
+from airlink.messages import Message
+from flight_model.autopilot_model import Setpoint, finite
+from flight_model.slot import Triple
+from formation_scenario import Scenario
+from formation_scenario.slot_assignment import column_models
+from gcs_formation.recorder import Tick, VehicleLink
+from gcs_formation.vehicle.vehicle import Member, Vehicle
+
+HOLD_MAX_S: Final = 1.0
+"""Longest time for which the leader's setpoints are delayed."""
+UNGUIDED_S: Final = 2.0
+"""Longest lack of setpoints before heartbeats are withheld, so that the vehicle's failsafe acts."""
+
+
+class Dispatch:
+    """Sends setpoints; the leader's are delayed so that they take effect with the slowest follower's."""
+
+    def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle]) -> None:
+        """Start without setpoints."""
+        self._virtual_leader = scenario.leader is None
+        self._compensates = scenario.law.delay_compensation
+        self._count = 1 + len(scenario.followers)
+        self._vehicles = list(vehicles.values())
+        self._at_once: list[tuple[Vehicle, Message]] = []
+        self._held = DelayQueue[tuple[Vehicle, Message]]()
+        self.due = NEVER
+        """When the next message is to be sent."""
+        self._guided = [False] * self._count
+        """Whether each column got a setpoint at this tick, (C,)."""
+        self._without: list[Instant | None] = [None] * self._count
+        """Since when a column that should get setpoints has had none, (C,)."""
+        self._last_due = vec[i64]([0] * self._count)
+        """When each column's newest setpoint is to be sent, (C,)."""
+        self._dead_s = [each.dead_time_s for each in column_models(scenario)]
+        """The autopilots' dead times, (C,)."""
+
+    def links(self, leader: int, disobeying: list[bool], now: Instant) -> tuple[list[VehicleLink], float]:
+        """Return every column's present link, and for how long setpoints of column `leader` are held back, s.
+
+        `disobeying`: (C,) whether each vehicle seems not to fly as commanded.
+        """
+        links = [VehicleLink(now) for _ in self._guided]
+        links[0].ready = self._virtual_leader
+        for vehicle in self._vehicles:
+            link, clock = links[vehicle.column], vehicle.clock
+            link.ready = vehicle.member is Member.FLYING
+            link.delay_s, link.asymmetry_s = clock.one_way_s, clock.asymmetry_s
+            if vehicle.round_trips.knows_ways:
+                link.up_s, link.down_s = vehicle.round_trips.up_down_s
+            link.jitter_s = vehicle.jitter.jitter_s
+            link.airborne, link.flew = vehicle.airborne, vehicle.flew
+            may_loiter = vehicle.may_loiter
+            if may_loiter or not link.ready:
+                link.circling, link.flies_home_m = vehicle.circles, vehicle.flies_home_m
+                link.holds_at_m = math.nan if vehicle.member is Member.PARTED else vehicle.holds_at_m
+                if vehicle.autopilot.stands and vehicle.member is Member.HOLDING:
+                    link.brakes = vehicle.holds_from
+            link.heard = vehicle.round_trips.heard_at(now)
+            link.dead_s = self._dead_s[vehicle.column]
+            link.lag_s = clock.loop_s / 2 + link.dead_s
+            link.disobeying = may_loiter or disobeying[vehicle.column]
+            link.speeds_mps = vehicle.autopilot.speeds_mps
+            link.stands_after_s, link.returns_after_s = vehicle.stands_after_s, vehicle.returns_after_s
+            link.home_m = vehicle.telemetry.home_m
+        hold_s = self._hold_s(leader, links)
+        links[leader].lag_s += hold_s
+        return links, hold_s
+
+    def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
+        """Take a tick's setpoints; one that isn't finite is never sent."""
+        evades = any(tick.yielding)
+        for vehicle in self._vehicles:
+            column = vehicle.column
+            state = tick.state[column]
+            vehicle.setpoints.hurries = evades
+            speed_mps, heading_rad, height_m = tick.setpoints[column]
+            known = state.north_m + state.east_m + state.height_m + state.wind_north_mps + state.wind_east_mps
+            usable = tick.active[column] and finite(speed_mps + heading_rad + height_m + known)
+            self._guided[column] = usable
+            if usable or vehicle.member is not Member.FLYING:
+                self._without[column] = None
+            elif self._without[column] is None:
+                self._without[column] = now
+            if usable:
+                due = after(now, hold_s) if column == tick.leader else now
+                if due < self._last_due[column]:
+                    self._drop(vehicle, due)
+                self._last_due[column] = due
+                messages = vehicle.new_setpoints(Setpoint(speed_mps, heading_rad, height_m), state, due)
+                self._send(vehicle, messages, due, now)
+            else:
+                vehicle.forget_setpoints()
+
+    def held(self, tick: Tick) -> list[Triple]:
+        """Put into a tick what vehicles hold from then on, and return it: what is no news wasn't sent."""
+        for vehicle in self._vehicles:
+            if self._guided[vehicle.column]:
+                tick.setpoints[vehicle.column] = vehicle.setpoints.held.values
+        return tick.setpoints
+
+    def _drop(self, vehicle: Vehicle, after_this: Instant) -> None:
+        """Drop a vehicle's setpoints delayed until after newer ones, and send the newer ones in full."""
+        self._held.drop(lambda due, each: each[0] is vehicle and due > after_this)
+        vehicle.forget_setpoints()
+
+    def _send(self, vehicle: Vehicle, messages: list[Message], due: Instant, now: Instant) -> None:
+        for message in messages:
+            if due <= now:
+                self._at_once.append((vehicle, message))
+            else:
+                self._held.push(due, (vehicle, message))
+        self.due = min(self.due, due)
+
+    def stand_ins(self, now: Instant) -> list[tuple[Vehicle, Message]]:
+        """Return substitute setpoints for vehicles that need a stream and have none, for a limited time."""
+        found = list[tuple[Vehicle, Message]]()
+        for vehicle in self._vehicles:
+            if self._guided[vehicle.column]:
+                self._guided[vehicle.column] = False
+            elif vehicle.start_up.acted and not self._is_unguided(vehicle, now):
+                found += [(vehicle, message) for message in vehicle.autopilot.stand_in()]
+        return found
+
+    def unguided(self, now: Instant) -> frozenset[VehicleId]:
+        """Return the vehicles that fly in the formation and have had no setpoints for a while."""
+        return frozenset(each.identity for each in self._vehicles if self._is_unguided(each, now))
+
+    def _is_unguided(self, vehicle: Vehicle, now: Instant) -> bool:
+        since = self._without[vehicle.column]
+        return since is not None and seconds_between(since, now) > UNGUIDED_S
+
+    def pop_due(self, now: Instant) -> list[tuple[Vehicle, Message]]:
+        """Remove and return the messages to send now; none for a vehicle that has left the formation meanwhile."""
+        if now < self.due:
+            return []
+        due = self._held.pop_due(now)
+        due += self._at_once
+        self._at_once = []
+        held = self._held.next()
+        self.due = NEVER if held is None else held
+        return [each for each in due if each[0].member is Member.FLYING]
+
+    def clear(self) -> None:
+        """Drop all delayed messages: no setpoint may follow a command to loiter."""
+        self._held, self._at_once, self.due = DelayQueue[tuple[Vehicle, Message]](), [], NEVER
+        for vehicle in self._vehicles:
+            vehicle.forget_setpoints()
+        self._without = [None] * self._count
+
+    def _hold_s(self, leader: int, links: list[VehicleLink]) -> float:
+        """Return the delay of the leader's setpoints, s: until the slowest follower's setpoints take effect.
+
+        Without it a leader on a quicker link would turn before its followers can.
+        """
+        if not self._compensates:
+            return 0.0
+        own_s, slowest_s = links[leader].until_it_acts_s, 0.0
+        for column, link in enumerate(links):
+            if link.ready and column != leader and link.until_it_acts_s > slowest_s:
+                slowest_s = link.until_it_acts_s
+        return min(max(0.0, slowest_s - (0.0 if math.isnan(own_s) else own_s)), HOLD_MAX_S)
