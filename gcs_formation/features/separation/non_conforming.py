@@ -176,7 +176,7 @@ class NonConforming:
     def _last_known(self, column: int, brakes: int, way_s: float, seen: int) -> tuple[int, Triple]:
         """Return when a command to stop came through, and the setpoint at the last position: kept, as histories end."""
         known = self._stops[column]
-        if known is None or known[:2] != (brakes, seen):
+        if known is None or known[0] != brakes or known[1] != seen:
             comes = brakes + round(way_s * NANOSECONDS)
             known = self._stops[column] = brakes, seen, comes, self._history.commanded(seen, column)
         return known[2], known[3]

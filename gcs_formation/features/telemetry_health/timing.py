@@ -27,7 +27,8 @@ RATE_MOST_S: Final = 0.15
 """Stamps that gain this, in sums with this memory, run at another rate; a single step adds so much at most: a jump."""
 MOVES_MPS: Final = 3.0
 """A position tells how much time has passed by its velocity from this speed on."""
-RETURN_S, RETURNS_S = 0.1, 3.0
+RETURN_S: Final = 0.1
+RETURNS_S: Final = 3.0
 """Stamps run rightly again once the sum is within the first for the second."""
 USUAL: Final = 0.005
 """Weight of the newest age in the usual one."""
