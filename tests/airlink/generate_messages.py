@@ -77,7 +77,7 @@ MODULES = {
             ),
             Declared(
                 "CURRENT_MODE",
-                "the mode, told when it changes, and the one that was asked for.",
+                "the mode, sent when it changes, and the one that was asked for.",
                 optional="intended_custom_mode",
             ),
         ),
