@@ -17,11 +17,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any, ClassVar, Self, TypeVar, cast, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast, get_type_hints
 
 from formation_scenario.feature_folders import brought
 from formation_scenario.fields import Keys
-from formation_scenario.source import Key, Plain
+
+if TYPE_CHECKING:  # it loads numpy, which an order to a flight doesn't need
+    from formation_scenario.source import Key, Plain
 
 Kind = TypeVar("Kind")
 

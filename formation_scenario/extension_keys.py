@@ -31,7 +31,7 @@ from formation_scenario.extensions import (
     Registry,
 )
 from formation_scenario.fields import Problem, did_you_mean
-from formation_scenario.formation import LAW_TYPES, PREDICTORS
+from formation_scenario.law import LAW_TYPES, PREDICTORS
 from formation_scenario.navigation import NAVIGATIONS
 from formation_scenario.path_plan import GUIDANCES
 from formation_scenario.shapes import SHAPE

@@ -25,7 +25,8 @@ from pydantic import BaseModel, create_model
 
 from formation_scenario.expectation import METRICS
 from formation_scenario.fields import did_you_mean, refused
-from formation_scenario.formation import LAW_TYPES, PREDICTORS, SHAPE_NAMES
+from formation_scenario.formation import SHAPE_NAMES
+from formation_scenario.law import LAW_TYPES, PREDICTORS
 from formation_scenario.links import NO_PROCESS
 from formation_scenario.navigation import NAVIGATIONS
 from formation_scenario.path_plan import GUIDANCES

@@ -20,7 +20,7 @@ from flight_model.gain_design import (
     left_by_filter,
 )
 from flight_model.slot import CHANNELS
-from formation_scenario.formation import K1, K2, K3
+from formation_scenario.law import K1, K2, K3
 from formation_scenario.model import Scenario
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.source import Key, Plain, plain_mapping

@@ -59,9 +59,10 @@ from formation_scenario.fields import (
     VehicleSelection,
     key,
 )
-from formation_scenario.formation import Formation, Law
+from formation_scenario.formation import Formation
 from formation_scenario.geofence import Geofence
 from formation_scenario.kept_distance import BUFFER_M, SEPARATION_M, KeepsDistance
+from formation_scenario.law import Law
 from formation_scenario.links import Links, LinkStep, link_steps, through_air
 from formation_scenario.orders import End, PlannedOrder, read_order
 from formation_scenario.path_of_legs import path_of_legs, planned_speeds

@@ -37,7 +37,8 @@ from formation_scenario.extensions import (
     Registry,
 )
 from formation_scenario.fields import DERIVED
-from formation_scenario.formation import LAW_TYPES, PREDICTORS, SHAPE_NAMES
+from formation_scenario.formation import SHAPE_NAMES
+from formation_scenario.law import LAW_TYPES, PREDICTORS
 from formation_scenario.model import Fleet, Scenario
 from formation_scenario.path_plan import GUIDANCES
 from formation_scenario.shapes import SHAPE

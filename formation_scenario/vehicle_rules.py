@@ -12,7 +12,8 @@ from flight_model.arrays import Array
 from flight_model.energy import steepest_climb_mps
 from formation_scenario.extensions import EMULATED_FAMILY
 from formation_scenario.fields import VehicleRef, did_you_mean
-from formation_scenario.formation import CUSTOM, LAW_TYPES, SHAPE_NAMES, Formation, FormationChange
+from formation_scenario.formation import CUSTOM, SHAPE_NAMES, Formation, FormationChange
+from formation_scenario.law import LAW_TYPES
 from formation_scenario.model import Scenario
 from formation_scenario.orders import ALLOWED, read_order
 from formation_scenario.shapes import SHAPE

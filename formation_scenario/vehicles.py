@@ -276,7 +276,6 @@ class VehicleCommon(Keys):
     landing: StoredLanding | None = key(
         None,
         "emulators of fixed wings only: the landing in its stored mission, as a ground station has written it there",
-        {"course_deg": 90},
         derived="its mission is empty",
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 from flight_model.autopilot_model import AutopilotModel, FlightState, rate, rotated, within, wrap
 from flight_model.slot import Triple, all_finite
 from formation_scenario import Scenario
-from formation_scenario import formation as keys
+from formation_scenario import law as keys
 from formation_scenario.extensions import FORMATION_LAW, LAW, LAW_KINDS
 from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.follower import BRAKING_SHARE, Controller, FollowerController, LawParameters, Pair

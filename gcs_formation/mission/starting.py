@@ -19,8 +19,6 @@ TOGETHER_S = 600.0
 """Longest wait for the other vehicles; each one's own steps end or fail sooner."""
 WAITS_S = 10.0
 """A vehicle that takes longer than this to get ready is reported, with what it lacks."""
-STANDS_S = 1.0
-"""Time between the two positions by which features check what a vehicle says of its motion, s."""
 CONNECT_LIMIT_S = 30.0
 """Longest wait for every vehicle's first heartbeat."""
 

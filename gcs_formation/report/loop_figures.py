@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
 from flight_model.slot import CHANNELS
-from formation_scenario.formation import PidGains
+from formation_scenario.law import PidGains
 from gcs_formation.control.laws import gain_range
 from gcs_formation.record import figures_of_merit
 from gcs_formation.record.figures_of_merit import setpoint_steps

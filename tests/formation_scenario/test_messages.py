@@ -42,7 +42,7 @@ WRONG = [
         "sede: 3\n",
         "a.yaml:3:1: sede: found an unknown key 'sede'; allowed: schema, name, seed, duration_s,",
     ),
-    ("finish: {loiter: 3}\n", "allowed: loiter_s (did you mean 'loiter_s'?)"),
+    ("finish: {loiter: 3}\n", "allowed: loiter_s, then (did you mean 'loiter_s'?)"),
     ("law: {fuzzy: {table_p: [[0, 1]]}}\n", "law.fuzzy.table_p.0: found [0, 1]; allowed: 5 numbers from 0 to 1"),
     ("seed: true\n", "a.yaml:3:1: seed: found true; allowed: a whole number from 0 to 2^63 - 1"),
     ("seed: 1.5\n", "seed: found 1.5; allowed: a whole number from 0"),

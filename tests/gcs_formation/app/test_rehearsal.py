@@ -24,7 +24,7 @@ def test_places_keep_all_their_digits_and_what_is_left_to_the_vehicle_is_unset()
     """
     scenario = load_scenario(PX4)
     _, _, vehicles = planned(scenario)
-    station: Any = SimpleNamespace(scenario=scenario, vehicles=vehicles, preflight=SimpleNamespace(warnings={}))
+    station: Any = SimpleNamespace(scenario=scenario, vehicles=vehicles, gate=SimpleNamespace(warnings={}))
     report = rehearsed(station)
     assert json.loads(json.dumps(report, allow_nan=False)) == report
     told = next(line for line in rehearsal_text(report).splitlines() if line.startswith("  setpoints"))

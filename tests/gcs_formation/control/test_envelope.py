@@ -11,7 +11,7 @@ from flight_model.autopilot_model import AutopilotModel, FlightState
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.setpoint import INTERCEPT_MAX_RAD, Envelope
 
-MODEL = AutopilotModel(*list(VehicleModel().model_dump().values())[:9])
+MODEL = AutopilotModel(*list(VehicleModel().model_dump(exclude={"dead_time_s"}).values())[:9])
 STATE = FlightState(0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0)
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from formation_scenario import load_scenario
-from formation_scenario.formation import LAW_TYPES
+from formation_scenario.law import LAW_TYPES
 from gcs_formation.control.laws import LAWS, gain_range
 from gcs_formation.studies import compare
 from tests.flights.conftest import scenario

@@ -370,6 +370,7 @@ READERS = {
     "extensions.py",  # extensions go along with what they register
     "derived_defaults.py",  # shipped aircraft, of the package
     "schema.py",  # likewise, the head of a page
+    "feature_folders.py",  # likewise, captions; and which features a run was flown with, for an error's text
 }
 
 
