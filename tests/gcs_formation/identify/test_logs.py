@@ -197,9 +197,13 @@ LOGS = {
     "plane.tlog": (plane_tlog, PLANE),
     "plane.csv": (table, PLANE),
 }
+OFTEN = {"AUTO.BIN", "GUIDED in steps.bin", "plane.tlog", "plane.csv", "plane.ulg"}
+"""What a push reads; the night reads all."""
 
 
-@pytest.mark.parametrize("name", LOGS)
+@pytest.mark.parametrize(
+    "name", [each if each in OFTEN else pytest.param(each, marks=pytest.mark.slow) for each in LOGS]
+)
 def test_the_time_constants_that_were_simulated_are_found(name, tmp_path):
     write, true = LOGS[name]
     found = recordings(write(tmp_path / name))
