@@ -43,7 +43,7 @@ SCALE_SIGMA: Final = 0.08
 """Prior standard deviation of a sensor's scale about 1."""
 SCALE_WALK: Final = 2e-4
 """Random walk of the scale, per square root of a second."""
-SCALES: Final = (0.75, 1.35)
+SCALES: Final[tuple[float, ...]] = (0.75, 1.35)
 """Limits of the estimated scale."""
 WIND_SIGMA_MPS: Final = 15.0
 WIND_WALK_MPS: Final = 0.1

@@ -36,7 +36,7 @@ MISSED_S: Final = 0.5
 """How much longer answers may be missing, since links lose some."""
 STANDS: Triple = (0.0, 0.0, math.nan)
 """Intent of a vehicle that hovers or stops."""
-SET_OFF: Final = (0.0, 1 / 3, 2 / 3, 1.0)
+SET_OFF: Final[tuple[float, ...]] = (0.0, 1 / 3, 2 / 3, 1.0)
 """Assumed times of its departure for home, as shares of the time in which it may depart."""
 
 

@@ -33,7 +33,7 @@ ROOM_M: Final = 0.5
 """Margin added to the distance to keep. A manoeuvre begins at the last moment, when the predicted trajectories leave
 nothing to spare. Predictions are accurate to centimetres, with noisy states and trajectories that curve between samples
 to decimetres."""
-LEADS: Final = (0.0, 0.0, 0.0)
+LEADS: Final[Triple] = (0.0, 0.0, 0.0)
 """The leader's slot, from itself."""
 AFAR: Final = 2.0
 """A vehicle farther from its slot than this many times the rule's distance keeps the full distance from all others."""

@@ -21,10 +21,10 @@ from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHis
 from gcs_formation.features.time_constants.lag_fit import BATCH_S, LagFit, Nodes
 from gcs_formation.features.time_constants.lag_simulation import Bank, ResidualBatch, Samples, Seen
 
-RESOLUTION: Final = (0.02, 0.002, 0.05)
+RESOLUTION: Final[tuple[float, ...]] = (0.02, 0.002, 0.05)
 """Standard deviations of the residuals of airspeed (m/s), heading (rad) and height (m) before any were seen: telemetry
 is rounded, and the instant at which a setpoint acts isn't known exactly."""
-FINEST: Final = (0.001, 1e-4, 0.05)
+FINEST: Final[tuple[float, ...]] = (0.001, 1e-4, 0.05)
 """The minimum that they may turn out to have. Heights show vertical motion of the air, too, which looks like time
 constants: their small motions teach nothing."""
 GAP_S: Final = 3.0

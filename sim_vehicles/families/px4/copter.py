@@ -28,7 +28,7 @@ SLOW_TO_M: Final = 10.0
 """Height up to which it takes off at MPC_TKO_SPEED (MPC_LAND_ALT1)."""
 NEAR_M: Final = 0.8
 """A take-off is complete this near its height (NAV_MC_ALT_RAD)."""
-ORBIT: Final = 1.0, 1.0
+ORBIT: Final[tuple[float, ...]] = 1.0, 1.0
 """Radius, m, and speed, m/s, of a circle of which none is told."""
 
 

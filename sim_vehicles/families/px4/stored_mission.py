@@ -1,3 +1,4 @@
+# Compiled by mypyc: it runs every tick.
 """The mission of an emulated PX4: it is read, numbered from its first item, and can't be written."""
 
 from __future__ import annotations
