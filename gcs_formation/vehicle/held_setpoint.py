@@ -24,12 +24,14 @@ HEADING: Final = 1
 HEIGHT: Final = 2
 ALONG_M: Final = 0.002
 ACROSS_M: Final = 0.001
-HEIGHT_M_S: Final = 0.05
+HEIGHT_M_S: Final = 0.2
 """Tolerances of the integrals: displacement along and across the heading, m, of a vehicle that followed at once, and
 height times time, m s. Followed with lags of 4 s for airspeed and 1 and 3 s for height, these are less. Of the
-quickstart's errors they leave each within 4 mm of what sending everything gives. An aircraft under total-energy control
-follows a height sooner: 0.2 m s cost it 0.1 m in bends. They bound the steps, too: on a ramp
+quickstart's errors they leave each within 4 mm of what sending everything gives. They bound the steps, too: on a ramp
 of a m/s² airspeed changes by steps of the root of 2 a `ALONG_M`, 6 mm/s at 1 cm/s²."""
+ENERGY_HEIGHT_M_S: Final = 0.05
+"""The height's of an aircraft under total-energy control, which trades its height for airspeed in bends, so that what
+is held too long adds to an error that grows: 0.2 m s cost it 0.1 m there."""
 SHORTEST_S: Final = 0.02
 LONGEST_S: Final = 1.0
 """Shortest and longest time between two setpoints that counts."""
@@ -40,6 +42,8 @@ class HeldSetpoint:
 
     def __init__(self) -> None:
         """Start with a vehicle that holds nothing of ours."""
+        self.height_m_s = HEIGHT_M_S
+        """Tolerance of the height's integral, m s."""
         self.values: Triple = UNKNOWN
         """Airspeed in m/s, heading in rad and height in m of the law's setpoints, as sent last; NaN before."""
         self._said: Triple = UNKNOWN
@@ -64,7 +68,7 @@ class HeldSetpoint:
         return (
             self._is_news(SPEED, prompt_share * off_mps * elapsed_s, tolerance * ALONG_M),
             self._is_news(HEADING, said[SPEED] * off_rad * elapsed_s, tolerance * ACROSS_M),
-            self._is_news(HEIGHT, off_m * elapsed_s, tolerance * HEIGHT_M_S),
+            self._is_news(HEIGHT, off_m * elapsed_s, tolerance * self.height_m_s),
         )
 
     def _is_news(self, quantity: int, more: float, tolerance: float) -> bool:

@@ -22,24 +22,25 @@ class Answer:
 
     def __init__(self) -> None:
         """Start without any."""
-        self._rows = list[tuple[float, float, float, float]]()
+        self._rows: Array = np.zeros((KEPT, 4))
+        """A ring: there from the start, so that no object is kept of a tick."""
+        self._taken = 0
 
     def forget(self) -> None:
         """Begin again."""
-        self._rows.clear()
+        self._taken = 0
 
     def add(self, acts_s: float, setpoint_rad: float, seen_s: float, heading_rad: float) -> None:
         """Take a setpoint and when it acts, and the newest heading and when it was flown, s and rad."""
-        if len(self._rows) == KEPT:
-            del self._rows[0]
-        self._rows.append((acts_s, setpoint_rad, seen_s, heading_rad))
+        self._rows[self._taken % KEPT] = (acts_s, setpoint_rad, seen_s, heading_rad)
+        self._taken += 1
 
     def late_s(self, period_s: float, tau_psi_s: float) -> float:
         """Return the answer's time beyond that of a time constant, s; NaN if too little was seen.
 
         Both are fitted by an oscillation about a line; its phase is the time.
         """
-        acts_s, setpoints_rad, seen_s, headings_rad = np.array(self._rows, dtype=np.float64).reshape(-1, 4).T
+        acts_s, setpoints_rad, seen_s, headings_rad = self._in_order().T
         last_s = seen_s[-1] if seen_s.size else 0.0
         radps, since_s = math.tau / period_s, last_s - PERIODS * period_s
         if not seen_s.size or seen_s[0] > since_s:
@@ -49,6 +50,12 @@ class Answer:
         behind_rad = math.fmod(asked - flown, math.tau)
         behind_rad += math.tau if behind_rad < 0.0 else 0.0
         return (behind_rad - math.atan(radps * tau_psi_s)) / radps
+
+    def _in_order(self) -> Array:
+        """Return the rows that are kept, the oldest first."""
+        if self._taken <= KEPT:
+            return self._rows[: self._taken]
+        return np.roll(self._rows, -(self._taken % KEPT), axis=0)
 
 
 def _phase_rad(times_s: Array, angles_rad: Array, radps: float) -> float:

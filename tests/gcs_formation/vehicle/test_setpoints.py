@@ -14,7 +14,9 @@ from airlink.messages import Message
 from airlink.messages.command import CommandAck, CommandInt
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from formation_scenario import load_scenario
 from gcs_formation.estimation.airspeed import AirspeedScale
+from gcs_formation.from_scenario import planned
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.command_delivery import REPEAT_S
@@ -131,6 +133,18 @@ def test_a_small_change_is_sent_when_it_has_lasted_for_long_enough():
     told.tick()
     sent = [ALTITUDE in told.tick(Setpoint(22.0, 0.3, 200.0 + 10.0 * HEIGHT_M_S / 3.0 * 1.01)) for _ in range(6)]
     assert sent == [False, False, True, False, False, False]
+
+
+@pytest.mark.parametrize(("autopilot", "after_ticks"), [("emulator", 6), ("arduplane", 2)])
+def test_heights_of_an_aircraft_under_total_energy_control_are_news_sooner(autopilot: str, after_ticks: int) -> None:
+    """Off by 0.36 m it is off by 0.2 m s after 0.6 s, and by 0.05 m s after 0.2 s."""
+    path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [900, 0, 100]]}
+    scenario = load_scenario({"vehicles": {"count": 2, "autopilot": autopilot}, "path": path})
+    told = Told()
+    told.vehicle = planned(scenario)[2][VehicleId(1, 2)]
+    told.tick()
+    sent = [ALTITUDE in told.tick(Setpoint(22.0, 0.3, 200.36)) for _ in range(after_ticks)]
+    assert sent == [False] * (after_ticks - 1) + [True]
 
 
 def test_what_is_rounded_to_and_fro_is_not_sent():

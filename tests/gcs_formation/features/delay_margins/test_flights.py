@@ -13,7 +13,7 @@ import pytest
 from gcs_formation.testing.flight_plan import FlownFlight, Formation
 
 Fly = Callable[..., FlownFlight]
-PAPER = Path(__file__).parents[2] / "configs" / "paper.yaml"
+PAPER = Path(__file__).parents[4] / "configs" / "paper.yaml"
 
 
 def delayed(delay_ms: float) -> list[dict[str, Any]]:

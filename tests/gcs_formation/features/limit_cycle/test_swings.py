@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from gcs_formation.features.limit_cycle.answer import Answer
+from gcs_formation.features.limit_cycle.answer import KEPT, Answer
 from gcs_formation.features.limit_cycle.swings import SWINGS, Swings
 
 DT_S = 0.1
@@ -98,3 +98,17 @@ def test_too_little_says_nothing():
     assert math.isnan(answer.late_s(PERIOD_S, 1.5))
     answer.add(0.0, 0.0, 0.0, 0.0)
     assert math.isnan(answer.late_s(PERIOD_S, 1.5))
+
+
+@pytest.mark.parametrize("before", [1, 700, KEPT, 2 * KEPT + 5])
+def test_only_the_newest_of_an_answer_count_whatever_was_before(before):
+    """Until then, it was 0.8 s later; and the newest begin anywhere in what is kept."""
+    answer, newest, radps = Answer(), Answer(), math.tau / PERIOD_S
+    for tick in range(before + KEPT):
+        time_s = 0.05 * tick
+        late_s = 0.2 if tick >= before else 1.0
+        row = (time_s, math.sin(radps * time_s), time_s, math.sin(radps * (time_s - late_s)))
+        answer.add(*row)
+        if tick >= before:
+            newest.add(*row)
+    assert answer.late_s(PERIOD_S, 0.0) == newest.late_s(PERIOD_S, 0.0) == pytest.approx(0.2)
