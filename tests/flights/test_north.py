@@ -48,6 +48,7 @@ def kinds(autopilot: str, *, leader: bool = True) -> list[dict[str, Any]]:
 def test_followers_stay_north_and_east_of_their_leader_through_a_bend(
     fly: Fly, tmp_path: Path, autopilot: str, leader: bool, delay_ms: float, law: str
 ) -> None:
+    """Multirotors behind a virtual leader, which flies from the start on, are in their slots 30 s later."""
     slower = 4.0 if autopilot == "arducopter" else 1.0
     path = {"speed_mps": 22 / slower, "waypoints_m": [[north / slower, east / slower, 100] for north, east, _ in BEND]}
     summary = fly(
@@ -56,6 +57,7 @@ def test_followers_stay_north_and_east_of_their_leader_through_a_bend(
         links={"default": {"delay_ms": delay_ms}},
         law={"type": law},
         path=path,
+        start={"in_air": True, "run_in_s": 6 if leader or autopilot == "emulator" else 30},
         duration_s=36.0,
     )
     figures = summary.figures["followers"]

@@ -149,12 +149,13 @@ def test_fixed_wings_of_three_families_fly_in_one_formation():
 
 @pytest.mark.slow
 def test_multirotors_of_two_firmwares_fly_in_one_formation():
+    """They set out 30 s before their path: the PX4, which takes setpoints 1 s after the others, catches up."""
     families: list[dict[str, Any]] = [
         {"id": 1, "role": "leader", "autopilot": "arducopter"},
         {"id": 2} | PX4_COPTER,
         {"id": 3, "model": "arducopter"},
     ]
-    keys: dict[str, Any] = HOVERS | {"vehicles": families}
+    keys: dict[str, Any] = HOVERS | {"vehicles": families, "start": {"in_air": True, "run_in_s": 30}}
     world = World(**keys)
     world.fly_to(25.0)
     assert [vehicle.mav_type for vehicle in world.fleet.vehicles] == [m.MAV_TYPE_QUADROTOR] * 3

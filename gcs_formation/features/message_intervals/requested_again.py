@@ -43,15 +43,66 @@ ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
 
 @mypyc_attr(acyclic=True)
 class MessageCounts:
-    """Counts of a vehicle's messages up to an instant."""
+    """Counts of a vehicle's messages at its last looks: a ring of numbers, there from the start.
 
-    def __init__(self, heard_s: float, received: int, lost: int, messages: vec[i64], total: int) -> None:
-        """Take the time in which anything was heard, the frames, the count of each requested message and of all."""
-        self.heard_s = heard_s
-        self.received: i64 = received
-        self.lost: i64 = lost
-        self.messages = messages
-        self.total = total
+    A look is named by how many there were since the last `clear` before it.
+    """
+
+    def __init__(self, most: int, kinds: int) -> None:
+        """Keep the counts of so many looks, at so many requested messages."""
+        self._most: i64 = most
+        self._kinds: i64 = kinds
+        self.looks: i64 = 0
+        """How many there were."""
+        self._heard_s = vec[float]([0.0] * most)
+        self._received, self._lost, self._total = vec[i64]([0] * most), vec[i64]([0] * most), vec[i64]([0] * most)
+        self._messages = vec[i64]([0] * (most * kinds))
+
+    def clear(self) -> None:
+        """Begin again."""
+        self.looks = 0
+
+    def add(self, vehicle: Vehicle, places: vec[i64], since_s: float) -> None:
+        """Take the counts; time since the last look in which nothing at all arrived isn't counted against any message.
+
+        Of news: copies of a vehicle that has fallen silent don't count.
+        """
+        at, total = self.looks % self._most, i64(0)
+        for count in vehicle.messages_in:
+            total += count
+        heard_s = 0.0
+        if self.looks:
+            before = (self.looks - 1) % self._most
+            heard_s = self._heard_s[before] + (since_s if total > self._total[before] else 0.0)
+        self._heard_s[at], self._total[at] = heard_s, total
+        self._received[at], self._lost[at] = vehicle.sequence.received, vehicle.sequence.lost
+        for place in range(len(places)):
+            self._messages[at * self._kinds + place] = vehicle.messages_in[places[place]]
+        self.looks += 1
+
+    def heard_s(self, span: i64) -> float:
+        """Return the time, in the last `span` intervals, in which anything was heard, s."""
+        first, last = self._ends(span)
+        return self._heard_s[last] - self._heard_s[first]
+
+    def arrived(self, place: i64, span: i64) -> i64:
+        """Return the number of messages of the kind at `place` in the last `span` intervals."""
+        first, last = self._ends(span)
+        return self._messages[last * self._kinds + place] - self._messages[first * self._kinds + place]
+
+    def share_arriving(self, span: i64) -> float:
+        """Return the share of the frames of the last `span` intervals that arrived."""
+        first, last = self._ends(span)
+        received, lost = (
+            float(self._received[last] - self._received[first]),
+            float(self._lost[last] - self._lost[first]),
+        )
+        return received / (received + max(lost, 0.0)) if received + max(lost, 0.0) > 0.0 else 1.0
+
+    def _ends(self, span: i64) -> tuple[i64, i64]:
+        """Return where the first and the last look of `span` intervals are."""
+        newest = self.looks - 1
+        return (newest - span) % self._most, newest % self._most
 
 
 class RequestedMessages:
@@ -64,50 +115,35 @@ class RequestedMessages:
         self.refused = False
         self.next_request = self.last_look = Instant(0)
         self.wait_s = ASK_AGAIN_S
-        self.looks = list[MessageCounts]()
-        """The last counts, as many as the rarest message needs."""
         self.expect(rates_hz)
 
     def expect(self, rates_hz: Mapping[int, float]) -> None:
         """Expect messages at other rates from now on."""
         self.expected_hz, self.rates_hz = rates_hz, dict(rates_hz)
-        self.looks.clear()
         self._ids, self._rates = list(self.rates_hz), list(self.rates_hz.values())
         spans = [math.ceil(_window_s(rate_hz) / LOOK_S) for rate_hz in self._rates]
         self._least_hz = vec[float]([LEAST_SHARE * rate_hz for rate_hz in self._rates])
-        self._spans, self._most = vec[i64](spans), 1 + max(spans)
+        self._spans = vec[i64](spans)
+        self.counts = MessageCounts(1 + max(spans), len(spans))
+        """The last counts, as many as the rarest message needs."""
         self._places = vec[i64]([KINDS[each].place for each in self._ids])
 
     def look(self, vehicle: Vehicle, now: Instant) -> None:
         """Record the counts; time in which nothing at all arrives isn't counted against any message."""
-        sequence, messages_in, messages = vehicle.sequence, vehicle.messages_in, vec[i64]([0] * len(self._places))
-        for place in range(len(messages)):
-            messages[place] = messages_in[self._places[place]]
-        heard_s, arrived, total = 0.0, True, 0
-        for count in messages_in:
-            total += count
-        if self.looks:
-            before = self.looks[-1]
-            arrived = total > before.total  # of news: copies of a vehicle that has fallen silent don't count
-            heard_s = before.heard_s + (seconds_between(self.last_look, now) if arrived else 0.0)
+        self.counts.add(vehicle, self._places, seconds_between(self.last_look, now))
         self.last_look = now
-        if len(self.looks) == self._most:
-            self.looks.pop(0)
-        self.looks.append(MessageCounts(heard_s, sequence.received, sequence.lost, messages, total))
 
     def too_few(self) -> tuple[int, ...]:
         """Return the messages of which less than half of the expected number, after loss, arrives."""
-        newest: i64 = len(self.looks) - 1
-        last, found = self.looks[newest], list[int]()
+        counts, found = self.counts, list[int]()
         for place in range(len(self._spans)):
             span = self._spans[place]
-            if newest < span:
+            if counts.looks <= span:
                 continue
-            first = self.looks[newest - span]
-            count, heard_s = last.messages[place] - first.messages[place], last.heard_s - first.heard_s
+            count, heard_s = counts.arrived(place, span), counts.heard_s(span)
             if float(count) < self._least_hz[place] * heard_s:
                 sent = self._rates[place] * heard_s
-                if sent >= FEWEST_SENT and _is_too_few(count, sent, _share_arriving(first, last)):
+                if sent >= FEWEST_SENT and _is_too_few(count, sent, counts.share_arriving(span)):
                     found.append(self._ids[place])
         return tuple(found)
 
@@ -117,18 +153,17 @@ class RequestedMessages:
         Who lowers the rate of one message of motion lowers those of all as a rule; one that was requested at a lower
         rate may still come more than half as often.
         """
-        newest: i64 = len(self.looks) - 1
-        last, found = self.looks[newest], list[int]()
+        counts, found = self.counts, list[int]()
         for place in range(len(self._spans)):
-            first = self.looks[max(newest - self._spans[place], 0)]
-            count, heard_s = last.messages[place] - first.messages[place], last.heard_s - first.heard_s
-            if float(count) < SLOWED_SHARE * self._rates[place] * heard_s * _share_arriving(first, last):
+            span = min(self._spans[place], counts.looks - 1)
+            sent = self._rates[place] * counts.heard_s(span)
+            if float(counts.arrived(place, span)) < SLOWED_SHARE * sent * counts.share_arriving(span):
                 found.append(self._ids[place])
         return tuple(found)
 
     def judged(self, message_ids: tuple[int, ...]) -> bool:
         """Return whether these messages have been counted for long enough."""
-        return len(self.looks) > max([self._spans[self._ids.index(message_id)] for message_id in message_ids])
+        return self.counts.looks > max([self._spans[self._ids.index(message_id)] for message_id in message_ids])
 
 
 class MessageIntervals:
@@ -147,7 +182,7 @@ class MessageIntervals:
         self._next_look = after(now, LOOK_S)
         for vehicle, streams in self._streams:
             if not vehicle.start_up.asked_for_telemetry or not vehicle.connection.talks:
-                streams.looks.clear()
+                streams.counts.clear()
             elif vehicle.commands.outcome is not Outcome.WAITING:
                 if streams.expected_hz is not vehicle.rates_hz or streams.sequence is not vehicle.sequence:
                     streams.expect(vehicle.rates_hz)
@@ -180,7 +215,7 @@ class MessageIntervals:
         vehicle.commands.begin(tuple(requests), now)
         streams.next_request = after(now, streams.wait_s)
         streams.wait_s = min(2.0 * streams.wait_s, ASK_AGAIN_MAX_S)
-        streams.looks.clear()
+        streams.counts.clear()
 
 
 def _window_s(rate_hz: float) -> float:
@@ -191,11 +226,6 @@ def _is_too_few(count: i64, sent: float, arriving: float) -> bool:
     """Return whether `count` is too few of `sent` messages that each arrive with the probability `arriving`."""
     expected, sigma = sent * arriving, math.sqrt(sent * arriving * (1.0 - arriving))
     return expected > 1.0 and float(count) < min(LEAST_SHARE * expected, expected - SIGMAS * sigma)
-
-
-def _share_arriving(first: MessageCounts, last: MessageCounts) -> float:
-    received, lost = float(last.received - first.received), float(max(last.lost - first.lost, 0))
-    return received / (received + lost) if received + lost > 0.0 else 1.0
 
 
 def _refuses(vehicle: Vehicle) -> bool:
