@@ -112,13 +112,15 @@ class NonConforming:
         links: list[VehicleLink],
         measured: Measured,
         at: int,
-    ) -> tuple[list[int], list[Triple], Traffic | None]:
+    ) -> tuple[list[int], list[Triple], list[float], Traffic | None]:
         """Return the possible positions, at the instant `at`, of those of the columns `members` that may not respond.
 
         `stopped`: columns whose states are too old, of which alone it is known where they stopped. For each position:
-        the column, the vehicle's assumed intent, and its column of the traffic.
+        the column, the vehicle's assumed intent, for how long it has moved since its state, and its column of the
+        traffic.
         """
         columns, intents, states, leads_s = list[int](), list[Triple](), list[FlightState](), list[float]()
+        moved_s = list[float]()
         places = self._places(members, now, links, measured.stamps)
         for place in places + self._braking(stopped, now, links, measured.stamps):
             state = measured.states[place.column].copy()
@@ -129,11 +131,12 @@ class NonConforming:
                 intents.append(setpoint)
                 states.append(state)
                 leads_s.append(lead_s)
+                moved_s.append(_moved_s(place, measured.stamps[place.column]))
         if not columns:
-            return columns, intents, None
+            return columns, intents, moved_s, None
         models, still = AutopilotModels.from_each(self._models[each] for each in columns), np.zeros((3, len(columns)))
         traffic = Traffic(FlightStates.from_each(states), np.array(leads_s), still[0], models, still[1:], self._hovers)
-        return columns, intents, traffic
+        return columns, intents, moved_s, traffic
 
     def _places(self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]) -> list[Place]:
         """Return the possible positions; `seen`: when states were measured, which show departures before that."""
@@ -177,8 +180,10 @@ class NonConforming:
         """Return when a command to stop came through, and the setpoint at the last position: kept, as histories end."""
         known = self._stops[column]
         if known is None or known[0] != brakes or known[1] != seen:
-            comes = brakes + round(way_s * NANOSECONDS)
-            known = self._stops[column] = brakes, seen, comes, self._history.commanded(seen, column)
+            comes, held = brakes + round(way_s * NANOSECONDS), self._history.commanded(seen, column)
+            if math.isnan(held[0]):  # the history has ended before the command
+                held = self._held_by(column)
+            known = self._stops[column] = brakes, seen, comes, held
         return known[2], known[3]
 
     def _flies(self, state: FlightState, place: Place, begin: int, at: int) -> tuple[Triple, float] | None:
@@ -200,6 +205,15 @@ class NonConforming:
             return STANDS, 0.0
         setpoint, flown_s = homewards(state, place.home_m, model, self._horizon_s), (at - sets_off) / NANOSECONDS
         return (setpoint, flown_s) if setpoint[0] * flown_s < distance_m(state, place.home_m) else None
+
+
+def _moved_s(place: Place, begin: int) -> float:
+    """Return for how long since its state a vehicle has moved at most, s: one that hovers is where it is, whenever."""
+    if place.sets_off is not None:
+        return math.inf
+    if place.held[0] == 0.0:
+        return 0.0
+    return math.inf if place.stands is None else max(place.stands - begin, 0) / NANOSECONDS
 
 
 class UncommandedMotion:

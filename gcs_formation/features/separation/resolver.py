@@ -214,7 +214,7 @@ class ConflictResolver:
         acts: list[int] = [measured.acts[each] for each in members]
         together = max((at for at, each in zip(acts, members, strict=True) if tick.active[each]), default=min(acts))
         traffic = self._traffic(tick, measured, members, together)
-        columns, setpoints_of, others = self._non_conforming.traffic(
+        columns, setpoints_of, moved_s, others = self._non_conforming.traffic(
             members, stopped, tick.now, tick.links, measured, together
         )
         vehicles = [*members, *columns]
@@ -237,6 +237,8 @@ class ConflictResolver:
             setpoints += [setpoint for _, setpoint in uncommanded]
             vehicles += [members[at] for at, _ in uncommanded]
         commanded += [False] * (len(vehicles) - len(members))
+        moves_s = [math.inf] * len(members) + moved_s
+        moves_s += [math.inf] * (len(vehicles) - len(moves_s))
         return TrafficPicture(
             traffic=traffic,
             setpoints=Setpoints.from_each(setpoints),
@@ -244,7 +246,7 @@ class ConflictResolver:
             vehicles=np.array(vehicles, dtype=np.intp),
             kept=kept,
             slots_m=np.array([self._slot(each) for each in vehicles]).T,
-            timing_s=np.array([_timing_s(tick, each) for each in vehicles]),
+            timing_s=np.array([_timing_s(tick, each, most_s) for each, most_s in zip(vehicles, moves_s, strict=True)]),
             floor=self._floor_m,
             times_s=self._times_s,
             evades=self._side[members[0]] != 0.0,
@@ -394,8 +396,10 @@ def _acts_s(dt_s: float) -> float:
     return dt_s + within(RESERVE_TICKS * dt_s, RESERVE_MIN_S, RESERVE_MAX_S)
 
 
-def _timing_s(tick: Tick, column: int) -> float:
-    timing_s = TIMING_SHARE * (min(tick.age_s[column], FORGOTTEN_AFTER_S) + tick.links[column].delay_s)
+def _timing_s(tick: Tick, column: int, moves_s: float = FORGOTTEN_AFTER_S) -> float:
+    """Return the timing uncertainty of a state, s, since which the vehicle has moved for so long at most."""
+    age_s = min(tick.age_s[column], FORGOTTEN_AFTER_S, moves_s)
+    timing_s = TIMING_SHARE * (age_s + tick.links[column].delay_s)
     return 0.0 if math.isnan(timing_s) else timing_s
 
 
