@@ -156,7 +156,8 @@ def test_faults_over_udp_lead_to_what_they_lead_to_under_the_virtual_clock(path:
     keys = ["duration_s=24", "formation.shape=circle", "formation.spacing_m=40", f"faults={FAULTS}", vehicles]
     command = [*STATION, "run", str(path), *(f"--set={key}" for key in keys), "--quiet", "--out", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
+    said = [line for line in done.stderr.splitlines() if not line.startswith("late ticks:")]
+    assert (done.returncode, said) == (0, []), "a machine that is loaded is said"
     events = events_of(out)
     begun_s = next(event["t_s"] for event in events if event["text"] == "flying")
     late = late_s(json.loads((out / "summary.json").read_text()))

@@ -234,7 +234,7 @@ def test_vehicles_whose_timestamps_are_behind_hear_how_late_they_are_and_fly(lin
     world.run()
     assert world.worst_m(0.5) < 0.05
     assert all(each.frames_in > 100 for each in world.station.vehicles.values())
-    assert all("hears us" in each for each in world.words("signing"))
+    assert all("receives from us" in each for each in world.words("signing"))
 
 
 @pytest.mark.parametrize(

@@ -193,13 +193,16 @@ class ConflictResolver:
         return counted
 
     def _stopped(self, tick: Tick) -> list[int]:
-        """Return the columns whose states are too old, but which were commanded to stop: where they did isn't."""
+        """Return the columns whose states are too old, but which were commanded to stop: where they did isn't.
+
+        One of which nothing is received is forgotten: whether it stopped, or is still there, is not known.
+        """
         return [
             column
             for column in range(self._first, len(self._models))
             if tick.age_s[column] >= FORGOTTEN_AFTER_S
             and tick.links[column].brakes is not None
-            and tick.links[column].flew
+            and tick.links[column].airborne
         ]
 
     def _picture(

@@ -17,7 +17,7 @@ ALPHA: Final = 0.4
 BETA: Final = 0.1
 """Gains of the alpha-beta filter; together critically damped at some 4 samples."""
 SCATTER_M: Final = 5.0
-SCATTER_LIMIT: Final = 9.0
+SCATTER_LIMIT: Final = 4.0
 """Noise of more than this standard deviation is said, m: less than it a GNSS receiver has, and what else is wrong isn't
 found beside more. A sample adds up to this multiple of its square."""
 SMOOTHED_S: Final = 10.0
