@@ -40,7 +40,7 @@ MAX_SETTLES: Final = 4
 """Longest such straight, as a multiple; it grows with each holding pattern."""
 SHORTER_SETTLES: Final[tuple[float, ...]] = (3.0, 2.0, 1.0, 0.75, 0.5)
 """Multiples that are tried where the fence leaves no room for a longer straight."""
-FIRST_SETTLES: Final[tuple[float, ...]] = (0.6, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
+FIRST_SETTLES: Final[tuple[float, ...]] = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
 """Multiples of it, of which one is the first straight, where vehicles join up on the way to it: followers are back in
 their slots 10 s after a turn's end."""
 JOINED_S: Final = 80.0
