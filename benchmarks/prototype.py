@@ -109,16 +109,16 @@ class PrototypeVehicle:
 
     def take(self, raw: bytes) -> bytes | None:
         """Take a setpoint, and return its acknowledgement; None for anything else."""
-        told = self.end.decode(raw)
-        if told.get_msgId() != dialect.MAVLINK_MSG_ID_COMMAND_INT:
+        received = self.end.decode(raw)
+        if received.get_msgId() != dialect.MAVLINK_MSG_ID_COMMAND_INT:
             return None
-        if told.command == SPEED:
-            self.commanded_mps = told.param2
-        elif told.command == HEIGHT:
-            self.commanded_m = told.z
-        elif told.command == HEADING:
-            self.commanded_rad = math.radians(told.param2)
-        return self.end.encode(dialect.MAVLink_command_ack_message(told.command, 0, 0, 0, 255, 190))
+        if received.command == SPEED:
+            self.commanded_mps = received.param2
+        elif received.command == HEIGHT:
+            self.commanded_m = received.z
+        elif received.command == HEADING:
+            self.commanded_rad = math.radians(received.param2)
+        return self.end.encode(dialect.MAVLink_command_ack_message(received.command, 0, 0, 0, 255, 190))
 
 
 class PrototypeStation:
@@ -127,7 +127,7 @@ class PrototypeStation:
     def __init__(self, count: int) -> None:
         self.ends = [End(255) for _ in range(count)]
         self.newest: list[dict[int, Any]] = [{} for _ in range(count)]
-        self.told: list[dict[int, float]] = [{} for _ in range(count)]
+        self.received: list[dict[int, float]] = [{} for _ in range(count)]
 
     def take(self, index: int, raw: bytes) -> None:
         """Take a vehicle's frame."""
@@ -139,19 +139,19 @@ class PrototypeStation:
         position = self.newest[index][dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT]
         east_m = (position.lon - 125e7) / E7
         each_second = cycle % CYCLES == 0
-        due = setpoints(self.told[index], east_m, each_second=each_second)
+        due = setpoints(self.received[index], east_m, each_second=each_second)
         messages: list[Any] = [_command(index + 1, command, value) for command, value in due]
         if each_second:
             messages += [dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3) for _ in range(SLOW_UP)]
         return [self.ends[index].encode(each) for each in messages]
 
 
-def setpoints(told: dict[int, float], east_m: float, *, each_second: bool) -> Iterator[tuple[int, float]]:
+def setpoints(received: dict[int, float], east_m: float, *, each_second: bool) -> Iterator[tuple[int, float]]:
     """Yield the commands that lead a vehicle back to its line, if they changed since they were sent."""
     degrees = math.degrees(-math.atan(east_m / 60.0)) % 360.0
     for command, value in ((SPEED, 22.0), (HEIGHT, 200.0), (HEADING, degrees)):
-        if each_second or abs(value - told.get(command, math.inf)) > RESOLUTION:
-            told[command] = value
+        if each_second or abs(value - received.get(command, math.inf)) > RESOLUTION:
+            received[command] = value
             yield command, value
 
 
@@ -167,14 +167,14 @@ def fly_prototype(count: int, duration_s: float) -> tuple[float, int]:
         for index, vehicle in enumerate(vehicles):
             vehicle.fly()
             if cycle % PERIOD == 0:
-                told = vehicle.tell(cycle)
-                for raw in told:
+                received = vehicle.tell(cycle)
+                for raw in received:
                     station.take(index, raw)
                 orders = station.tick(index, cycle)
                 answers = [answer for raw in orders if (answer := vehicle.take(raw)) is not None]
                 for raw in answers:
                     station.take(index, raw)
-                frames += len(told) + len(orders) + len(answers)
+                frames += len(received) + len(orders) + len(answers)
     spent_s = time.process_time() - began
     if any(end.lost for end in station.ends) or abs(vehicles[-1].height_m - 200.0) > 1.0:
         raise RuntimeError("the prototype's own flight went wrong")

@@ -2,7 +2,7 @@
 
 `python -m benchmarks.telemetry_roc --hours 3` prints, for bounds scaled by a factor, false alarms an hour of one
 aircraft's flight and the time in which drifts and jumps are found (median and slowest of 20). No flight: an aircraft's
-motion with turns and gusts, and a GNSS receiver's noise, white and correlated, that nobody declared.
+motion with turns and gusts, and a GNSS receiver's noise, white and correlated, that isn't declared.
 """
 
 from __future__ import annotations

@@ -138,15 +138,15 @@ class Law(OpenGroup, group="law"):
     design_delay_ms: Annotated[NonNegative, Field(le=5000.0)] = key(
         0.0,
         "delay of the links each way for which gains: auto are designed, where `links` has less, ms; gains are "
-        "designed anew where a longer one is measured",
+        "designed again where a longer one is measured",
         300,
     )
     derivative_filter_s: NonNegative = _of_the_set("time constant of the derivative's filter, s", 0.5)
     anti_windup_s: Positive = key(1.0, "time constant of the back-calculation, s", 20)
     max_age_s: Positive = key(
         5.0,
-        "oldest telemetry that is predicted from, s; beyond, the vehicle gets no setpoints and is told to loiter, at "
-        "once if it is heard, after 30 s of silence if it isn't",
+        "oldest telemetry that is predicted from, s; beyond, the vehicle gets no setpoints and is commanded to loiter, "
+        "at once if it is heard, after 30 s of silence if it isn't",
         3,
     )
     disturbance_observer_radps: NonNegative = _of_the_set(

@@ -80,7 +80,7 @@ class Parts:
             begins,
             note,
             fail,
-            together=scenario.hovers and not scenario.start.in_air and begins.anew,
+            together=scenario.hovers and not scenario.start.in_air and begins.from_start,
         )
         self.orders = Orders(scenario, self.course, self.reconfiguration, note)
         self.heartbeats = HeartbeatScheduler(*fleet, narrow, self.radio_reports)

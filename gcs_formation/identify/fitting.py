@@ -45,7 +45,7 @@ DEAD = "dead_time_s"
 """The autopilot's dead time. The search is for it in seconds, for all other parameters in logarithms."""
 DEAD_MAX_S = 2.0
 CLEAR = 1.96
-"""A dead time of fewer standard deviations isn't told from none; the others are then fitted without it."""
+"""A dead time of fewer standard deviations isn't distinguished from none; the others are then fitted without it."""
 REST = ("prompt_share", "rest_s")
 """Also fitted for vehicles believed to leave part of a speed change to an integrator."""
 LEAST_SHARE = 0.2
@@ -119,7 +119,7 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
 def _dead_time(
     recordings: Sequence[Recording], begin: VehicleModel, known: tuple[Sequence[str], Array], *, gentle: bool
 ) -> tuple[Estimate, tuple[dict[str, Estimate], Array] | None]:
-    """Return the dead time, and where it is told from none all estimates with it, and their covariance.
+    """Return the dead time, and where it is distinguished from none all estimates with it, and their covariance.
 
     `known`: the names and the values of the parameters found without a dead time, from which it is searched for first.
     """

@@ -127,16 +127,16 @@ class Search:
             if np.abs(step).max() < close:
                 return
 
-    def points(self, logs: Array, *, anew: bool = True) -> list[Point]:
-        """Return errors and slopes of each recording at these logarithms; `anew`: fit the noise model to them first."""
+    def points(self, logs: Array, *, refit: bool = True) -> list[Point]:
+        """Return errors and slopes of each recording at these logarithms; `refit`: fit the model of noise first."""
         tried = [logs, *(logs + NUDGE * each for each in np.eye(len(logs))), *[logs] * BEGINS]
         nudged = np.vstack((np.zeros((1 + len(logs), BEGINS)), np.diag(BEGIN_NUDGES)))
         errors = self._errors(tried, nudged)
         by_begin = errors[1 + len(logs) :]
-        if anew and self._coloured:
+        if refit and self._coloured:
             units = [each / RESOLUTION[:, None] for each in errors[0]]
             self._predictors = [predictor(self._there(units, channel)) for channel in range(CHANNELS)]
-        if anew:
+        if refit:
             left = [self._unpredicted(each) for each in errors[0]]
             each_sigma = [_sigma(np.concatenate(self._there(left, channel))) for channel in range(CHANNELS)]
             self._scales = np.maximum(RESOLUTION, each_sigma)
@@ -170,7 +170,7 @@ class Search:
             _score_covariance(each, duration_s) for each, duration_s in zip(points, self._durations_s, strict=True)
         )
         flown, self._flown = self._flown, late
-        later = self.points(self.logs, anew=False)
+        later = self.points(self.logs, refit=False)
         self._flown = flown
         moved = sum(each.slopes @ (then.full - each.full) for each, then in zip(points, later, strict=True))
         values, directions = np.linalg.eigh(information)

@@ -94,7 +94,7 @@ class Link:
         self.agrees, self.disagrees_since, self.reported = False, NEVER, False
         """Whether its clock has been shown to be the vehicle's, since when it differs, and whether that was said."""
         self.on_trial_since = NEVER
-        """Since when it is unproven: nobody named it, it has appeared by itself."""
+        """Since when it is unproven: it isn't named, it has appeared by itself."""
         self.near, self.far = 0, 0
         """How many positions there were near to, and far from where the vehicle is by the link in use."""
         self.barred_until, self.barred_s, self.failed_at = LONG_AGO, BARRED_S, LONG_AGO
@@ -209,7 +209,7 @@ class Links:
         return self._at_socket.get(socket, self.in_use)
 
     def try_port(self, socket: int, peer: Address, now: Instant) -> None:
-        """Try a link that nobody named."""
+        """Try a link that isn't named."""
         number, trips = 1 + max(link.number for link in self.each), self.in_use.round_trips
         link = Link(number, Connection(socket, peer), trips.loop_s, by_utc=trips.by_utc)
         link.on_trial_since = now

@@ -21,7 +21,7 @@ from gcs_formation.vehicle.vehicle import Member, Vehicle
 class Beginning:
     """Says which vehicles are waited for, which may be commanded, and when the formation is."""
 
-    anew = True
+    from_start = True
     """Whether the flight begins where the scenario has it."""
 
     def __init__(self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle]) -> None:

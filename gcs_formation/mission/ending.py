@@ -1,7 +1,7 @@
 """The end of a run: which vehicles are commanded then, and until when they are waited for.
 
 This is the plain ending: vehicles on the ground stay there, all others circle at the heights that they have. Another
-may take its place: `Course.endings`. Whether a vehicle flies is judged anew at every tick until it leaves: an unknown
+may take its place: `Course.endings`. Whether a vehicle flies is judged again at every tick until it leaves: an unknown
 place isn't the ground.
 """
 
@@ -25,7 +25,7 @@ LOITER_LIMIT_S: Final = 20.0
 
 
 class EndCommand(Enum):
-    """What a vehicle is told at the end."""
+    """What a vehicle is commanded at the end."""
 
     NOTHING = "to go on"
     DOWN = "to stay on the ground"
@@ -35,7 +35,7 @@ class EndCommand(Enum):
 
 
 FOR_GOOD: Final = (EndCommand.LEAVE, EndCommand.STAY)
-"""Commands that aren't judged anew."""
+"""Commands that aren't judged again."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -52,10 +52,10 @@ class Ending:
         self._vehicles = vehicles
         self._ours = {identity: each for identity, each in vehicles.items() if not each.is_left}
         self._loiter_s = 0.0
-        self._told = dict[VehicleId, tuple[EndCommand, int]]()
-        """What each was told, and how often it had restarted then."""
+        self._commanded = dict[VehicleId, tuple[EndCommand, int]]()
+        """What each was commanded, and how often it had restarted then."""
         self._leaving = False
-        """Whether vehicles leave; before that only those on the ground are told anything."""
+        """Whether vehicles leave; before that only those on the ground are commanded."""
 
     @property
     def failure(self) -> str | None:
@@ -90,15 +90,15 @@ class Ending:
         for identity, vehicle in self._ours.items():
             if vehicle.member is Member.PARTED:
                 continue
-            told = self._heeds(identity, vehicle)
-            wanted = told if told in FOR_GOOD else self._wanted(vehicle)
-            if wanted is not told:
+            commanded = self._obeys(identity, vehicle)
+            wanted = commanded if commanded in FOR_GOOD else self._wanted(vehicle)
+            if wanted is not commanded:
                 self._tell(identity, vehicle, wanted, now)
 
-    def _heeds(self, identity: VehicleId, vehicle: Vehicle) -> EndCommand:
-        """Return what a vehicle was told; one that flew and has restarted since has forgotten it."""
-        told, restarts = self._told.get(identity, (EndCommand.NOTHING, 0))
-        return told if told is EndCommand.DOWN or vehicle.restarts == restarts else EndCommand.NOTHING
+    def _obeys(self, identity: VehicleId, vehicle: Vehicle) -> EndCommand:
+        """Return what a vehicle was commanded; one that flew and has restarted since has forgotten it."""
+        commanded, restarts = self._commanded.get(identity, (EndCommand.NOTHING, 0))
+        return commanded if commanded is EndCommand.DOWN or vehicle.restarts == restarts else EndCommand.NOTHING
 
     def _wanted(self, vehicle: Vehicle) -> EndCommand:
         autopilot, seen = vehicle.autopilot, vehicle.telemetry
@@ -109,7 +109,7 @@ class Ending:
         return EndCommand.LEAVE if seen.motion and autopilot.is_airborne(seen) else EndCommand.HOLD
 
     def _tell(self, identity: VehicleId, vehicle: Vehicle, what: EndCommand, now: Instant) -> None:
-        self._told[identity] = what, vehicle.restarts
+        self._commanded[identity] = what, vehicle.restarts
         autopilot = vehicle.autopilot
         if what is EndCommand.DOWN:
             _keep_down(vehicle, now)
@@ -132,7 +132,7 @@ class Ending:
         self._loiter_s = 0.0
 
     def over(self, waited_s: float) -> bool:
-        """Return whether the run is over, this long after vehicles were told to leave."""
+        """Return whether the run is over, this long after vehicles were commanded to leave."""
         late = waited_s > self._loiter_s + LOITER_LIMIT_S and not self._goes_on
         return late or (waited_s >= self._loiter_s and not self.pending())
 
@@ -168,7 +168,7 @@ class Ending:
         if vehicle.refusal:
             return f": it refuses {vehicle.refusal}{vehicle.telemetry.last_words}"
         held = (
-            self._heeds(vehicle.identity, vehicle) is EndCommand.HOLD and vehicle.commands.outcome is Outcome.ACCEPTED
+            self._obeys(vehicle.identity, vehicle) is EndCommand.HOLD and vehicle.commands.outcome is Outcome.ACCEPTED
         )
         return " at a height of its own: whether and where it flies isn't known" if held else ""
 
@@ -178,7 +178,7 @@ class Ending:
         if vehicle.commands.outcome is Outcome.WAITING:
             return True
         ours = identity in self._ours and vehicle.member is not Member.PARTED
-        return ours and self._heeds(identity, vehicle) not in FOR_GOOD and may_be_armed(vehicle)
+        return ours and self._obeys(identity, vehicle) not in FOR_GOOD and may_be_armed(vehicle)
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

@@ -392,13 +392,13 @@ class Reconfiguration:
         right_m, up_m = point.aside_m(place.north_m, place.east_m, place.height_m)
         abreast, commanded_m = Abreast(point, right_m, up_m), tick.setpoints[leader][2]
         above = abreast.rise(place, commanded_m, controller.models[leader], guidance.speed_mps)
-        aside = 0.0 if guidance.pauses else abreast.lateral_slope(place)  # at a stop it comes to rest first
+        lateral = 0.0 if guidance.pauses else abreast.lateral_slope(place)  # at a stop it comes to rest first
         scenario, path, reach_m = self._scenario if guidance.pauses else self._flown, guidance.path, slots.reach_m
-        way = take_over(scenario, path, distance_m, right_m, above, reach_m, self._ground, right_slope=aside)
+        way = take_over(scenario, path, distance_m, right_m, above, reach_m, self._ground, right_slope=lateral)
         return way, distance_m, swing_rad
 
     def _slots(self, now: Instant) -> SlotMotion:
-        """Return the present slots; a vehicle that returns amid the formation has its slot where it is.
+        """Return the present slots; a vehicle that returns within the formation has its slot where it is.
 
         From there the transition leads it to its goal, clear of the others. Vehicles that are farther away keep their
         assigned slots: the law leads them there, and the others don't wait.

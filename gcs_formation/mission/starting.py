@@ -121,7 +121,7 @@ class Starting:
 
     def _abandon(self, vehicle: Vehicle, text: str, now: Instant) -> None:
         """End the run because a vehicle can't be started; on the path, continue without the vehicle instead."""
-        if self._flight.phase is not Phase.FLYING and self._beginning.anew:
+        if self._flight.phase is not Phase.FLYING and self._beginning.from_start:
             self._give_up(text, now)
         elif not vehicle.start_up.abandoned:
             vehicle.start_up.abandoned = True

@@ -72,7 +72,7 @@ class RunOutcome:
     flying_on: Mapping[VehicleId, str] = field(default_factory=dict)
     """Vehicles that were left without setpoints and fly on, in words."""
     not_landed: Mapping[VehicleId, str | None] | None = None
-    """Of each vehicle None if it has landed, otherwise why not; None if nobody was to land at the end."""
+    """Of each vehicle None if it has landed, otherwise why not; None if none was to land at the end."""
     features: tuple[str, ...] | None = None
     """Names of the features that the station flew with; None if that is unknown."""
     failure: str | None = None

@@ -26,7 +26,7 @@ class TakeOff:
     stood: ReportedMotion | None = None
     """Last position while disarmed."""
     course_rad: float | None = None
-    """Course of the take-off: where its nose pointed before, or where it climbed to if that wasn't told."""
+    """Course of the take-off: where its nose pointed before, or where it climbed to if that wasn't reported."""
     flew: bool = False
     """Whether it has been seen in the air since it was first found on the ground."""
     _nose_rad: float | None = None

@@ -174,7 +174,7 @@ class Vehicle:
         self.jitter, self.sequence = link.jitter, link.sequence
 
     def try_port(self, socket: int, peer: Address, now: Instant) -> Links:
-        """Try a link that nobody named; what comes there isn't taken before it has been shown to be the vehicle's."""
+        """Try a link that isn't named; what comes there isn't taken before it has been shown to be the vehicle's."""
         if self.links is None:
             self.links = Links(self.each_link)
         self.links.try_port(socket, peer, now)
@@ -369,7 +369,7 @@ class Vehicle:
         return messages
 
     def forget_setpoints(self) -> None:
-        """Send all setpoints anew: the vehicle may have received others meanwhile."""
+        """Send all setpoints again: the vehicle may have received others meanwhile."""
         self.autopilot.forget_setpoints()
         self.setpoints.forget()
 

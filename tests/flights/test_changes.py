@@ -130,7 +130,7 @@ def test_without_succession_a_lost_leader_has_everyone_loiter(fly: Fly, tmp_path
     )
     assert not events(tmp_path, "leader")
     reported = {event["vehicle"] for event in events(tmp_path, "member") if event["text"] == "told to loiter"}
-    assert reported == {"2", "3"}  # nobody follows the lost leader
+    assert reported == {"2", "3"}  # none follows the lost leader
 
 
 @pytest.mark.slow

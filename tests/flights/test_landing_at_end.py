@@ -1,4 +1,4 @@
-"""`finish: {then: land}`: everybody lands by himself, one after another, and is disarmed; or nobody takes off."""
+"""`finish: {then: land}`: everybody lands by himself, one after another, and is disarmed; or none takes off."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What vehicles tell by their parameters bounds what they are commanded; where it isn't enough nobody takes off."""
+"""What vehicles tell by their parameters bounds what they are commanded; where it isn't enough none takes off."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def test_it_becomes_a_link_which_is_used_once_the_first_dies(world: World) -> No
     assert left_s - died_s < 1.0
     world.run()
     assert world.worst_m() < 0.1
-    assert len(world.times_s("member")) == 3, "nobody left the formation"
+    assert len(world.times_s("member")) == 3, "none left the formation"
 
 
 def test_two_that_boot_at_once_and_are_elsewhere_are_two(world: World) -> None:

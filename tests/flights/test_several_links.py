@@ -92,7 +92,7 @@ def test_a_link_that_dies_is_left_within_a_second_and_taken_again(way: dict[str,
     assert used(world) == [1, 1, 1]
     assert not world.times_s("link_choice", 1)
     assert not world.times_s("link_choice", 3)
-    assert len(world.times_s("member")) == 3, "nobody left the formation"
+    assert len(world.times_s("member")) == 3, "none left the formation"
     errors_m = [abs(each) for tick in world.notes.ticks[-200:] for each in tick.error_of(1)]
     assert max(errors_m) < 0.3
 

@@ -21,7 +21,7 @@ END_S: Final = 10.0
 """Wall time that a simulator gets to close its log, s."""
 LAST_BYTES: Final = 300
 MOST_NUMBERS: Final = 200
-"""Of simulators that are told apart by their numbers."""
+"""Of simulators that are distinguished by their numbers."""
 
 
 class SimulatorError(RunAbortedError):
@@ -72,7 +72,7 @@ def _started(one: Simulated, directory: Path) -> Generator[Running]:
         (directory / name).write_text(text, encoding="utf-8")
     with (directory / OUTPUT).open("wb") as output:
         try:
-            # A session of its own: Ctrl-C reaches only us, so that the vehicles can be told to loiter first.
+            # A session of its own: Ctrl-C reaches only us, so that the vehicles can be commanded to loiter first.
             process = subprocess.Popen(
                 launch.command,
                 cwd=directory,

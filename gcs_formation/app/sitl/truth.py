@@ -110,5 +110,5 @@ def lacking(motions: Mapping[VehicleId, TrueMotion | None], clocks: Clocks) -> s
     """Return in words whose true motion isn't known; "" if everybody's is."""
     unlogged = [str(each) for each, motion in motions.items() if motion is None]
     unclocked = [str(each) for each in motions if not clocks.noted[each] and str(each) not in unlogged]
-    why = [("has no true motion in its log", unlogged), ("has told no clock", unclocked)]
+    why = [("has no true motion in its log", unlogged), ("has reported no clock", unclocked)]
     return "; ".join(f"vehicle {', '.join(who)} {what}" for what, who in why if who)

@@ -42,9 +42,9 @@ class _Held(NamedTuple):
 
 
 def held_by_links(scenario: Scenario) -> Iterator[str]:
-    """Yield that followers will be told to loiter because of delay or jitter of their links.
+    """Yield that followers will be commanded to loiter because of delay or jitter of their links.
 
-    The scatter is known by measurement only, so some are told to when `NEAR` of the margin is in use.
+    The scatter is known by measurement only, so some are commanded to when `NEAR` of the margin is in use.
     """
     if DelayMarginKeys.of(scenario).on_delay != "hold":
         return
@@ -54,7 +54,7 @@ def held_by_links(scenario: Scenario) -> Iterator[str]:
     found = max(near, key=lambda each: each.used)
     onwards = since(found.at_s)
     share = f"{found.used:.0%} of what loop {found.loop} stands" if math.isfinite(found.used) else "more than any delay"
-    who = f"vehicle {', '.join(dict.fromkeys(str(each.vehicle) for each in near))} will be told to loiter"
+    who = f"vehicle {', '.join(dict.fromkeys(str(each.vehicle) for each in near))} will be commanded to loiter"
     if scenario.law.delay_compensation:
         used = f"round trips scatter by {1e3 * found.scatter_s:.0f} ms{onwards}, {share} about {found.delay_s:.2f} s"
         enough = f"{1e3 * found.margin_s / DEVIATIONS:.0f} ms or less is enough; law.on_delay: warn flies on"

@@ -1,6 +1,6 @@
 """The end of a run: the formation opens in height, then vehicles circle, here or at home, or land.
 
-None goes home that refuses its own height there, which it is told before; it circles where it is.
+None goes home that refuses its own height there, which it is commanded before; it circles where it is.
 """
 
 from __future__ import annotations
@@ -102,10 +102,10 @@ class SeparatedEnding(Ending):
         self.judge(now)
         climbs_out = False
         for identity, vehicle in self._ours.items():
-            told = self._heeds(identity, vehicle)
-            if told is EndCommand.LEAVE:
+            commanded = self._obeys(identity, vehicle)
+            if commanded is EndCommand.LEAVE:
                 self._watch_way_home(identity, vehicle, now)
-            elif told is not EndCommand.STAY and vehicle.member is not Member.PARTED:
+            elif commanded is not EndCommand.STAY and vehicle.member is not Member.PARTED:
                 climbs_out = climbs_out or self._is_pending(identity, vehicle)
         self.landings.advance(now, climbs_out=climbs_out)
 
@@ -143,7 +143,7 @@ class SeparatedEnding(Ending):
             self.landings.refuse(f"vehicle {identity} refuses {vehicle.refusal}{seen.last_words}")
         height_m = self._height_m(identity, vehicle)
         here, home = autopilot.loiter(height_m, seen), autopilot.go_home(height_m, seen)
-        self._told[identity] = EndCommand.STAY, vehicle.restarts
+        self._commanded[identity] = EndCommand.STAY, vehicle.restarts
         commands.begin(here if homeward else (*here, *home), now, insist=True)
 
     def _places(self) -> dict[VehicleId, ReportedMotion]:
@@ -162,8 +162,8 @@ class SeparatedEnding(Ending):
     def at_one_height(self) -> list[str]:
         """Return which pairs of vehicles may circle at one height, with the reason.
 
-        One of the two hasn't acknowledged a height of its own, and by what they told last their heights are nearer than
-        vehicles must be apart. What stands circles nowhere.
+        One of the two hasn't acknowledged a height of its own, and by what they reported last their heights are nearer
+        than vehicles must be apart. What stands circles nowhere.
         """
         if self.stands:
             return []

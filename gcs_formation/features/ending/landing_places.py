@@ -1,7 +1,7 @@
 """Where vehicles land, and in which order, so that none comes in over the place of another, or rolls into it.
 
 Fixed wings land where they took off and in that direction, or by the landing of their mission; vehicles that hover come
-down over their homes. One that lands before another may stand in nobody's way then: where one's approach leads over
+down over their homes. One that lands before another may stand in no other's way then: where one's approach leads over
 another's place, it lands first. So vehicles of one line land over one common approach, the foremost first.
 """
 
@@ -22,7 +22,7 @@ BEYOND_LANDED_M: Final = 35.0
 """The same beyond its home, where one stands that has landed in this flight: of the 60 m that were between their homes
 it may have used up 25, short of its own home."""
 TOLD_M: Final = 0.5
-"""Two places as told are so far apart at least: vehicles in slots of 30 m stand 60 m behind one another, to the cm."""
+"""Least distance of two reported positions: in slots of 30 m vehicles are 60 m behind one another, to the cm."""
 OVER_M: Final = 3.0
 """Distance from its home within which one that comes down straight may touch another."""
 APPROACH_M = 600.0
@@ -69,7 +69,7 @@ def landing_of(vehicle: Vehicle, *, planned: bool = False) -> Landing | str:
         home_m = home_of(vehicle)
         if home_m is None and planned and seen.motion is not None:
             home_m = seen.motion.north_m, seen.motion.east_m
-        return Landing(*home_m, math.nan) if home_m else f"{who} lands at its home, which it hasn't told"
+        return Landing(*home_m, math.nan) if home_m else f"{who} lands at its home, which it hasn't reported"
     stood, course_rad = took_off.stood, took_off.course_rad
     if planned and stood is not None and seen.attitude is not None:
         course_rad = seen.attitude.yaw_rad

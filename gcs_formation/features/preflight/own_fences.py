@@ -34,18 +34,18 @@ class OwnFences:
 
     def __init__(self, scenario: Scenario) -> None:
         """Start with none."""
-        self._scenario, self._told = scenario, list[tuple[Vehicle, OwnFence]]()
+        self._scenario, self._reported = scenario, list[tuple[Vehicle, OwnFence]]()
         self._judged = dict[VehicleId, list[str]]()
 
     @property
     def settled(self) -> bool:
-        """Whether all that have been told are judged."""
-        return len(self._judged) == len(self._told)
+        """Whether all that have been reported are judged."""
+        return len(self._judged) == len(self._reported)
 
     def take(self, vehicle: Vehicle, fence: OwnFence | None) -> None:
         """Take what a vehicle's parameters say."""
         if fence is not None:
-            self._told.append((vehicle, fence))
+            self._reported.append((vehicle, fence))
 
     @property
     def unflyable(self) -> list[str]:
@@ -54,7 +54,7 @@ class OwnFences:
 
     def settle(self) -> None:
         """Judge those whose homes are known by now, and bound their heights."""
-        for vehicle, fence in self._told:
+        for vehicle, fence in self._reported:
             motion = vehicle.telemetry.motion
             if motion is None or vehicle.identity in self._judged:
                 continue

@@ -26,7 +26,7 @@ class ReadLimits:
         """Start with none; `bound` applies those of a column's model."""
         self._scenario, self._bound = scenario, bound
         self._models = {each.vehicle_id: each.model for each in scenario.vehicles}
-        self._told = dict[VehicleId, str]()
+        self._reported = dict[VehicleId, str]()
         self._unflyable: list[str] | None = None
         self._news = False
 
@@ -59,13 +59,13 @@ class ReadLimits:
         update = {ACCELERATION: accel_mps2, TURN_RATE: turn_rps, CLIMB: climb_mps}
         update |= {LEAST: autopilot.true_airspeed(slowest_mps), MOST: autopilot.true_airspeed(fastest_mps)}
         self._models[vehicle.identity] = model.model_copy(update=update)
-        self._told[vehicle.identity] = ", ".join(words for _, _, words in bounds)
+        self._reported[vehicle.identity] = ", ".join(words for _, _, words in bounds)
         self._unflyable, self._news = None, True
 
     def unflyable(self) -> list[str]:
         """Return in words what of the path and the formation can't be flown within these limits, with its keys."""
         if self._unflyable is None:
-            self._unflyable = self._found() if self._told else []
+            self._unflyable = self._found() if self._reported else []
         return self._unflyable
 
     def _vehicles(self) -> tuple[PlannedVehicle, ...]:
@@ -76,7 +76,7 @@ class ReadLimits:
         violations = check(self._scenario.model_copy(update={"vehicles": self._vehicles()}))
         if not violations:
             return []
-        whose = "; ".join(f"vehicle {identity}: {words}" for identity, words in self._told.items())
+        whose = "; ".join(f"vehicle {identity}: {words}" for identity, words in self._reported.items())
         each = [f"{dotted(one.key)}: {one.found}; allowed: {one.allowed}" for one in violations[:SHOWN]]
         more = f"; and {len(violations) - SHOWN} more" if len(violations) > SHOWN else ""
         return [f"what vehicles tell ({whose}) isn't enough for {'; '.join(each)}{more}"]

@@ -93,7 +93,7 @@ class FailsafeReaders:
 class Takeover(Beginning):
     """Decides for each vehicle as it is heard."""
 
-    anew = False
+    from_start = False
 
     def __init__(self, cycle: Cycle, past: PastFlight) -> None:
         """Take over the vehicles of a past flight."""

@@ -41,7 +41,7 @@ def no_room_to_stop(scenario: Scenario) -> Iterator[str]:
         nearest_m = float(forward_m[behind].min(initial=math.inf))
         if nearest_m < enough_m:
             found = f"formation: found slots {nearest_m:.3g} m behind each other ({step.shape}) at {speed_mps:g} m/s"
-            yield f"{found}; {enough_m:.3g} m or more leave {least_m:g} m behind one that stops without being told"
+            yield f"{found}; {enough_m:.3g} m or more leave {least_m:g} m behind one that stops uncommanded"
 
 
 WARNINGS: Final = (no_room_to_stop,)

@@ -27,8 +27,8 @@ It may level off short of its setpoint, since no model is exact, and is released
 REFERENCE = 0
 """Column of the vehicle along whose velocity the others can always fly: the first one, the leader if it is considered.
 
-For a multirotor its commanded velocity is used: the present one may result from giving way, and the one of a leader
-that brakes can't be kept."""
+For a multirotor its commanded velocity is used: the present one may result from an avoidance manoeuvre, and the one of
+a leader that brakes can't be kept."""
 AS_COMMANDED = 2
 """Number of a vehicle's courses, the first ones, that begin as commanded."""
 ASIDE_RAD = tuple(math.radians(each) for each in (90, -90, 135, -135, 180, 45, -45, 0))
@@ -174,8 +174,8 @@ def courses(picture: TrafficPicture, vehicle: int) -> Courses:
     found = [(course, picture.lasting(vehicle)), (course, on), (along, picture.lasting(vehicle)), (present, on)]
     if picture.traffic.hovers:
         ahead_rad, max_mps = picture.reference[1], float(picture.traffic.model.speed_max_mps[vehicle])
-        stop, *aside = [(0.0, ahead_rad), *((max_mps, ahead_rad + aside_rad) for aside_rad in ASIDE_RAD)]
-        found[-1:] = [(stop, stop), found[-1], *((way, way) for way in aside)]
+        stop, *lateral = [(0.0, ahead_rad), *((max_mps, ahead_rad + lateral_rad) for lateral_rad in ASIDE_RAD)]
+        found[-1:] = [(stop, stop), found[-1], *((way, way) for way in lateral)]
     return found
 
 

@@ -38,7 +38,7 @@ UNCHANGED: Final = 2
 that isn't 0 may well be the same: that is straight flight."""
 FROZEN_M: Final = 1.0
 """A height that is the same to the bit while its climb rate says that it moved by this, and five standard deviations
-of that, is frozen, m: heights that are told in whole metres change after one."""
+of that, is frozen, m: heights that are reported in whole metres change after one."""
 OPPOSED_SHARE: Final = 0.25
 """A velocity has the wrong sign if its opposite leaves less than this share of what it leaves itself."""
 CONFIRMED: Final = 3

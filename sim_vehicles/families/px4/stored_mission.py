@@ -14,7 +14,7 @@ class Px4Missions(Missions):
     """A mission without home: what ArduPilots have as item 1 is a PX4's item 0."""
 
     def __init__(self, home: Item) -> None:
-        """Begin without items; `home` stands before them here, but isn't told."""
+        """Begin without items; `home` stands before them here, but isn't sent."""
         super().__init__(home, stored=False)
 
     def take(self, message: Message, sender: Sender, now: Instant) -> list[Message]:
@@ -24,10 +24,10 @@ class Px4Missions(Missions):
             if isinstance(message, MissionRequestList):
                 return [MissionCount(sender.system, sender.component, len(self.items) - 1)]
             if isinstance(message, (MissionRequestInt, MissionRequest)) and message.seq < len(self.items) - 1:
-                return [self._told(message, sender)]
+                return [self._requested(message, sender)]
         return super().take(message, sender, now)
 
-    def _told(self, asked: MissionRequestInt | MissionRequest, sender: Sender) -> Message:
+    def _requested(self, asked: MissionRequestInt | MissionRequest, sender: Sender) -> Message:
         item, current = self.items[asked.seq + 1], asked.seq + 1 == self.current
-        told = to_message(item, asked.seq, sender.system, sender.component, current=current)
-        return told if isinstance(asked, MissionRequestInt) else in_degrees(told)
+        answer = to_message(item, asked.seq, sender.system, sender.component, current=current)
+        return answer if isinstance(asked, MissionRequestInt) else in_degrees(answer)

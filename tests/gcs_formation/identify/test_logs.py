@@ -153,7 +153,7 @@ def copter_ulog(file, ramp_s=4.0):
 
 
 def plane_tlog(file, mode=AUTO, kind=1):
-    """Log an ArduPlane that nobody commands: it tells its errors, heading in whole degrees, airspeed's in cm/s."""
+    """Log an uncommanded ArduPlane: it reports its errors, heading in whole degrees, airspeed's in cm/s."""
     commanded, seen = flight(PLANE)
     log, vehicle = TlogWriter(file, 10**15), FrameWriter(4, 1)
     for tick, ((speed, bearing, height), (airspeed, course, alt, climb)) in enumerate(

@@ -63,7 +63,7 @@ def beats(vehicle: Vehicle, mode: int, status: int) -> None:
     vehicle.telemetry.take(beat(mode, status))
 
 
-def told(vehicle: Vehicle, now: Instant = NOW, until: int | None = None) -> list[tuple[int, float]]:
+def sent_to(vehicle: Vehicle, now: Instant = NOW, until: int | None = None) -> list[tuple[int, float]]:
     """Return the commands in progress, each acknowledged as it comes, with mode or first parameter."""
     sent: list[tuple[int, float]] = []
     while vehicle.commands.under_way is not None and (until is None or asked(vehicle) != until):
@@ -121,7 +121,7 @@ def ending(*vehicles: Vehicle, manner: End = "loiter", ground: GroundFloor | Non
 def test_vehicles_that_fly_close_together_loiter_15_m_apart(place: Place):
     vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2, 3)]
     end = ending(*vehicles)
-    assert [told(vehicle) for vehicle in vehicles] == [loiters_at(height_m) for height_m in (100.0, 115.0, 130.0)]
+    assert [sent_to(vehicle) for vehicle in vehicles] == [loiters_at(height_m) for height_m in (100.0, 115.0, 130.0)]
     assert end.pending() == []
 
 
@@ -134,7 +134,7 @@ def test_circles_are_clear_of_the_ground_around_them(place: Place, manner: End, 
     planned = load_scenario(scenario(terrain={"clearance_m": 60, "hills": [hill]}, path=away))
     vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2)]
     ending(*vehicles, manner=manner, ground=GroundFloor(planned))
-    heights_m = [told(vehicle)[-1][1] for vehicle in vehicles]
+    heights_m = [sent_to(vehicle)[-1][1] for vehicle in vehicles]
     assert heights_m == pytest.approx([base_m, base_m + 15.0], abs=1.5)
 
 
@@ -144,22 +144,22 @@ def test_the_way_home_is_to_where_the_vehicle_says_that_its_home_is(place: Place
     ground = GroundFloor(load_scenario(scenario(terrain={"clearance_m": 60, "hills": [hill]})))
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
     ending(vehicle, manner="rtl", ground=ground)
-    assert told(vehicle)[-1][1] == pytest.approx(100.0, abs=0.1)
+    assert sent_to(vehicle)[-1][1] == pytest.approx(100.0, abs=0.1)
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(50.0, 4000.0, 0.0)
     vehicle.telemetry.take(HomePosition(lat_rad, lon_rad, alt_m, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)))
     ending(vehicle, manner="rtl", ground=ground)
-    assert told(vehicle)[-1][1] == pytest.approx(150.0, abs=1.5)
+    assert sent_to(vehicle)[-1][1] == pytest.approx(150.0, abs=1.5)
 
 
 def test_a_vehicle_that_takes_off_climbs_out_before_it_circles(place: Place):
     low, high = place(1, m.PLANE_MODE_TAKEOFF, 12.0), place(2, m.PLANE_MODE_GUIDED, 50.0)
     end = ending(low, high)
-    assert told(low) == []
-    assert told(high) == loiters_at(60.0)
+    assert sent_to(low) == []
+    assert sent_to(high) == loiters_at(60.0)
     assert end.pending() == [low]
     tell(low, m.PLANE_MODE_TAKEOFF, 46.0)
     end.advance(NOW)
-    assert told(low) == loiters_at(45.0)
+    assert sent_to(low) == loiters_at(45.0)
     assert end.pending() == []
 
 
@@ -175,14 +175,14 @@ def test_a_vehicle_that_takes_off_counts_as_there_where_it_will_be_done(place: P
 def test_a_vehicle_armed_on_the_ground_is_disarmed(place: Place):
     vehicle = place(1, m.PLANE_MODE_TAKEOFF, 0.0, status=WAITING)
     ending(vehicle)
-    assert told(vehicle) == [(m.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)]
+    assert sent_to(vehicle) == [(m.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)]
 
 
 def test_arming_that_is_under_way_is_called_off(place: Place):
     vehicle = place(1, m.PLANE_MODE_TAKEOFF, 0.0, armed=False, status=WAITING)
     vehicle.commands.begin(vehicle.autopilot.start_up(vehicle.rates_hz)[4].commands(vehicle.telemetry), NOW)
     ending(vehicle)
-    assert told(vehicle) == [(m.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)]
+    assert sent_to(vehicle) == [(m.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)]
 
 
 def test_a_vehicle_that_left_the_ground_before_it_could_be_disarmed_loiters(place: Place):
@@ -190,20 +190,20 @@ def test_a_vehicle_that_left_the_ground_before_it_could_be_disarmed_loiters(plac
     end = ending(vehicle)
     tell(vehicle, m.PLANE_MODE_TAKEOFF, 47.0)
     end.advance(NOW)
-    assert told(vehicle) == loiters_at(45.0)
+    assert sent_to(vehicle) == loiters_at(45.0)
 
 
 def test_a_disarmed_vehicle_on_the_ground_is_left_alone(place: Place):
     vehicle = place(1, m.PLANE_MODE_MANUAL, 0.0, armed=False, status=WAITING)
     assert ending(vehicle).pending() == []
-    assert told(vehicle) == []
+    assert sent_to(vehicle) == []
 
 
 def test_a_vehicle_that_its_pilot_has_taken_stays_the_pilots(place: Place):
     vehicle = place(1, m.PLANE_MODE_RTL, 80.0)
     vehicle.member = Member.PARTED
     end = ending(vehicle)
-    assert told(vehicle) == []
+    assert sent_to(vehicle) == []
     assert end.pending() == []
 
 
@@ -212,13 +212,13 @@ def test_a_vehicle_that_isnt_heard_is_told_but_not_waited_for(place: Place):
     vehicle.connection.state = LinkState.LOST
     end = ending(vehicle)
     assert end.pending() == []
-    assert told(vehicle) == loiters_at(100.0)
+    assert sent_to(vehicle) == loiters_at(100.0)
 
 
 def test_vehicles_that_go_home_circle_there_at_heights_of_their_own(place: Place):
     vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2, 20)]  # the last one is 900 m away
     ending(*vehicles, manner="rtl")
-    assert [told(vehicle) for vehicle in vehicles] == [goes_home_at(height_m) for height_m in (100.0, 115.0, 130.0)]
+    assert [sent_to(vehicle) for vehicle in vehicles] == [goes_home_at(height_m) for height_m in (100.0, 115.0, 130.0)]
 
 
 ABOARD = pytest.mark.parametrize("status", [FLYING, m.MAV_STATE_CRITICAL, m.MAV_STATE_EMERGENCY, m.MAV_STATE_UNINIT])
@@ -230,12 +230,12 @@ def test_one_that_is_armed_and_has_told_no_position_circles_and_is_not_disarmed(
     vehicle.telemetry.forget()
     beats(vehicle, m.PLANE_MODE_GUIDED, status)
     end = ending(vehicle)
-    assert told(vehicle)[0] == CIRCLES
+    assert sent_to(vehicle)[0] == CIRCLES
     assert end.pending() == [vehicle], "it has no height of its own"
     assert "where it flies isn't known" in end.lacks(vehicle)
     tell(vehicle, m.PLANE_MODE_LOITER, 100.0)
     end.advance(NOW)
-    assert told(vehicle) == loiters_at(100.0)
+    assert sent_to(vehicle) == loiters_at(100.0)
     assert end.pending() == []
 
 
@@ -244,13 +244,13 @@ def test_one_that_restarted_in_flight_circles_until_it_is_known_to_stand(place: 
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
     vehicle.restart()
     end = ending(vehicle)
-    assert told(vehicle)[0] == CIRCLES
+    assert sent_to(vehicle)[0] == CIRCLES
     beats(vehicle, m.PLANE_MODE_MANUAL, WAITING)
     end.advance(NOW)
-    assert told(vehicle) == []
+    assert sent_to(vehicle) == []
     tell(vehicle, m.PLANE_MODE_MANUAL, 0.0, status=WAITING)
     end.advance(NOW)
-    assert told(vehicle) == [DISARMED]
+    assert sent_to(vehicle) == [DISARMED]
 
 
 def test_one_that_restarted_on_the_ground_is_told_nothing(place: Place):
@@ -259,7 +259,7 @@ def test_one_that_restarted_on_the_ground_is_told_nothing(place: Place):
     end = ending(vehicle)
     beats(vehicle, m.PLANE_MODE_MANUAL, WAITING)
     end.advance(NOW)
-    assert told(vehicle) == []
+    assert sent_to(vehicle) == []
 
 
 def test_one_in_an_emergency_9_m_above_its_home_circles(place: Place):
@@ -267,7 +267,7 @@ def test_one_in_an_emergency_9_m_above_its_home_circles(place: Place):
     tell(vehicle, m.PLANE_MODE_GUIDED, 9.0, status=m.MAV_STATE_CRITICAL)
     ending(vehicle)
     assert vehicle.airborne
-    assert told(vehicle) == loiters_at(9.0)
+    assert sent_to(vehicle) == loiters_at(9.0)
 
 
 def test_disarming_is_withdrawn_as_soon_as_the_vehicle_turns_out_to_fly(place: Place):
@@ -300,7 +300,7 @@ def test_one_that_refuses_to_circle_and_is_seen_to_do_so_gets_its_height(place: 
     refuse(vehicle, m.MAV_RESULT_DENIED)
     for _ in range(2):
         vehicle._take_heartbeat(beat(m.PLANE_MODE_LOITER, FLYING), after(NOW, 2.5))
-    assert told(vehicle, after(NOW, 2.5)) == loiters_at(100.0)[1:]
+    assert sent_to(vehicle, after(NOW, 2.5)) == loiters_at(100.0)[1:]
     assert end.pending() == []
 
 
@@ -329,7 +329,7 @@ def test_one_that_takes_its_height_after_all_goes_home(place: Place):
     end = ending(vehicle, manner="rtl")
     refuse(vehicle, m.MAV_RESULT_FAILED)
     end.advance(after(NOW, REFUSES_S))
-    assert told(vehicle, after(NOW, REFUSES_S)) == [*loiters_at(100.0), *goes_home_at(100.0)]
+    assert sent_to(vehicle, after(NOW, REFUSES_S)) == [*loiters_at(100.0), *goes_home_at(100.0)]
     assert end.pending() == []
 
 
@@ -339,7 +339,7 @@ def test_one_that_refuses_to_go_home_circles_where_it_is_and_is_told_again(place
     assert accept(vehicle) == m.MAV_CMD_DO_CHANGE_ALTITUDE
     refuse(vehicle, m.MAV_RESULT_DENIED)
     end.advance(after(NOW, REFUSES_S))
-    assert told(vehicle, after(NOW, REFUSES_S), until=m.PLANE_MODE_RTL)[:2] == loiters_at(100.0)
+    assert sent_to(vehicle, after(NOW, REFUSES_S), until=m.PLANE_MODE_RTL)[:2] == loiters_at(100.0)
     refuse(vehicle, m.MAV_RESULT_DENIED, after(NOW, REFUSES_S))
     assert end.pending() == [vehicle]
     assert end.lacks(vehicle) == ": it refuses mode RTL (DO_SET_MODE: DENIED)"
@@ -353,7 +353,7 @@ def test_one_that_refuses_its_height_on_its_way_home_turns_back_to_circle_for_go
     tell(vehicle, m.PLANE_MODE_RTL, 100.0)
     refuse(vehicle, m.MAV_RESULT_DENIED)
     end.advance(after(NOW, REFUSES_S))
-    assert told(vehicle, after(NOW, REFUSES_S)) == loiters_at(100.0)
+    assert sent_to(vehicle, after(NOW, REFUSES_S)) == loiters_at(100.0)
 
 
 def test_one_that_never_answers_that_it_is_to_go_home_is_told_to_circle_where_it_is(place: Place):
@@ -361,7 +361,7 @@ def test_one_that_never_answers_that_it_is_to_go_home_is_told_to_circle_where_it
     end = ending(vehicle, manner="rtl")
     late = after(NOW, UNANSWERED_FOR_S + 0.1)
     end.advance(late)
-    assert told(vehicle, late)[:2] == loiters_at(100.0)
+    assert sent_to(vehicle, late)[:2] == loiters_at(100.0)
 
 
 def test_nobody_lands_if_one_refuses_its_height(place: Place):

@@ -114,7 +114,7 @@ def test_a_frozen_position_is_found_at_once_and_carried_on_by_the_velocity():
 
 
 def climbing(height_of, rate_mps=0.7, seconds=60.0):
-    """Return a height's check after a steady climb, as it is told, and when it was first not believed, s."""
+    """Return a height's check after a steady climb, as it is reported, and when it was first not accepted, s."""
     checked, found_s = Consistency(1, FASTEST_MPS), None
     for number in range(1, round(seconds / STEP_S)):
         time_s = number * STEP_S
