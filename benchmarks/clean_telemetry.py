@@ -52,8 +52,8 @@ def scenario(seed: int) -> dict[str, Any]:
         "links": {"default": _link(rng)},
         "finish": {"loiter_s": 1.0},
     }
-    most_mps = 6.0 if family == "plane" else 3.0
-    keys["wind"] = {"velocity_mps": [*rng.uniform(-most_mps, most_mps, 2).tolist(), 0.0]}
+    max_mps = 6.0 if family == "plane" else 3.0
+    keys["wind"] = {"velocity_mps": [*rng.uniform(-max_mps, max_mps, 2).tolist(), 0.0]}
     if rng.random() < 0.6:
         keys["disturbances"] = [{"at_s": 5.0, "kind": "dryden", "wind_6m_mps": float(rng.uniform(3.0, 10.0))}]
         keys["disturbances"].append({"at_s": 25.0, "velocity_mps": rng.uniform(-3.0, 3.0, 3).tolist()})

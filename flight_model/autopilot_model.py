@@ -20,9 +20,9 @@ from flight_model.decay import EARLY, LATE, MIDDLE, Decay, GaussDecay
 OUTER: Final = 0.2777777777777778
 INNER: Final = 0.4444444444444444
 """Weights of a time interval's Gauss points: the first and the last, and the middle one."""
-BESIDE_RAD: Final = 0.02
+TRIM_RAD: Final = 0.02
 """Cosine and sine of an angle that differs by less are computed from the other's by series, exact to rounding."""
-LEAST_CRABBING_MPS: Final = 1.0
+MIN_CRABBING_MPS: Final = 1.0
 """Lower bound of airspeeds that a crosswind is divided by."""
 NO_LIMIT: Final = math.inf
 
@@ -94,7 +94,7 @@ class AutopilotModel:
         return kept
 
     @property
-    def may_stand(self) -> bool:
+    def may_hover(self) -> bool:
         """Whether it may be commanded to stand: only multirotors may."""
         return self.speed_min_mps == 0.0
 
@@ -268,8 +268,8 @@ def rotated(axis_rad: float, north: float, east: float) -> tuple[float, float]:
 
 def crab_rad(state: FlightState, course_rad: float) -> float:
     """Return the crab angle: how far left of the course the heading must point to cancel the crosswind."""
-    _, aside_mps = rotated(course_rad, state.wind_north_mps, state.wind_east_mps)
-    return math.asin(within(aside_mps / max(state.airspeed_mps, LEAST_CRABBING_MPS), -1.0, 1.0))
+    _, crosswind_mps = rotated(course_rad, state.wind_north_mps, state.wind_east_mps)
+    return math.asin(within(crosswind_mps / max(state.airspeed_mps, MIN_CRABBING_MPS), -1.0, 1.0))
 
 
 def squared(value: float) -> float:
@@ -378,7 +378,7 @@ def _remaining(
 def _cos_sin_of(cos: float, sin: float, angle_rad: float, other_rad: float) -> tuple[float, float]:
     """Return cosine and sine of `other_rad`, given those of `angle_rad`."""
     apart = other_rad - angle_rad
-    if abs(apart) > BESIDE_RAD:
+    if abs(apart) > TRIM_RAD:
         return math.cos(other_rad), math.sin(other_rad)
     square = apart * apart
     along = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0))
@@ -430,7 +430,7 @@ def _climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: f
 
 
 def climbed(
-    now_m: float, now_mps: float, most_mps: float, height_m: float, time_s: float, left: Decay
+    now_m: float, now_mps: float, max_mps: float, height_m: float, time_s: float, left: Decay
 ) -> tuple[float, float]:
     """Return height and climb rate after a time; `left`: the decay over it."""
     slow_s, fast_s, slow_left, fast_left, climb_s = left.slow_s, left.fast_s, left.slow, left.fast, left.climb_s
@@ -438,9 +438,9 @@ def climbed(
     push_mps = now_mps + error_m / slow_s
     left_m = slow_left * error_m + climb_s * push_mps
     climb_mps = fast_left * push_mps - left_m / slow_s
-    most_m = most_mps * time_s
-    beyond_mps = abs(now_mps) - most_mps
+    max_m = max_mps * time_s
+    beyond_mps = abs(now_mps) - max_mps
     if beyond_mps > 0.0:
-        most_mps += beyond_mps * fast_left
-        most_m += beyond_mps * fast_s * (1.0 - fast_left)
-    return now_m + within(left_m - error_m, -most_m, most_m), within(climb_mps, -most_mps, most_mps)
+        max_mps += beyond_mps * fast_left
+        max_m += beyond_mps * fast_s * (1.0 - fast_left)
+    return now_m + within(left_m - error_m, -max_m, max_m), within(climb_mps, -max_mps, max_mps)

@@ -87,7 +87,7 @@ def sample_places(start_m: float, steps: int) -> Array:
     return start_m + SAMPLE_M * np.arange(steps * SAMPLES + 1, dtype=np.float64)
 
 
-def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> Lift:
+def min_offset(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> Lift:
     """Return the lift of the least area. It is never negative, unless it begins below 0 and rises from there.
 
     Args:
@@ -188,7 +188,7 @@ def _begun(begun_m: Array, up: Array, down: Array, curved: Array) -> tuple[Array
 
 
 def _sparse() -> Any:  # noqa: ANN401 - scipy's sparse arrays are typed in part only
-    import scipy  # noqa: PLC0415 - as in `least_lift`
+    import scipy  # noqa: PLC0415 - as in `min_offset`
 
     return scipy.sparse
 

@@ -336,9 +336,9 @@ def read_model(name: str, directory: Path, at: Source, path: KeyPath, own: Seque
         raise ScenarioError(problems_of(error, VehicleFile, source)) from error
     model = source.data["model"]
     if isinstance(model, dict) and "aircraft" not in model and isinstance(file := model.get(PARAMETERS), str):
-        beside = _directory(source)
-        of_parameters = read_parameter_model(file, beside, source, ("model", PARAMETERS))
-        model = _over(of_parameters, model | {PARAMETERS: str((beside / file).absolute())})
+        directory = _directory(source)
+        of_parameters = read_parameter_model(file, directory, source, ("model", PARAMETERS))
+        model = _over(of_parameters, model | {PARAMETERS: str((directory / file).absolute())})
     return plain_mapping(model) if isinstance(model, dict) else {}
 
 

@@ -23,7 +23,7 @@ from formation_scenario.path_with_stops import path_with_stops, short_legs, time
 from formation_scenario.slot_assignment import Members, SlotStep, column_models, slot_schedule
 from formation_scenario.turn_limits import climb_limits, turn_limits
 
-MOST_ROUNDS = 5
+MAX_ROUNDS = 5
 """How often turns are planned again because legs between them became too short for their speeds."""
 CHANGE_SHARE = 0.3
 """Share of the acceleration that changes of speed use; the law needs the rest to hold the slots."""
@@ -58,7 +58,7 @@ def path_of_legs(
     circles = {each.waypoint: Circles(each.turns, each.radius_m) for each in path.circles}
     known = {} if known is None else known
     turns, flown_mps = dict[float, TurnLimits](), [{each} for each in path.legs_mps]
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         for speed_mps in set().union(*flown_mps) - turns.keys():
             turns[speed_mps] = turn_limits(members, steps, speed_mps, wind_mps)
         limits = [_tightest(turns[speed_mps] for speed_mps in each) for each in flown_mps]

@@ -31,7 +31,7 @@ CLIMB_SHARE: Final = 0.75
 """Share of the steepest slope that a leg uses which is flown more slowly because it is steep: the rest is rounded."""
 SHORT_SHARE: Final = 0.99
 """Share of a leg's speed below which it isn't reached."""
-LEAST_TURN_RAD: Final = math.radians(0.1)
+MIN_TURN_RAD: Final = math.radians(0.1)
 
 
 def path_with_stops(members: Members, path: PathPlan) -> PathWithStops:
@@ -106,7 +106,7 @@ def rates(members: Members) -> Rates:
 
 def _turn_s(members: Members, by_rad: float) -> float:
     """Return how long a turn in place takes, and until followers have ended theirs; 0 for none."""
-    if abs(by_rad) < LEAST_TURN_RAD:
+    if abs(by_rad) < MIN_TURN_RAD:
         return 0.0
     reach_m = 0.0
     if members.formation.slots_turn:

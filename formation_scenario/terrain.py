@@ -16,7 +16,7 @@ from flight_model.curve import PathPoint
 from flight_model.earth import GeodeticOrigin
 from flight_model.lift_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints
-from flight_model.path_lift_and_displacement import Bounds, Lift, least_lift, sample_places
+from flight_model.path_lift_and_displacement import Bounds, Lift, min_offset, sample_places
 from formation_scenario.bounded_read import read_bounded, require_file
 from formation_scenario.fields import FileError
 from formation_scenario.named_files import place_of
@@ -24,7 +24,7 @@ from formation_scenario.surroundings import Hill, Terrain
 
 HGT_NAME = re.compile(r"^([NS])(\d{2})([EW])(\d{3})$", re.IGNORECASE)
 HGT_VOID = -32768
-MOST_HGT_BYTES = 100_000_000
+MAX_HGT_BYTES = 100_000_000
 """Nearly four times a tile of one arc-second."""
 MARGIN_M = 10_000.0
 """Distance around the waypoints for which a file is read."""
@@ -106,7 +106,7 @@ def read_elevation(path: Path, origin: GeodeticOrigin, around_m: Array) -> Eleva
 def _read_hgt(path: Path, origin: GeodeticOrigin) -> ElevationGrid:
     """Return an SRTM tile: a square of big-endian 16-bit metres, named by its south-west corner."""
     try:
-        raw = read_bounded(path, MOST_HGT_BYTES)
+        raw = read_bounded(path, MAX_HGT_BYTES)
         values = np.frombuffer(raw[: len(raw) // 2 * 2], dtype=">i2").astype(np.float64)
     except OSError as error:
         raise FileError(f"found {path}: {error.strerror}") from error
@@ -247,4 +247,4 @@ def lifted(written: FlightPath, ground: Ground, clearance_m: float, bounds: Boun
     places = sample_places(0.0, max(1, int(np.ceil(written.length_m / STEP_M))))
     points = written.at(places)
     needed = ground.height(points.north_m, points.east_m) + clearance_m - points.height_m
-    return LiftedPath(written, least_lift(0.0, needed, points.slope, bounds, np.zeros(3)))
+    return LiftedPath(written, min_offset(0.0, needed, points.slope, bounds, np.zeros(3)))

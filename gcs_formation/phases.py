@@ -93,7 +93,7 @@ NOT_ALL_ENDED: Final[dict[End, Cause]] = {
 """Cause of a run's end by the way it was to end: all vehicles do so, or the time for that is over."""
 BEFORE_COMMANDS: Final = {Cause.STOP: Cause.CALLED_OFF, Cause.ORDERED: Cause.CALLED_OFF, Cause.FAILURE: Cause.NOT_BEGUN}
 """Replacement of a cause before vehicles may be commanded: they are left as found."""
-NOBODY_COMMANDED: Final = (Cause.REHEARSED, *BEFORE_COMMANDS.values())
+NONE_COMMANDED: Final = (Cause.REHEARSED, *BEFORE_COMMANDS.values())
 """Causes of an end before any vehicle was commanded."""
 COMMANDED: Final = (Phase.ASSEMBLING, Phase.FLYING, Phase.ENDING)
 """Phases in which the law and the separation rule command the formation."""
@@ -173,8 +173,8 @@ class Assembly:
         if guidance.rounds > self._laps:
             self._laps = guidance.rounds
             self._report_lap(tick)
-        most_m = self._tolerance_m * (HYSTERESIS if guidance.on_path and self.complete else 1.0)
-        within = self._at_height(most_m, tick, guidance) and slots_rest and self._all_within(most_m, tick)
+        max_m = self._tolerance_m * (HYSTERESIS if guidance.on_path and self.complete else 1.0)
+        within = self._at_height(max_m, tick, guidance) and slots_rest and self._all_within(max_m, tick)
         self._in_slots_s = self._in_slots_s + self._dt_s if within else 0.0
 
     def _report_lap(self, tick: Tick) -> None:
@@ -189,17 +189,17 @@ class Assembly:
         text = f"the leader flies a holding pattern: {why}"
         tick.events.append(Event(tick.now, "lap", text, vehicle, {"laps": self._laps}))
 
-    def _at_height(self, most_m: float, tick: Tick, guidance: LeaderGuidance) -> bool:
+    def _at_height(self, max_m: float, tick: Tick, guidance: LeaderGuidance) -> bool:
         """Return whether the leader isn't below its path still, as after a take-off that led it there too soon."""
         leader, route = tick.virtual_leader or tick.state[tick.leader], guidance.route
         height_m = leader.height_m if route is None else route.at(guidance.distance_m).height_m
         self._below_m = height_m - leader.height_m
-        return self._below_m < most_m
+        return self._below_m < max_m
 
-    def _all_within(self, most_m: float, tick: Tick) -> bool:
+    def _all_within(self, max_m: float, tick: Tick) -> bool:
         for column in range(len(self._identities)):
             x_m, y_m, z_m = tick.error_of(column)
-            if column != tick.leader and not (abs(x_m) < most_m and abs(y_m) < most_m and abs(z_m) < most_m):
+            if column != tick.leader and not (abs(x_m) < max_m and abs(y_m) < max_m and abs(z_m) < max_m):
                 self._missed, self._missed_m, self._missed_at = column, max(abs(x_m), abs(y_m), abs(z_m)), tick.now
                 return False
         return True

@@ -29,7 +29,7 @@ AIRSPEEDS: Final = AIRSPEED_MIN, AIRSPEED_MAX
 CONCERN_FLIGHT: Final = ("FW_", "NPFG_")
 TIME_S, PERIOD_S = 5.0, 10.0
 """Of the shipped lags."""
-LEAST_RANGE_MPS: Final = 1.0
+MIN_RANGE_MPS: Final = 1.0
 
 
 def px4_model(take: Taking, shipped: Mapping[str, float]) -> dict[Key, Plain]:
@@ -39,7 +39,7 @@ def px4_model(take: Taking, shipped: Mapping[str, float]) -> dict[Key, Plain]:
         ParameterFileError: a value is out of range, or the airspeeds contradict each other.
     """
     slowest, fastest = take.value(AIRSPEED_MIN, "speed_min_mps"), take.value(AIRSPEED_MAX, "speed_max_mps")
-    if fastest - slowest < LEAST_RANGE_MPS:
+    if fastest - slowest < MIN_RANGE_MPS:
         name = next(each.name for each in AIRSPEED_MAX.names + AIRSPEED_MIN.names if each.name in take.file.parameters)
         raise take.file.refused(name, f"airspeeds of which the greatest ({fastest:g}) is above the least ({slowest:g})")
     take.value(AIRSPEED_TRIM, "the airspeed at which its emulator circles")

@@ -45,7 +45,7 @@ from gcs_formation.stability.stated import stated_margins
 if TYPE_CHECKING:
     from formation_scenario.repair import Repair
 
-MOST_HZ = 1000.0
+MAX_HZ = 1000.0
 """Largest allowed law.rate_hz."""
 STEEP_DEG = 65.0
 """Steepest bank that raises no doubt: the highest FW_R_LIM that PX4 takes; ArduPlane's ROLL_LIMIT_DEG is 45."""
@@ -53,7 +53,7 @@ NO_MARGIN = "# delay margin: – (this law states none; docs/own-law.md)"
 ROOM_M = 2 * SETTLED_M
 """Distance beyond the required separation that two slots need: each vehicle counts as settled within `SETTLED_M`."""
 
-MOST_REPAIR_M = 500e3
+MAX_REPAIR_M = 500e3
 """Length of paths that are checked while what would do is searched without `--repair`: some 2 s."""
 SAME_S = 1e-3
 """Differences of the planned end below which a path isn't said to end early, s: a derived `duration_s` is rounded."""
@@ -244,7 +244,7 @@ def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[s
         elif hold.mean_s > NEAR * margin_s:
             held = f"{hold}, {hold.mean_s / margin_s:.0%} of its margin {margin_s:.3f} s"
             enough_hz = math.ceil(100.0 * hold.ticks / (NEAR * margin_s)) / 100.0
-            enough = f"law.rate_hz of {enough_hz:g} or more does" if enough_hz <= MOST_HZ else "lower gains do"
+            enough = f"law.rate_hz of {enough_hz:g} or more does" if enough_hz <= MAX_HZ else "lower gains do"
             yield f"loop {loop}: {held}; no prediction makes up for that, {enough}"
     for loop, share in lags_off.items():
         if share < LAGS_OFF and margins.small_signal.get(loop, math.inf) > 0.0:
@@ -262,9 +262,9 @@ def steep_turns(scenario: Scenario) -> str | None:
         turn_rps = vehicle.model.turn_rate_max_rps
         bank = math.degrees(math.atan(speed_mps * turn_rps / GRAVITY_MPS2))
         if bank > STEEP_DEG:
-            most_rps = GRAVITY_MPS2 * math.tan(math.radians(STEEP_DEG)) / speed_mps
+            max_rps = GRAVITY_MPS2 * math.tan(math.radians(STEEP_DEG)) / speed_mps
             found = f"vehicle {vehicle.vehicle_id}'s model.turn_rate_max_rps: found {turn_rps:g} rad/s"
-            return f"{found}, a bank of {bank:.0f}° at {speed_mps:g} m/s; {STEEP_DEG:g}° are {most_rps:.2g} rad/s"
+            return f"{found}, a bank of {bank:.0f}° at {speed_mps:g} m/s; {STEEP_DEG:g}° are {max_rps:.2g} rad/s"
     return None
 
 

@@ -13,14 +13,14 @@ class Level(NamedTuple):
     unread_hz: float
     """Rate of messages that nobody here reads, 0: none."""
     telemetry_share: float
-    """Share of the rate of positions, attitudes and airspeeds, down to `LEAST_HZ`."""
+    """Share of the rate of positions, attitudes and airspeeds, down to `MIN_HZ`."""
     setpoint_s: float
     """Shortest time between two setpoints of a quantity; those that stop a failsafe come as often as that needs."""
     probe_s: float
     """Shortest time between two TIMESYNC requests."""
 
 
-LEAST_HZ: Final = 2.0
+MIN_HZ: Final = 2.0
 UNREAD_HZ: Final = 0.1
 """Rate of messages that nobody here reads: still enough for the log."""
 LEVELS: Final = (

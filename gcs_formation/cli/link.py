@@ -81,7 +81,7 @@ def link(
         found = report.figures(survey, now)
         if not any(each.answers for each in survey.links.values()):
             status = Status.INTERRUPTED if interrupted.count else Status.COULD_NOT_GO_ON
-            fail(_nobody(survey), status)
+            fail(_no_vehicle(survey), status)
         with TemporaryDirectory() as scratch:
             directory = out or Path(scratch)
             _write_traces(survey, found, now, directory)
@@ -117,7 +117,7 @@ class _Interrupts:
         return self.count > 0 or (not survey.links and now > UNHEARD_S * NANOSECONDS)
 
 
-def _nobody(survey: LinkSurvey) -> str:
+def _no_vehicle(survey: LinkSurvey) -> str:
     where = ", ".join(str(each) for each in survey.endpoints())
     if not survey.links:
         return f"found nobody at {where}; allowed: endpoints at which an autopilot's heartbeats arrive"

@@ -391,7 +391,7 @@ def _missing_trail_m(target: Target, slot: Slot) -> float:
 
 
 def _limit_growth(wanted: float, before: float, maximum: float) -> float:
-    """Return the correction `wanted`, grown by at most `most` from the one `before`; NaN: no previous correction."""
+    """Return the correction `wanted`, grown by at most `maximum` from the one `before`; NaN: no previous correction."""
     if math.isnan(before):
         return wanted
     return within(wanted, min(before, 0.0) - maximum, max(before, 0.0) + maximum)

@@ -234,7 +234,7 @@ class Pid:
         """Integrate over `dt_s`; `excess` (limited minus unlimited output) decays with `anti_windup_s` (29c).
 
         This back-calculation discharges the integral at most to 0: a charge of the opposite sign could leave by the
-        integral gain only, which may be 0. `most` bounds the integral where `excess` is small because integral and
+        integral gain only, which may be 0. `maximum` bounds the integral where `excess` is small because integral and
         derivative cancel. Unless it `gathers`, the integral may only shrink.
         """
         before = self.integral

@@ -23,7 +23,7 @@ from gcs_formation.control.setpoint import LeaderMotion, Mixer, error_rate, form
 from gcs_formation.control.situation import Decided, Law, Situation
 from gcs_formation.guidance.leader_guidance import LeaderCommand
 
-STANDS_MPS: Final = 0.02
+HOVER_MPS: Final = 0.02
 """Commanded speed below which its course is the leader's heading."""
 MIN_CORRECTION_MPS: Final = 0.5
 """Speed correction, horizontal or vertical, that is allowed at any distance."""
@@ -49,7 +49,7 @@ class VelocityController(Controller):
         output = self._output(slopes, 1.0, pair, dt_s)
         along_mps, across_mps, height_m = self._limited(pair, _feed_forward(pair), output, dt_s)
         speed_mps = math.hypot(along_mps, across_mps)
-        lead_rad = math.atan2(across_mps, along_mps) if speed_mps > STANDS_MPS else 0.0
+        lead_rad = math.atan2(across_mps, along_mps) if speed_mps > HOVER_MPS else 0.0
         self.setpoint = speed_mps, axis_rad + lead_rad, height_m
 
     def _limited(self, pair: Pair, forward: Triple, output: Triple, dt_s: float) -> Triple:
@@ -111,7 +111,7 @@ def _feed_forward(pair: Pair) -> Triple:
 
 
 def _share(along: float, across: float, maximum: float) -> float:
-    """Return the factor that limits a vector's length to `most`."""
+    """Return the factor that limits a vector's length to `maximum`."""
     length = math.hypot(along, across)
     return 1.0 if length <= maximum else maximum / length
 

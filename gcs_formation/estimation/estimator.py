@@ -420,4 +420,4 @@ class StateEstimator:
 
 def _min_mps(model: AutopilotModel) -> float:
     """Return the lower bound of a vehicle's airspeeds; one that can hover may drift backwards."""
-    return -model.speed_max_mps if model.may_stand else MIN_AIRSPEED_MPS
+    return -model.speed_max_mps if model.may_hover else MIN_AIRSPEED_MPS

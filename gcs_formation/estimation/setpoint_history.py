@@ -110,7 +110,7 @@ class SentSetpoints:
             place = self.later(place, since)
             speed_mps, heading_rad, height_m = self.mean(place, since, since + step)
             speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
-            if model.may_stand:
+            if model.may_hover:
                 respond_hovering(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)
             else:
                 respond(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)

@@ -14,11 +14,11 @@ from typing import Final
 
 import numpy as np
 
-from flight_model.arrays import Array, beside
+from flight_model.arrays import Array, offset_points
 from flight_model.autopilot_model import FlightState
 from flight_model.lift_curve import STEP_M, LiftCurve
 from flight_model.path import Route
-from flight_model.path_lift_and_displacement import SAMPLES, TRIFLE_M, Bounds, Lift, least_lift, sample_places
+from flight_model.path_lift_and_displacement import SAMPLES, TRIFLE_M, Bounds, Lift, min_offset, sample_places
 from flight_model.slot import Slot, Triple
 from formation_scenario.fields import Frame
 from formation_scenario.slot_assignment import Arrangement
@@ -122,7 +122,7 @@ class SlotClearance:
         needed = self._needed(outlook, places, points)
         needed[outlook.leading] = 0.0
         bounds, slope = self._bounds(outlook.along_mps), points[:, SLOPE].copy()
-        made = (least_lift(first * STEP_M, row, slope, bounds, own) for row, own in zip(needed, begun, strict=True))
+        made = (min_offset(first * STEP_M, row, slope, bounds, own) for row, own in zip(needed, begun, strict=True))
         self._control_m = np.stack([each.control_m for each in made])
         self._curves = [LiftCurve(row) for row in self._control_m.tolist()]
         self._route, self._plan = outlook.route, outlook.plan
@@ -181,7 +181,7 @@ class SlotClearance:
         forward, right, up = np.moveaxis(_between(knots), -1, 0)
         own = heading + np.arcsin(np.clip(curvature * forward, -0.99, 0.99))
         axis = axis_rad(self._frame, np.broadcast_to(heading, forward.shape), own)
-        ground_m = self._ground.height(*beside(north, east, axis, forward, right))
+        ground_m = self._ground.height(*offset_points(north, east, axis, forward, right))
         return ground_m + self._clearance_m - (height + up)
 
 

@@ -42,7 +42,7 @@ any vehicle follows."""
 LEGS = 12
 """Number of waypoints of the straight path."""
 HEIGHT_CM = 14.0
-LEAST_ERROR = 1e-9
+MIN_ERROR = 1e-9
 """Floor of errors: a model that flies its own recording has none, and nothing is better than that."""
 UNITS = ("m/s", "rad", "m")
 EQUATION, AIRFRAME = "equation (7)", "airframe"
@@ -299,7 +299,7 @@ def is_nearer(errors: Array, others: Array, more: int) -> bool:
         more: by how many parameters it exceeds the other model.
     """
     counts = np.minimum(_independent(errors), _independent(others))
-    squares, other_squares = (np.maximum(np.mean(each**2, axis=1), LEAST_ERROR**2) for each in (errors, others))
+    squares, other_squares = (np.maximum(np.mean(each**2, axis=1), MIN_ERROR**2) for each in (errors, others))
     gained = float(counts @ np.log(other_squares / squares))
     return gained > more * math.log(float(counts.sum()))
 
@@ -308,7 +308,7 @@ def _independent(errors: Array) -> Array:
     """Return the number of independent errors among (3, K) in each channel, at least 1."""
     points = errors.shape[1]
     alike = autocovariance(errors, points * STEP_S)
-    together = 1.0 + 2.0 * alike[:, 1:].sum(axis=1) / np.maximum(alike[:, 0], LEAST_ERROR**2 / points)
+    together = 1.0 + 2.0 * alike[:, 1:].sum(axis=1) / np.maximum(alike[:, 0], MIN_ERROR**2 / points)
     return np.clip(points / np.maximum(together, 1.0), 1.0, None)
 
 

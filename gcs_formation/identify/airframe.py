@@ -24,7 +24,7 @@ ITERATIONS = 7
 NUDGE = 0.02
 """Step of a logarithm for the numerical derivative."""
 STEP_MAX = 0.4
-LEAST_VARIANCE = 1e-9
+MIN_VARIANCE = 1e-9
 LOOP_S = 0.02
 """Least value that a search begins with: a period of the autopilot's main loop, for a dead time of 0."""
 CORRELATED_S = 2.0
@@ -52,7 +52,7 @@ def _nearest(start: Array, errors_of: Callable[[Sequence[Array]], Array], spread
     prior: Array = np.diag(spreads**-2.0)
     for _ in range(ITERATIONS):
         error, slopes, weights = _linear(logs, errors_of)
-        worth = 1.0 / max(float(np.mean((error * weights) ** 2)) * repeated, LEAST_VARIANCE)
+        worth = 1.0 / max(float(np.mean((error * weights) ** 2)) * repeated, MIN_VARIANCE)
         weighed = slopes * weights**2 * worth
         gain = weighed @ error + prior @ (logs - start)
         step = np.linalg.solve(weighed @ slopes.T + prior, gain).astype(np.float64)

@@ -21,7 +21,7 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify.output_error import Search, simulated
-from gcs_formation.identify.recording import CYCLE_S, LEAST_MOVED, STEP_S, Recording
+from gcs_formation.identify.recording import CYCLE_S, MIN_MOVED, STEP_S, Recording
 
 HORIZON_S = 6.0
 """Length of the predictions that equation (7) is judged by: what the law feeds forward takes as long to arrive."""
@@ -48,12 +48,12 @@ CLEAR = 1.96
 """A dead time of fewer standard deviations isn't distinguished from none; the others are then fitted without it."""
 REST = ("prompt_share", "rest_s")
 """Also fitted for vehicles believed to leave part of a speed change to an integrator."""
-LEAST_SHARE = 0.2
+MIN_SHARE = 0.2
 QUICK_MPS = 0.2
 """A larger change of a multirotor's velocity setpoint within `STEP_S` isn't gentle."""
 QUICK_S = 5.0
 """Lags aren't fitted to what was measured within this time after such a change."""
-LEAST_KEPT = 0.2
+MIN_KEPT = 0.2
 """Share of a recording that must be left after that."""
 
 
@@ -163,7 +163,7 @@ def _estimates(names: Sequence[str], logs: Array, covariance: Array) -> dict[str
     if LAGS[-1] in values:
         values |= zip(LAGS_OF["height"], sorted(values[name] for name in LAGS_OF["height"]), strict=True)
     if REST[0] in values:
-        values[REST[0]] = min(max(values[REST[0]], LEAST_SHARE), 1.0)
+        values[REST[0]] = min(max(values[REST[0]], MIN_SHARE), 1.0)
     sigmas = np.sqrt(np.diag(covariance)).tolist()
     each = zip(values.items(), sigmas, strict=True)
     return {name: Estimate(value, sigma if name == DEAD else value * sigma) for (name, value), sigma in each}
@@ -194,19 +194,19 @@ def _hardly_moved(recordings: Sequence[Recording]) -> dict[str, str]:
         RecordError: none can.
     """
     found, moved = dict[str, str](), [each.moved() for each in recordings]
-    for channel, (least, unit) in LEAST_MOVED.items():
+    for channel, (minimum, unit) in MIN_MOVED.items():
         if not all(channel in each for each in moved):
             found[channel] = f"no {channel} setpoints with responses to them"
-        elif (most := max(each[channel] for each in moved)) < least:
+        elif (most := max(each[channel] for each in moved)) < minimum:
             said = f"the {channel} setpoint changed by no more than {most:.2g} {unit}: found too little to learn from"
-            found[channel] = f"{said}; {least:g} {unit} or more would do"
+            found[channel] = f"{said}; {minimum:g} {unit} or more would do"
     if len(found) == len(CHANNELS):
         raise _too_little(found)
     return found
 
 
 def _too_little(unidentified: Mapping[str, str]) -> RecordError:
-    allowed = ", ".join(f"{least:g} {unit} of {channel}" for channel, (least, unit) in LEAST_MOVED.items())
+    allowed = ", ".join(f"{minimum:g} {unit} of {channel}" for channel, (minimum, unit) in MIN_MOVED.items())
     said = "; ".join(unidentified.values())
     return RecordError(
         f"{said}; allowed: steps or ramps of at least one of {allowed}, as `identify SCENARIO` flies them"
@@ -241,7 +241,7 @@ def _gentle(recording: Recording) -> Recording:
         before = np.searchsorted(quick, at - late, side="right") - 1
         since = at - late - np.append(quick, -np.inf)[before] if quick.size else np.full(at.shape, np.inf)
         kept = since * STEP_S >= QUICK_S
-        if np.count_nonzero(kept) < LEAST_KEPT * at.size:
+        if np.count_nonzero(kept) < MIN_KEPT * at.size:
             return recording
         samples[channel] = at[kept], value[kept]
     return replace(recording, samples=tuple(samples))
@@ -296,7 +296,7 @@ def _aimed(recording: Recording, model: VehicleModel, prompt_share: float, rest_
     With a commanded velocity w it aims at prompt_share w + (1 - prompt_share) m, and m follows w with the lag rest_s.
     For a fixed wing this is its airspeed only.
     """
-    share = min(max(float(prompt_share), LEAST_SHARE), 1.0)
+    share = min(max(float(prompt_share), MIN_SHARE), 1.0)
     speed, heading, height = recording.commanded
     course = heading if model.hovers else np.zeros_like(heading)
     commanded = speed * np.exp(1j * course)

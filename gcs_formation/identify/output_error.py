@@ -46,9 +46,9 @@ CLOSE = 1e-5
 NEAR_ENOUGH = 1e-3
 """The same where the search only has to show whether a further parameter is worth a full one."""
 TINY = 1e-9
-LEAST_KNOWN = 1e-8
+MIN_KNOWN = 1e-8
 """Directions with less information than this, relative to the largest, count as unknown."""
-LEAST_SPEED_MPS = 1.0
+MIN_SPEED_MPS = 1.0
 """Below this speed no lateral acceleration turns a vehicle."""
 
 LEAST_SQUARE = 1e-4
@@ -174,7 +174,7 @@ class Search:
         self._flown = flown
         moved = sum(each.slopes @ (then.full - each.full) for each, then in zip(points, later, strict=True))
         values, directions = np.linalg.eigh(information)
-        known = values > LEAST_KNOWN * values[-1]  # two equal lags: the flight determines only their sum
+        known = values > MIN_KNOWN * values[-1]  # two equal lags: the flight determines only their sum
         seen = directions[:, known]
         pulled = seen.T @ (pulls + np.outer(moved, moved)) @ seen + TINY * np.diag(values[known])
         weighed = seen * values[known]
@@ -304,7 +304,7 @@ def simulated(commanded: Sequence[Array], models: AutopilotModels, begins: Array
     state, flown = FlightStates(none, none, height, climb, airspeed, heading, none, none), np.empty((3, most, count))
     for point in range(most):
         flown[:, point] = state.airspeed_mps, state.heading_rad, state.height_m
-        lateral_rps = held[3, point] / np.maximum(state.airspeed_mps, LEAST_SPEED_MPS)
+        lateral_rps = held[3, point] / np.maximum(state.airspeed_mps, MIN_SPEED_MPS)
         models.turn_rate_max_rps[:] = np.minimum(turn_rate_max_rps, lateral_rps)
         state = advance(state, held[:3, point], step_s, models)
     return [flown[:, : each.shape[1], place] for place, each in enumerate(commanded)]

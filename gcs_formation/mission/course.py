@@ -138,10 +138,10 @@ class Course:
 
     def _fail_to_start(self, gained_m: float, now: Instant) -> None:
         moved = f"{abs(gained_m):.0f} m {'nearer to' if gained_m > 0.0 else 'farther from'}"
-        told = (
+        reached = (
             f"commanded to fly {self._controller.guidance.speed_mps:g} m/s, it is {moved} it than {GETS_ON_S:g} s ago"
         )
-        self.fail(f"the leader does not get to the start of its path: {told}", now)
+        self.fail(f"the leader does not get to the start of its path: {reached}", now)
 
     @property
     def not_landed(self) -> dict[VehicleId, str | None] | None:

@@ -153,7 +153,7 @@ def _lacks(vehicle: Vehicle, now: Instant) -> str:
     unknown = vehicle.sampler.why_unknown(now) if acknowledged else None
     if unknown:
         return f" ({unknown})"
-    untold = [name for name, told in (("position", seen.motion), ("attitude", seen.attitude)) if told is None]
+    untold = [name for name, value in (("position", seen.motion), ("attitude", seen.attitude)) if value is None]
     why = [f": {seen.position_refused}"] if seen.motion is None and seen.position_refused else []
     return f" (it has told no {' and no '.join(untold)}{''.join(why)})" if untold else ""
 

@@ -83,7 +83,7 @@ def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
         return LawMargins(*({name: each[which] for name, each in axes.items()} for which in (0, 1)))
 
     return {
-        identity: _least([margins(model, x_rc_m) for x_rc_m in places_m])
+        identity: _min([margins(model, x_rc_m) for x_rc_m in places_m])
         for identity, model, places_m in _planned(scenario)
     }
 
@@ -111,11 +111,11 @@ def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -
     }
 
 
-def _least(margins: Collection[LawMargins]) -> LawMargins:
-    def least(each: Collection[Mapping[str, float]]) -> dict[str, float]:
+def _min(margins: Collection[LawMargins]) -> LawMargins:
+    def lowest(each: Collection[Mapping[str, float]]) -> dict[str, float]:
         return {axis: min((margin[axis] for margin in each), default=math.inf) for axis in "xyz"}
 
-    return LawMargins(least([each.small_signal for each in margins]), least([each.worst for each in margins]))
+    return LawMargins(lowest([each.small_signal for each in margins]), lowest([each.worst for each in margins]))
 
 
 def stated_as_margins(stated: Stated) -> LawMargins:
@@ -126,8 +126,8 @@ def stated_as_margins(stated: Stated) -> LawMargins:
 def _min_of_all(margins: Collection[LawMargins]) -> LawMargins:
     """Return the least margin of each loop that any vehicle has."""
     loops = dict.fromkeys(loop for each in margins for loop in each.small_signal)
-    least = {loop: min(each.small_signal.get(loop, math.inf) for each in margins) for loop in loops}
-    return LawMargins(least, least)
+    lowest = {loop: min(each.small_signal.get(loop, math.inf) for each in margins) for loop in loops}
+    return LawMargins(lowest, lowest)
 
 
 def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Plant, Plant, Plant]:
@@ -148,7 +148,7 @@ def law_margins(scenario: Scenario) -> LawMargins:
     if law_kind(scenario).mutual:
         margin = {"consensus": min(consensus_margins(scenario))}
         return LawMargins(margin, margin)
-    return _least(follower_margins(scenario).values())
+    return _min(follower_margins(scenario).values())
 
 
 def scenario_delay_margin(scenario: Scenario) -> float:

@@ -19,7 +19,7 @@ from gcs_formation.stability.pid_margins import Loop, Plant, stacked
 _GRID = 4000
 LAGS_OFF = 0.3
 """Default relative error of every time constant with which mismatch margins of the delay are computed."""
-MOST = 0.95
+MAXIMUM = 0.95
 _STEPS = 10
 _HALVINGS = 5
 _FREQUENCIES = np.geomspace(1e-3, 1e2, 600)
@@ -163,7 +163,7 @@ def _interpolated(x: tuple[float, float, float], f: tuple[float, float, float]) 
 
 @cache
 def lag_margin(loop: Loop, delay_s: float) -> float:
-    """Return the relative error, 0 to `MOST`, that all time constants of the autopilot may have at once.
+    """Return the relative error, 0 to `MAXIMUM`, that all time constants of the autopilot may have at once.
 
     The prediction over `delay_s` and the dead time uses the loop's own plant. Every combination of longer and shorter
     time constants is tried, with an error that rises from 0 until one of them is unstable.
@@ -175,7 +175,7 @@ def lag_margin(loop: Loop, delay_s: float) -> float:
         stable = predicted_are_stable(loop, off, delay_s + loop.dead_time_s)
         return [all(stable[i : i + ways]) for i in range(0, len(stable), ways)]
 
-    shares = np.linspace(0.0, MOST, _STEPS + 1).tolist()
+    shares = np.linspace(0.0, MAXIMUM, _STEPS + 1).tolist()
     most = (*all_stable(shares), False).index(False)
     if most in {0, len(shares)}:
         return (0.0, *shares)[most]

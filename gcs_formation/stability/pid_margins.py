@@ -255,15 +255,15 @@ def worst_loop_margin(
     It is for frozen gains, and says nothing about how fast they may change. As a rule the least is at a corner.
     """
 
-    def least(of: Sequence[Triple]) -> tuple[float, Triple]:
+    def lowest_of(of: Sequence[Triple]) -> tuple[float, Triple]:
         loops = [Loop(gain_range.gains(nominal, outputs), plant, aircraft) for outputs in of]
         return min(zip(_margins_of(loops), of, strict=True))
 
     if gain_range.span == 0.0:
         return loop_margin(nominal, plant, gain_range, MID_RANGE, aircraft)
-    margin_s, outputs = least(list(product(np.linspace(0.0, 1.0, _LEVELS).tolist(), repeat=3)))
+    margin_s, outputs = lowest_of(list(product(np.linspace(0.0, 1.0, _LEVELS).tolist(), repeat=3)))
     for step in _FINER:
-        margin_s, outputs = min((margin_s, outputs), least(_around(outputs, step)))
+        margin_s, outputs = min((margin_s, outputs), lowest_of(_around(outputs, step)))
     return margin_s
 
 

@@ -24,7 +24,7 @@ GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 QUANTITIES: Final = 3
 ALL_AGAIN_S: Final = QUANTITIES * REPEAT_S
 """Time after which every quantity is repeated."""
-MOST_LEAD_RAD: Final = 0.03
+MAX_LEAD_RAD: Final = 0.03
 SLACK_S: Final = 0.01
 """Ticks come a little early or late."""
 STREAM_LOSSES: Final = 5.0
@@ -153,7 +153,7 @@ class SetpointDelivery:
         if not 0.0 < elapsed_s < self.interval_s or math.isnan(turned_rad):
             return setpoint
         lead_rad = (self.interval_s - elapsed_s) / 2.0 / elapsed_s * turned_rad
-        heading_rad = setpoint.heading_rad + within(lead_rad, -MOST_LEAD_RAD, MOST_LEAD_RAD)
+        heading_rad = setpoint.heading_rad + within(lead_rad, -MAX_LEAD_RAD, MAX_LEAD_RAD)
         return Setpoint(setpoint.speed_mps, heading_rad, setpoint.height_m)
 
     def _may(self, quantity: int, at: Instant) -> bool:

@@ -32,7 +32,7 @@ YAW_LAG_S: Final = 0.12
 """Each of two lags of the yaw behind a reference that turns at `YAW_RATE_RPS`."""
 YAW_RATE_RPS: Final = 1.1
 """ATC_SLEW_YAW, nominally 60 degrees/s, as observed."""
-LEAST_LAG_S: Final = 0.05
+MIN_LAG_S: Final = 0.05
 Velocity = tuple[float, float, float]
 """Ground velocity: north, east, down, m/s."""
 AT_REST: Velocity = (0.0, 0.0, 0.0)
@@ -45,10 +45,10 @@ class HoveringBody(Body):
         """Start as configured."""
         super().__init__(config, wind_mps, seed)
         model, start = config.model, config.start
-        self._lag_s: float = max(model.tau_v_s - DEAD_CYCLES[model.firmware] * LOOP_S, LEAST_LAG_S)
+        self._lag_s: float = max(model.tau_v_s - DEAD_CYCLES[model.firmware] * LOOP_S, MIN_LAG_S)
         both_s2, sum_s = model.tau_ha_s * model.tau_hb_s, model.tau_ha_s + model.tau_hb_s
         reaction_s = CLIMB_DEAD_CYCLES * LOOP_S + CLIMB_LAG_S
-        self._climb_lag_s: float = max(both_s2 / sum_s - reaction_s, LEAST_LAG_S)
+        self._climb_lag_s: float = max(both_s2 / sum_s - reaction_s, MIN_LAG_S)
         north_mps, east_mps = (start.airspeed_mps * f(start.heading_rad) for f in (math.cos, math.sin))
         self.velocity_mps: Velocity = (north_mps, east_mps, 0.0)
         self.yaw_rad: float = start.heading_rad
@@ -139,14 +139,14 @@ class HoveringBody(Body):
     def _turn_nose(self, commanded_rad: float) -> None:
         """Turn the yaw behind a reference that approaches the setpoint at a constant rate."""
         if not math.isnan(commanded_rad):
-            most_rad = YAW_RATE_RPS * LOOP_S
-            self._nose_aimed_rad += within(wrap(commanded_rad - self._nose_aimed_rad), -most_rad, most_rad)
+            max_rad = YAW_RATE_RPS * LOOP_S
+            self._nose_aimed_rad += within(wrap(commanded_rad - self._nose_aimed_rad), -max_rad, max_rad)
         share = LOOP_S / YAW_LAG_S
         self._nose_between_rad += share * (self._nose_aimed_rad - self._nose_between_rad)
         self.yaw_rad += share * (self._nose_between_rad - self.yaw_rad)
 
 
-def _limited(north: float, east: float, most: float) -> tuple[float, float]:
-    """Return a vector, shortened to length `most` if it is longer."""
-    share = min(1.0, most / max(math.hypot(north, east), 1e-9))
+def _limited(north: float, east: float, maximum: float) -> tuple[float, float]:
+    """Return a vector, shortened to length `maximum` if it is longer."""
+    share = min(1.0, maximum / max(math.hypot(north, east), 1e-9))
     return share * north, share * east

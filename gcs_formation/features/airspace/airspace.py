@@ -119,13 +119,13 @@ class FenceLimits:
         widest = np.where(room[:, 1] >= room[:, 0], 1.0, -1.0)
         same = np.where(before > 0.0, room[:, 1], room[:, 0]) >= 0.0
         side = np.where(held, np.where((before != 0.0) & same, before, widest), 0.0)
-        aside_rad = side * TURN_RAD
+        turn_rad = side * TURN_RAD
         lost = held & (room.max(axis=1) < 0.0)
         if lost.any():
             off_rad = wrap(_inward_rad(areas, place[lost]) - state.heading_rad[lost])
-            aside_rad[lost] = within(off_rad, -TURN_RAD, TURN_RAD)
+            turn_rad[lost] = within(off_rad, -TURN_RAD, TURN_RAD)
         turned: list[int] = which[held].tolist()
-        headings_rad: list[float] = (state.heading_rad + aside_rad)[held].tolist()
+        headings_rad: list[float] = (state.heading_rad + turn_rad)[held].tolist()
         for column, heading_rad in zip(turned, headings_rad, strict=True):
             speed_mps, _, height_m = tick.setpoints[column]
             tick.replace(column, (speed_mps, heading_rad, height_m))
@@ -226,11 +226,11 @@ class HeightFloor:
         return floors_m
 
 
-def _climbs(state: FlightState, told_m: float, model: AutopilotModel) -> list[float]:
+def _climbs(state: FlightState, commanded_m: float, model: AutopilotModel) -> list[float]:
     """Return the heights at `LAGS` if a setpoint is held first and the fastest climb follows."""
     flown, begun, heights_m, climb_m = state.copy(), 0.0, list[float](), _lag_s(model) * model.climb_max_mps
     for lags in LAGS:
-        aim_m = told_m if lags <= HELD_LAGS else flown.height_m + climb_m
+        aim_m = commanded_m if lags <= HELD_LAGS else flown.height_m + climb_m
         respond(flown, model, math.nan, math.nan, aim_m, _lag_s(model) * (lags - begun))
         heights_m.append(flown.height_m)
         begun = lags

@@ -52,8 +52,8 @@ def agreed_s(bounds: Sequence[UtcBounds], before_s: float = math.nan) -> float:
     if 2 * sum(each.allows(before_s) for each in bounds) > len(bounds):
         return before_s
     edges = [each.middle_s + sign * each.half_round_trip_s for each in bounds for sign in (-1.0, 1.0)]
-    most = max(edges, key=lambda edge_s: sum(each.allows(edge_s) for each in bounds))
-    agreeing = [each for each in bounds if each.allows(most)]
+    maximum = max(edges, key=lambda edge_s: sum(each.allows(edge_s) for each in bounds))
+    agreeing = [each for each in bounds if each.allows(maximum)]
     if 2 * len(agreeing) <= len(bounds):
         return math.nan
     low_s = max(each.middle_s - each.half_round_trip_s for each in agreeing)

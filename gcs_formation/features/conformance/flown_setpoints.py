@@ -99,8 +99,8 @@ class FlownSetpoints:
             prompt_share: share of an airspeed change that is prompt; the autopilot's integrator does the rest slowly.
         """
         self.vehicle, self.model = vehicle, model
-        self.least = [least + SIGMAS * each for least, each in zip(MIN_CHANGE, sigma, strict=True)]
-        self.least[AIRSPEED] /= prompt_share
+        self.min_change = [floor + SIGMAS * each for floor, each in zip(MIN_CHANGE, sigma, strict=True)]
+        self.min_change[AIRSPEED] /= prompt_share
         self.carried_m = _carried_m(model)
         self.reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
         self.since: Instant | None = None
@@ -140,9 +140,9 @@ class FlownSetpoints:
         if commanded_s < CHECK_S:
             self.climbed = abs(seen.climb_mps) > CLIMBING_MPS
         self._remember(stamp, seen)
-        told_m = self._commanded(stamp, seen, history, now)
+        commanded_m = self._commanded(stamp, seen, history, now)
         by_speed, by_heading, by_height = self._settled(now)
-        sunk = self._sunk(stamp, seen, told_m if by_height else math.nan)
+        sunk = self._sunk(stamp, seen, commanded_m if by_height else math.nan)
         if len(self.past) < WINDOW_CHECKS or not (by_speed or by_heading or by_height):
             self.bad, self.good = [0, 0, 0], 0
             return None
@@ -154,10 +154,10 @@ class FlownSetpoints:
         by_speed = by_speed and not levels_out
         trades = seconds_between(self.off_at, now) < OFF_S
         by_height = by_height and not levels_out and not trades and not (fast and end.height_m > before.height_m)
-        expected, flown = _changes(before, end, seen, hovers=self.model.may_stand)
+        expected, flown = _changes(before, end, seen, hovers=self.model.may_hover)
         judged = by_speed, by_heading, by_height
         channel = self._judge(expected, self._less_initial_motion(expected, flown), seen.airspeed_mps, judged)
-        above_m = told_m - seen.height_m if by_height and not fast else math.nan
+        above_m = commanded_m - seen.height_m if by_height and not fast else math.nan
         sunk = sunk or self._stuck(above_m, flown[HEIGHT])
         if sunk is not None:
             self.good = 0
@@ -189,18 +189,18 @@ class FlownSetpoints:
         """Return the height setpoint, NaN without setpoints; note when the airspeed is far off."""
         if self.since is None:
             return math.nan
-        told_mps, _, told_m = history.commanded(stamp, self.vehicle.column)
-        if not self.model.may_stand and abs(told_mps - seen.airspeed_mps) > OFF_MPS:
+        told_mps, _, commanded_m = history.commanded(stamp, self.vehicle.column)
+        if not self.model.may_hover and abs(told_mps - seen.airspeed_mps) > OFF_MPS:
             self.off_at = now
-        return told_m
+        return commanded_m
 
-    def _sunk(self, stamp: int, seen: FlightState, told_m: float) -> NonConformance | None:
-        """Return the height lost if it sinks although commanded to climb; NaN in `told_m`: not judged.
+    def _sunk(self, stamp: int, seen: FlightState, commanded_m: float) -> NonConformance | None:
+        """Return the height lost if it sinks although commanded to climb; NaN in `commanded_m`: not judged.
 
         Height setpoints stay within its reach, and so sink with it: within one window it hardly falls short of them.
         """
-        told = told_m - seen.height_m > CLIMBS_SHARE * self.reach_m
-        if not told or seen.height_m - self.past[0].height_m > MIN_CHANGE[HEIGHT]:
+        climbs = commanded_m - seen.height_m > CLIMBS_SHARE * self.reach_m
+        if not climbs or seen.height_m - self.past[0].height_m > MIN_CHANGE[HEIGHT]:
             self.highest_m, self.sinks = -math.inf, False
         elif seen.height_m > self.highest_m:
             self.highest_m, self.highest_at = seen.height_m, stamp
@@ -210,10 +210,10 @@ class FlownSetpoints:
             return None
         return NonConformance(CHANNELS[HEIGHT], 0.0, -lost_m, (stamp - self.highest_at) / NANOSECONDS)
 
-    def _stuck(self, told_m: float, risen_m: float) -> NonConformance | None:
-        """Return the climb that it fails to fly with a setpoint `told_m` above it, after enough checks."""
+    def _stuck(self, commanded_m: float, risen_m: float) -> NonConformance | None:
+        """Return the climb that it fails to fly with a setpoint `commanded_m` above it, after enough checks."""
         full_m = self.model.climb_max_mps * WINDOW_S
-        stuck = told_m > AT_LIMIT_SHARE * self.reach_m and risen_m < CLIMBS_MIN_SHARE * full_m
+        stuck = commanded_m > AT_LIMIT_SHARE * self.reach_m and risen_m < CLIMBS_MIN_SHARE * full_m
         self.stuck = self.stuck + 1 if stuck else 0
         self.good = 0 if stuck else self.good
         return None if self.stuck < CHECKS_STUCK else NonConformance(CHANNELS[HEIGHT], full_m, risen_m)
@@ -244,13 +244,13 @@ class FlownSetpoints:
         if by_height:
             air_mps = (risen_m - flown_m) / self.carried_m
             self.air_variance += CHECK_S / AIR_MEMORY_S * (air_mps * air_mps - self.air_variance)
-        if not self.model.may_stand:
+        if not self.model.may_hover:
             flown_mps = _by_energy(faster_mps, flown_mps, flown_m - risen_m, max(airspeed_mps, slowest_mps))
         min_mps = max(gust_mps, MIN_AIRSPEED_MPS)
-        aside_rad = gust_mps / max(airspeed_mps, min_mps)
+        drift_rad = gust_mps / max(airspeed_mps, min_mps)
         carried_m = max(RISING_AIR_MPS, gust_mps) * self.carried_m
         keeps_speed = self._keeps_up(AIRSPEED, faster_mps, flown_mps, 0.0, judged=by_speed)
-        keeps_heading = self._keeps_up(HEADING, turned_rad, flown_rad, aside_rad, judged=by_heading)
+        keeps_heading = self._keeps_up(HEADING, turned_rad, flown_rad, drift_rad, judged=by_heading)
         keeps_height = self._keeps_up(HEIGHT, risen_m, flown_m, carried_m, judged=by_height)
         worst = self.worst
         self.good = self.good + 1 if judged[self.missed] and keeps_speed and keeps_heading and keeps_height else 0
@@ -263,7 +263,7 @@ class FlownSetpoints:
     def _keeps_up(self, channel: int, change: float, flown: float, by_air: float, *, judged: bool) -> bool:
         """Return whether a channel's change is flown, explained by the air or not judged; count misses."""
         short = change - flown if change > 0.0 else flown - change
-        large = abs(change) >= self.least[channel]
+        large = abs(change) >= self.min_change[channel]
         missed = judged and large and short > max(MISSED_SHARE * abs(change), by_air)
         self.bad[channel] = self.bad[channel] + 1 if missed else 0
         return not missed

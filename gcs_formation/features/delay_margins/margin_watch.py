@@ -217,14 +217,14 @@ class MarginWatch:
 
     def _by_lags(self, column: int, delay: LoopDelay, axes: dict[str, Usage]) -> tuple[float, int]:
         """Return the largest share of its margin against wrong time constants that a loop uses, and their channel."""
-        most, whose = 0.0, 0
+        maximum, whose = 0.0, 0
         for axis, usage in axes.items():
             for channel in channels_of(axis):
                 off = self._lags_off[channel][column]
                 used = usage.of_lags(delay, off) if off >= LAGS_NOTED else 0.0
-                if used > most:
-                    most, whose = used, channel
-        return most, whose
+                if used > maximum:
+                    maximum, whose = used, channel
+        return maximum, whose
 
     def _forget(self, leader: Vehicle) -> None:
         """Forget the loops of a vehicle that has become the leader."""

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, beside
+from flight_model.arrays import Array, offset_points
 from flight_model.autopilot_model import AutopilotModel, FlightState, advance
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import slot_schedule
@@ -89,12 +89,12 @@ class _Climb:
             )
         yield from self._too_low()
 
-    def beyond(self, most_m: float) -> Iterator[str]:
-        """Yield by how much the highest circle is above `most_m`."""
+    def beyond(self, max_m: float) -> Iterator[str]:
+        """Yield by how much the highest circle is above `max_m`."""
         highest_m = max(self._stack.heights_m.values())
-        if highest_m > most_m + SHORT_M:
+        if highest_m > max_m + SHORT_M:
             yield (
-                f"{self._where}: vehicles circle one above the other, up to {highest_m:.0f} m; {most_m:g} m are "
+                f"{self._where}: vehicles circle one above the other, up to {highest_m:.0f} m; {max_m:g} m are "
                 "allowed (safety.fence.height_max_m)"
             )
 
@@ -123,7 +123,7 @@ class _Climb:
         points = self._path.at(self._end_m + ahead_m)
         forward_m, right_m, _ = self._slots_m.T[:, :, None]
         axis = axis_rad(self._frame, points.course_rad, points.course_rad)
-        return beside(points.north_m, points.east_m, axis, forward_m, right_m)
+        return offset_points(points.north_m, points.east_m, axis, forward_m, right_m)
 
 
 def _climbed_m(model: AutopilotModel, begin: ReportedMotion, goal_m: float, count: int) -> list[float]:

@@ -14,13 +14,13 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
-from gcs_formation.features.ending.stack import MOST_S, FlyingVehicle, Stack, climbed_out, limit_of_climb_s
+from gcs_formation.features.ending.stack import MAX_S, FlyingVehicle, Stack, climbed_out, limit_of_climb_s
 from gcs_formation.recorder import VehicleLink
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 UNMOVED_S = 5.0
 """Time without an answer before the others' heights are moved out of a vehicle's way: links lose in bursts."""
-STANDS_MPS = 0.5
+HOVER_MPS = 0.5
 """Ground speed below which a stopping vehicle counts as hovering."""
 
 
@@ -64,7 +64,7 @@ class Opening:
         given_m, steered = self._stack.heights_m, ((i, each) for i, each in self._fliers.items() if each.steered)
         climb_m = max((given_m[identity] - each.place.height_m for identity, each in steered), default=0.0)
         needed_s = seconds_between(self._since, now) + limit_of_climb_s(climb_m, self._climb_mps)
-        self._limit_s = max(self._limit_s, min(needed_s, MOST_S))
+        self._limit_s = max(self._limit_s, min(needed_s, MAX_S))
 
     def over(self, now: Instant) -> bool:
         """Return whether vehicles may circle, or the time limit is reached."""
@@ -74,7 +74,7 @@ class Opening:
     def _moves(self) -> bool:
         """Return whether a steered vehicle doesn't hover yet."""
         steered = (flier.place for flier in self._fliers.values() if flier.steered)
-        return any(math.hypot(place.north_mps, place.east_mps) > STANDS_MPS for place in steered)
+        return any(math.hypot(place.north_mps, place.east_mps) > HOVER_MPS for place in steered)
 
     def _flier(self, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> FlyingVehicle | None:
         place, column = vehicle.telemetry.motion, vehicle.column

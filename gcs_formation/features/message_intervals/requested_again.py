@@ -32,7 +32,7 @@ FEWEST_SENT: Final = 8.0
 QUICK_HZ: Final = 5.0
 """Messages that come at least as often as attitudes are counted over `WINDOW_S`."""
 WINDOW_S: Final = 2.0
-LEAST_SHARE: Final = 0.5
+MIN_SHARE: Final = 0.5
 SLOWED_SHARE: Final = 0.9
 """Share of the expected number below which a message is requested again together with one that is missing."""
 SIGMAS: Final = 4.0
@@ -48,15 +48,19 @@ class MessageCounts:
     A look is named by how many there were since the last `clear` before it.
     """
 
-    def __init__(self, most: int, kinds: int) -> None:
+    def __init__(self, maximum: int, kinds: int) -> None:
         """Keep the counts of so many looks, at so many requested messages."""
-        self._most: i64 = most
+        self._max: i64 = maximum
         self._kinds: i64 = kinds
         self.looks: i64 = 0
         """How many there were."""
-        self._heard_s = vec[float]([0.0] * most)
-        self._received, self._lost, self._total = vec[i64]([0] * most), vec[i64]([0] * most), vec[i64]([0] * most)
-        self._messages = vec[i64]([0] * (most * kinds))
+        self._heard_s = vec[float]([0.0] * maximum)
+        self._received, self._lost, self._total = (
+            vec[i64]([0] * maximum),
+            vec[i64]([0] * maximum),
+            vec[i64]([0] * maximum),
+        )
+        self._messages = vec[i64]([0] * (maximum * kinds))
 
     def clear(self) -> None:
         """Begin again."""
@@ -67,12 +71,12 @@ class MessageCounts:
 
         Of news: copies of a vehicle that has fallen silent don't count.
         """
-        at, total = self.looks % self._most, i64(0)
+        at, total = self.looks % self._max, i64(0)
         for count in vehicle.messages_in:
             total += count
         heard_s = 0.0
         if self.looks:
-            before = (self.looks - 1) % self._most
+            before = (self.looks - 1) % self._max
             heard_s = self._heard_s[before] + (since_s if total > self._total[before] else 0.0)
         self._heard_s[at], self._total[at] = heard_s, total
         self._received[at], self._lost[at] = vehicle.sequence.received, vehicle.sequence.lost
@@ -102,7 +106,7 @@ class MessageCounts:
     def _ends(self, span: i64) -> tuple[i64, i64]:
         """Return where the first and the last look of `span` intervals are."""
         newest = self.looks - 1
-        return (newest - span) % self._most, newest % self._most
+        return (newest - span) % self._max, newest % self._max
 
 
 class RequestedMessages:
@@ -122,7 +126,7 @@ class RequestedMessages:
         self.expected_hz, self.rates_hz = rates_hz, dict(rates_hz)
         self._ids, self._rates = list(self.rates_hz), list(self.rates_hz.values())
         spans = [math.ceil(_window_s(rate_hz) / LOOK_S) for rate_hz in self._rates]
-        self._least_hz = vec[float]([LEAST_SHARE * rate_hz for rate_hz in self._rates])
+        self._min_hz = vec[float]([MIN_SHARE * rate_hz for rate_hz in self._rates])
         self._spans = vec[i64](spans)
         self.counts = MessageCounts(1 + max(spans), len(spans))
         """The last counts, as many as the rarest message needs."""
@@ -141,7 +145,7 @@ class RequestedMessages:
             if counts.looks <= span:
                 continue
             count, heard_s = counts.arrived(place, span), counts.heard_s(span)
-            if float(count) < self._least_hz[place] * heard_s:
+            if float(count) < self._min_hz[place] * heard_s:
                 sent = self._rates[place] * heard_s
                 if sent >= FEWEST_SENT and _is_too_few(count, sent, counts.share_arriving(span)):
                     found.append(self._ids[place])
@@ -225,7 +229,7 @@ def _window_s(rate_hz: float) -> float:
 def _is_too_few(count: i64, sent: float, arriving: float) -> bool:
     """Return whether `count` is too few of `sent` messages that each arrive with the probability `arriving`."""
     expected, sigma = sent * arriving, math.sqrt(sent * arriving * (1.0 - arriving))
-    return expected > 1.0 and float(count) < min(LEAST_SHARE * expected, expected - SIGMAS * sigma)
+    return expected > 1.0 and float(count) < min(MIN_SHARE * expected, expected - SIGMAS * sigma)
 
 
 def _refuses(vehicle: Vehicle) -> bool:

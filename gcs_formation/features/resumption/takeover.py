@@ -190,7 +190,7 @@ class Takeover(Beginning):
             return None
         taken = [vehicle for i, vehicle in self._vehicles.items() if i in self._decided and not vehicle.is_left]
         if not taken:
-            return f"no vehicle to take over: {self._why_nobody()}"
+            return f"no vehicle to take over: {self._why_none()}"
         if not self.past.near and len(taken) < len(self._vehicles):
             return "a virtual leader flies at the centroid of all vehicles, and not all can be taken over"
         return None
@@ -201,7 +201,7 @@ class Takeover(Beginning):
             return False
         return not self.took_any and self.settled(now)
 
-    def _why_nobody(self) -> str:
+    def _why_none(self) -> str:
         """Return why vehicles were left alone, and how to take over those in the air."""
         found = dict[str, list[str]]()
         for identity in self._vehicles:

@@ -168,11 +168,11 @@ class _Search:
         free = others[~self._picture.commanded[others]] if self._picture.traffic.hovers else others[:0]
         if not free.size:
             return True
-        told, times_s = self._picture.setpoints.take(np.array([vehicle])), self._picture.times_s
+        unchanged, times_s = self._picture.setpoints.take(np.array([vehicle])), self._picture.times_s
         soon = times_s <= RETURN_S
         back = fly_level(
             self._picture.traffic.take(np.array([vehicle])),
-            Manoeuvre(told, told.speed_mps, told.heading_rad, told.height_m),
+            Manoeuvre(unchanged, unchanged.speed_mps, unchanged.heading_rad, unchanged.height_m),
             times_s[soon],
         )
         ways = np.repeat(back, free.size, axis=2), self._ways[:2, soon][:, :, free]

@@ -15,7 +15,7 @@ from flight_model.vehicle_arrays import FlightStates, Setpoints, lift_m, velocit
 from gcs_formation.features.separation.approach import COARSE_S, JERK_MPS3, Manoeuvre, MinimumDistance, Traffic, reach_m
 from gcs_formation.features.separation.broad_phase import SLOT_SHARE, KeptDistance
 
-BESIDE_M = 1.0
+MARGIN_M = 1.0
 """Margin, in height, by which a vehicle that manoeuvres passes another beyond the distance to keep."""
 PATIENCE_S = 8.0
 FARTHER_MPS = 0.25
@@ -31,7 +31,7 @@ For a multirotor its commanded velocity is used: the present one may result from
 a leader that brakes can't be kept."""
 AS_COMMANDED = 2
 """Number of a vehicle's courses, the first ones, that begin as commanded."""
-ASIDE_RAD = tuple(math.radians(each) for each in (90, -90, 135, -135, 180, 45, -45, 0))
+BEARINGS_RAD = tuple(math.radians(each) for each in (90, -90, 135, -135, 180, 45, -45, 0))
 """Directions in which a multirotor evades, relative to the reference's."""
 Courses = list[tuple[tuple[float, float], tuple[float, float]]]
 """Speed and heading commanded first, and those commanded afterwards; NaN: those flown by then."""
@@ -174,7 +174,7 @@ def courses(picture: TrafficPicture, vehicle: int) -> Courses:
     found = [(course, picture.lasting(vehicle)), (course, on), (along, picture.lasting(vehicle)), (present, on)]
     if picture.traffic.hovers:
         ahead_rad, max_mps = picture.reference[1], float(picture.traffic.model.speed_max_mps[vehicle])
-        stop, *lateral = [(0.0, ahead_rad), *((max_mps, ahead_rad + lateral_rad) for lateral_rad in ASIDE_RAD)]
+        stop, *lateral = [(0.0, ahead_rad), *((max_mps, ahead_rad + lateral_rad) for lateral_rad in BEARINGS_RAD)]
         found[-1:] = [(stop, stop), found[-1], *((way, way) for way in lateral)]
     return found
 
@@ -197,8 +197,8 @@ def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m:
     """
     minimum = picture.minimum(np.full(others.size, vehicle, dtype=np.intp), others)
     passing_mps = _length(picture.velocity_mps[:, others] - picture.velocity_mps[:, [vehicle]])
-    beside_m = minimum.distance_m + minimum.timing_s * passing_mps + BESIDE_M + picture.farther_m(vehicle)
-    heights = np.concatenate((ends_m + beside_m, ends_m - beside_m))
+    margin_m = minimum.distance_m + minimum.timing_s * passing_mps + MARGIN_M + picture.farther_m(vehicle)
+    heights = np.concatenate((ends_m + margin_m, ends_m - margin_m))
     sides = np.repeat((1.0, -1.0), others.size)
     allowed = heights >= picture.floor_m[vehicle]
     heights, sides = heights[allowed], sides[allowed]

@@ -228,7 +228,7 @@ class LagFit:
             seen: products of the residuals at the present ratios, and of their derivatives, about their means.
             variance: of the residuals that no time constants explain, times the number of correlated batches.
         """
-        log_ratio, most, change = self.log_ratio, 1.0, 0.0
+        log_ratio, maximum, change = self.log_ratio, 1.0, 0.0
         worth = 1.0 / ((variance + self._noise_variance()) * self._alike)
         information = _information(seen, worth)
         pull = [-seen[1 + place][0] * worth - each * PRIOR_INFORMATION for place, each in enumerate(log_ratio)]
@@ -238,8 +238,8 @@ class LagFit:
                 wanted += each * pull[other]
             log_ratio[place] = within(before + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
             change = max(change, abs(log_ratio[place] - before))
-            most = max(most, information[place][place])
-        self._kept = min(1.0, 1.0 / (MIN_SPREAD**2 * most))
+            maximum = max(maximum, information[place][place])
+        self._kept = min(1.0, 1.0 / (MIN_SPREAD**2 * maximum))
         self._settled = change < SETTLED
         if self._in_use:
             self._weights = self._nodes.weights(log_ratio)

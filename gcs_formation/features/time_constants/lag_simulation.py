@@ -186,12 +186,12 @@ class SecondOrder:
 class Samples:
     """A vehicle's telemetry at the ticks of a batch; the first sample is the last of the batch before."""
 
-    def __init__(self, most: int) -> None:
-        """Make room for `most` samples."""
+    def __init__(self, maximum: int) -> None:
+        """Make room for `maximum` samples."""
         self.count: i64 = 0
-        self.stamps = vec[i64]([0] * most)
+        self.stamps = vec[i64]([0] * maximum)
         """In order, ns."""
-        self.speeds_mps, self.headings_rad, self.heights_m = (vec[float]([0.0] * most) for _ in range(3))
+        self.speeds_mps, self.headings_rad, self.heights_m = (vec[float]([0.0] * maximum) for _ in range(3))
 
     def add(self, stamp: i64, motion: Seen) -> None:
         """Add a sample if it is newer than the last."""

@@ -134,7 +134,7 @@ def _change_speed(vehicle: Copter, given: GivenCommand) -> int:
         return DENIED
     if kind not in SPEEDS or vehicle.pilot.mode not in (CopterMode.GUIDED, CopterMode.RTL, CopterMode.SMART_RTL):
         return FAILED
-    vehicle.flier.told_cmps[SPEEDS[int(kind)]] = CM_PER_M * speed_mps
+    vehicle.flier.commanded_cmps[SPEEDS[int(kind)]] = CM_PER_M * speed_mps
     return ACCEPTED
 
 
@@ -308,7 +308,7 @@ class Copter(Vehicle):
     def _go_to(self, place_m: Vector, yaw_rad: float | None) -> None:
         """Fly to a place; the nose turns there first, unless it is told where to turn or the place is near."""
         if self.flier.place_m is None:  # speeds hold from place to place
-            self.flier.told_cmps.clear()
+            self.flier.commanded_cmps.clear()
         here = self.body.motion
         north_m, east_m = place_m[0] - here.north_m, place_m[1] - here.east_m
         if yaw_rad is None and math.hypot(north_m, east_m) > TURNS_FROM_M:

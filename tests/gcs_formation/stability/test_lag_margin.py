@@ -9,7 +9,7 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability.mismatch import (
-    MOST,
+    MAXIMUM,
     LoopDelay,
     Usage,
     lag_margin,
@@ -51,7 +51,7 @@ def grows(loop, true, delay_s, dt_s=0.01, seconds=40.0):
 @pytest.mark.parametrize("loop", [X, Y], ids="xy")
 def test_a_loop_flown_with_lags_inside_its_margin_dies_out_and_beyond_it_grows(loop):
     margin = lag_margin(loop, 1.1)
-    assert 0.2 < margin < MOST
+    assert 0.2 < margin < MAXIMUM
     options = (-1.0, 1.0)
     assert not any(grows(loop, loop.with_lags(1.0 + 0.9 * margin * way), 1.1) for way in options)
     assert any(grows(loop, loop.with_lags(1.0 + 1.1 * margin * way), 1.1) for way in options)

@@ -119,7 +119,7 @@ def test_a_graph_has_a_spanning_tree_if_all_hear_one_vehicle(weights: np.ndarray
     hears = np.linalg.matrix_power(np.eye(5) + weights, 4) > 0.0  # directly or through others
     assert all_hear_one(weights) == hears.all(axis=0).any()
     if all_hear_one(weights):
-        assert sum(part.hears_nobody_outside for part in spanning_components(weights)) == 1
+        assert sum(part.is_closed for part in spanning_components(weights)) == 1
     else:
         with pytest.raises(ValueError, match="spanning tree"):
             spanning_components(weights)
