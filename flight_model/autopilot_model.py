@@ -118,10 +118,10 @@ class AutopilotModel:
         The initial rate is larger than that mean. Only the lags of speed and heading differ, and the rate limits aren't
         considered. The result is read-only: it is kept until a lag or the range of airspeeds changes.
         """
-        lags_s = time_s, self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
+        taus_s = time_s, self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
         kept = self._held
-        if kept is None or self._held_for != lags_s:
-            kept, self._held_for = self._hold(time_s), lags_s
+        if kept is None or self._held_for != taus_s:
+            kept, self._held_for = self._hold(time_s), taus_s
             self._held = kept
         return kept
 

@@ -27,9 +27,9 @@ CYCLE_S: Final = 0.02
 CYCLES: Final = 5
 """Cycles in one period of the energy controller."""
 ENERGY_S: Final = CYCLE_S * CYCLES
-ACCELERATION_LAG_S: Final = 0.04
+ACCELERATION_TAU_S: Final = 0.04
 """Lag of the measured acceleration: half of a moving average over five cycles."""
-THROTTLE_LAG_S: Final = 0.5
+THROTTLE_TAU_S: Final = 0.5
 """Lag of the energy rate's error, which damps the throttle."""
 GAIN_SHARE: Final = 0.5
 LOSS_SHARE: Final = 0.9
@@ -174,7 +174,7 @@ def cycle(a: Aircraft, commanded: Commanded, p: AirframeParameters, gust_mps: fl
     a.climb_mps = a.speed_mps * sin_path
     a.height_m += a.climb_mps * CYCLE_S
     a.heading_rad += GRAVITY_MPS2 * math.tan(a.bank) / speed * CYCLE_S
-    a.acceleration += (push - a.acceleration) * (CYCLE_S / ACCELERATION_LAG_S)
+    a.acceleration += (push - a.acceleration) * (CYCLE_S / ACCELERATION_TAU_S)
     _estimate_speed(a, a.speed_mps + gust_mps, p)
 
 
@@ -356,7 +356,7 @@ def _throttle(a: Aircraft, demand: _Demand, p: AirframeParameters, speed_min: fl
     high, low = GRAVITY_MPS2 * p.climb_max_mps * a.climb_share, -GRAVITY_MPS2 * p.sink_min_mps
     power = within(demand.potential_error / p.time_constant_s + demand.kinetic_rate_demand, low, high)
     power_error = power - a.climb_mps * GRAVITY_MPS2 - demand.kinetic_rate
-    a.power_error += (power_error - a.power_error) * (ENERGY_S / THROTTLE_LAG_S)
+    a.power_error += (power_error - a.power_error) * (ENERGY_S / THROTTLE_TAU_S)
     per_throttle = high - low
     gain = 1.0 / (p.time_constant_s * per_throttle)
     cos_bank = math.cos(a.bank)

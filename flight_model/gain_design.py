@@ -41,7 +41,7 @@ from flight_model.slot import Triple
 
 BANDWIDTHS = np.geomspace(1.5, 0.03, 60)
 """Bandwidths that are tried, rad/s, the fastest first."""
-LAG_SHARES = (1.0, 0.5, 0.0)
+TAU_SHARES = (1.0, 0.5, 0.0)
 """Shares of the lag that the derivative (for heights, the proportional gain) may compensate."""
 INTEGRAL_SHARE = 0.125
 """Corner frequency of the integral, as a share of the bandwidth."""
@@ -216,7 +216,7 @@ def _observer_leaves_margin(
 
 def _channel(loops: _Loops, telemetry: DelayAndNoise, maximum: float) -> DesignedChannel:
     """Return the fastest channel that keeps the bounds, or the slowest one tried if none does."""
-    tried = ((bandwidth, share) for bandwidth in BANDWIDTHS.tolist() for share in LAG_SHARES)
+    tried = ((bandwidth, share) for bandwidth in BANDWIDTHS.tolist() for share in TAU_SHARES)
     for bandwidth, share in tried:
         gains = loops.gains(bandwidth, share)
         if loops.step_sigma(gains, telemetry.law_dt_s) > maximum:

@@ -157,7 +157,7 @@ class AutopilotModels(Columns):
     accel_max_mps2 = Row(6)
     turn_rate_max_rps = Row(7)
     climb_max_mps = Row(8)
-    air_lags_s = Row(slice(0, 2))
+    air_taus_s = Row(slice(0, 2))
     """Lags of airspeed and heading, (2, N)."""
     air_rates_max = Row(slice(6, 8))
     """Rate limits of airspeed and heading, (2, N)."""
@@ -169,7 +169,7 @@ class AutopilotModels(Columns):
 
     def remaining(self, error: Array, time_s: Array) -> Array:
         """Return what first-order lags with limited rates leave of errors in speed and heading after `time_s`."""
-        return _remaining(error, time_s, self.air_lags_s, self.air_rates_max)
+        return _remaining(error, time_s, self.air_taus_s, self.air_rates_max)
 
 
 def _remaining(error: Array, time_s: Array, tau_s: Array, rate_max: Array) -> Array:

@@ -9,7 +9,7 @@ from math import cbrt, ceil, sqrt
 import numpy as np
 
 from flight_model.arrays import Array, Mask
-from flight_model.lift_curve import STEP_M
+from flight_model.offset_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints, Route
 from flight_model.path_lift_and_displacement import (
     PEAK_CHANGE,
@@ -175,8 +175,8 @@ def take_over(
     points = PathPoints(*np.array([way.at(distance).values() for distance in places.tolist()]).T)
     needed_m = ground.height(points.north_m, points.east_m) + scenario.terrain.clearance_m - points.height_m
     bounds = scenario.rise_bounds(LEADER_SHARE)
-    lift = min_offset(from_m, needed_m, points.slope, bounds, np.zeros(3))
-    return DisplacedPath(*begin, lift, right_slope=right_slope)
+    clearance_offset = min_offset(from_m, needed_m, points.slope, bounds, np.zeros(3))
+    return DisplacedPath(*begin, clearance_offset, right_slope=right_slope)
 
 
 def keepable_turn_rps(scenario: Scenario, reach_m: float) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flight_model.frequency_response import FREQUENCIES, Responses, airframe_responses, lag_responses
+from flight_model.frequency_response import FREQUENCIES, Responses, airframe_responses, tau_responses
 from flight_model.gain_design import (
     UNMODELLED,
     Axis,
@@ -148,7 +148,7 @@ def _known(scenario: Scenario) -> tuple[list[Responses], float]:
 
 def _responses(model: VehicleModel, speed_mps: float) -> Responses:
     if model.airframe is None:
-        return lag_responses(model.tau_v_s, model.tau_psi_s, (model.tau_ha_s, model.tau_hb_s))
+        return tau_responses(model.tau_v_s, model.tau_psi_s, (model.tau_ha_s, model.tau_hb_s))
     return airframe_responses(FREQUENCIES, model.airframe.parameters(), speed_mps)
 
 

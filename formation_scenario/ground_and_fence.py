@@ -10,7 +10,7 @@ import numpy as np
 
 from flight_model.arrays import Array, offset_points
 from flight_model.fence_geometry import CHECKED_M, Drift, FenceAreas, Flyers, places_along, room_along_m
-from flight_model.lift_curve import STEP_M
+from flight_model.offset_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints
 from flight_model.path_lift_and_displacement import SAMPLE_M, sample_places
 from formation_scenario.formation import added
@@ -23,7 +23,7 @@ from formation_scenario.slot_frame import axis_rad
 from formation_scenario.source import KeyPath, dotted
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m, start_states
 from formation_scenario.surroundings import Terrain
-from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
+from formation_scenario.terrain import LEADER_SHARE, ClearPath, Ground
 from formation_scenario.vehicles import Vehicle
 from formation_scenario.violations import Move, Violation
 
@@ -240,8 +240,8 @@ def _run_in(terrain: Terrain, places: Array, points: PathPoints, height_m: Array
 def _clearance(scenario: Scenario, terrain: Terrain, ground: Ground) -> Iterator[Violation]:
     """Yield the lowest clearances of a path that can't be lifted sufficiently."""
     path = scenario.leader_path
-    assert isinstance(path, LiftedPath)
-    if path.lift.short_m <= OFF_M:
+    assert isinstance(path, ClearPath)
+    if path.clearance_offset.short_m <= OFF_M:
         return
     sampled = SampledPath.along(path)
     points, places = sampled.points, sampled.places_m

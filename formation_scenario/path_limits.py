@@ -150,10 +150,10 @@ def _speed(scenario: Scenario) -> Iterator[Violation]:
         slowest, fastest = scenario.speeds_mps(vehicle)
         if not slowest <= speed <= fastest:
             who = "leader" if vehicle is scenario.leader else "vehicle"
-            thin = ", in air as thin as at origin.alt_m" if slowest > vehicle.model.speed_min_mps else ""
+            density_altitude = ", in air as thin as at origin.alt_m" if slowest > vehicle.model.speed_min_mps else ""
             found, lowest = distinct_texts(speed, slowest, 4)
             found, most = distinct_texts(speed, fastest, 4) if speed > fastest else (found, f"{fastest:.4g}")
-            allowed = f"{lowest} to {most} m/s, {who} {vehicle.vehicle_id}'s limits{thin}"
+            allowed = f"{lowest} to {most} m/s, {who} {vehicle.vehicle_id}'s limits{density_altitude}"
             excess = max(slowest / speed, speed / fastest) - 1.0 if speed > 0.0 else 1.0
             yield Violation(("path", "speed_mps"), f"found {found} m/s", allowed, "path speed", excess)
             return
@@ -284,8 +284,8 @@ def _followers(
     yield _Demand("turn", "rad/s of turn", turn, turn_max, step)
     yield _Demand("accel", "m/s² of acceleration", accel, accel_max, step)
     # By (7) an acceleration takes a setpoint that leads the speed by the lag, and setpoints are limited as speeds are.
-    lags_s = np.array([0.0 if each is None else each.tau_v_s for each in models])
-    commanded = speed + lags_s * (accel if scenario.hovers else needs.accel_mps2)
+    taus_s = np.array([0.0 if each is None else each.tau_v_s for each in models])
+    commanded = speed + taus_s * (accel if scenario.hovers else needs.accel_mps2)
     yield _Demand(SETPOINT, "m/s of speed setpoint", commanded, fastest, step)
     yield _Demand(SETPOINT, "m/s of speed setpoint", commanded, slowest, step, is_lower_bound=True)
 

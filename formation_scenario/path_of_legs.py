@@ -27,7 +27,7 @@ MAX_ROUNDS = 5
 """How often turns are planned again because legs between them became too short for their speeds."""
 CHANGE_SHARE = 0.3
 """Share of the acceleration that changes of speed use; the law needs the rest to hold the slots."""
-CHANGE_LAGS = 2.0
+CHANGE_TAUS = 2.0
 """Shortest duration of a change of speed, in time constants of the slowest vehicle's airspeed."""
 
 
@@ -99,7 +99,7 @@ def planned_speeds(
 def _changes(members: Members, wind_mps: float) -> SpeedChanges:
     models = [each.model for each in members.vehicles]
     accel_mps2 = CHANGE_SHARE * min(each.accel_max_mps2 for each in models)
-    return SpeedChanges(accel_mps2, wind_mps, CHANGE_LAGS * max(each.tau_v_s for each in models))
+    return SpeedChanges(accel_mps2, wind_mps, CHANGE_TAUS * max(each.tau_v_s for each in models))
 
 
 def _tightest(limits: Iterable[TurnLimits]) -> TurnLimits:

@@ -25,7 +25,7 @@ from formation_scenario.turn_limits import climb_limits, turn_limits
 
 ACCELERATION_SHARE: Final = 0.5
 """Share of the acceleration that changes of speed use; the law needs the rest to hold the slots."""
-CHANGE_LAGS: Final = 2.0
+CHANGE_TAUS: Final = 2.0
 """Shortest duration of a change of speed, in time constants of the slowest vehicle's speed."""
 CLIMB_SHARE: Final = 0.75
 """Share of the steepest slope that a leg uses which is flown more slowly because it is steep: the rest is rounded."""
@@ -101,7 +101,7 @@ def rates(members: Members) -> Rates:
     """Return how fast the speed of a formation may change."""
     models = [each.model for each in members.vehicles]
     accel_mps2 = ACCELERATION_SHARE * min(each.accel_max_mps2 for each in models)
-    return Rates(accel_mps2, CHANGE_LAGS * max(each.tau_v_s for each in models))
+    return Rates(accel_mps2, CHANGE_TAUS * max(each.tau_v_s for each in models))
 
 
 def _turn_s(members: Members, by_rad: float) -> float:

@@ -132,10 +132,10 @@ def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Trans
     if not near.size:
         return replace(level, apart_m=_by_columns(apart.min(axis=0), conditions))
     lift_m = _lifts_m(level, _levels(near, conditions), max(apart_m, conditions.lift_m))
-    lifted = _lift(level, lift_m, flight, conditions)
-    apart = _distances_m(lifted, flight, moments_s, conditions)
+    raised = _lift(level, lift_m, flight, conditions)
+    apart = _distances_m(raised, flight, moments_s, conditions)
     _refuse_near(apart, apart_m, moments_s, conditions)
-    return replace(lifted, apart_m=_by_columns(apart.min(axis=0), conditions))
+    return replace(raised, apart_m=_by_columns(apart.min(axis=0), conditions))
 
 
 def _refuse_beyond(

@@ -269,14 +269,14 @@ def consensus(scenario: Scenario) -> Iterator[Finding]:
         yield path, found, f"{count} rows of {count} weights, one for each vehicle"
     elif any(graph[index][index] for index in range(count)):
         yield path, "found a weight on the diagonal", "0 there: no vehicle hears itself"
-    elif not all_hear_one(np.array(graph)):
+    elif not all_receive_one(np.array(graph)):
         allowed = "a vehicle that all hear, directly or through others (a spanning tree)"
         yield path, "found nobody whom all hear", allowed
 
 
-def all_hear_one(weights: Array) -> bool:
+def all_receive_one(weights: Array) -> bool:
     """Return whether all hear one vehicle, directly or through others, by weights [p, q] > 0: p hears q."""
-    hears: Array = np.sign(weights + np.eye(len(weights)))
+    receives: Array = np.sign(weights + np.eye(len(weights)))
     for _ in range(len(weights).bit_length()):
-        hears = np.sign(hears @ hears)  # each squaring doubles the number of vehicles in between
-    return bool(hears.all(axis=0).any())
+        receives = np.sign(receives @ receives)  # each squaring doubles the number of vehicles in between
+    return bool(receives.all(axis=0).any())

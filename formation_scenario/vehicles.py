@@ -39,7 +39,7 @@ from formation_scenario.landing import StoredLanding
 from formation_scenario.navigation import Navigation, TrueNavigation
 from formation_scenario.signing import Signing
 
-Lag = Annotated[Positive, Field(ge=0.04, le=100.0)]
+ResponseTime = Annotated[Positive, Field(ge=0.04, le=100.0)]
 DeadTime = Annotated[NonNegative, Field(le=2.0)]
 Angle = Annotated[Number, Field(ge=-85.0, le=85.0)]
 LeastSpeed = Annotated[Number, Field(ge=0.0, le=1e3)]
@@ -73,9 +73,9 @@ class EnergyAirframe(Keys):
     induced_drag_mps2: NonNegative = key(0.065, "the same by lift's own drag in level flight, m/s²", 0.5)
     lift_mps2_per_rad: Positive = key(460.0, "acceleration by lift at 22 m/s for a radian of incidence, m/s²", 300)
     throttle_slew_per_s: Positive = key(1.0, "fastest change of throttle (THR_SLEWRATE), 1/s", 0.5)
-    bank_lag_s: Lag = key(0.5, "time constant of bank (RLL2SRV_TCONST), s", 0.4)
-    pitch_lag_s: Lag = key(0.5, "time constant of pitch (PTCH2SRV_TCONST), s", 0.4)
-    rate_lag_s: Lag = key(0.1, "time constant of roll and pitch rates, s", 0.2)
+    bank_lag_s: ResponseTime = key(0.5, "time constant of bank (RLL2SRV_TCONST), s", 0.4)
+    pitch_lag_s: ResponseTime = key(0.5, "time constant of pitch (PTCH2SRV_TCONST), s", 0.4)
+    rate_lag_s: ResponseTime = key(0.1, "time constant of roll and pitch rates, s", 0.2)
     bank_max_deg: Annotated[Positive, Field(le=85.0)] = key(65.0, "largest bank (ROLL_LIMIT_DEG), degrees", 45)
     heading_gain: Positive = key(math.radians(50.0), "bank for an error of heading (GUIDED_P), rad/rad", 1.2)
     pitch_max_deg: Angle = key(15.0, "largest pitch (TECS_PITCH_MAX), degrees", 20)
@@ -87,8 +87,8 @@ class EnergyAirframe(Keys):
     climb_max_mps: Speed = key(5.0, "climb at full throttle as assumed by the autopilot (TECS_CLMB_MAX), m/s", 4)
     sink_min_mps: Speed = key(2.0, "sink without throttle as assumed by the autopilot (TECS_SINK_MIN), m/s", 1.5)
     sink_max_mps: Speed = key(5.0, "fastest sink (TECS_SINK_MAX), m/s", 4)
-    time_constant_s: Lag = key(5.0, "time constant of the energy control (TECS_TIME_CONST), s", 3)
-    height_lag_s: Lag = key(3.0, "lag of the demanded height (TECS_HDEM_TCONST), s", 2)
+    time_constant_s: ResponseTime = key(5.0, "time constant of the energy control (TECS_TIME_CONST), s", 3)
+    height_lag_s: ResponseTime = key(3.0, "lag of the demanded height (TECS_HDEM_TCONST), s", 2)
     throttle_damping: NonNegative = key(
         0.5, "gain from errors of the energy's rate to throttle (TECS_THR_DAMP), s", 0.7
     )
@@ -102,7 +102,7 @@ class EnergyAirframe(Keys):
     bank_to_throttle: NonNegative = key(10.0, "compensation of a bank's drag by throttle (TECS_RLL2THR), m²/s³", 15)
     vertical_accel_max_mps2: Positive = key(7.0, "largest vertical acceleration (TECS_VERT_ACC), m/s²", 5)
     speed_filter_radps: Positive = key(2.0, "bandwidth of its airspeed estimate (TECS_SPD_OMEGA), rad/s", 1.5)
-    airspeed_lag_s: Lag = key(0.28, "lag of the airspeed's measurement, s", 0.1)
+    airspeed_lag_s: ResponseTime = key(0.28, "lag of the airspeed's measurement, s", 0.1)
     airspeed_rate_hz: Annotated[Positive, Field(ge=1.0, le=50.0)] = key(
         10.0, "new airspeeds a second in telemetry, Hz", 20
     )
@@ -164,7 +164,7 @@ class VehicleModel(Keys):
         "the rest follows as the integrator compensates drag",
         0.7,
     )
-    rest_s: Lag = key(5.0, "time constant of that rest, s", 9)
+    rest_s: ResponseTime = key(5.0, "time constant of that rest, s", 9)
     firmware: Literal["ardupilot", "px4"] = key("ardupilot", "emulators: the autopilot that is emulated", "px4")
     airframe: Later[EnergyAirframe] | None = key(
         None,

@@ -154,7 +154,7 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
         settle_s=settle_s(scenario),
         hovers=scenario.hovers,
-        fence=_lap_fence(scenario),
+        fence=_pattern_fence(scenario),
         dt_s=1.0 / scenario.law.rate_hz,
     )
 
@@ -201,7 +201,7 @@ def settle_s(scenario: Scenario) -> float:
     return 2.0 * SETTLE_S if own_frame and by_energy else SETTLE_S
 
 
-def _lap_fence(scenario: Scenario) -> LapFence | None:
+def _pattern_fence(scenario: Scenario) -> LapFence | None:
     """Return the fence within which the formation's laps before the path must stay, None without one."""
     sides = None if scenario.fence is None else scenario.fence.sides
     if sides is None:

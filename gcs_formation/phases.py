@@ -151,7 +151,7 @@ class Assembly:
         self._tolerance_m, self._dt_s = scenario.start.tolerance_m, 1.0 / scenario.law.rate_hz
         self._identities = column_ids(scenario)
         self._in_slots_s = 0.0
-        self._laps = 0
+        self._patterns = 0
         self._below_m = 0.0
         """How far the leader was below its path."""
         self._missed: int | None = None
@@ -170,14 +170,14 @@ class Assembly:
 
     def judge(self, tick: Tick, guidance: LeaderGuidance, *, slots_rest: bool) -> None:
         """Judge a tick, and report a lap that its leader has just begun; `slots_rest`: the slots keep their places."""
-        if guidance.rounds > self._laps:
-            self._laps = guidance.rounds
-            self._report_lap(tick)
+        if guidance.rounds > self._patterns:
+            self._patterns = guidance.rounds
+            self._report_pattern(tick)
         max_m = self._tolerance_m * (HYSTERESIS if guidance.on_path and self.complete else 1.0)
         within = self._at_height(max_m, tick, guidance) and slots_rest and self._all_within(max_m, tick)
         self._in_slots_s = self._in_slots_s + self._dt_s if within else 0.0
 
-    def _report_lap(self, tick: Tick) -> None:
+    def _report_pattern(self, tick: Tick) -> None:
         vehicle, ago_s = None, seconds_between(self._missed_at, tick.now)
         why = f"its followers have not kept their slots for {ASSEMBLED_S:g} s yet"
         if self._below_m > self._tolerance_m:
@@ -187,7 +187,7 @@ class Assembly:
             off = "was no member" if math.isnan(self._missed_m) else f"was {self._missed_m:.1f} m from its slot"
             why = f"vehicle {vehicle} {off} {ago_s:.1f} s ago; allowed: {self._tolerance_m:g} m (start.tolerance_m)"
         text = f"the leader flies a holding pattern: {why}"
-        tick.events.append(Event(tick.now, "lap", text, vehicle, {"laps": self._laps}))
+        tick.events.append(Event(tick.now, "lap", text, vehicle, {"laps": self._patterns}))
 
     def _at_height(self, max_m: float, tick: Tick, guidance: LeaderGuidance) -> bool:
         """Return whether the leader isn't below its path still, as after a take-off that led it there too soon."""

@@ -14,7 +14,7 @@ from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import FlightState
 from flight_model.slot import UNKNOWN, Triple
 from gcs_formation.control.setpoint import AS_DECIDED, Replaced
-from gcs_formation.control.situation import Decided
+from gcs_formation.control.situation import LawOutput
 from gcs_formation.vehicle.vehicle import Vehicle
 
 Detail = str | int | float | bool | None
@@ -133,7 +133,7 @@ class Tick:
         """Forward, right and up; NaN for the leader."""
         self.slots_left = False
         """Whether heights of the end are flown, so that there are no slots."""
-        self.decided: list[Decided | None] = [None] * count
+        self.decided: list[LawOutput | None] = [None] * count
         """Decision, mixed errors and gains of the law; None for the leader and columns not commanded."""
         self.events: list[Event] = []
         """Events on beginning and end of replacements."""

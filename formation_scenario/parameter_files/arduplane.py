@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from flight_model.energy import GRAVITY_MPS2, REFERENCE_MPS
-from flight_model.frequency_response import slow_lags_s
+from flight_model.frequency_response import slow_taus_s
 from formation_scenario.parameter_files.taking import Taking, Wanted, wanted
 from formation_scenario.source import Key, Plain
 from formation_scenario.vehicles import EnergyAirframe
@@ -99,7 +99,7 @@ def arduplane_model(take: Taking, aircraft: Mapping[str, float]) -> dict[Key, Pl
         "time_constant_s": tecs_s,
         **_as_large(cruise, fastest, climb, aircraft),
     }
-    speed_s, heading_s, height_s = slow_lags_s(EnergyAirframe.model_validate(airframe).parameters(), cruise)
+    speed_s, heading_s, height_s = slow_taus_s(EnergyAirframe.model_validate(airframe).parameters(), cruise)
     return {
         "tau_v_s": speed_s,
         "tau_psi_s": heading_s,

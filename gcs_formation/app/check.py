@@ -39,7 +39,13 @@ from gcs_formation.stability import (
     law_margins,
     law_usages,
 )
-from gcs_formation.stability.mismatch import LAGS_OFF, NEAR, STEP_S, lag_margin, mismatch_margin_with_lags_off
+from gcs_formation.stability.mismatch import (
+    NEAR,
+    STEP_S,
+    TAUS_OFF,
+    mismatch_margin_with_taus_off,
+    tau_margin,
+)
 from gcs_formation.stability.stated import stated_margins
 
 if TYPE_CHECKING:
@@ -62,14 +68,14 @@ SAME_S = 1e-3
 def check_report(scenario: Scenario) -> dict[str, Any]:
     """Return what `check --json` prints: margins in seconds at the small-signal gains and over the fuzzy range."""
     margins = law_margins(scenario)
-    lags_off, mismatch_lags_off_s = lag_margins(scenario)
+    time_constants_off, mismatch_off_s = tau_margins(scenario)
     return {
         "valid": True,
         "delay_margin_s": _finite(margins.small_signal) or dict.fromkeys("xyz"),
         "delay_margin_worst_s": _finite(margins.worst) or dict.fromkeys("xyz"),
         "mismatch_margin_s": _finite(mismatch_margins_s(scenario)),
-        "lag_margin": _finite(lags_off),
-        "mismatch_margin_lags_off_s": _finite(mismatch_lags_off_s),
+        "lag_margin": _finite(time_constants_off),
+        "mismatch_margin_lags_off_s": _finite(mismatch_off_s),
         **(
             {"design": {n: _finite(vars(each)) for n, each in figures(scenario).items()}} if _designed(scenario) else {}
         ),
@@ -79,7 +85,7 @@ def check_report(scenario: Scenario) -> dict[str, Any]:
         "budget": check_budget.budget_report(scenario),
         "features": list(feature_names()),
         **({"parameters": files} if (files := check_parameters.parameter_report(scenario)) else {}),
-        "warnings": list(warnings(scenario, margins, lags_off)),
+        "warnings": list(warnings(scenario, margins, time_constants_off)),
     }
 
 
@@ -106,19 +112,19 @@ def check_text(scenario: Scenario) -> str:
     lines = [dump_scenario(scenario).rstrip(), "", *law_text(scenario), *own]
     lines.append(f"# loop delay as configured: {configured_loop_delay_s(scenario):.3f} s (sampling and hold included)")
     stood = ", ".join(f"{loop} {_seconds(margin_s)}" for loop, margin_s in mismatch_margins_s(scenario).items())
-    lags_off, mismatch_lags_off_s = lag_margins(scenario)
+    time_constants_off, mismatch_off_s = tau_margins(scenario)
     if stood:
         lines.append(f"# mismatch of delay that the predicted loops stand there, s: {stood}")
-    if lags_off:
-        lines.append(f"# with every lag up to {LAGS_OFF:.0%} off: {_listed(mismatch_lags_off_s, '.3f')}")
-        lines.append(f"# by how much every lag may be off its model's there: {_listed(lags_off, '.0%')}")
+    if time_constants_off:
+        lines.append(f"# with every lag up to {TAUS_OFF:.0%} off: {_listed(mismatch_off_s, '.3f')}")
+        lines.append(f"# by how much every lag may be off its model's there: {_listed(time_constants_off, '.0%')}")
     lines.extend(_design_text(scenario))
     lines.append(f"# {check_links.assembly(scenario)}")
     lines.extend(f"# {line}" for line in check_budget.budget_text(scenario))
     lines.extend(f"# {line}" for line in check_parameters.parameter_text(scenario))
     lines.extend(f"# {line}" for line in (*check_path.path_text(scenario), *common_limits(scenario)))
     lines.append(f"# features: {', '.join(feature_names()) or 'none'}")
-    lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario), lags_off))
+    lines.extend(f"# warning: {warning}" for warning in warnings(scenario, law_margins(scenario), time_constants_off))
     return "\n".join(lines)
 
 
@@ -150,11 +156,11 @@ def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
     return dict(sorted(found.items()))
 
 
-def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
+def tau_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
     """Return how far each predicted loop tolerates lags that differ from its model's, at the longest configured delay.
 
     First: the share by which every lag may be off. Second: the tolerated mismatch of the delay, s, with every lag up to
-    `LAGS_OFF` off. A loop that is unstable without delay tolerates neither. Both are empty without prediction.
+    `TAUS_OFF` off. A loop that is unstable without delay tolerates neither. Both are empty without prediction.
     """
     off, mismatch_s = dict[str, float](), dict[str, float]()
     delay_s = round(configured_loop_delay_s(scenario) / STEP_S) * STEP_S
@@ -163,19 +169,19 @@ def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]
     for axis, loops in {each for axes in predicted for each in axes.items()}:
         for loop in loops:
             unstable |= {axis} if loop.whole_margin_s() <= 0.0 else set()
-            off[axis] = min(lag_margin(loop, delay_s), off.get(axis, np.inf))
-            mismatch_s[axis] = min(mismatch_margin_with_lags_off(loop, delay_s), mismatch_s.get(axis, np.inf))
+            off[axis] = min(tau_margin(loop, delay_s), off.get(axis, np.inf))
+            mismatch_s[axis] = min(mismatch_margin_with_taus_off(loop, delay_s), mismatch_s.get(axis, np.inf))
     off |= {axis: 0.0 for axis in unstable if axis in off}
     mismatch_s |= {axis: min(0.0, mismatch_s[axis]) for axis in unstable if axis in mismatch_s}
     return dict(sorted(off.items())), dict(sorted(mismatch_s.items()))
 
 
-def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:
+def warnings(scenario: Scenario, margins: LawMargins, time_constants_off: Mapping[str, float]) -> Iterator[str]:
     """Yield what a user should know before flying.
 
-    `lags_off`: the share by which every lag may be off its model's, by loop.
+    `time_constants_off`: the share by which every lag may be off its model's, by loop.
     """
-    yield from _unstable_loops(scenario, margins, lags_off)
+    yield from _unstable_loops(scenario, margins, time_constants_off)
     for channel, each in figures(scenario).items() if _designed(scenario) else ():
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
@@ -203,8 +209,8 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         check_links.too_old,
         check_links.too_old_after_a_loss,
         check_links.refused_rate,
-        check_links.no_time_for_a_lap,
-        check_links.cramped_lap,
+        check_links.no_time_for_a_pattern,
+        check_links.cramped_pattern,
     ):
         if text := found(scenario):
             yield text
@@ -222,7 +228,7 @@ def of_features(scenario: Scenario) -> Iterator[str]:
             yield from warning(scenario)
 
 
-def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:
+def _unstable_loops(scenario: Scenario, margins: LawMargins, time_constants_off: Mapping[str, float]) -> Iterator[str]:
     """Yield loops that are unstable or close to it.
 
     With prediction the margin limits two things only: the mismatch of the predicted delay, and the hold of a setpoint
@@ -246,10 +252,10 @@ def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[s
             enough_hz = math.ceil(100.0 * hold.ticks / (NEAR * margin_s)) / 100.0
             enough = f"law.rate_hz of {enough_hz:g} or more does" if enough_hz <= MAX_HZ else "lower gains do"
             yield f"loop {loop}: {held}; no prediction makes up for that, {enough}"
-    for loop, share in lags_off.items():
-        if share < LAGS_OFF and margins.small_signal.get(loop, math.inf) > 0.0:
+    for loop, share in time_constants_off.items():
+        if share < TAUS_OFF and margins.small_signal.get(loop, math.inf) > 0.0:
             stands = f"at {delay_s:.3f} s of delay it is stable with lags up to {share:.0%} off their model's"
-            yield f"loop {loop}: {stands}; {LAGS_OFF:.0%} should be"
+            yield f"loop {loop}: {stands}; {TAUS_OFF:.0%} should be"
 
 
 def steep_turns(scenario: Scenario) -> str | None:

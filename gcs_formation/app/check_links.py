@@ -147,28 +147,28 @@ def _split(scenario: Scenario, vehicle: Vehicle, at_s: float) -> str:
 class Assembly(NamedTuple):
     """The run-in that a start in the air needs (None for one from the ground), and the lap after a missed start."""
 
-    min_run_in_s: float | None
+    least_run_in_s: float | None
     lap_s: float
     lap_radius_m: float
 
     def __str__(self) -> str:
-        min_s = self.min_run_in_s
+        min_s = self.least_run_in_s
         needed = "" if min_s is None else f"begins at once after a run-in of {min_s:.1f} s; "
-        lap = f"takes {self.lap_s:.0f} s (turns of {self.lap_radius_m:.0f} m)"
-        return f"assembly: {needed}a lap, if it is missed, {lap}"
+        pattern = f"takes {self.lap_s:.0f} s (turns of {self.lap_radius_m:.0f} m)"
+        return f"assembly: {needed}a lap, if it is missed, {pattern}"
 
 
 def assembly(scenario: Scenario) -> Assembly:
     """Return what a scenario's start needs."""
     leads, speed_mps = leader_guidance(scenario), scenario.path.begin_mps
-    min_s = _min_run_in_s(scenario) if scenario.start.in_air else None
-    lap, start = _lap(scenario, leads), leads.path.at(0.0)
-    end = lap.at(lap.length_m)
+    min_s = _least_run_in_s(scenario) if scenario.start.in_air else None
+    pattern, start = _pattern(scenario, leads), leads.path.at(0.0)
+    end = pattern.at(pattern.length_m)
     straight_m = math.hypot(start.north_m - end.north_m, start.east_m - end.east_m)
-    return Assembly(min_s, (lap.length_m + straight_m) / speed_mps, _lap_radius_m(scenario, leads))
+    return Assembly(min_s, (pattern.length_m + straight_m) / speed_mps, _lap_radius_m(scenario, leads))
 
 
-def _lap(scenario: Scenario, leads: LeaderGuidance) -> JoinRoute:
+def _pattern(scenario: Scenario, leads: LeaderGuidance) -> JoinRoute:
     """Return the leader's route from where it turns off before its path to the straight that leads to the path."""
     air = drift(scenario)
     return leads.lap(leads.path.at(-DECISION_S * air.speed_mps), air.north_mps, air.east_mps)
@@ -178,12 +178,12 @@ def _lap_radius_m(scenario: Scenario, leads: LeaderGuidance) -> float:
     return leads.hold_radius_m(*scenario.drift_mps)
 
 
-def cramped_lap(scenario: Scenario) -> str | None:
+def cramped_pattern(scenario: Scenario) -> str | None:
     """Return where the fence leaves too little room for a lap before the path; None if there is enough."""
     leads = leader_guidance(scenario)
     if leads.fence is None:
         return None
-    places, lack_m = leads.fence.lack(_lap(scenario, leads), drift(scenario))
+    places, lack_m = leads.fence.lack(_pattern(scenario, leads), drift(scenario))
     worst = np.unravel_index(int(lack_m.argmax()), lack_m.shape)
     if lack_m[worst] == 0.0:
         return None
@@ -198,22 +198,22 @@ def cramped_lap(scenario: Scenario) -> str | None:
 def goes_round(scenario: Scenario) -> str | None:
     """Return why the leader will fly a lap before its path; None if the run-in is long enough, or it waits instead."""
     planned, found_s = assembly(scenario), scenario.start.run_in_s
-    if scenario.hovers and (planned.min_run_in_s or 0.0) < MAX_S:
+    if scenario.hovers and (planned.least_run_in_s or 0.0) < MAX_S:
         return None
-    if planned.min_run_in_s is None or found_s >= planned.min_run_in_s:
+    if planned.least_run_in_s is None or found_s >= planned.least_run_in_s:
         return None
     lossy = any(way.loss > 0.0 for vehicle in scenario.vehicles for way in scenario.link_steps(vehicle)[0][1:])
     sure = " in most starts, by the links' loss" if lossy else ""
-    if planned.min_run_in_s >= MAX_S:
+    if planned.least_run_in_s >= MAX_S:
         return f"links: too much is lost for the formation to assemble within {MAX_S:g} s"
-    allowed_s = math.ceil(round(10 * planned.min_run_in_s, 6)) / 10
+    allowed_s = math.ceil(round(10 * planned.least_run_in_s, 6)) / 10
     return (
         f"start.run_in_s: found {found_s:g}; allowed: {allowed_s:g} or more for the path to begin at once{sure}; "
         f"else the leader goes round first, for about {planned.lap_s:.0f} s"
     )
 
 
-def no_time_for_a_lap(scenario: Scenario) -> str | None:
+def no_time_for_a_pattern(scenario: Scenario) -> str | None:
     """Return that the start times out before the leader passes the path's start a second time; None if it doesn't.
 
     The leader's first pass is over after its run-in, and a lap follows.
@@ -231,7 +231,7 @@ def no_time_for_a_lap(scenario: Scenario) -> str | None:
     )
 
 
-def _min_run_in_s(scenario: Scenario) -> float:
+def _least_run_in_s(scenario: Scenario) -> float:
     """Return the shortest run-in, s, after which the path can begin at once if vehicles start in their slots.
 
     Until then each vehicle must be heard, answer every request for telemetry, and be seen in its slot. A lost heartbeat
@@ -243,9 +243,9 @@ def _min_run_in_s(scenario: Scenario) -> float:
     asked = [len(each.requests(each.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc))) for each in autopilots]
     loop_s, steps = max(each.loop_s for each in autopilots), [scenario.link_steps(v)[0] for v in scenario.vehicles]
     way_s = max(sum(ways_s(scenario, step)) / 2 for step in steps)
-    heard_s, answered_s = (math.ceil(round((way + loop_s) / tick_s, 6)) * tick_s for way in (way_s, 2 * way_s))
+    received_s, answered_s = (math.ceil(round((way + loop_s) / tick_s, 6)) * tick_s for way in (way_s, 2 * way_s))
     lost_s = _lost_s(list(zip(asked, steps, strict=True)))
-    return heard_s + max(asked) * answered_s + lost_s + tick_s + ASSEMBLED_S + DECISION_S + way_s
+    return received_s + max(asked) * answered_s + lost_s + tick_s + ASSEMBLED_S + DECISION_S + way_s
 
 
 def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:

@@ -296,17 +296,17 @@ def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **gi
 
     out, run_dir, overrides, plugins = (given.pop(name) for name in ("out", "run_dir", "overrides", "plugins"))
     recording = source.is_dir() or source.suffix.lower() in LOGS
-    believed = None if recording else _to_be_flown(source, overrides, vehicle, plugins)
-    recorded = source if believed is None else run_dir or default_directory(f"{believed.name}-identify")
+    accepted = None if recording else _to_be_flown(source, overrides, vehicle, plugins)
+    recorded = source if accepted is None else run_dir or default_directory(f"{accepted.name}-identify")
     file = out or (source.parent if recorded.is_file() else recorded) / VEHICLE_FILE
     try:
         identification.require_writable(file, overwrite=given["overwrite"], given=out is not None)
     except RecordError as error:
         fail(str(error))
-    if believed is not None:
-        _record_steps(believed, recorded, quiet=quiet, **given)
+    if accepted is not None:
+        _record_steps(accepted, recorded, quiet=quiet, **given)
     try:
-        found = identification.identify(recorded, file, vehicle, believed, plugins)
+        found = identification.identify(recorded, file, vehicle, accepted, plugins)
     except (RecordError, ScenarioError) as error:
         fail(str(error))
     if found["unfit"]:

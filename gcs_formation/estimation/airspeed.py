@@ -168,7 +168,7 @@ class AirspeedScale:
         """Return the reading to command for a true airspeed, within the limits."""
         return within(true_mps / self.ratio, self._slowest_mps, self._fastest_mps)
 
-    def learn(
+    def update(
         self,
         stamp_s: float,
         above_sea_m: float,

@@ -208,13 +208,13 @@ class VehicleFilter:
         jacobian.linearise(predicted)
         difference = innovation(values, predicted, jacobian)
         if self.wind_radps >= GUST_RADPS:
-            self._believe_gust(values, predicted, difference, elapsed_s)
+            self._accept_gust(values, predicted, difference, elapsed_s)
         own = innovation_variances(self.level, self.height, jacobian, variances)
         self.noise.adapt(minus(difference, self._residual), own)
         excess = excesses(difference, own, elapsed_s)
         climb_mps = predicted.climb_mps
         self._move(predicted, jacobian, difference, weighed(variances, own, excess))
-        self.updraught.learn(predicted, predicted.climb_mps - climb_mps, self.noise.values[5], elapsed_s, model)
+        self.updraught.update(predicted, predicted.climb_mps - climb_mps, self.noise.values[5], elapsed_s, model)
         predicted.airspeed_mps = max(predicted.airspeed_mps, _min_mps(model))
         self.state, self.stamp = predicted, stamp
         jacobian.linearise(predicted)
@@ -291,7 +291,7 @@ class VehicleFilter:
         variances = self.noise.values
         return variances[3] + variances[6] + squared(airspeed_mps) * variances[7]
 
-    def _believe_gust(self, values: Values, predicted: FlightState, difference: Values, elapsed_s: float) -> None:
+    def _accept_gust(self, values: Values, predicted: FlightState, difference: Values, elapsed_s: float) -> None:
         """Raise the wind's variance where a sample shows a gust.
 
         One that is too large to be plausible is accepted once the next sample shows it too, has moved with it, and has

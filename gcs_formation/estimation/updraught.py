@@ -35,7 +35,7 @@ class Updraught:
         """Reset the updraught with the vehicle's state, but keep `sway_m2`."""
         self._shown_mps = 0.0
 
-    def learn(
+    def update(
         self, state: FlightState, climbs_mps: float, variance: float, elapsed_s: float, model: AutopilotModel
     ) -> None:
         """Update the estimate by a sample, and the updraught of the sample's `state`.
@@ -50,14 +50,14 @@ class Updraught:
             elapsed_s: since the sample before.
             model: the vehicle's.
         """
-        lags_s = model.tau_ha_s + model.tau_hb_s
+        taus_s = model.tau_ha_s + model.tau_hb_s
         left = math.exp(-(1.0 / model.tau_ha_s + 1.0 / model.tau_hb_s) * elapsed_s)
         self._shown_mps += climbs_mps + (1.0 - left) * (state.updraught_mps - self._shown_mps)
         noise = squared(UPDRAUGHT_SIGMAS) * variance
         certain_mps = max(1.0 - noise / max(squared(self._shown_mps), noise), 0.0) * self._shown_mps
         self._known_s = min(self._known_s + elapsed_s, SWAY_MEMORY_S)
         if self._known_s > 0.0:
-            self.sway_m2 += elapsed_s / self._known_s * (squared(lags_s * certain_mps) - self.sway_m2)
+            self.sway_m2 += elapsed_s / self._known_s * (squared(taus_s * certain_mps) - self.sway_m2)
         if self._followed:
-            share = 1.0 - math.exp(-UPDRAUGHT_GAIN * elapsed_s / lags_s)
+            share = 1.0 - math.exp(-UPDRAUGHT_GAIN * elapsed_s / taus_s)
             state.updraught_mps += share * (certain_mps - state.updraught_mps)

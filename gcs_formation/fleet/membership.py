@@ -99,7 +99,7 @@ class Membership:
 
     def judge_one(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> None:
         """Decide whether a vehicle flies in the formation; `fresh`: what is known of it is recent enough for that."""
-        if seconds_between(vehicle.round_trips.heard_at(now), now) > UNANSWERED_S:
+        if seconds_between(vehicle.round_trips.received_at(now), now) > UNANSWERED_S:
             vehicle.left_alone(now)
         if fresh and vehicle.member is Member.FLYING and vehicle.follows_setpoints:
             return
@@ -146,7 +146,7 @@ class Membership:
         if without_heartbeats and (out or link.mute_s(vehicle.sequence.loss) > MUTE_S):
             return False
         limit_s = min(self._max_age_s, BACK_S if out else limit_s)
-        if seconds_between(vehicle.round_trips.heard_at(now), now) > max(limit_s, UNANSWERED_S):
+        if seconds_between(vehicle.round_trips.received_at(now), now) > max(limit_s, UNANSWERED_S):
             return False
         age_s = estimator.age_s(vehicle.column, now)
         return math.isnan(age_s) or age_s <= limit_s

@@ -82,9 +82,9 @@ class SeveralLinks:
     def _check(self, vehicle: Vehicle, link: Link, now: Instant) -> None:
         connection = link.connection
         if not connection.in_order(now) and connection.check(now, link.sequence.loss):
-            self.note_state(vehicle, connection, now)
+            self.log_state(vehicle, connection, now)
 
-    def note_state(self, vehicle: Vehicle, connection: Connection, now: Instant) -> None:
+    def log_state(self, vehicle: Vehicle, connection: Connection, now: Instant) -> None:
         """Record the state of one of its links."""
         number = next(link.number for link in vehicle.each_link if link.connection is connection)
         text = f"{connection.state.value} (link {number})"

@@ -16,9 +16,16 @@ import numpy as np
 
 from flight_model.arrays import Array, offset_points
 from flight_model.autopilot_model import FlightState
-from flight_model.lift_curve import STEP_M, LiftCurve
+from flight_model.offset_curve import STEP_M, OffsetCurve
 from flight_model.path import Route
-from flight_model.path_lift_and_displacement import SAMPLES, TRIFLE_M, Bounds, Lift, min_offset, sample_places
+from flight_model.path_lift_and_displacement import (
+    SAMPLES,
+    TRIFLE_M,
+    Bounds,
+    ClearanceOffset,
+    min_offset,
+    sample_places,
+)
 from flight_model.slot import Slot, Triple
 from formation_scenario.fields import Frame
 from formation_scenario.slot_assignment import Arrangement
@@ -72,7 +79,7 @@ class SlotClearance:
         """The bound of slope for which the offsets were computed."""
         self._first, self._made_at_m = 0, 0.0
         self._control_m = np.zeros((0, 4))
-        self._curves = list[LiftCurve]()
+        self._curves = list[OffsetCurve]()
         self._held = list[Triple]()
         """Each offset of the last tick, its slope and its curvature."""
         self._sampled, self._sampled_first = np.zeros((0, PATH_VALUES)), 0
@@ -104,7 +111,7 @@ class SlotClearance:
             return False
         places = sample_places(first * STEP_M, steps)
         needed = self._needed(outlook, places, self._points(outlook.route, first, places))
-        offsets_m = [Lift(self._first * STEP_M, row).at(places)[0] for row in self._control_m]
+        offsets_m = [ClearanceOffset(self._first * STEP_M, row).at(places)[0] for row in self._control_m]
         short = needed > np.stack(offsets_m) + TRIFLE_M
         short[outlook.leading] = False
         return not short.any()
@@ -124,7 +131,7 @@ class SlotClearance:
         bounds, slope = self._bounds(outlook.along_mps), points[:, SLOPE].copy()
         made = (min_offset(first * STEP_M, row, slope, bounds, own) for row, own in zip(needed, begun, strict=True))
         self._control_m = np.stack([each.control_m for each in made])
-        self._curves = [LiftCurve(row) for row in self._control_m.tolist()]
+        self._curves = [OffsetCurve(row) for row in self._control_m.tolist()]
         self._route, self._plan = outlook.route, outlook.plan
         self._first, self._slope = first, bounds.slope
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from flight_model import energy
 from flight_model.arrays import Array
-from flight_model.frequency_response import slow_lags_s
+from flight_model.frequency_response import slow_taus_s
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
-from gcs_formation.identify.fitting import DEAD, DEAD_MAX_S, LAGS, acting
+from gcs_formation.identify.fitting import DEAD, DEAD_MAX_S, TAUS, acting
 from gcs_formation.identify.output_error import RESOLUTION
 from gcs_formation.identify.recording import STEP_S, Recording
 
@@ -83,15 +83,15 @@ def fit_airframe(recording: Recording, begin: EnergyAirframe, turn_rate_max_rps:
     return best, _flown_by(recording, best, turn_rate_max_rps)
 
 
-def lags_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> VehicleModel:
+def time_constants_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> VehicleModel:
     """Return the model with the airframe and its lags for slow changes, its dead time in them, by which the law goes.
 
     An airframe answers steps more slowly, because its energy rates are limited, and quick changes with a larger
     amplitude: neither is a lag of equation (7).
     """
-    speed_s, heading_s, height_s = slow_lags_s(airframe.parameters(), speed_mps)
-    lags = dict(zip(LAGS, (speed_s, heading_s, height_s / 2, height_s / 2), strict=True))
-    rounded = {name: round(each, 3) for name, each in lags.items()}
+    speed_s, heading_s, height_s = slow_taus_s(airframe.parameters(), speed_mps)
+    time_constants = dict(zip(TAUS, (speed_s, heading_s, height_s / 2, height_s / 2), strict=True))
+    rounded = {name: round(each, 3) for name, each in time_constants.items()}
     return model.model_copy(update=rounded | {"airframe": airframe, DEAD: 0.0})
 
 

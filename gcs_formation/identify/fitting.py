@@ -35,8 +35,8 @@ UNKNOWN = 0.5
 """Prior standard deviation of a lag's logarithm, and of the dead time in seconds."""
 QUANTITIES = ("airspeed_mps", "heading_rad", "height_m")
 """Quantities in which recordings and models are compared."""
-LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
-LAGS_OF = {"speed": LAGS[:1], "heading": LAGS[1:2], "height": LAGS[2:]}
+TAUS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
+TAUS_OF = {"speed": TAUS[:1], "heading": TAUS[1:2], "height": TAUS[2:]}
 """The lags of each channel."""
 KNOWN = 0.25
 """A channel whose lags' sum has a larger standard deviation, relative to it, isn't identified: the search holds it with
@@ -87,8 +87,8 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
         RecordError: no channel was moved enough in the recordings.
     """
     still = _hardly_moved(recordings)
-    fitted = [name for channel in CHANNELS if channel not in still for name in LAGS_OF[channel]]
-    every = LAGS if begin.prompt_share == 1.0 else (*LAGS, *REST)
+    fitted = [name for channel in CHANNELS if channel not in still for name in TAUS_OF[channel]]
+    every = TAUS if begin.prompt_share == 1.0 else (*TAUS, *REST)
     names = [name for name in every if name in fitted or (name in REST and "speed" not in still)]
     begin = begin.model_copy(update={DEAD: 0.0})
     logs, covariance = _searched(recordings, begin, names, gentle=begin.hovers)
@@ -105,7 +105,7 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     estimates = {
         name: each
         for name, each in estimates.items()
-        if not any(name in LAGS_OF[channel] for channel in unidentified)
+        if not any(name in TAUS_OF[channel] for channel in unidentified)
         and (name not in REST or "speed" not in unidentified)
     }
     model = begin.model_copy(update={name: round(each.value, 3) for name, each in estimates.items()})
@@ -160,8 +160,8 @@ def _searched(
 def _estimates(names: Sequence[str], logs: Array, covariance: Array) -> dict[str, Estimate]:
     """Return the parameters, by name: height's lags in order, and the fast fraction within its limits."""
     values = _values(names, logs)
-    if LAGS[-1] in values:
-        values |= zip(LAGS_OF["height"], sorted(values[name] for name in LAGS_OF["height"]), strict=True)
+    if TAUS[-1] in values:
+        values |= zip(TAUS_OF["height"], sorted(values[name] for name in TAUS_OF["height"]), strict=True)
     if REST[0] in values:
         values[REST[0]] = min(max(values[REST[0]], MIN_SHARE), 1.0)
     sigmas = np.sqrt(np.diag(covariance)).tolist()
@@ -177,10 +177,10 @@ def _values(names: Sequence[str], logs: Array) -> dict[str, float]:
 
 def _judged(recordings: Sequence[Recording], model: VehicleModel) -> tuple[dict[str, float], dict[str, float]]:
     """Return the errors of a model's predictions, RMS, and the share of the changes that these explain, by quantity."""
-    values = np.array([getattr(model, name) for name in (*LAGS, *REST)])
-    fitted = values if model.prompt_share < 1.0 else values[: len(LAGS)]
+    values = np.array([getattr(model, name) for name in (*TAUS, *REST)])
+    fitted = values if model.prompt_share < 1.0 else values[: len(TAUS)]
     windows = [_Windows.of(_later(_with_rest(each, model, fitted), model)) for each in recordings]
-    errors = np.concatenate([each.errors(values[: len(LAGS)], model) for each in windows], axis=2)
+    errors = np.concatenate([each.errors(values[: len(TAUS)], model) for each in windows], axis=2)
     changes = np.concatenate([each.changes() for each in windows], axis=2)
     rms = np.sqrt((errors**2).mean(axis=(1, 2))).tolist()
     explained = 1.0 - (errors**2).mean(axis=(1, 2)) / np.maximum((changes**2).mean(axis=(1, 2)), 1e-12)
@@ -216,10 +216,10 @@ def _too_little(unidentified: Mapping[str, str]) -> RecordError:
 def _unknown(estimates: Mapping[str, Estimate], covariance: Array) -> dict[str, str]:
     """Return of which channels too little is known, and why: by the sum of its lags."""
     names, found = list(estimates), dict[str, str]()
-    for channel, lags in LAGS_OF.items():
-        if lags[0] in estimates:
-            rows = [names.index(name) for name in lags]
-            values = np.array([estimates[name].value for name in lags])
+    for channel, time_constants in TAUS_OF.items():
+        if time_constants[0] in estimates:
+            rows = [names.index(name) for name in time_constants]
+            values = np.array([estimates[name].value for name in time_constants])
             sigma = math.sqrt(values @ covariance[np.ix_(rows, rows)] @ values) / float(values.sum())
             if sigma > KNOWN:
                 found[channel] = f"{channel}: {sigma:.0%} would be the standard deviation of its time constant"
@@ -264,7 +264,7 @@ def _as_flown(
     later_s: float = 0.0,
 ) -> tuple[list[Array], AutopilotModels]:
     """Return the setpoints that act on each vehicle with these parameters, by name, and the model that flies it."""
-    every = LAGS if limits.prompt_share == 1.0 else (*LAGS, *REST)
+    every = TAUS if limits.prompt_share == 1.0 else (*TAUS, *REST)
     found, acting = _values(names, logs), list[Array]()
     values = np.array([found.get(name, getattr(limits, name)) for name in every])
     later_s += found.get(DEAD, limits.dead_time_s)
@@ -287,7 +287,7 @@ def _later(recording: Recording, model: VehicleModel) -> Recording:
 
 
 def _with_rest(recording: Recording, limits: VehicleModel, values: Array) -> Recording:
-    return recording if values.size == len(LAGS) else _aimed(recording, limits, *values[len(LAGS) :])
+    return recording if values.size == len(TAUS) else _aimed(recording, limits, *values[len(TAUS) :])
 
 
 def _aimed(recording: Recording, model: VehicleModel, prompt_share: float, rest_s: float) -> Recording:
@@ -332,9 +332,9 @@ class _Windows:
         commanded = acting(recording.commanded, recording.delay_s)[:, begins + steps].transpose(1, 0, 2)
         return cls(state, commanded, recording.seen[:3, begins + steps + 1])
 
-    def errors(self, lags: Array, limits: VehicleModel) -> Array:
+    def errors(self, time_constants: Array, limits: VehicleModel) -> Array:
         """Return (3, P, W): predicted minus measured, by equation (7) with these lags."""
-        model = _columns(lags, limits, self.commanded.shape[2])
+        model = _columns(time_constants, limits, self.commanded.shape[2])
         state, step_s, ends = self.state, np.full(self.commanded.shape[2], STEP_S), list[Array]()
         for commanded in self.commanded:
             state = advance(state, commanded, step_s, model)
@@ -357,14 +357,14 @@ def acting(commanded: Array, late_s: float) -> Array:
     return (1.0 - part) * commanded[:, newer] + part * commanded[:, older]
 
 
-def _columns(lags: Array, limits: VehicleModel, count: int) -> AutopilotModels:
-    constants = np.array([*lags, *limits.autopilot().values()[len(LAGS) :]])
+def _columns(time_constants: Array, limits: VehicleModel, count: int) -> AutopilotModels:
+    constants = np.array([*time_constants, *limits.autopilot().values()[len(TAUS) :]])
     return AutopilotModels.of(np.repeat(constants[:, None], count, axis=1))
 
 
-def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
+def flown_by_time_constants(recording: Recording, model: VehicleModel) -> Array:
     """Return airspeed, heading and height (3, K) of a vehicle of equation (7) under the recorded setpoints."""
     if model.prompt_share < 1.0:
         recording = _aimed(recording, model, model.prompt_share, model.rest_s)
-    columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
+    columns = _columns(np.array([getattr(model, name) for name in TAUS]), model, 1)
     return simulated([_acting_setpoints(recording, model.dead_time_s)], columns, recording.seen[:, :1].T)[0]

@@ -182,7 +182,7 @@ class RoundTrips:
         down_s = self.up_down_s[1]
         return self.clock.one_way_s if math.isnan(down_s) else down_s
 
-    def heard_at(self, now: Instant) -> Instant:
+    def received_at(self, now: Instant) -> Instant:
         """Return until when it is known to have heard the station: its newest answer's time less the delay down.
 
         Before the first answer this is `now`.

@@ -108,11 +108,11 @@ class Starting:
             answered = f"{_result(vehicle)}{_lacks(vehicle, now)}{vehicle.telemetry.last_words}"
             self._abandon(vehicle, f"vehicle {vehicle.identity}: {reason}{answered}", now)
         elif vehicle.start_up.waited_s(now) > WAITS_S:
-            self._say_what_it_lacks(vehicle, now)
+            self._report_lacks(vehicle, now)
         elif vehicle.start_up.finished:
             self._note(now, "ready", "in the air and following setpoints", vehicle)
 
-    def _say_what_it_lacks(self, vehicle: Vehicle, now: Instant) -> None:
+    def _report_lacks(self, vehicle: Vehicle, now: Instant) -> None:
         """Record what a vehicle is waited for that takes long to get ready, once for each thing."""
         lacks = _lacks(vehicle, now)
         if lacks and lacks != self._lacking.get(vehicle.identity):

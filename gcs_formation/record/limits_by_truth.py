@@ -138,7 +138,7 @@ def limit_series(
         if fence is not None:
             outside = fence.outside_m(flown, flags(ticks.in_formation), lands)
         theirs = _within(motion.time_s, names, pilots_s)
-        _note_pilots(worst, names, motion.time_s[:count], np.where(theirs, outside, 0.0)[:, :count])
+        _log_pilots(worst, names, motion.time_s[:count], np.where(theirs, outside, 0.0)[:, :count])
         ours = np.where(theirs, 0.0, outside)
         over_ground = np.where(flags(ticks.begun) & ~lands, _clearance_m(scenario, flown), np.nan)
         nearest_m = min_separation_m(motion.time_s, flown), np.fmin.reduce(over_ground)
@@ -199,7 +199,7 @@ def _within(time_s: Array, names: Sequence[VehicleId], intervals: Mapping[str, S
     return found
 
 
-def _note_pilots(
+def _log_pilots(
     worst: dict[VehicleId, PilotOutside], names: Sequence[VehicleId], time_s: Array, outside_m: Array
 ) -> None:
     """Note the instant at which each pilot's vehicle was farthest outside; `outside_m` is (V, N)."""

@@ -10,7 +10,7 @@ from operator import itemgetter
 
 from airlink.endpoint import VehicleId
 from flight_model.energy import AirframeParameters
-from flight_model.frequency_response import FREQUENCIES, airframe_responses, lag_responses
+from flight_model.frequency_response import FREQUENCIES, airframe_responses, tau_responses
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import planned_slots
 from formation_scenario.vehicles import VehicleModel
@@ -46,7 +46,7 @@ __all__ = [
     "scenario_delay_margin",
 ]
 
-LAGS = "tau_v_s", "tau_psi_s"
+TAUS = "tau_v_s", "tau_psi_s"
 """Lags of the axes on which the consensus law closes loops: along the heading, and across."""
 Axes = tuple[AircraftResponse, AircraftResponse, AircraftResponse] | tuple[None, None, None]
 
@@ -173,7 +173,7 @@ def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[Vehicl
     if not law_kind(scenario).mutual:
         loops_of = {identity: _loops(scenario, model, places_m) for identity, model, places_m in _planned(scenario)}
         return loops_of | (leader_loops(scenario) if succession else {})
-    loops = tuple(dict.fromkeys(loop for lag in LAGS for loop in _axis_loops(scenario, lag)))
+    loops = tuple(dict.fromkeys(loop for tau in TAUS for loop in _axis_loops(scenario, tau)))
     return {vehicle.vehicle_id: {"consensus": loops} for vehicle in scenario.vehicles}
 
 
@@ -202,16 +202,20 @@ def consensus_margins(scenario: Scenario) -> tuple[float, float]:
     the loops are closed around its response.
     """
     along, across = (
-        min((loop.delay_margin_s() for loop in _axis_loops(scenario, lag)), default=math.inf) for lag in LAGS
+        min((loop.delay_margin_s() for loop in _axis_loops(scenario, tau)), default=math.inf) for tau in TAUS
     )
     return along, across
 
 
-def _axis_loops(scenario: Scenario, lag: str) -> list[Loop]:
-    """Return the consensus law's loops on the axis that has the autopilot's time constant `lag`."""
+def _axis_loops(scenario: Scenario, tau: str) -> list[Loop]:
+    """Return the consensus law's loops on the axis that has the autopilot's time constant `tau`."""
     keys, weights, speed_mps = scenario.law.consensus, scenario.adjacency, scenario.path.begin_mps
     kinds = dict.fromkeys(
-        (1.0 / float(getattr(model, lag)), aircraft_responses(model, speed_mps)[LAGS.index(lag)], model.dead_time_s)
+        (
+            1.0 / float(getattr(model, tau)),
+            aircraft_responses(model, speed_mps)[TAUS.index(tau)],
+            model.dead_time_s,
+        )
         for model in dict.fromkeys(vehicle.model for vehicle in scenario.vehicles)
     )
     return [
@@ -231,8 +235,14 @@ def aircraft_responses(model: VehicleModel, speed_mps: float) -> Axes:
 
 @cache
 def _responses(
-    airframe: AirframeParameters, speed_mps: float, lags_s: tuple[float, float], heights_s: tuple[float, float]
+    airframe: AirframeParameters,
+    speed_mps: float,
+    taus_s: tuple[float, float],
+    heights_s: tuple[float, float],
 ) -> tuple[AircraftResponse, AircraftResponse, AircraftResponse]:
-    true, model = airframe_responses(FREQUENCIES, airframe, speed_mps), lag_responses(*lags_s, heights_s)
+    true, model = (
+        airframe_responses(FREQUENCIES, airframe, speed_mps),
+        tau_responses(*taus_s, heights_s),
+    )
     speed, heading, height = true.speed / model.speed, true.heading / model.heading, true.height / model.height
     return AircraftResponse(speed), AircraftResponse(heading), AircraftResponse(height)

@@ -148,7 +148,7 @@ class Sampler:
         if scale is not None and flew:
             velocity_mps = motion.north_mps, motion.east_mps, motion.climb_mps
             above_sea_m = motion.height_m + self._autopilot.origin.alt_m
-            scale.learn(motion.stamp_s, above_sea_m, velocity_mps, reading_mps, heading_rad)
+            scale.update(motion.stamp_s, above_sea_m, velocity_mps, reading_mps, heading_rad)
         return self.airspeed_mps
 
 

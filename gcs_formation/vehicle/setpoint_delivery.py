@@ -12,7 +12,7 @@ from flight_model.autopilot_model import FlightState, Setpoint, within, wrap
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.command_delivery import REPEAT_S, SetpointChannel
 from gcs_formation.vehicle.held_setpoint import HeldSetpoint, Which
-from gcs_formation.vehicle.velocity_setpoint import says_the_same
+from gcs_formation.vehicle.velocity_setpoint import is_same
 
 LOSSY_S: Final = 10.0
 """Time after a loss for which a link counts as lossy."""
@@ -178,7 +178,7 @@ class SetpointDelivery:
         messages, age_s = list(self._autopilot.setpoint(setpoint, where)), seconds_between(self._streamed_at, at)
         same = len(messages) == len(self._streamed)
         for message, held in zip(messages, self._streamed, strict=False):
-            same = same and says_the_same(message, held, tolerance)
+            same = same and is_same(message, held, tolerance)
         early = bool(self._streamed) and age_s < self.interval_s - SLACK_S
         if (same or early) and age_s < again_s and not (loses and not self.spares):
             return [], same

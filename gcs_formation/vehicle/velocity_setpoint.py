@@ -189,7 +189,7 @@ def velocity_setpoint(
     )
 
 
-def says_the_same(message: Message, other: Message, tolerance: float = 1.0) -> bool:
+def is_same(message: Message, other: Message, tolerance: float = 1.0) -> bool:
     """Return whether a velocity setpoint commands the same as another, within this multiple of what is no news."""
     if not isinstance(message, SetPositionTargetLocalNed) or not isinstance(other, SetPositionTargetLocalNed):
         return False

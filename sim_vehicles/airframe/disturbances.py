@@ -67,7 +67,7 @@ class Environment:
         self._acting: list[tuple[Acting, float]] = []
         """The disturbances active at present, with their shares."""
 
-    def hear_mission_time(self, mission_time_s: float, now: Instant) -> None:
+    def receive_mission_time(self, mission_time_s: float, now: Instant) -> None:
         """Take a mission time from a ground station; only the first non-negative one is used."""
         if self.mission_zero is None and mission_time_s >= 0:
             self.mission_zero = after(now, -mission_time_s)

@@ -38,7 +38,7 @@ LOOK_AHEAD_M: Final = 60.0
 BELOW_GROUND_M: Final = 3.0
 """Depth below the ground to which the glide slope is continued, because the height lags."""
 Vector = tuple[float, float, float]
-PX4S_ACCEL_MPS2, PX4S_LAG_S, PX4S_CLIMB_MPS = 8.0, 0.5, 4.9
+PX4S_ACCEL_MPS2, PX4S_TAU_S, PX4S_CLIMB_MPS = 8.0, 0.5, 4.9
 
 
 class InnovationRatios(NamedTuple):
@@ -252,6 +252,6 @@ def full_throttle_model(model: VehicleModel) -> AutopilotModel | None:
     if model.firmware != "px4" or model.airframe is not None:
         return None
     climbs = model.autopilot()
-    climbs.tau_v_s, climbs.accel_max_mps2, climbs.climb_max_mps = PX4S_LAG_S, PX4S_ACCEL_MPS2, PX4S_CLIMB_MPS
+    climbs.tau_v_s, climbs.accel_max_mps2, climbs.climb_max_mps = PX4S_TAU_S, PX4S_ACCEL_MPS2, PX4S_CLIMB_MPS
     climbs.speed_max_mps *= PX4S_CLIMB_SHARE
     return climbs

@@ -69,7 +69,7 @@ class MessageHandler:
             case LogRequestList():
                 vehicle.answer(LogEntry(0, 0, 0, 0, 0))
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
-                vehicle.environment.hear_mission_time(value, vehicle.now)
+                vehicle.environment.receive_mission_time(value, vehicle.now)
             case MissionItem() | MissionItemInt() if message.current in commands.AT_ONCE:
                 result = m.MAV_MISSION_ACCEPTED if vehicle.ignores else self._fly_to(message)
                 vehicle.answer(MissionAck(frame.system, frame.component, result))

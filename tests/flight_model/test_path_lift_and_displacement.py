@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flight_model.path_lift_and_displacement import Bounds, Lift, min_offset, sample_places
+from flight_model.path_lift_and_displacement import Bounds, ClearanceOffset, min_offset, sample_places
 from formation_scenario.surroundings import Hill
 from formation_scenario.terrain import Hills
 
@@ -69,5 +69,5 @@ def test_a_lift_that_begins_low_and_steep_goes_on_so_and_comes_up_to_nothing_wit
 
 @given(st.lists(st.floats(-60.0, 60.0), min_size=4, max_size=9), st.floats(-100.0, 300.0))
 def test_one_distance_gives_the_same_bits_as_an_array_of_them(control_m, distance_m):
-    lift = Lift(20.0, np.array(control_m))
+    lift = ClearanceOffset(20.0, np.array(control_m))
     assert lift.at_one(distance_m) == tuple(float(each[0]) for each in lift.at(np.array([distance_m])))

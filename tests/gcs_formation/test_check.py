@@ -21,9 +21,9 @@ from gcs_formation.app.check import _seconds, check_report, never_reached, slots
 from gcs_formation.app.check_links import (
     Assembly,
     assembly,
-    cramped_lap,
+    cramped_pattern,
     goes_round,
-    no_time_for_a_lap,
+    no_time_for_a_pattern,
     refused_rate,
     split_errors,
 )
@@ -376,17 +376,17 @@ def test_loss_lengthens_the_run_in_that_assembly_needs(vehicles: int, loss: floa
     """The 95th percentile of the last heartbeat, then of the last answer: negative binomials, one after the other."""
     links = {"default": {"loss": loss}}
     found = started(vehicles={"count": vehicles}, links=links)
-    assert found.min_run_in_s is not None
-    assert found.min_run_in_s == pytest.approx(min_s, abs=0.05)
-    assert found.min_run_in_s > (started().min_run_in_s or 0.0) + 1.0
+    assert found.least_run_in_s is not None
+    assert found.least_run_in_s == pytest.approx(min_s, abs=0.05)
+    assert found.least_run_in_s > (started().least_run_in_s or 0.0) + 1.0
 
 
 def test_a_time_to_assemble_that_a_lap_outlasts_is_warned_of() -> None:
     """60 s from where the leader sets out to its first pass, plus a lap."""
     planned = {"vehicles": {"count": 4}, "path": {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}}
     min_s = math.ceil(60.0 + assembly(load_scenario(planned)).lap_s)
-    assert no_time_for_a_lap(load_scenario(planned | {"start": {"timeout_s": min_s}})) is None
-    said = no_time_for_a_lap(load_scenario(planned | {"start": {"timeout_s": min_s - 2}})) or ""
+    assert no_time_for_a_pattern(load_scenario(planned | {"start": {"timeout_s": min_s}})) is None
+    said = no_time_for_a_pattern(load_scenario(planned | {"start": {"timeout_s": min_s - 2}})) or ""
     assert said.startswith(f"start.timeout_s: found {min_s - 2}; the leader's first pass comes 60 s after")
     assert said.endswith(f"; {min_s} or more wait")
 
@@ -408,7 +408,7 @@ def test_a_lap_without_room_in_the_fence_is_warned_of_and_has_it_in_one_as_much_
         fence = {"corners_m": [[south, west], [north, west], [north, east], [south, east]]}
         path = {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
         keys = {"vehicles": {"count": 4}, "path": path, "start": {"in_air": True}, "safety": {"fence": fence}}
-        return cramped_lap(load_scenario(keys | {"wind": {"velocity_mps": [0, wind_mps, 0]}}))
+        return cramped_pattern(load_scenario(keys | {"wind": {"velocity_mps": [0, wind_mps, 0]}}))
 
     found = re.search(r"no room for a lap before the path .* vehicles are turned away; (\d+) m more", str(said(0.0)))
     assert found is not None

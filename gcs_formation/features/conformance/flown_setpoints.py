@@ -229,8 +229,8 @@ class FlownSetpoints:
             return speed.known_since(latest, now), heading.known_since(latest, now), height.known_since(latest, now)
         # Without acknowledgements, answers to TIMESYNC show that it receives. In hover a multirotor may have any
         # course.
-        hears = self.vehicle.hears
-        return hears, hears and not self.vehicle.autopilot.stands, hears
+        receives = self.vehicle.hears
+        return receives, receives and not self.vehicle.autopilot.stands, receives
 
     def _judge(self, expected: Triple, flown: Triple, airspeed_mps: float, judged: Judged) -> int | None:
         """Evaluate the changes in the window; return the channel that newly isn't followed, of those `judged`.

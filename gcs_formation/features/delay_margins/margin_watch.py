@@ -19,7 +19,7 @@ from gcs_formation.control.laws import law_kind
 from gcs_formation.features.delay_margins.keys import DelayMarginKeys
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_usages, loop_delay_s
-from gcs_formation.stability.mismatch import LAGS_NOTED, NEAR
+from gcs_formation.stability.mismatch import NEAR, TAUS_OFF_NOTED
 from gcs_formation.vehicle.vehicle import Vehicle
 
 CLEAR: Final = 0.7
@@ -148,7 +148,7 @@ class MarginWatch:
         self.beyond: set[VehicleId] = set()
         """Vehicles with a loop that is unstable by its delay."""
         self._near: set[VehicleId] = set()
-        self._lags_off = [[0.0] * len(self.used) for _ in CHANNELS]
+        self._time_constants_off = [[0.0] * len(self.used) for _ in CHANNELS]
         self._calm = Counter[tuple[VehicleId, str]]()
         self._watched = {identity: WatchedVehicle(vehicle) for identity, vehicle in vehicles.items()}
         self._each = list[WatchedVehicle]()
@@ -168,13 +168,13 @@ class MarginWatch:
             each.axes = axes
             self._each.append(each)
 
-    def watch(self, now: Instant, leader: Vehicle | None, lags_off: list[list[float]]) -> None:
+    def watch(self, now: Instant, leader: Vehicle | None, time_constants_off: list[list[float]]) -> None:
         """Check every loop: report when it comes near its margin, and reduce gains if the scenario asks for that.
 
-        The law closes a loop around the leader only if it is mutual. `lags_off`: relative error of each channel's time
-        constants against the model in use, (3, C).
+        The law closes a loop around the leader only if it is mutual. `time_constants_off`: relative error of each
+        channel's time constants against the model in use, (3, C).
         """
-        self._lags_off = lags_off
+        self._time_constants_off = time_constants_off
         for each in self._each:
             if each.vehicle is leader and not self._mutual:
                 self._forget(each.vehicle)
@@ -190,13 +190,13 @@ class MarginWatch:
         for axis, usage in each.axes.items():
             used = usage.of(delay, bandwidth[channels_of(axis)[0]])
             by_delay = by_delay if by_delay >= used else used
-        by_lags, channel = self._by_lags(column, delay, each.axes)
-        used = by_delay + by_lags
+        by_taus, channel = self._by_time_constants(column, delay, each.axes)
+        used = by_delay + by_taus
         self.used[column] = used
         self.max_used = max(self.max_used, used)
         if math.isnan(self.longest_s) or delay.mean_s > self.longest_s:
             self.longest_s = delay.mean_s
-        self._say(now, vehicle, used, channel if by_lags > by_delay else None)
+        self._say(now, vehicle, used, channel if by_taus > by_delay else None)
         if by_delay >= 1.0:
             self.beyond.add(vehicle.identity)
         elif not by_delay >= NEAR:
@@ -215,13 +215,13 @@ class MarginWatch:
         elif each.held_too_long and not each.held and min(self.bandwidth[vehicle.column]) == 1.0:
             each.held_too_long = False
 
-    def _by_lags(self, column: int, delay: LoopDelay, axes: dict[str, Usage]) -> tuple[float, int]:
+    def _by_time_constants(self, column: int, delay: LoopDelay, axes: dict[str, Usage]) -> tuple[float, int]:
         """Return the largest share of its margin against wrong time constants that a loop uses, and their channel."""
         maximum, whose = 0.0, 0
         for axis, usage in axes.items():
             for channel in channels_of(axis):
-                off = self._lags_off[channel][column]
-                used = usage.of_lags(delay, off) if off >= LAGS_NOTED else 0.0
+                off = self._time_constants_off[channel][column]
+                used = usage.of_lags(delay, off) if off >= TAUS_OFF_NOTED else 0.0
                 if used > maximum:
                     maximum, whose = used, channel
         return maximum, whose
@@ -257,7 +257,7 @@ class MarginWatch:
                 changed |= after != before
         if changed:
             used = max(usage.of(delay, bandwidth[channels_of(axis)[0]]) for axis, usage in each.axes.items())
-            self._say_gains(now, vehicle, delay, used)
+            self._report_gains(now, vehicle, delay, used)
 
     def _say(self, now: Instant, vehicle: Vehicle, used: float, channel: int | None) -> None:
         """Report that a vehicle comes near its margin or is clear of it; `channel`: the one that uses most of it."""
@@ -268,7 +268,7 @@ class MarginWatch:
             if math.isinf(used):
                 text, details["used"] = "has no delay margin: its loops are unstable whatever the delay", None
             if channel is not None:
-                off = self._lags_off[channel][vehicle.column]
+                off = self._time_constants_off[channel][vehicle.column]
                 name = list(CHANNELS.values())[channel]
                 text += f": {name} doesn't follow as its model says, time constants are {off:.0%} off"
                 details["lags_off"] = off
@@ -277,7 +277,7 @@ class MarginWatch:
             self._near.remove(vehicle.identity)
             self._note(now, "delay_margin", "is well inside its delay margin again", vehicle, {"used": used})
 
-    def _say_gains(self, now: Instant, vehicle: Vehicle, delay: LoopDelay, used: float) -> None:
+    def _report_gains(self, now: Instant, vehicle: Vehicle, delay: LoopDelay, used: float) -> None:
         shares = dict(zip(CHANNELS.values(), self.bandwidth[vehicle.column], strict=True))
         words = ", ".join(f"{channel} {share:.0%}" for channel, share in shares.items())
         lowered = min(shares.values()) < 1.0

@@ -15,7 +15,7 @@ from formation_scenario import Scenario
 from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.slot_frame import axis_rad
 from formation_scenario.start_states_and_end_times import planned_m
-from gcs_formation.features.ending.stack import Stack, stacked
+from gcs_formation.features.ending.holding_stack import HoldingStack, stacked
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.guidance.leader_guidance import path_ahead
@@ -62,7 +62,7 @@ class _Climb:
         self._begin = {
             VehicleId(1, at): ReportedMotion(0.0, *place, 0.0, 0.0, climb_mps, 0.0) for at, place in enumerate(each)
         }
-        self._stack = Stack(scenario.safety.kept_m, stand=scenario.hovers)
+        self._stack = HoldingStack(scenario.safety.kept_m, stand=scenario.hovers)
         climb_mps = min(model.climb_max_mps for model in self._models)
         self._limit_s = stacked(self._begin, self._stack, self._floor, "loiter", self._ahead, climb_mps)
         self._stack.add(self._begin)

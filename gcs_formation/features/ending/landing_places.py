@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from airlink.endpoint import VehicleId
-from gcs_formation.features.ending.stack import home_of
+from gcs_formation.features.ending.holding_stack import home_of
 from gcs_formation.fleet.circle_heights import STACK_M, GroundFloor
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 

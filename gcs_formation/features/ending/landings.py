@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
-from gcs_formation.features.ending.stack import home_of
+from gcs_formation.features.ending.holding_stack import home_of
 from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M
 from gcs_formation.mission.ending import may_be_armed
 from gcs_formation.vehicle.command_delivery import Outcome

@@ -54,7 +54,7 @@ class MessageCounts:
         self._kinds: i64 = kinds
         self.looks: i64 = 0
         """How many there were."""
-        self._heard_s = vec[float]([0.0] * maximum)
+        self._received_s = vec[float]([0.0] * maximum)
         self._received, self._lost, self._total = (
             vec[i64]([0] * maximum),
             vec[i64]([0] * maximum),
@@ -74,20 +74,20 @@ class MessageCounts:
         at, total = self.looks % self._max, i64(0)
         for count in vehicle.messages_in:
             total += count
-        heard_s = 0.0
+        received_s = 0.0
         if self.looks:
             before = (self.looks - 1) % self._max
-            heard_s = self._heard_s[before] + (since_s if total > self._total[before] else 0.0)
-        self._heard_s[at], self._total[at] = heard_s, total
+            received_s = self._received_s[before] + (since_s if total > self._total[before] else 0.0)
+        self._received_s[at], self._total[at] = received_s, total
         self._received[at], self._lost[at] = vehicle.sequence.received, vehicle.sequence.lost
         for place in range(len(places)):
             self._messages[at * self._kinds + place] = vehicle.messages_in[places[place]]
         self.looks += 1
 
-    def heard_s(self, span: i64) -> float:
+    def received_s(self, span: i64) -> float:
         """Return the time, in the last `span` intervals, in which anything was heard, s."""
         first, last = self._ends(span)
-        return self._heard_s[last] - self._heard_s[first]
+        return self._received_s[last] - self._received_s[first]
 
     def arrived(self, place: i64, span: i64) -> i64:
         """Return the number of messages of the kind at `place` in the last `span` intervals."""
@@ -144,9 +144,9 @@ class RequestedMessages:
             span = self._spans[place]
             if counts.looks <= span:
                 continue
-            count, heard_s = counts.arrived(place, span), counts.heard_s(span)
-            if float(count) < self._min_hz[place] * heard_s:
-                sent = self._rates[place] * heard_s
+            count, received_s = counts.arrived(place, span), counts.received_s(span)
+            if float(count) < self._min_hz[place] * received_s:
+                sent = self._rates[place] * received_s
                 if sent >= FEWEST_SENT and _is_too_few(count, sent, counts.share_arriving(span)):
                     found.append(self._ids[place])
         return tuple(found)
@@ -160,7 +160,7 @@ class RequestedMessages:
         counts, found = self.counts, list[int]()
         for place in range(len(self._spans)):
             span = min(self._spans[place], counts.looks - 1)
-            sent = self._rates[place] * counts.heard_s(span)
+            sent = self._rates[place] * counts.received_s(span)
             if float(counts.arrived(place, span)) < SLOWED_SHARE * sent * counts.share_arriving(span):
                 found.append(self._ids[place])
         return tuple(found)

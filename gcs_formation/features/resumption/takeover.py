@@ -27,7 +27,7 @@ WAIT_S = 5.0
 TAKE = "; --take takes it"
 TAKES = "; --take takes those in the air"
 ON_THE_GROUND = "on the ground"
-START_ANEW = "; fly it from its start, by its scenario"
+START_AGAIN = "; fly it from its start, by its scenario"
 
 
 class Found(NamedTuple):
@@ -211,7 +211,7 @@ class Takeover(Beginning):
         others = any(reason.endswith(TAKE) for reason in self._left.values())
         each = "; ".join(f"vehicle {', '.join(who)}: {reason}" for reason, who in found.items())
         grounded = list(found) == [ON_THE_GROUND]
-        return (each or "none got ready") + (TAKES if others else START_ANEW if grounded else "")
+        return (each or "none got ready") + (TAKES if others else START_AGAIN if grounded else "")
 
     def _silent(self) -> list[tuple[VehicleId, Vehicle]]:
         searching = LinkState.SEARCHING

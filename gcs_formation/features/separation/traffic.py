@@ -213,7 +213,7 @@ def _length(vectors: Array) -> Array:
     return np.hypot(vectors[0], vectors[1])
 
 
-class Reach(NamedTuple):
+class MotionBound(NamedTuple):
     """Bounds of vehicles' distances and speeds in a frame that moves with the reference, (N,)."""
 
     place_m: Array
@@ -227,17 +227,17 @@ def possible_pairs(picture: TrafficPicture) -> tuple[Indices, Indices]:
 
     The test is conservative: it finds every pair whose trajectories as commanded don't keep the distance.
     """
-    reach, count = bound(picture), picture.commanded.size
-    one, other = _all_pairs(count) if count <= FEW else _pairs_within(_farthest_m(picture, reach), reach.place_m)
-    apart_m = _length(reach.place_m[:, other] - reach.place_m[:, one])
+    bound_of, count = bound(picture), picture.commanded.size
+    one, other = _all_pairs(count) if count <= FEW else _pairs_within(_farthest_m(picture, bound_of), bound_of.place_m)
+    apart_m = _length(bound_of.place_m[:, other] - bound_of.place_m[:, one])
     minimum = picture.minimum(one, other)
-    needed_m = minimum.distance_m + minimum.timing_s * (reach.fast_mps[one] + reach.fast_mps[other])
-    possible: Mask = apart_m < needed_m + reach.far_m[one] + reach.far_m[other]
+    needed_m = minimum.distance_m + minimum.timing_s * (bound_of.fast_mps[one] + bound_of.fast_mps[other])
+    possible: Mask = apart_m < needed_m + bound_of.far_m[one] + bound_of.far_m[other]
     possible &= picture.commanded[one] | picture.commanded[other]
     return one[possible], other[possible]
 
 
-def bound(picture: TrafficPicture) -> Reach:
+def bound(picture: TrafficPicture) -> MotionBound:
     """Return bounds of the horizontal distance and speed, in the reference's frame, of the trajectories as commanded.
 
     An error e of speed or heading that decays with a time constant tau, at a rate of at most r, displaces by e tau +
@@ -256,7 +256,7 @@ def bound(picture: TrafficPicture) -> Reach:
     else:
         errors = np.abs(np.array((along, setpoints.air_motion)) - state.air_motion)
         errors[:, 1] = np.abs(wrap(errors[:, 1]))
-        lag_s, rate_max = traffic.model.air_lags_s, traffic.model.air_rates_max
+        lag_s, rate_max = traffic.model.air_taus_s, traffic.model.air_rates_max
         weight = np.array((np.ones_like(along[0]), along[0]))
     error, to_setpoint = errors
     first = np.minimum(to_setpoint / lag_s, rate_max)
@@ -272,7 +272,7 @@ def bound(picture: TrafficPicture) -> Reach:
     place_m = state.level_m + frame_mps * traffic.lead_s
     if not all_of(picture.commanded):
         _free(picture, frame_mps, far_m, fast_mps, horizon_s)
-    return Reach(place_m, far_m, fast_mps)
+    return MotionBound(place_m, far_m, fast_mps)
 
 
 def _free(picture: TrafficPicture, frame_mps: Array, far_m: Array, fast_mps: Array, horizon_s: Array) -> None:
@@ -287,9 +287,9 @@ def _free(picture: TrafficPicture, frame_mps: Array, far_m: Array, fast_mps: Arr
     fast_mps[free], far_m[free] = mps[free], (mps * horizon_s)[free]
 
 
-def _farthest_m(picture: TrafficPicture, reach: Reach) -> float:
+def _farthest_m(picture: TrafficPicture, bound_of: MotionBound) -> float:
     """Return a distance beyond which no two come too near."""
-    max_m = 2 * (reach.far_m.max() + 2 * picture.timing_s.max() * reach.fast_mps.max())
+    max_m = 2 * (bound_of.far_m.max() + 2 * picture.timing_s.max() * bound_of.fast_mps.max())
     return float(max_m) + picture.kept.max_m
 
 

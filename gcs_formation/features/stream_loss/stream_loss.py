@@ -67,10 +67,10 @@ class StreamLoss(FrameLoss):
             self._expect(vehicle.rates_hz)
         if self._counts:
             silent_s = vehicle.sequence.silent_s - self._silent_s
-            heard_s = seconds_between(self._began, vehicle.connection.last_heard) - silent_s
-            if heard_s < self._window_s:
+            received_s = seconds_between(self._began, vehicle.connection.last_heard) - silent_s
+            if received_s < self._window_s:
                 return
-            self._judge(heard_s)
+            self._judge(received_s)
         self._began, self._silent_s = vehicle.connection.last_heard, vehicle.sequence.silent_s
         self._counts = self._counted()
 
@@ -102,13 +102,13 @@ class StreamLoss(FrameLoss):
         silenced = float(sequence.missed) * (1.0 - by_numbers) / (1.0 - by_streams)
         return 1.0 - float(sequence.received) / (sent + silenced)
 
-    def _judge(self, heard_s: float) -> None:
+    def _judge(self, received_s: float) -> None:
         """Add what came in a window, of the median stream, by messages, and of those that come alike.
 
         The others have another rate, or are filtered too. A window tells nothing if they are the most.
         """
         each = zip(self._counts, self._counted(), self._rates_hz, strict=True)
-        rows = [((now - before) / (rate_hz * heard_s), rate_hz * heard_s) for before, now, rate_hz in each]
+        rows = [((now - before) / (rate_hz * received_s), rate_hz * received_s) for before, now, rate_hz in each]
         rows = [(share, due) for share, due in rows if share > 0.0 and due >= FEWEST]
         half = sum([due for _, due in rows]) / 2.0
         median = _median(rows, half)

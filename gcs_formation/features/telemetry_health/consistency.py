@@ -193,7 +193,7 @@ class Consistency:
         elif self._beyond >= CONFIRMED or (self._beyond and self._stands()):
             self._disbelieve()
         elif self.wrong is not None and self._agrees_s >= RETURNS_S:
-            self._believe(variances[0])
+            self._accept(variances[0])
 
     def _stand(self, elapsed_s: float, rate_mps: float, *, same: bool) -> None:
         """Sum what a height that stays the same to the bit would have moved by its rate."""
@@ -296,7 +296,7 @@ class Consistency:
         gained_m = math.hypot(*[axis.short_m for axis in self.axes])
         return VELOCITY if opposed_m < OPPOSED_SHARE * gained_m else POSITION
 
-    def _believe(self, position_variance: float) -> None:
+    def _accept(self, position_variance: float) -> None:
         """Believe both again; a displacement that noise explains is forgotten."""
         self.wrong, self.lasts, self._agrees_s = None, False, 0.0
         if self.displaced_m < SHORT_M + SIGMAS * math.sqrt(position_variance):

@@ -63,10 +63,10 @@ class TelemetryNoise(Stage):
     def watch_airspeeds(self, now: Instant) -> None:
         """Report which measured airspeeds aren't plausible."""
         for identity, vehicle in self._vehicles.items():
-            check, was_believed = vehicle.sampler.airspeed_check, identity not in self._unbelieved
-            if check is None or check.believes == was_believed:
+            check, was_plausible = vehicle.sampler.airspeed_check, identity not in self._unbelieved
+            if check is None or check.believes == was_plausible:
                 continue
-            if was_believed:
+            if was_plausible:
                 self._unbelieved.add(identity)
                 shown = f"velocity over ground and wind show {check.synthetic_mps:.1f} m/s"
                 text = f"the {vehicle.telemetry.airspeed_mps:.1f} m/s that it measures is rejected: {shown}"

@@ -11,7 +11,7 @@ import numpy as np
 from librt.vecs import vec
 
 from flight_model.autopilot_model import squared, within
-from gcs_formation.features.time_constants.lag_simulation import ResidualBatch
+from gcs_formation.features.time_constants.model_set import ResidualBatch
 
 RATIO_MAX: Final = 2.0
 """Fitted time constants are between the declared one divided by this and multiplied by it."""
@@ -117,7 +117,7 @@ class Persistence:
         return (PRIOR_WORTH * PRIOR_BATCHES + self._count * seen) / (PRIOR_WORTH + self._count)
 
 
-class LagFit:
+class TimeConstantFit:
     """The fit of the P time constants of a vehicle's airspeed, heading or height."""
 
     def __init__(self, nodes: Nodes, resolution: float, finest: float, rate_hz: float, *, in_use: bool) -> None:
@@ -155,7 +155,7 @@ class LagFit:
         self._calm_square = self._calm_total = self._calm_count = 0.0
         """Sums over recent samples of batches without excitation: of residuals squared, of residuals, and of 1."""
 
-    def learn(self, tracks: ResidualBatch) -> bool:
+    def update(self, tracks: ResidualBatch) -> bool:
         """Take a batch of samples; refit if it has excitation or time constants still change, and return whether.
 
         Without excitation all simulations agree; the samples then only show how large and how correlated residuals are.

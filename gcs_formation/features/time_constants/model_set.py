@@ -58,10 +58,10 @@ class ResidualBatch:
 class FirstOrder:
     """Simulations of airspeed or heading by K time constants."""
 
-    def __init__(self, lags_s: list[float], declared_s: float, rate_max: float, *, turns: bool) -> None:
+    def __init__(self, taus_s: list[float], declared_s: float, rate_max: float, *, turns: bool) -> None:
         """Take the time constants, the declared one, and the rate limit; `turns`: the value is an angle."""
-        self._lags_s, self._values = vec[float](lags_s), vec[float]([0.0] * len(lags_s))
-        self._made_good = vec[float]([0.0] * len(lags_s))
+        self._taus_s, self._values = vec[float](taus_s), vec[float]([0.0] * len(taus_s))
+        self._made_good = vec[float]([0.0] * len(taus_s))
         """Share of an error that a step removes."""
         self._rate_max, self._turns, self._step_s = rate_max, turns, 0.0
         self._free = FREE * rate_max * declared_s
@@ -84,12 +84,12 @@ class FirstOrder:
     def step_by(self, time_s: float) -> None:
         """Set the time step."""
         self._step_s = time_s
-        for node in range(len(self._lags_s)):
-            self._made_good[node] = 1.0 - math.exp(-time_s / self._lags_s[node])
+        for node in range(len(self._taus_s)):
+            self._made_good[node] = 1.0 - math.exp(-time_s / self._taus_s[node])
 
     def step(self, setpoint: float) -> None:
         """Follow a setpoint for a step."""
-        values, lags_s, made_good, off = self._values, self._lags_s, self._made_good, 0.0
+        values, taus_s, made_good, off = self._values, self._taus_s, self._made_good, 0.0
         turns, rate_max = self._turns, self._rate_max
         for node in range(len(values)):
             error = setpoint - values[node]
@@ -98,8 +98,8 @@ class FirstOrder:
             size, share = abs(error), made_good[node]
             off += size
             change = share * error
-            if size > rate_max * lags_s[node]:
-                change = error - remaining(error, self._step_s, lags_s[node], rate_max, 1.0 - share)
+            if size > rate_max * taus_s[node]:
+                change = error - remaining(error, self._step_s, taus_s[node], rate_max, 1.0 - share)
             values[node] = values[node] + change
         self._off = max(self._off, off / float(len(values)))
 
@@ -217,7 +217,7 @@ class Samples:
         return float(self.stamps[self.count - 1] - self.stamps[0]) / NANOSECONDS
 
 
-class Bank:
+class ModelSet:
     """A vehicle's simulations from its setpoints alone."""
 
     def __init__(self, declared: AutopilotModel, air: list[list[float]], height: list[list[float]]) -> None:
@@ -236,17 +236,17 @@ class Bank:
         """The instant of the simulations, ns."""
         self._step: i64 = 0
 
-    def begin(self, learnt: list[bool], stamp: i64, seen: Seen) -> None:
-        """Restart from what was `seen` those simulations of airspeed, heading and height that aren't `learnt`."""
+    def begin(self, estimated: list[bool], stamp: i64, seen: Seen) -> None:
+        """Restart from what was `seen` those simulations of airspeed, heading and height that aren't `estimated`."""
         self.flying = not math.isnan(seen[0])
         speed_mps, heading_rad, height_m, climb_mps = seen if self.flying else (0.0, 0.0, 0.0, 0.0)
-        if not any(learnt):
+        if not any(estimated):
             self._at = stamp
-        if not learnt[0]:
+        if not estimated[0]:
             self._speeds.begin(speed_mps)
-        if not learnt[1]:
+        if not estimated[1]:
             self._headings.begin(heading_rad)
-        if not learnt[2]:
+        if not estimated[2]:
             self._heights.begin(height_m, climb_mps)
 
     def fly(self, samples: Samples, sent: SentSetpoints, batch: list[ResidualBatch]) -> list[bool]:

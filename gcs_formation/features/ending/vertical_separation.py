@@ -14,7 +14,13 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from gcs_formation.controller import FormationController
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
-from gcs_formation.features.ending.stack import MAX_S, FlyingVehicle, Stack, climbed_out, limit_of_climb_s
+from gcs_formation.features.ending.holding_stack import (
+    MAX_S,
+    FlyingVehicle,
+    HoldingStack,
+    climbed_out,
+    limit_of_climb_s,
+)
 from gcs_formation.recorder import VehicleLink
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
@@ -24,12 +30,12 @@ HOVER_MPS = 0.5
 """Ground speed below which a stopping vehicle counts as hovering."""
 
 
-class Opening:
+class VerticalSeparation:
     """Separates a controller's formation vertically, tick by tick."""
 
     def __init__(
         self,
-        stack: Stack,
+        stack: HoldingStack,
         controller: FormationController,
         vehicles: Mapping[VehicleId, Vehicle],
         now: Instant,
@@ -84,7 +90,7 @@ class Opening:
         if vehicle.autopilot.climbs_out(vehicle.telemetry):
             place = climbed_out(place, vehicle)
             return FlyingVehicle(place, place.height_m)
-        answers = seconds_between(vehicle.round_trips.heard_at(now), now) <= UNMOVED_S
+        answers = seconds_between(vehicle.round_trips.received_at(now), now) <= UNMOVED_S
         led = links[column].ready and links[self._controller.plan.leader].ready
         if led and answers and not links[column].disobeying:
             return FlyingVehicle(place, self._commanded_m(column), steered=True)
@@ -95,10 +101,10 @@ class Opening:
     def _orders_m(self, vehicle: Vehicle, column: int, links: list[VehicleLink], *, answers: bool) -> tuple[float, ...]:
         """Return the heights to which a vehicle may be on its way, the last order last; NaN where there was none."""
         if vehicle.member in (Member.HOLDING, Member.RETURNING):
-            return self._heard_m(column, links), vehicle.holds_at_m
-        return () if answers else (self._heard_m(column, links), self._commanded_m(column))
+            return self._received_m(column, links), vehicle.holds_at_m
+        return () if answers else (self._received_m(column, links), self._commanded_m(column))
 
-    def _heard_m(self, column: int, links: list[VehicleLink]) -> float:
+    def _received_m(self, column: int, links: list[VehicleLink]) -> float:
         """Return the height setpoint at the time when a vehicle was last known to hear."""
         _, _, height_m = self._controller.history.commanded(links[column].heard, column)
         return height_m

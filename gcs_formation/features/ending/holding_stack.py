@@ -57,7 +57,7 @@ class FlyingVehicle:
         self.steered = steered
 
 
-class Stack:
+class HoldingStack:
     """Heights of vehicles that circle one above the other."""
 
     def __init__(
@@ -174,7 +174,7 @@ class Stack:
 
 def stacked(
     places: Mapping[VehicleId, ReportedMotion],
-    stack: Stack,
+    stack: HoldingStack,
     ground: GroundFloor,
     manner: End,
     ahead: Ahead,
