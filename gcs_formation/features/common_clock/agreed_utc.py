@@ -1,10 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""The UTC that most vehicles agree on.
-
-All vehicles' stamps are mapped to one clock by their UTC, once that is consistent with causality and with the other
-vehicles' UTC.
-"""
+"""UTC minus the station's clock by the vote of all vehicles, and whose stamps are mapped by it."""
 
 from __future__ import annotations
 

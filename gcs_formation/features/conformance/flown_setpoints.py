@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Checks whether one vehicle follows its setpoints, by the autopilot model."""
+"""Checks whether one vehicle follows its setpoints, by the autopilot model; the package's essay has the theory."""
 
 from __future__ import annotations
 

@@ -1,13 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Estimates of each vehicle's time constants in equation (7), from its telemetry and the setpoints that it was sent.
-
-Output-error identification (Ljung, "System Identification", 2nd ed., 4.2 and 10.2): each vehicle is simulated from its
-setpoints alone by several models at once, whose time constants span `RATIO_MAX`. Between them the simulated motion is
-interpolated by a polynomial in the logarithm of the time constant's ratio to the declared one. The ratio is fitted to
-the telemetry by least squares, with a normal prior about the declared time constant. No measurement enters the
-simulation, so white noise in the telemetry doesn't bias it; a constant difference (a sensor's bias) isn't fitted.
-"""
+"""Estimates each vehicle's time constants in flight: batches of samples, and the models that they update in place."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Fits a vehicle's time constants to its telemetry, from simulations by several models (7); see `lags`."""
+"""Fits a vehicle's time constants to its telemetry, from simulations by several models (7)."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Simulations of a vehicle from its setpoints alone, by models (7) of several time constants at once; see `lags`."""
+"""Simulations of a vehicle from its setpoints alone, by models (7) of several time constants at once."""
 
 from __future__ import annotations
 
