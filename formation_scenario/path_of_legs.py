@@ -19,7 +19,7 @@ from flight_model.path import FlightPath
 from flight_model.stops.path import PathWithStops
 from formation_scenario.geofence import Geofence
 from formation_scenario.path_plan import PathPlan
-from formation_scenario.path_with_stops import path_with_stops, short_legs, timetable
+from formation_scenario.path_with_stops import CHANGE_TAUS, path_with_stops, short_legs, timetable
 from formation_scenario.slot_assignment import Members, SlotStep, column_models, slot_schedule
 from formation_scenario.turn_limits import climb_limits, turn_limits
 
@@ -27,8 +27,6 @@ MAX_ROUNDS = 5
 """How often turns are planned again because legs between them became too short for their speeds."""
 CHANGE_SHARE = 0.3
 """Share of the acceleration that changes of speed use; the law needs the rest to hold the slots."""
-CHANGE_TAUS = 2.0
-"""Shortest duration of a change of speed, in time constants of the slowest vehicle's airspeed."""
 
 
 def path_of_legs(

@@ -35,22 +35,31 @@ from gcs_formation.control.setpoint import (
 )
 
 SLEW = (1.6, 1.04)
-"""Largest growth rates of the speed and heading corrections, as shares of the acceleration and turn rate limits."""
+"""Largest growth rates of the speed and heading corrections, as shares of the acceleration and turn rate limits. Tuned:
+share of the limit; 0.8 to 2; shown by `python -m benchmarks.effort_grid`."""
 GUST_SIGMAS: Final = 3.0
-"""Changes of the wind estimate within this many standard deviations aren't fed forward."""
+"""Changes of the wind estimate within this many standard deviations aren't fed forward. Tuned: standard deviations; 2
+to 4; shown by `python -m benchmarks.effort_grid`."""
 SWING_S: Final = 0.6
-"""Lateral offset, divided by airspeed, at which the heading loop has half its bandwidth in the follower's own frame."""
+"""Lateral offset, divided by airspeed, at which the heading loop has half its bandwidth in the follower's own frame.
+Tuned: s; 0.3 to 1.2; shown by `python -m benchmarks.gust_swing`."""
 BRAKING_SHARE: Final = 0.5
-"""Share of the acceleration limit that is planned for slowing down to the slot's speed."""
+"""Share of the acceleration limit that is planned for slowing down to the slot's speed. Tuned: share; 0.3 to 0.8; by
+judgement."""
 MIN_CLOSING_MPS: Final = 1.0
-"""Closing speed that is allowed at any distance."""
+"""Closing speed that is allowed at any distance. Tuned: m/s; 0.5 to 2; by judgement."""
 FAR_M: Final = 10.0
-"""A vehicle with a larger forward error, closing or overshooting faster than `SLOW_MPS`, is arriving at its slot."""
+"""A vehicle with a larger forward error, closing or overshooting faster than `SLOW_MPS`, is arriving at its slot.
+Tuned: m; 5 to 20; by judgement."""
 SLOW_MPS: Final = 0.5
+"""Closing speed from which on a far vehicle is arriving, and below which it isn't any more. Tuned: m/s; 0.3 to 1; by
+judgement."""
 SETTLES_S: Final = 5.0
-"""The arrival ends once the vehicle has been slower for so long; until then the speed integral may only shrink."""
+"""The arrival ends once the vehicle has been slower for so long; until then the speed integral may only shrink. Tuned:
+s; 3 to 10; by judgement."""
 CLIMBING: Final = 0.35
-"""Share of the climb limit: a height error that shrinks faster than this isn't integrated."""
+"""Share of the climb limit: a height error that shrinks faster than this isn't integrated. Tuned: share of the climb
+limit; 0.2 to 0.6; by judgement."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,10 @@ from flight_model.autopilot_model import (
 from flight_model.slot import Triple
 
 HISTORY_S: Final = 6.0
+"""How long setpoints are kept. Tuned: s; the largest loop delay and more, 4 to 20; by judgement."""
 RESPOND_NS: Final = 280_000_000
+"""Longest step in which a model answers the mean of the setpoints that act in it. Tuned: ns; 100 to 300 ms; by
+judgement."""
 
 
 class SentSetpoints:

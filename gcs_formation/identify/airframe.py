@@ -12,7 +12,7 @@ from flight_model.arrays import Array
 from flight_model.frequency_response import slow_taus_s
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.identify.fitting import DEAD, DEAD_MAX_S, TAUS, acting
-from gcs_formation.identify.output_error import RESOLUTION
+from gcs_formation.identify.output_error import NUDGE, RESOLUTION, STEP_MAX
 from gcs_formation.identify.recording import STEP_S, Recording
 
 AIRFRAME_KEYS = (
@@ -21,9 +21,6 @@ AIRFRAME_KEYS = (
 SPREADS = np.array([0.3, 0.3, 0.3, 0.3, 0.3, 0.1, 0.7])
 """Prior standard deviations of these parameters' logarithms."""
 ITERATIONS = 7
-NUDGE = 0.02
-"""Step of a logarithm for the numerical derivative."""
-STEP_MAX = 0.4
 MIN_VARIANCE = 1e-9
 LOOP_S = 0.02
 """Least value that a search begins with: a period of the autopilot's main loop, for a dead time of 0."""

@@ -41,6 +41,7 @@ ITERATIONS = 15
 NUDGE = 0.02
 """Step of a parameter's logarithm for the numerical derivative."""
 STEP_MAX = 0.4
+"""Largest change of a parameter's logarithm at a step of the search. Tuned: a number; 0.2 to 0.7; by judgement."""
 CLOSE = 1e-5
 """Change of the logarithms below which the search ends."""
 NEAR_ENOUGH = 1e-3

@@ -21,24 +21,31 @@ from gcs_formation.features.airspace.keys import AirspaceKeys, Fence
 from gcs_formation.recorder import Event, Tick
 
 HELD_M: Final = 10.0
-"""A vehicle is turned away from the fence when the room left beyond such a turn is smaller."""
+"""A vehicle is turned away from the fence when the room left beyond such a turn is smaller. Tuned: m; 5 to 20; by
+judgement."""
 TURN_RAD: Final = np.pi / 2
-"""Offset from the present heading that is commanded to turn a vehicle away: large enough for its tightest turn."""
+"""Offset from the present heading that is commanded to turn a vehicle away: large enough for its tightest turn. Tuned:
+rad; 1 to π; by judgement."""
 STEP_M: Final = 1.0
+"""Distance over which the slope of the room to the fence is taken. Tuned: m; 0.5 to 5; by judgement."""
 HELD_TAUS: Final = 0.5
 """Time, in time constants of height, for which a height setpoint is assumed to be held before the fastest climb
-follows."""
+follows. Tuned: time constants; 0.3 to 1; by judgement."""
 TAUS: Final = [0.125, 0.25, 0.375, HELD_TAUS, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0]
-"""Times, in time constants of height, at which the ground below that climb is checked."""
+"""Times, in time constants of height, at which the ground below that climb is checked. Tuned: time constants; 0 to 3,
+denser at first; by judgement."""
 TAUS_AHEAD: Final = np.array(TAUS)
 SHARES: Final = [(TAUS.index(share), share) for share in (0.25, 0.5, 0.75, 1.0)]
 """Those of them, in shares of the way until a height is reached, at which the straight way there is checked."""
 ROOM_M: Final = 0.25
-"""Margin above terrain of that climb: ground and states are known to about that, and checked tick by tick."""
+"""Margin above terrain of that climb: ground and states are known to about that, and checked tick by tick. Tuned: m;
+0.1 to 1; by judgement."""
 AROUND_M: Final = 500.0
-"""Radius around a vehicle in which the highest ground is searched, again after it has flown that far."""
+"""Radius around a vehicle in which the highest ground is searched, again after it has flown that far. Tuned: m; 300 to
+2000; by judgement."""
 OVER_S: Final = 2.0
-"""A limit has ended once it hasn't applied for so long, so that events don't repeat from tick to tick at a limit."""
+"""A limit has ended once it hasn't applied for so long, so that events don't repeat from tick to tick at a limit.
+Tuned: s; 1 to 5; by judgement."""
 
 
 class HeldEvents:

@@ -23,28 +23,36 @@ from gcs_formation.stability.mismatch import NEAR, TAUS_OFF_NOTED
 from gcs_formation.vehicle.vehicle import Vehicle
 
 CLEAR: Final = 0.7
-"""Share below which another event reports that this has ended."""
+"""Share below which another event reports that this has ended. Tuned: share; 0.5 to 0.8; by judgement."""
 DEGRADE: Final = 0.9
-"""Share from which gains are reduced."""
+"""Share from which gains are reduced. Tuned: share; 0.8 to 0.95; by judgement."""
 RESTORE: Final = 0.5
-"""Share below which reduced gains are raised again, after `CALM_LOOKS` checks."""
+"""Share below which reduced gains are raised again, after `CALM_LOOKS` checks. Tuned: share; 0.3 to 0.6; by
+judgement."""
 LASTING_LOOKS: Final = 4
 """Number of checks, one a second, of which the smallest jitter counts: for up to 3 s after a step of the delay, round
-trips before and after it are in one window and seem to jitter."""
+trips before and after it are in one window and seem to jitter. Tuned: s; 3 to 6; by judgement."""
 CALM_LOOKS: Final = 10
-"""Number of checks, one a second: the standard deviation of a few round trips is itself uncertain."""
+"""Number of checks, one a second: the standard deviation of a few round trips is itself uncertain. Tuned: s; 5 to 30;
+by judgement."""
 HOLD_LOOKS: Final = 20
-"""Longest hold by `law.on_delay`, of checks once a second. A leader at 22 m/s flies 440 m meanwhile."""
+"""Longest hold by `law.on_delay`, of checks once a second. A leader at 22 m/s flies 440 m meanwhile. Tuned: s; 10 to
+60; by judgement."""
 KEPT: Final = 0.7
-"""Share in use after either change; fuzzy scheduling can reduce a margin to about 0.77 of itself."""
+"""Share in use after either change; fuzzy scheduling can reduce a margin to about 0.77 of itself. Tuned: share; 0.5 to
+0.75; by judgement."""
 CHANNELS: Final = {"x": "speed", "y": "heading", "z": "height"}
 PLACES: Final = {axis: [place] for place, axis in enumerate(CHANNELS)}
 EVERY_PLACE: Final = list(range(len(CHANNELS)))
 UNDESIGNED_S: Final = 0.05
-"""Excess of the links' delay over the design delay from which gains are redesigned."""
+"""Excess of the links' delay over the design delay from which gains are redesigned. Tuned: s; 0.02 to 0.1; by
+judgement."""
 SLOW_LOOKS: Final = 5
-"""Number of checks, one a second, for which this must last in flight: a machine may just have been held up."""
+"""Number of checks, one a second, for which this must last in flight: a machine may just have been held up. Tuned: s; 3
+to 10; by judgement."""
 DESIGN_STEP_S: Final = 0.01
+"""Step to which design delays are rounded, so that few designs are computed. Tuned: s; 0.005 to 0.05; by
+judgement."""
 
 
 class DesignWatch:

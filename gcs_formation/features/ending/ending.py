@@ -25,7 +25,7 @@ from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 UNANSWERED_FOR_S = 5.0
-"""How long a vehicle may leave the command to go home unanswered."""
+"""How long a vehicle may leave the command to go home unanswered. Tuned: s; 3 to 15; by judgement."""
 
 
 class SeparatedEnding(Ending):

@@ -20,15 +20,17 @@ BEFORE_M, BEYOND_M, LATERAL_M = 150.0, 60.0, 25.0
 """Distances before, beyond and beside its home within which a landing aircraft is low, or rolls."""
 BEYOND_LANDED_M: Final = 35.0
 """The same beyond its home, where one stands that has landed in this flight: of the 60 m that were between their homes
-it may have used up 25, short of its own home."""
+it may have used up 25, short of its own home. Tuned: m; 20 to 60; by judgement."""
 RESOLUTION_M: Final = 0.5
-"""Least distance of two reported positions: in slots of 30 m vehicles are 60 m behind one another, to the cm."""
+"""Least distance of two reported positions: in slots of 30 m vehicles are 60 m behind one another, to the cm. Tuned: m;
+0.1 to 1; by judgement."""
 OVER_M: Final = 3.0
-"""Distance from its home within which one that comes down straight may touch another."""
+"""Distance from its home within which one that comes down straight may touch another. Tuned: m; 2 to 6; by
+judgement."""
 APPROACH_M = 600.0
-"""Distance from home within which its approach lies."""
+"""Distance from home within which its approach lies. Tuned: m; 300 to 1500; by judgement."""
 LEVEL_M = 5.0
-"""How much higher than home the ground may be within that distance."""
+"""How much higher than home the ground may be within that distance. Tuned: m; 2 to 10; by judgement."""
 
 Places = Mapping[VehicleId, tuple[float, float]]
 """Where vehicles stand, or will, north and east, m."""

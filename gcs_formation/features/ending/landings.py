@@ -23,10 +23,12 @@ AT_HEIGHT_M = STACK_M / 3
 OVER_HOME_M, OVER_HOME_MPS = 2.0, 0.3
 """Distance from its home, and speed, within which one that hovers is over it."""
 ROLLS_MPS = 1.5
-"""Ground speed from which on a landed vehicle still rolls: a receiver says less of one that stands."""
+"""Ground speed from which on a landed vehicle still rolls: a receiver says less of one that stands. Tuned: m/s; 0.5 to
+3; by judgement."""
 REFUSED_FOR_S = 5.0
+"""How long a command to land may be refused until landings stop. Tuned: s; 3 to 10; by judgement."""
 LANDING_LIMIT_S = 900.0
-"""Longest wait for vehicles to circle over their homes, and for each to land."""
+"""Longest wait for vehicles to circle over their homes, and for each to land. Tuned: s; 300 to 1800; by judgement."""
 
 
 class Landings:

@@ -14,11 +14,13 @@ from typing import Final
 
 AMPLITUDE_M: Final = 1.0
 """Least amplitude. Flights in slots are within 0.2 m, in turbulence within 1 m as a rule; those of a simulated PX4 that
-was held up swung by 4 to 5 m."""
+was held up swung by 4 to 5 m. Tuned: m; 0.5 to 3; shown by flights of PX4's simulator."""
 SWINGS: Final = 10
-"""Swings from one side to the other, five periods, that must be alike."""
+"""Swings from one side to the other, five periods, that must be alike. Tuned: half periods; 6 to 20; shown by `pytest
+tests/gcs_formation/features/limit_cycle`."""
 ALIKE: Final = 0.25
-"""Largest difference of any of them from their mean, in width and in time, as a share of it."""
+"""Largest difference of any of them from their mean, in width and in time, as a share of it. Tuned: share; 0.15 to 0.4;
+shown by `pytest tests/gcs_formation/features/limit_cycle`."""
 
 
 class Swings:

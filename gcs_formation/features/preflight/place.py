@@ -11,9 +11,11 @@ from gcs_formation.mission.gate import AsFound
 from gcs_formation.vehicle.checks import Finding
 
 HOME_OFF_M = 30.0
-"""Largest height of a home above or below the scenario's ground, m: the sum of both heights' errors above sea level."""
+"""Largest height of a home above or below the scenario's ground, m: the sum of both heights' errors above sea level.
+Tuned: m; 15 to 60; by judgement."""
 FAR_M = 10_000.0
-"""How much farther from the path's start a vehicle may be than the path's farthest waypoint, m."""
+"""How much farther from the path's start a vehicle may be than the path's farthest waypoint, m. Tuned: m; 2000 to 50
+000; by judgement."""
 
 
 def findings(found: AsFound) -> list[Finding]:

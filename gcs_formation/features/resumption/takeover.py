@@ -23,7 +23,8 @@ from gcs_formation.vehicle.own_failsafe import OwnFailsafe
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 WAIT_S = 5.0
-"""Longest wait for a vehicle that was flying when the record ended; then the others begin without it."""
+"""Longest wait for a vehicle that was flying when the record ended; then the others begin without it. Tuned: s; 3 to
+15; by judgement."""
 TAKE = "; --take takes it"
 TAKES = "; --take takes those in the air"
 ON_THE_GROUND = "on the ground"

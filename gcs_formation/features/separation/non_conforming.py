@@ -23,17 +23,18 @@ from gcs_formation.vehicle.vehicle import UNANSWERED_S
 
 SOON_NS: Final = NANOSECONDS // 2
 """Lead time with which others keep clear of where an unresponsive vehicle would stop, as the age of its last answer is
-known only roughly."""
+known only roughly. Tuned: ns; 0.2 to 1 s; by judgement."""
 ACCELERATION_S: Final = 0.5
-"""Averaging time of the acceleration of a multirotor."""
+"""Averaging time of the acceleration of a multirotor. Tuned: s; 0.3 to 1; by judgement."""
 ACCELERATES_S: Final = 2.0
-"""How long a non-conforming or uncommanded multirotor is assumed to keep accelerating."""
+"""How long a non-conforming or uncommanded multirotor is assumed to keep accelerating. Tuned: s; 1 to 4; by
+judgement."""
 NON_CONFORMING_MPS, NON_CONFORMING_MPS2 = 1.5, 1.0
 """A multirotor is non-conforming if its velocity is so far from the commanded one and departs from it that fast."""
 PROBE_S: Final = 0.27
-"""Longest interval of requests that every vehicle answers."""
+"""Longest interval of requests that every vehicle answers. Tuned: s; the interval of requests; by judgement."""
 MISSED_S: Final = 0.5
-"""How much longer answers may be missing, since links lose some."""
+"""How much longer answers may be missing, since links lose some. Tuned: s; 0.3 to 1; by judgement."""
 HOVERS: Triple = (0.0, 0.0, math.nan)
 """Intent of a vehicle that hovers or stops."""
 SET_OFF: Final[tuple[float, ...]] = (0.0, 1 / 3, 2 / 3, 1.0)
@@ -41,7 +42,8 @@ SET_OFF: Final[tuple[float, ...]] = (0.0, 1 / 3, 2 / 3, 1.0)
 
 
 BLIND_NS: Final = 3 * NANOSECONDS // 2
-"""A vehicle that is commanded to stop and has reported no position for so long stops where it isn't seen."""
+"""A vehicle that is commanded to stop and has reported no position for so long stops where it isn't seen. Tuned: ns; 1
+to 3 s; by judgement."""
 BRAKES_NS: Final = (0, NANOSECONDS, 2 * NANOSECONDS)
 """How much later than the link's delay the command may reach it: it is repeated until it is acknowledged."""
 

@@ -16,13 +16,18 @@ from gcs_formation.features.separation.approach import COARSE_S, JERK_MPS3, Mano
 from gcs_formation.features.separation.broad_phase import SLOT_SHARE, KeptDistance
 
 MARGIN_M = 1.0
-"""Margin, in height, by which a vehicle that manoeuvres passes another beyond the distance to keep."""
+"""Margin, in height, by which a vehicle that manoeuvres passes another beyond the distance to keep. Tuned: m; 0.5 to 3;
+by judgement."""
 PATIENCE_S = 8.0
+"""Time of one manoeuvre after which its margin grows. Tuned: s; 4 to 15; by judgement."""
 FARTHER_MPS = 0.25
+"""How fast that margin grows. Tuned: m/s; 0.1 to 0.5; by judgement."""
 FARTHEST_M = 10.0
 """A vehicle that has given way for more than `PATIENCE_S` increases that margin by `FARTHER_MPS`, up to `FARTHEST_M`.
 
 It may level off short of its setpoint, since no model is exact, and is released only beyond the distance to keep.
+
+Tuned: m; 5 to 20; by judgement.
 """
 REFERENCE = 0
 """Column of the vehicle along whose velocity the others can always fly: the first one, the leader if it is considered.
@@ -36,7 +41,8 @@ BEARINGS_RAD = tuple(math.radians(each) for each in (90, -90, 135, -135, 180, 45
 Courses = list[tuple[tuple[float, float], tuple[float, float]]]
 """Speed and heading commanded first, and those commanded afterwards; NaN: those flown by then."""
 FEW = 32
-"""Up to this many vehicles, testing every pair is faster than a search for near ones."""
+"""Up to this many vehicles, testing every pair is faster than a search for near ones. Tuned: vehicles; 16 to 64; shown
+by `python -m benchmarks.separation`."""
 
 
 @dataclass(frozen=True)

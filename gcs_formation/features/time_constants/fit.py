@@ -14,37 +14,43 @@ from flight_model.autopilot_model import squared, within
 from gcs_formation.features.time_constants.model_set import ResidualBatch
 
 RATIO_MAX: Final = 2.0
-"""Fitted time constants are between the declared one divided by this and multiplied by it."""
+"""Fitted time constants are between the declared one divided by this and multiplied by it. Tuned: ratio; 1.5 to 3;
+shown by `pytest tests/gcs_formation/features/time_constants`."""
 BOUND: Final = math.log(RATIO_MAX)
 PRIOR_SPREAD: Final = 0.35
-"""Prior standard deviation of the logarithm of a time constant's ratio to the declared one: 40 %."""
+"""Prior standard deviation of the logarithm of a time constant's ratio to the declared one: 40 %. Tuned: a number; 0.2
+to 0.7; shown by `python -m benchmarks.model_draws`."""
 PRIOR_INFORMATION: Final = 1.0 / PRIOR_SPREAD**2
 CORRELATED_S: Final = 1.0
-"""Residuals this far apart count as independent, unless they are found to be correlated for longer."""
+"""Residuals this far apart count as independent, unless they are found to be correlated for longer. Tuned: s; 0.5 to 3;
+by judgement."""
 BATCH_S: Final = 1.0
-"""Interval between fits."""
+"""Interval between fits. Tuned: s; 0.5 to 3; by judgement."""
 ALIKE_S: Final = 60.0
-"""Time constant of the memory of `Persistence`."""
+"""Time constant of the memory of `Persistence`. Tuned: s; 30 to 180; by judgement."""
 STILL_ALIKE: Final = math.exp(-BATCH_S / ALIKE_S)
 PRIOR_BATCHES: Final = 6.0
 """Prior number of successive batches whose residuals are correlated. Also the largest number that the mismatch uses:
-residuals that are correlated for longer may come from wrong time constants."""
+residuals that are correlated for longer may come from wrong time constants. Tuned: batches; 3 to 12; shown by `pytest
+tests/gcs_formation/features/time_constants`."""
 PRIOR_WORTH: Final = 5.0
-"""Weight of that prior, in pairs of batches."""
+"""Weight of that prior, in pairs of batches. Tuned: pairs; 2 to 10; by judgement."""
 STEP_MAX: Final = 0.1
-"""Largest change of a ratio's logarithm at a fit."""
+"""Largest change of a ratio's logarithm at a fit. Tuned: a number; 0.05 to 0.2; by judgement."""
 SETTLED: Final = 1e-3
-"""After a fit that changes a ratio's logarithm by less, the next one waits for a batch with excitation."""
+"""After a fit that changes a ratio's logarithm by less, the next one waits for a batch with excitation. Tuned: a
+number; 1e-4 to 1e-2; by judgement."""
 MIN_SPREAD: Final = 0.02
 """Old samples are forgotten once a ratio's logarithm has a smaller standard deviation, since time constants may change.
-Without excitation nothing is estimated and nothing forgotten."""
+Without excitation nothing is estimated and nothing forgotten. Tuned: a number; 0.01 to 0.05; by judgement."""
 RECENT_S: Final = 20.0
-"""Time constant of the mismatch's memory."""
+"""Time constant of the mismatch's memory. Tuned: s; 10 to 60; by judgement."""
 STILL_RECENT: Final = math.exp(-BATCH_S / RECENT_S)
 FITTED: Final = 2.0
 """Degrees of freedom of the residuals that the mismatch's own fit uses, for a mean and a share."""
 SIGNIFICANT: Final = 2.0
-"""Standard deviations by which the mismatch is reduced, so that chance doesn't count."""
+"""Standard deviations by which the mismatch is reduced, so that chance doesn't count. Tuned: standard deviations; 1.5
+to 3; shown by `pytest tests/gcs_formation/features/time_constants`."""
 
 
 class Nodes:
