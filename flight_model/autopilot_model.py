@@ -58,7 +58,7 @@ class AutopilotModel:
         turn_rate_max_rps: float,
         climb_max_mps: float,
     ) -> None:
-        """Take the lags of airspeed and heading, both of height, and the limits."""
+        """Take the time constants of airspeed and heading, both of height, and the limits."""
         self.tau_v_s = tau_v_s
         self.tau_psi_s = tau_psi_s
         self.tau_ha_s = tau_ha_s
@@ -74,7 +74,7 @@ class AutopilotModel:
         self._held_for = (0.0, 0.0, 0.0, 0.0, 0.0)
 
     def decay(self, time_s: float) -> Decay:
-        """Return the decay over a time, from the last call if that was for the same time and lags."""
+        """Return the decay over a time, from the last call if that was for the same time and constants."""
         tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s = self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
         kept = self._responds
         if kept is None:
@@ -95,7 +95,7 @@ class AutopilotModel:
 
     @property
     def may_hover(self) -> bool:
-        """Whether it may be commanded to stand: only multirotors may."""
+        """Whether it may be commanded to hover: only multirotors may."""
         return self.speed_min_mps == 0.0
 
     def values(self) -> tuple[float, float, float, float, float, float, float, float, float]:
@@ -113,10 +113,11 @@ class AutopilotModel:
         )
 
     def held(self, time_s: float) -> AutopilotModel:
-        """Return the model whose (setpoint - initial value) / lag is the mean rate while a setpoint is held for a time.
+        """Return the model whose (setpoint - initial value) / tau is the mean rate while a setpoint is held for a time.
 
-        The initial rate is larger than that mean. Only the lags of speed and heading differ, and the rate limits aren't
-        considered. The result is read-only: it is kept until a lag or the range of airspeeds changes.
+        The initial rate is larger than that mean. Only the time constants of speed and heading differ, and the rate
+        limits aren't considered. The result is read-only: it is kept until a time constant or the range of airspeeds
+        changes.
         """
         taus_s = time_s, self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
         kept = self._held

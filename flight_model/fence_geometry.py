@@ -1,7 +1,7 @@
-"""The geometry of a fence: distances inside it, and the room that turns away from it, and laps, leave to it.
+"""The geometry of a fence: distances inside it, and the room that turns and holding patterns leave to it.
 
 A fence is polygons and circles, to stay in (inclusion) or out of (exclusion). `FenceAreas.inside_m` is the signed
-distance by which paths, slots, laps, setpoints and flown tracks are judged.
+distance by which paths, slots, holding patterns, setpoints and flown tracks are judged.
 """
 
 from __future__ import annotations
@@ -23,11 +23,12 @@ REACT_S = 2.0
 TURN_SHARE = 0.7
 """Share of the largest turn rate that such a turn is planned with."""
 CHECKED_M = 25.0
-"""Room that paths, laps and slots must leave; a vehicle that has been turned away is released with as much."""
+"""Room that paths, holding patterns and slots must leave; a vehicle that has been turned away is released with as
+much."""
 MIN_MPS = 1.0
 """Lower bound of airspeeds that are divided by."""
 STEP_M = 20.0
-"""Interval of the points at which a lap is checked."""
+"""Interval of the points at which a holding pattern is checked."""
 EDGE_POINTS = 121
 """Number of points by which a circle is drawn."""
 Way = TypeVar("Way", bound=Route)
@@ -247,7 +248,7 @@ def room_along_m(
 
 @dataclass(frozen=True)
 class LapFence:
-    """The fence, the path's start, and the vehicles that fly a lap before it."""
+    """The fence, the path's start, and the vehicles that fly a holding pattern before it."""
 
     areas: FenceAreas
     start: PathPoint

@@ -9,13 +9,13 @@ another loop around the airspeed: deviations of an aircraft from its model look 
 bandwidth is the largest that leaves the airspeed loop enough delay margin. Source: S. Skogestad and I. Postlethwaite,
 "Multivariable Feedback Control", 2nd ed., 2.4 and 2.6; K. J. Astrom and T. Hagglund, "Advanced PID Control", 4.5.
 
-The consensus protocol (3) is designed likewise. A graph's mode of eigenvalue lambda closes the loop
-tau (lambda (k1/s + k2) + k3 - 1/tau) P(s), along the heading and across it: P is the aircraft's response to its
-setpoint, and tau the lag of model (7) that converts (3) into setpoints. The common motion is the mode of eigenvalue 0.
-Under total-energy control, airspeed responds to quick changes of its setpoint with several times their size, so
-velocities can't be fed back along the heading: k2 is 0, and k3 is 1/tau_v, the damping that airspeed has by itself.
-Across the heading, where lags are longer, this k3 adds damping. k1 is the largest at which every mode keeps the bounds.
-Peaks assume states predicted over the links' delay; for the delay margin all of the delay counts as uncompensated.
+The consensus protocol (3) is designed likewise. A graph's mode of eigenvalue lambda closes the loop tau (lambda (k1/s +
+k2) + k3 - 1/tau) P(s), along the heading and across it: P is the aircraft's response to its setpoint, and tau the lag
+of model (7) that converts (3) into setpoints. The common motion is the mode of eigenvalue 0. Under total-energy
+control, airspeed responds to quick changes of its setpoint with several times their size, so velocities can't be fed
+back along the heading: k2 is 0, and k3 is 1/tau_v, the damping that airspeed has by itself. Across the heading, where
+time constants are longer, this k3 adds damping. k1 is the largest at which every mode keeps the bounds. Peaks assume
+states predicted over the links' delay; for the delay margin all of the delay counts as uncompensated.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Reads a file that somebody named, in bounded time and memory: a device, a pipe nobody writes to or a huge file ends.
+"""Reads a file that somebody named, in bounded time and memory: a device, a pipe no one writes to or a huge file ends.
 
 Process substitution works: it is a pipe that somebody writes to.
 """

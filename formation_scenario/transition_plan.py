@@ -46,7 +46,7 @@ class NotFlyableError(Exception):
 
 
 class Limits(NamedTuple):
-    """Limits of N vehicles in a transition, and their lags, (N,) each."""
+    """Limits of N vehicles in a transition, and their time constants, (N,) each."""
 
     ceilings: tuple[Array, Array, Array, Array, Array]
     """Limits of speed, minus speed, acceleration, turn rate and climb, as `_demands` returns them."""
@@ -143,8 +143,8 @@ def _refuse_beyond(
 ) -> None:
     """Raise `NotFlyableError` if the slots require more than the limits.
 
-    The limits apply to setpoints, which lead the autopilot's lags, not just to the flight itself. If a slot at rest
-    already requires more than a transition may use, that much is allowed.
+    The limits apply to setpoints, which lead the autopilot's time constants, not just to the flight itself. If a slot
+    at rest already requires more than a transition may use, that much is allowed.
     """
     still = [
         slot_needs(flight, SlotMotion.at_rest(places), conditions.frame)

@@ -135,7 +135,7 @@ ModelParameters: TypeAlias = Annotated[
 
 
 class VehicleModel(Keys):
-    """Autopilot lags (equation 7) and the limits of flight; defaults: a fixed wing that cruises at 22 m/s."""
+    """Autopilot time constants (equation 7) and the limits of flight; defaults: a fixed wing that cruises at 22 m/s."""
 
     tau_v_s: TimeConstant = key(4.0, "time constant of airspeed, s", 5)
     tau_psi_s: TimeConstant = key(1.5, "time constant of heading, s", 3.4)
@@ -179,7 +179,7 @@ class VehicleModel(Keys):
     )
 
     def autopilot(self) -> AutopilotModel:
-        """Return equation (7) with these lags and limits, as a new object: its lags may be learnt in flight."""
+        """Return equation (7) with these keys, as a new object: its time constants may be estimated in flight."""
         limits = self.speed_min_mps, self.speed_max_mps, self.accel_max_mps2, self.turn_rate_max_rps, self.climb_max_mps
         return AutopilotModel(self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s, *limits)
 

@@ -66,8 +66,8 @@ def as_known(scenario: Scenario) -> Scenario:
     """Return a scenario without what a station of real vehicles can't know, so that none of its parts uses that.
 
     It knows neither the air, nor what will happen to vehicles and links, nor how they differ in truth from what their
-    models and navigation say; the wind, delays, noise, lags and clocks are measured. Gains by design are for the delay
-    that the scenario's links have, as one that it states (`law.design_delay_ms`).
+    models and navigation say; the wind, delays, noise, time constants and clocks are measured. Gains by design are for
+    the delay that the scenario's links have, as one that it states (`law.design_delay_ms`).
     """
     law = scenario.law
     if law.gains == AUTO:
@@ -202,7 +202,7 @@ def settle_s(scenario: Scenario) -> float:
 
 
 def _pattern_fence(scenario: Scenario) -> LapFence | None:
-    """Return the fence within which the formation's laps before the path must stay, None without one."""
+    """Return the fence within which the formation's holding patterns before the path must stay, None without one."""
     sides = None if scenario.fence is None else scenario.fence.sides
     if sides is None:
         return None

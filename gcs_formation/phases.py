@@ -169,7 +169,7 @@ class Assembly:
         self._in_slots_s = 0.0
 
     def judge(self, tick: Tick, guidance: LeaderGuidance, *, slots_rest: bool) -> None:
-        """Judge a tick, and report a lap that its leader has just begun; `slots_rest`: the slots keep their places."""
+        """Judge a tick, and report a holding pattern that has just begun; `slots_rest`: slots keep their places."""
         if guidance.rounds > self._patterns:
             self._patterns = guidance.rounds
             self._report_pattern(tick)

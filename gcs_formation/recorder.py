@@ -58,7 +58,7 @@ class VehicleLink:
         self.heard: int = now
         """Until when it is known to have heard commands."""
         self.disobeying = False
-        """Whether it seems not to fly as commanded although it hears."""
+        """Whether it seems not to fly as commanded although it receives."""
         self.stands_after_s, self.returns_after_s = math.inf, 0.0
         """Time from the last setpoint heard until it hovers, infinite if it flies on; and time from that setpoint until
         its failsafe has sent it home, 0 without such a failsafe."""

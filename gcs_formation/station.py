@@ -123,7 +123,7 @@ class Station(Engine):
         return self._senders.peers(self._next_tick)
 
     def left_unread(self, octets: int) -> None:
-        """Count what strangers sent and nobody read."""
+        """Count what strangers sent and no one read."""
         self._flood.unread_bytes += octets
 
     def receive(self, datagrams: list[Datagram], now: Instant) -> None:

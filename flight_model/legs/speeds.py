@@ -31,7 +31,7 @@ class Change(NamedTuple):
 
 
 class SpeedChanges(NamedTuple):
-    """How fast the airspeed may change: acceleration, the wind that may add to it over the ground, and the lag.
+    """How fast the airspeed may change: acceleration, the wind that may add to it over ground, and time constant.
 
     A change takes at least `min_s`, some time constants: setpoints lead the speed by one.
     """

@@ -1,4 +1,4 @@
-"""A vehicle's model from a fixed-wing PX4's parameters: the lags and limits of equation (7), which its emulator flies.
+"""A vehicle's model from a fixed-wing PX4's parameters: the time constants and limits of equation (7).
 
 Lags are the shipped PX4's, in proportion to the time constants of its controllers. Names since 1.14, and older ones.
 Source: PX4 user guide, "Parameter Reference" of 1.15 and 1.10.
@@ -28,7 +28,7 @@ PERIOD = wanted(10.0, 1.0, 100.0, "NPFG_PERIOD", "FW_L1_PERIOD")
 AIRSPEEDS: Final = AIRSPEED_MIN, AIRSPEED_MAX
 CONCERN_FLIGHT: Final = ("FW_", "NPFG_")
 TIME_S, PERIOD_S = 5.0, 10.0
-"""Of the shipped lags."""
+"""Of the shipped time constants."""
 MIN_RANGE_MPS: Final = 1.0
 
 

@@ -157,10 +157,11 @@ def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
 
 
 def tau_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
-    """Return how far each predicted loop tolerates lags that differ from its model's, at the longest configured delay.
+    """Return how wrong time constants each predicted loop tolerates, at the longest configured delay.
 
-    First: the share by which every lag may be off. Second: the tolerated mismatch of the delay, s, with every lag up to
-    `TAUS_OFF` off. A loop that is unstable without delay tolerates neither. Both are empty without prediction.
+    First: the share by which every time constant may be off. Second: the tolerated mismatch of the delay, s, with every
+    time constant up to `TAUS_OFF` off. A loop that is unstable without delay tolerates neither. Both are empty without
+    prediction.
     """
     off, mismatch_s = dict[str, float](), dict[str, float]()
     delay_s = round(configured_loop_delay_s(scenario) / STEP_S) * STEP_S
@@ -179,7 +180,7 @@ def tau_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]
 def warnings(scenario: Scenario, margins: LawMargins, time_constants_off: Mapping[str, float]) -> Iterator[str]:
     """Yield what a user should know before flying.
 
-    `time_constants_off`: the share by which every lag may be off its model's, by loop.
+    `time_constants_off`: the share by which every time constant may be off its model's, by loop.
     """
     yield from _unstable_loops(scenario, margins, time_constants_off)
     for channel, each in figures(scenario).items() if _designed(scenario) else ():
@@ -261,7 +262,7 @@ def _unstable_loops(scenario: Scenario, margins: LawMargins, time_constants_off:
 def steep_turns(scenario: Scenario) -> str | None:
     """Return a warning of a fixed wing's turn rate that takes too steep a bank, as degrees given as radians do.
 
-    In a coordinated turn the bank is atan(speed * turn rate / g). None if nobody's is too steep.
+    In a coordinated turn the bank is atan(speed * turn rate / g). None if none is too steep.
     """
     speed_mps = scenario.path.fastest_mps
     for vehicle in (each for each in scenario.vehicles if not each.model.hovers):

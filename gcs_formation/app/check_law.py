@@ -1,11 +1,11 @@
 """What `check` says about the law: states of different times, slow loops, errors by gusts.
 
 A gust moves a vehicle at its own velocity until the law has answered. Let d be the gust's velocity, L the open loop
-without its delay T, and O = exp(-sT) w/(s + w) the observer of the wind, whose answer leads the autopilot's lags. The
-error is d (1 - O)/s times 1/(1 + L exp(-sT)) without prediction, and times 1 - exp(-sT) L/(1 + L) with it. Under the
-consensus law a mode of eigenvalue lambda leaves d/(s + k), k = lambda k1/(s + k3 + lambda k2), likewise. The error's
-variance is the integral of this response, squared, over Dryden's spectra (MIL-F-8785C, 3.7.1.2). Gusts on leader and
-follower are independent. Multirotors aren't judged: they hold their velocity over ground by themselves.
+without its delay T, and O = exp(-sT) w/(s + w) the observer of the wind, whose answer leads the autopilot's time
+constants. The error is d (1 - O)/s times 1/(1 + L exp(-sT)) without prediction, and times 1 - exp(-sT) L/(1 + L) with
+it. Under the consensus law a mode of eigenvalue lambda leaves d/(s + k), k = lambda k1/(s + k3 + lambda k2), likewise.
+The error's variance is the integral of this response, squared, over Dryden's spectra (MIL-F-8785C, 3.7.1.2). Gusts on
+leader and follower are independent. Multirotors aren't judged: they hold their velocity over ground by themselves.
 """
 
 from __future__ import annotations

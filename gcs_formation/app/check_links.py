@@ -145,7 +145,7 @@ def _split(scenario: Scenario, vehicle: Vehicle, at_s: float) -> str:
 
 
 class Assembly(NamedTuple):
-    """The run-in that a start in the air needs (None for one from the ground), and the lap after a missed start."""
+    """The run-in that a start in the air needs (else None), and the holding pattern after a missed start."""
 
     least_run_in_s: float | None
     lap_s: float
@@ -179,7 +179,7 @@ def _lap_radius_m(scenario: Scenario, leads: LeaderGuidance) -> float:
 
 
 def cramped_pattern(scenario: Scenario) -> str | None:
-    """Return where the fence leaves too little room for a lap before the path; None if there is enough."""
+    """Return where the fence leaves too little room for a holding pattern before the path; None if there is enough."""
     leads = leader_guidance(scenario)
     if leads.fence is None:
         return None
@@ -196,7 +196,7 @@ def cramped_pattern(scenario: Scenario) -> str | None:
 
 
 def goes_round(scenario: Scenario) -> str | None:
-    """Return why the leader will fly a lap before its path; None if the run-in is long enough, or it waits instead."""
+    """Return why the leader will fly a holding pattern before its path; None if the run-in is enough, or it waits."""
     planned, found_s = assembly(scenario), scenario.start.run_in_s
     if scenario.hovers and (planned.least_run_in_s or 0.0) < MAX_S:
         return None
@@ -216,7 +216,7 @@ def goes_round(scenario: Scenario) -> str | None:
 def no_time_for_a_pattern(scenario: Scenario) -> str | None:
     """Return that the start times out before the leader passes the path's start a second time; None if it doesn't.
 
-    The leader's first pass is over after its run-in, and a lap follows.
+    The leader's first pass is over after its run-in, and a holding pattern follows.
     """
     if scenario.hovers:
         return None
@@ -284,7 +284,7 @@ def _spread_over_time(chance: Array, each_s: float) -> Array:
 
 
 def too_old(scenario: Scenario) -> str | None:
-    """Return whose telemetry exceeds `law.max_age_s` before the next comes, even without loss; None if nobody's."""
+    """Return whose telemetry exceeds `law.max_age_s` before the next comes, even without loss; None if no vehicle's."""
     most_s, between_s = scenario.law.max_age_s, 1.0 / scenario.telemetry.rate_hz
     ages_s = [
         (ways_s(scenario, step)[1] + between_s, step.at_s, vehicle)
@@ -305,7 +305,7 @@ def too_old(scenario: Scenario) -> str | None:
 
 
 def too_old_after_a_loss(scenario: Scenario) -> str | None:
-    """Return whose telemetry exceeds `law.max_age_s` once a message is lost; None if nobody's.
+    """Return whose telemetry exceeds `law.max_age_s` once a message is lost; None if no vehicle's.
 
     Position, attitude and airspeed are sent at different times, so the next state is known up to half a period later.
     """

@@ -35,7 +35,7 @@ Steps = tuple[LinkStep, ...]
 
 
 class InjectedFaults:
-    """Records each fault when it's due by mission time. The station isn't told: it has to notice."""
+    """Records each fault when it's due by mission time. The station doesn't know: it has to notice."""
 
     def __init__(self, scenario: Scenario, recorder: Recorder) -> None:
         self._recorder = recorder

@@ -66,7 +66,7 @@ class OrderSocket:
             return
         for caller in list(self._callers):
             self._listen_to(caller)
-        with suppress(OSError):  # nobody waits, or too many files are open: try again later
+        with suppress(OSError):  # no caller waits, or too many files are open: try again later
             for _ in range(MAX_CALLERS):
                 caller, _ = self._listening.accept()
                 caller.setblocking(False)

@@ -11,7 +11,7 @@ class Level(NamedTuple):
     words: str
     """What has changed from the level before."""
     unread_hz: float
-    """Rate of messages that nobody here reads, 0: none."""
+    """Rate of messages that no one here reads, 0: none."""
     telemetry_share: float
     """Share of the rate of positions, attitudes and airspeeds, down to `MIN_HZ`."""
     setpoint_s: float
@@ -22,7 +22,7 @@ class Level(NamedTuple):
 
 MIN_HZ: Final = 2.0
 UNREAD_HZ: Final = 0.1
-"""Rate of messages that nobody here reads: still enough for the log."""
+"""Rate of messages that no one here reads: still enough for the log."""
 LEVELS: Final = (
     Level("everything is sent as often as it is of use", UNREAD_HZ, 1.0, 0.0, 0.0),
     Level(

@@ -64,7 +64,7 @@ def link(
     """Measure the links of all vehicles heard at each ENDPOINT, and say what formation they carry.
 
     Nothing is commanded: it listens, sends heartbeats, and asks for the vehicles' time (TIMESYNC). Exit status 3:
-    nobody answered.
+    none answered.
     """
     if out is not None:
         try:

@@ -70,7 +70,7 @@ class Findings:
         self.silent_aloft = list[VehicleId]()
         """Silent vehicles that were last heard in the air, if all others are down."""
         self.others_listen = False
-        """Whether a second ground station hears the vehicles, and may read what this one doesn't."""
+        """Whether a second ground station receives the vehicles, and may read what this one doesn't."""
         self.crashed = frozenset[VehicleId]()
         """Which of these are known to lie on the ground."""
 

@@ -156,7 +156,7 @@ class SetpointHistory:
     def respond(self, state: FlightState, since: i64, until: i64, vehicle: int, model: AutopilotModel) -> None:
         """Predict airspeed, heading, height and climb rate likewise, but coarsely, and leave the position.
 
-        Each `RESPOND_NS` uses the mean of its setpoints. A vehicle that may stand, a multirotor, follows velocities.
+        Each `RESPOND_NS` uses the mean of its setpoints. A vehicle that may hover, a multirotor, follows velocities.
         """
         if self._each:
             self._each[vehicle].respond(state, since, until, model)

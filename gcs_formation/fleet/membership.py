@@ -119,7 +119,7 @@ class Membership:
 
     def _next(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> Member:
         """Return a vehicle's next membership by what is known of it now."""
-        link = vehicle.connection  # after silence a vehicle gets time to answer: it may have hung, and still hear us
+        link = vehicle.connection  # after silence a vehicle gets time to answer: it may have hung, and still receive us
         heard = link.talks and seconds_between(link.back_at, now) > UNANSWERED_S
         forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
         seen = Seen(

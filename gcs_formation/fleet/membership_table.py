@@ -90,7 +90,7 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
         "it is in a mode to which none of our commands leads",
         lambda seen: not (seen.guided or seen.loiters),
     ),
-    # A silent vehicle may not hear a command to loiter, and flies on by its last setpoint; the others keep clear.
+    # A silent vehicle may not receive a command to loiter, and flies on by its last setpoint; the others keep clear.
     Transition(
         UNCOMMANDED,
         Member.UNHEARD,

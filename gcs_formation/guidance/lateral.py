@@ -61,7 +61,7 @@ to 4e-3; shown by the flights named here."""
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
 """Largest angle at which the route is intercepted. Tuned: rad; 0.7 to 1.2; by judgement."""
 MIN_MPS: Final = 1.0
-"""Lower bound of a speed that is divided by: a vehicle that can hover may stand."""
+"""Lower bound of a speed that is divided by: a vehicle that can hover may have none."""
 REFERENCE_RADPS: Final = 0.2
 """Rate at which the heading that setpoints lead from follows the predicted one: noise of headings is filtered, and what
 the model doesn't know is forgotten. A vehicle whose time constant is wrong keeps a difference in every turn. Tuned:
@@ -180,7 +180,7 @@ class LateralGuidance:
             point: of the route, nearest to the vehicle.
             state: the vehicle's when the setpoint acts.
             model: of its autopilot.
-            speed_mps: airspeed to be flown; a vehicle that is to stand, at 0, faces along its route.
+            speed_mps: airspeed to be flown; a vehicle that is to hover, at 0, faces along its route.
             bounds: of the changes of its turn rate.
         """
         if speed_mps == 0.0:

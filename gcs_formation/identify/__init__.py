@@ -166,8 +166,8 @@ def identify(
     """Fit a model to a recording, write the vehicle file and its figure beside it; return what `--json` prints.
 
     The written model has an airframe if that fits the recording so much better that its parameters are worth it; its
-    lags are then those of slow changes. `flown_rms` has the errors of a flight simulated by the setpoints alone, by the
-    model's name.
+    time constants are then those of slow changes. `flown_rms` has the errors of a flight simulated by the setpoints
+    alone, by the model's name.
 
     Args:
         source: a run directory, or a log of a format in `logs.READERS`.

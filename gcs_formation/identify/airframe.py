@@ -81,7 +81,7 @@ def fit_airframe(recording: Recording, begin: EnergyAirframe, turn_rate_max_rps:
 
 
 def time_constants_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> VehicleModel:
-    """Return the model with the airframe and its lags for slow changes, its dead time in them, by which the law goes.
+    """Return the model with the airframe and its time constants for slow changes, by which the law goes.
 
     An airframe answers steps more slowly, because its energy rates are limited, and quick changes with a larger
     amplitude: neither is a lag of equation (7).

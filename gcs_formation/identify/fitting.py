@@ -32,15 +32,15 @@ WAIT_SIGMA_S = CYCLE_S / 2.0
 the same place of it in one flight. Half a cycle, the distance from its middle to its end, covers a vehicle that always
 acts at the end."""
 UNKNOWN = 0.5
-"""Prior standard deviation of a lag's logarithm, and of the dead time in seconds."""
+"""Prior standard deviation of a time constant's logarithm, and of the dead time in seconds."""
 QUANTITIES = ("airspeed_mps", "heading_rad", "height_m")
 """Quantities in which recordings and models are compared."""
 TAUS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
 TAUS_OF = {"speed": TAUS[:1], "heading": TAUS[1:2], "height": TAUS[2:]}
-"""The lags of each channel."""
+"""The time constants of each channel."""
 KNOWN = 0.25
-"""A channel whose lags' sum has a larger standard deviation, relative to it, isn't identified: the search holds it with
-one of 0.35 to 0.5 if nothing is learnt."""
+"""A channel whose time constants' sum has a larger standard deviation, relative to it, isn't identified: the search
+holds it with one of 0.35 to 0.5 if nothing is estimated."""
 DEAD = "dead_time_s"
 """The autopilot's dead time. The search is for it in seconds, for all other parameters in logarithms."""
 DEAD_MAX_S = 2.0
@@ -75,13 +75,13 @@ class Fit:
     explained: dict[str, float]
     """Share of the change over the horizon that the predictions explain."""
     unidentified: dict[str, str] = field(default_factory=dict)
-    """Why a channel isn't identified, by its name; the model has its lags from where the search began."""
+    """Why a channel isn't identified, by its name; the model has its time constants from where the search began."""
 
 
 def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     """Return the model of equation (7) that fits recordings of one kind of vehicle best, and how well it predicts.
 
-    `begin` has the limits, which are kept, and the lags that the search begins with.
+    `begin` has the limits, which are kept, and the time constants that the search begins with.
 
     Raises:
         RecordError: no channel was moved enough in the recordings.
@@ -158,7 +158,7 @@ def _searched(
 
 
 def _estimates(names: Sequence[str], logs: Array, covariance: Array) -> dict[str, Estimate]:
-    """Return the parameters, by name: height's lags in order, and the fast fraction within its limits."""
+    """Return the parameters, by name: height's time constants in order, and the fast fraction within its limits."""
     values = _values(names, logs)
     if TAUS[-1] in values:
         values |= zip(TAUS_OF["height"], sorted(values[name] for name in TAUS_OF["height"]), strict=True)
@@ -214,7 +214,7 @@ def _too_little(unidentified: Mapping[str, str]) -> RecordError:
 
 
 def _unknown(estimates: Mapping[str, Estimate], covariance: Array) -> dict[str, str]:
-    """Return of which channels too little is known, and why: by the sum of its lags."""
+    """Return of which channels too little is known, and why: by the sum of its time constants."""
     names, found = list(estimates), dict[str, str]()
     for channel, time_constants in TAUS_OF.items():
         if time_constants[0] in estimates:
@@ -333,7 +333,7 @@ class _Windows:
         return cls(state, commanded, recording.seen[:3, begins + steps + 1])
 
     def errors(self, time_constants: Array, limits: VehicleModel) -> Array:
-        """Return (3, P, W): predicted minus measured, by equation (7) with these lags."""
+        """Return (3, P, W): predicted minus measured, by equation (7) with these time constants."""
         model = _columns(time_constants, limits, self.commanded.shape[2])
         state, step_s, ends = self.state, np.full(self.commanded.shape[2], STEP_S), list[Array]()
         for commanded in self.commanded:

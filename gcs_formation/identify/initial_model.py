@@ -1,4 +1,4 @@
-"""The model that the search for a vehicle's begins with: its limits are kept, and its lags where nothing is learnt."""
+"""The model with which the search begins: its limits are kept, and its time constants where nothing is estimated."""
 
 from __future__ import annotations
 

@@ -175,7 +175,7 @@ class Search:
         self._flown = flown
         moved = sum(each.slopes @ (then.full - each.full) for each, then in zip(points, later, strict=True))
         values, directions = np.linalg.eigh(information)
-        known = values > MIN_KNOWN * values[-1]  # two equal lags: the flight determines only their sum
+        known = values > MIN_KNOWN * values[-1]  # two equal time constants: the flight determines only their sum
         seen = directions[:, known]
         pulled = seen.T @ (pulls + np.outer(moved, moved)) @ seen + TINY * np.diag(values[known])
         weighed = seen * values[known]
@@ -227,7 +227,7 @@ def widened(covariance: Array, white: Array) -> Array:
     """Return a covariance (P, P) with no standard deviation below that of `white` errors, its correlations kept.
 
     A spectrum that is estimated from the errors left by a fit is too low near 0, where the fit has taken them away: of
-    17 recordings with white noise, 1.96 deviations by it alone held the heights' two lags in 15 and 14.
+    17 recordings with white noise, 1.96 deviations by it alone held the heights' two time constants in 15 and 14.
     """
     more = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(covariance), TINY**2), 1.0))
     return covariance * np.outer(more, more)

@@ -56,7 +56,7 @@ class RadioReports:
     def __init__(self, connections: Iterable[Connection], usable: Callable[[Connection], bool] = always) -> None:
         """Take reports from where the `connections` are; `usable`: whether reports on one are acted on.
 
-        A radio signs nothing. On a signed link anybody could say that it is full, so that there reports are recorded
+        A radio signs nothing. On a signed link anyone could say that it is full, so that there reports are recorded
         alone.
         """
         self._connections, self._usable = list(connections), usable

@@ -151,7 +151,7 @@ class Course:
         return ending.not_landed() if lands and ending is not None else None
 
     def end_rehearsal(self, now: Instant) -> None:
-        """End a rehearsal, in which nobody is commanded."""
+        """End a rehearsal, in which no one is commanded."""
         self.cut_short = self.move(Cause.REHEARSED, now)
 
     def stop(self, now: Instant) -> None:
@@ -162,7 +162,7 @@ class Course:
             self._ending.hasten()
 
     def go_home_at_once(self, now: Instant) -> bool:
-        """Send vehicles home that were told to stop, however far apart they are; return whether that began."""
+        """Send vehicles home that were commanded to stop, however far apart they are; return whether that began."""
         return self.why_not_end("rtl") is None and self.move(Cause.IMMEDIATE_RETURN, now, "rtl")
 
     def fail(self, text: str, now: Instant, *, begun: bool = True) -> None:

@@ -59,7 +59,7 @@ class LimitSeries:
     separation_m: Array
     """Least distance of any two vehicles in flight until the next instant; infinite with fewer."""
     clearance_m: Array
-    """Least height above the ground; NaN without anybody in flight."""
+    """Least height above the ground; NaN without a vehicle in flight."""
     fence_m: Array
     """How far outside the fence the farthest is that its pilot doesn't fly; 0 if all are inside."""
     farthest: Indices
@@ -235,7 +235,7 @@ def began_s(common: Mapping[str, Any]) -> float:
 
 
 def _unseen_s(time_s: Array, aloft: Mask, ended_s: float) -> list[Interval]:
-    """Return the gaps between instants, from the first at which anybody flew to the flight's end."""
+    """Return the gaps between instants, from the first at which any vehicle flew to the flight's end."""
     begun = time_s[int(aloft.argmax()) :] if aloft.any() else time_s[:0]
     ends_s = [*begun.tolist(), ended_s] if begun.size else []
     return [(one, other) for one, other in pairwise(ends_s) if other - one > STRAIGHT_ON_S]

@@ -122,7 +122,7 @@ def disturbance(run: RunData) -> Figure:
 
 
 def has_followers(run: RunData) -> bool:
-    """Whether anybody followed."""
+    """Whether any vehicle followed."""
     return bool(run.followers)
 
 

@@ -44,7 +44,7 @@ class SetpointDelivery:
         self.tolerance = 1.0
         """Multiple of the tolerances of news."""
         self.hurries = False
-        """Whether every change is sent on its tick, as while any vehicle gives way."""
+        """Whether every change is sent on its tick, as while any vehicle manoeuvres."""
         self.interval_s, self.spares = 0.0, False
         """Shortest time between two setpoints of a quantity, and whether bytes are spared, as of a full link."""
         self._at, self._heading_rad = LONG_AGO, math.nan

@@ -35,7 +35,7 @@ MULTIROTOR_TYPES: Final = frozenset(
     }
 )
 HEIGHT_S: Final = 1.5
-"""Least time constant of height errors: the sum of the two height lags of (7), in models of multirotors."""
+"""Least time constant of height errors: the sum of the two height time constants of (7), in models of multirotors."""
 TURNS_FROM_MPS: Final = 1.0
 """Ground speed from which the nose turns to the course; below it, and in hover, the heading is kept."""
 NO_POSITION: Final = (
@@ -129,7 +129,7 @@ class VelocityLead:
     ) -> None:
         """Start at the present velocity; one within the limits is commanded every `period_s`.
 
-        `height_s`: time constant of height errors, by which the vehicle has the model's height lags.
+        `height_s`: time constant of height errors, by which the vehicle has the model's height's time constants.
         """
         self._north, self._east = (_Integrator(prompt_share, rest_s, period_s) for _ in range(2))
         self._max_mps, self._begun = max_mps, False

@@ -29,7 +29,7 @@ CLIMB_TAU_S: Final = 0.15
 """Lag of the vertical speed behind a reference with that acceleration."""
 YAW_DEAD_CYCLES: Final = 10
 YAW_TAU_S: Final = 0.12
-"""Each of two lags of the yaw behind a reference that turns at `YAW_RATE_RPS`."""
+"""Each of two time constants of the yaw behind a reference that turns at `YAW_RATE_RPS`."""
 YAW_RATE_RPS: Final = 1.1
 """ATC_SLEW_YAW, nominally 60 degrees/s, as observed."""
 MIN_TAU_S: Final = 0.05

@@ -91,7 +91,7 @@ class MessageHandler:
             return (commands.ACCEPTED,)
         return (handler(vehicle, commands.received(message)),)
 
-    def _take_mode(self, message: SetMode, frame: Frame) -> bool:  # noqa: ARG002 - nobody is answered
+    def _take_mode(self, message: SetMode, frame: Frame) -> bool:  # noqa: ARG002 - no one is answered
         """Change to a mode by SET_MODE; return whether that was allowed."""
         custom = bool(message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
         return custom and (self._vehicle.ignores or self._vehicle.switch(message.custom_mode))

@@ -2,7 +2,7 @@
 
 **Problem.** While the formation is commanded, the law and the separation rule keep vehicles apart. A command to loiter,
 return or land ends that for each vehicle *when it arrives*, and then an autopilot turns off on a circle of its own,
-with nobody to see the others. Commands get lost, are refused, or reach one vehicle seconds after the next: where the
+with no one to see the others. Commands get lost, are refused, or reach one vehicle seconds after the next: where the
 uplink was out for 3.5 s, vehicles sent to circle at once came within 1.3 m of each other (docs/separation.md, "At the
 end of a flight").
 

@@ -81,7 +81,7 @@ class SeparatedEnding(Ending):
         return None if self._separation is None else self._separation.steer(links, now)
 
     def may_leave(self, now: Instant) -> bool:
-        """Return whether every vehicle that hears has a height of its own, or time is up."""
+        """Return whether every vehicle that receives has a height of its own, or time is up."""
         return self._separation is None or self._separation.over(now)
 
     @property

@@ -106,7 +106,7 @@ class VerticalSeparation:
         return () if answers else (self._received_m(column, links), self._commanded_m(column))
 
     def _received_m(self, column: int, links: list[VehicleLink]) -> float:
-        """Return the height setpoint at the time when a vehicle was last known to hear."""
+        """Return the height setpoint at the time when a vehicle was last known to receive."""
         _, _, height_m = self._controller.history.commanded(links[column].heard, column)
         return height_m
 

@@ -1,7 +1,7 @@
 """Lowers the rates of one vehicle's messages that come more often than wanted.
 
 A vehicle streams messages by its own parameters (SRn_ of ArduPilot, MAV_n_MODE of PX4) or by another ground station's
-request, that nobody here reads; and some are of use before take-off only. Requests aren't awaited: one that is lost, or
+request, that no one here reads; and some are of use before take-off only. Requests aren't awaited: one that is lost, or
 that another station overrules, shows in what comes, and is repeated after each twice as long.
 """
 

@@ -30,10 +30,10 @@ from gcs_formation.features.separation.traffic import (
 )
 
 RELEASE = 1.1
-"""A vehicle stops giving way once it would keep this many times the minimum distance without. Tuned: ratio; 1.05 to
+"""A vehicle stops manoeuvring once it would keep this many times the minimum distance without. Tuned: ratio; 1.05 to
 1.3; shown by `pytest tests/gcs_formation/features/separation`."""
 RETURN_S = 4.0
-"""How long a multirotor's way back to its slot must be clear before it stops giving way. Tuned: s; 2 to 8; by
+"""How long a multirotor's way back to its slot must be clear before it stops manoeuvring. Tuned: s; 2 to 8; by
 judgement."""
 NEGLIGIBLE_M_S = 1e-6
 HELPED_BELOW = 0.9

@@ -23,7 +23,7 @@ PATIENCE_S = 8.0
 FARTHER_MPS = 0.25
 """How fast that margin grows. Tuned: m/s; 0.1 to 0.5; by judgement."""
 FARTHEST_M = 10.0
-"""A vehicle that has given way for more than `PATIENCE_S` increases that margin by `FARTHER_MPS`, up to `FARTHEST_M`.
+"""A vehicle that has manoeuvred for more than `PATIENCE_S` increases that margin by `FARTHER_MPS`, up to `FARTHEST_M`.
 
 It may level off short of its setpoint, since no model is exact, and is released only beyond the distance to keep.
 
@@ -130,8 +130,8 @@ class TrafficPicture:
     def trails_m(self) -> Array:
         """How far each vehicle's height lags behind the reference's while both go on climbing, (N,).
 
-        Setpoints then keep climbing, and each height lags by its own time constants. The lag and the climb that all
-        have in common are left out. A reference that manoeuvres climbs to a fixed height instead.
+        Setpoints then keep climbing, and each height lags by its own time constants. The lag and the climb
+        that all have in common are left out. A reference that manoeuvres climbs to a fixed height instead.
         """
         model, climb_mps = self.traffic.model, self.traffic.state.climb_mps
         lag_s = model.tau_ha_s + model.tau_hb_s
@@ -157,7 +157,7 @@ class TrafficPicture:
         return Manoeuvre(setpoints, on, on, setpoints.height_m)
 
     def farther_m(self, vehicle: int) -> float:
-        """Return the additional margin in height of a vehicle that has given way for long."""
+        """Return the additional margin in height of a vehicle that has manoeuvred for long."""
         lasted_s = 0.0 if self.given_way_s is None else float(self.given_way_s[vehicle])
         return min(max(FARTHER_MPS * (lasted_s - PATIENCE_S), 0.0), FARTHEST_M)
 

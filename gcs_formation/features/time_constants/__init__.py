@@ -3,7 +3,7 @@
 **Problem.** Delay compensation predicts a vehicle's state through the setpoints that are still in flight, by the
 model's time constants. Constants that are 30 % off cost 0.08 to 0.16 m after a step of the wind at 300 ms each way
 (docs/latency.md), and part of the delay margin. Time constants differ between aircraft, speeds and parameter sets, and
-nobody measures them before a flight.
+no one measures them before a flight.
 
 **Method.** Output-error identification (L. Ljung, "System Identification", 2nd ed., 4.2 and 10.2) by a model set: every
 vehicle is simulated from its setpoints alone, by five models each of airspeed and heading, and sixteen of height (two

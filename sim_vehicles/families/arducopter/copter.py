@@ -139,7 +139,7 @@ def _change_speed(vehicle: Copter, given: GivenCommand) -> int:
 
 
 def _pause(vehicle: Copter, given: GivenCommand) -> int:
-    """Stand until it is told to go on."""
+    """Hover until it is commanded to go on."""
     goes_on = given.params[0]
     if goes_on not in (0.0, 1.0):
         return DENIED
@@ -306,7 +306,7 @@ class Copter(Vehicle):
             self.flier.stop()
 
     def _go_to(self, place_m: Vector, yaw_rad: float | None) -> None:
-        """Fly to a place; the nose turns there first, unless it is told where to turn or the place is near."""
+        """Fly to a place; the nose turns there first, unless it is commanded where to turn or the place is near."""
         if self.flier.place_m is None:  # speeds hold from place to place
             self.flier.commanded_cmps.clear()
         here = self.body.motion

@@ -213,7 +213,7 @@ class Plane(Vehicle):
     def __init__(self, index: int, fleet: FleetConfig, body: Body, environment: Environment, now: Instant) -> None:
         """Boot at `now`."""
         self._arrives = False
-        """Whether it is on its way to a place that it was told in GUIDED."""
+        """Whether it is on its way to a place that it was commanded in GUIDED."""
         self._pending: FlightMode | None = None
         """The failsafe's mode, while a take-off's climb goes on."""
         super().__init__(index, fleet, body, environment, now)
@@ -309,7 +309,7 @@ class Plane(Vehicle):
         self._arrives = True
 
     def ask_circle(self, radius_m: float, side: float) -> None:
-        """Take the radius and the side of the circles that it is told next in GUIDED."""
+        """Take the radius and the side of the circles that it is commanded next in GUIDED."""
         self.flier.ask_circle(radius_m, side)
 
     def climb_to(self, height_m: float) -> None:

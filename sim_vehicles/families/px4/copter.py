@@ -29,7 +29,7 @@ SLOW_TO_M: Final = 10.0
 NEAR_M: Final = 0.8
 """A take-off is complete this near its height (NAV_MC_ALT_RAD)."""
 ORBIT: Final[tuple[float, ...]] = 1.0, 1.0
-"""Radius, m, and speed, m/s, of a circle of which none is told."""
+"""Radius, m, and speed, m/s, of a circle of which none is commanded."""
 
 
 class Px4CopterPilot(CopterPilot):
