@@ -195,7 +195,7 @@ class VehicleFile(Keys):
     schema_: Literal[1] = Field(default=1, alias="schema", description="version of these keys")
     name: Name = key("vehicle", "of the kind of aircraft", "skywalker")
     source: str = key("", "where the model comes from", "runs/steps, vehicle 2")
-    model: VehicleModel = key(..., "its autopilot's lags, its limits and its airframe")
+    model: VehicleModel = key(..., "its autopilot's time constants, its limits and its airframe")
     fit: Mapping[str, Number] = key({}, "how well it was found, written by `identify`")
 
 

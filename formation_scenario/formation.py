@@ -73,7 +73,7 @@ class Formation(Keys):
         {2: [-30, 30, 0], 3: [-30, -30, 0], 4: [-60, 0, 5]},
     )
     succession: Literal["nearest", "none"] = key(
-        "nearest", "who leads when the leader is lost: of the followers near it the one with the best link, or nobody"
+        "nearest", "who leads when the leader is lost: of the followers near it the one with the best link, or none"
     )
     changes: AtMost[Later[FormationChange]] = key(
         (),

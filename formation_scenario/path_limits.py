@@ -150,7 +150,9 @@ def _speed(scenario: Scenario) -> Iterator[Violation]:
         slowest, fastest = scenario.speeds_mps(vehicle)
         if not slowest <= speed <= fastest:
             who = "leader" if vehicle is scenario.leader else "vehicle"
-            density_altitude = ", in air as thin as at origin.alt_m" if slowest > vehicle.model.speed_min_mps else ""
+            density_altitude = (
+                ", in air of the density at origin.alt_m" if slowest > vehicle.model.speed_min_mps else ""
+            )
             found, lowest = distinct_texts(speed, slowest, 4)
             found, most = distinct_texts(speed, fastest, 4) if speed > fastest else (found, f"{fastest:.4g}")
             allowed = f"{lowest} to {most} m/s, {who} {vehicle.vehicle_id}'s limits{density_altitude}"

@@ -184,13 +184,13 @@ def _of_its_kind(vehicle: Vehicle, model: VehicleModel, at: KeyPath) -> Iterator
         allowed = "1; less of what hovers, and of a PX4"
         yield (*at, "prompt_share"), f"found {model.prompt_share:g} of an ArduPlane", allowed
     elif model.prompt_share < 1.0 and model.airframe is not None:
-        found = f"found {model.prompt_share:g} beside an airframe, which has lags of its own"
+        found = f"found {model.prompt_share:g} beside an airframe, which has time constants of its own"
         yield (*at, "prompt_share"), found, "1"
     elif not model.hovers and model.speed_min_mps < MIN_FLYING_MPS:
         found = f"found {model.speed_min_mps:g} of a vehicle that doesn't hover"
         yield (*at, "speed_min_mps"), found, f"{MIN_FLYING_MPS:g} m/s or more"
     elif model.hovers and model.speed_min_mps > 0.0:
-        yield (*at, "speed_min_mps"), f"found {model.speed_min_mps:g} of a vehicle that hovers", "0: it can stand"
+        yield (*at, "speed_min_mps"), f"found {model.speed_min_mps:g} of a vehicle that hovers", "0: it can hover"
     elif model.airframe and model.airframe.airspeed_scale != 1.0 and not reads_equivalent_airspeed(vehicle):
         found = f"found {model.airframe.airspeed_scale:g} of a vehicle whose model has no airframe: no sensor is read"
         yield (*at, "airframe", "airspeed_scale"), found, "1, or an airframe in its model too"
@@ -268,10 +268,10 @@ def consensus(scenario: Scenario) -> Iterator[Finding]:
         found = f"found {len(graph)} rows of {', '.join(str(len(row)) for row in graph)}"
         yield path, found, f"{count} rows of {count} weights, one for each vehicle"
     elif any(graph[index][index] for index in range(count)):
-        yield path, "found a weight on the diagonal", "0 there: no vehicle hears itself"
+        yield path, "found a weight on the diagonal", "0 there: no vehicle receives from itself"
     elif not all_receive_one(np.array(graph)):
-        allowed = "a vehicle that all hear, directly or through others (a spanning tree)"
-        yield path, "found nobody whom all hear", allowed
+        allowed = "a vehicle from which all receive, directly or through others (a spanning tree)"
+        yield path, "found none from which all receive", allowed
 
 
 def all_receive_one(weights: Array) -> bool:

@@ -88,7 +88,7 @@ class EnergyAirframe(Keys):
     sink_min_mps: Speed = key(2.0, "sink without throttle as assumed by the autopilot (TECS_SINK_MIN), m/s", 1.5)
     sink_max_mps: Speed = key(5.0, "fastest sink (TECS_SINK_MAX), m/s", 4)
     time_constant_s: ResponseTime = key(5.0, "time constant of the energy control (TECS_TIME_CONST), s", 3)
-    height_lag_s: ResponseTime = key(3.0, "lag of the demanded height (TECS_HDEM_TCONST), s", 2)
+    height_lag_s: ResponseTime = key(3.0, "time constant of the demanded height (TECS_HDEM_TCONST), s", 2)
     throttle_damping: NonNegative = key(
         0.5, "gain from errors of the energy's rate to throttle (TECS_THR_DAMP), s", 0.7
     )
@@ -102,7 +102,7 @@ class EnergyAirframe(Keys):
     bank_to_throttle: NonNegative = key(10.0, "compensation of a bank's drag by throttle (TECS_RLL2THR), m²/s³", 15)
     vertical_accel_max_mps2: Positive = key(7.0, "largest vertical acceleration (TECS_VERT_ACC), m/s²", 5)
     speed_filter_radps: Positive = key(2.0, "bandwidth of its airspeed estimate (TECS_SPD_OMEGA), rad/s", 1.5)
-    airspeed_lag_s: ResponseTime = key(0.28, "lag of the airspeed's measurement, s", 0.1)
+    airspeed_lag_s: ResponseTime = key(0.28, "time constant of the airspeed's measurement, s", 0.1)
     airspeed_rate_hz: Annotated[Positive, Field(ge=1.0, le=50.0)] = key(
         10.0, "new airspeeds a second in telemetry, Hz", 20
     )
@@ -116,7 +116,7 @@ class EnergyAirframe(Keys):
     dead_time_s: DeadTime = key(0.1, "time from a setpoint's arrival until it acts, s", 0.2)
     spread: Annotated[NonNegative, Field(le=0.3)] = key(
         0.02,
-        "standard deviation of differences between aircraft (thrust, drag, lift, lags), "
+        "standard deviation of differences between aircraft (thrust, drag, lift, time constants), "
         "as a share; drawn by the scenario's seed",
         0.05,
     )
@@ -155,13 +155,13 @@ class VehicleModel(Keys):
     hovers: Flag = key(
         False,
         "whether it is a multirotor: it flies the commanded velocity over ground, down to 0, in any "
-        "direction; tau_v_s is its lag in each, and airspeeds above are ground speeds",
+        "direction; tau_v_s is its time constant in each, and airspeeds above are ground speeds",
         True,
     )
     prompt_share: Annotated[Positive, Field(ge=0.2, le=1.0)] = key(
         1.0,
-        "vehicles that hover, and PX4s: share of a change of commanded speed that is flown with the lag tau_v_s; "
-        "the rest follows as the integrator compensates drag",
+        "vehicles that hover, and PX4s: share of a change of commanded speed that is flown with the time constant "
+        "tau_v_s; the rest follows as the integrator compensates drag",
         0.7,
     )
     rest_s: ResponseTime = key(5.0, "time constant of that rest, s", 9)
@@ -250,18 +250,19 @@ class VehicleCommon(Keys):
     parameters: OwnKeys = key(None, f"beside autopilot: {OF_AN_EXTENSION}", {})
     model: Model = key(
         VehicleModel(),
-        "its autopilot's lags, and its limits: keys, a vehicle file, or a shipped one by its name",
+        "its autopilot's time constants, and its limits: keys, a vehicle file, or a shipped one by its name",
         derived="the keys' own; with any `autopilot` but `emulator`, the shipped file of that name",
     )
     true_model: Model | None = key(
         None,
-        "emulators only: its lags and limits in truth, where they differ from `model`, which the station believes",
+        "emulators only: its time constants and limits in truth, where they differ from `model`, "
+        "by which the station goes",
         derived="the keys of `model`",
     )
     navigation: Navigation = key(TrueNavigation(), "how well its telemetry knows its state")
     true_navigation: Navigation | None = key(
         None,
-        "emulators only: its true errors of telemetry, where they differ from `navigation`, which the station believes",
+        "emulators only: its true errors of telemetry, where they differ from `navigation`, by which the station goes",
         derived="as `navigation`",
     )
     clock: VehicleClock = VehicleClock()

@@ -31,8 +31,8 @@ class Cause(Enum):
     """Causes of a transition."""
 
     REHEARSED = "everything but commands has been done"
-    CALLED_OFF = "ended before anybody was commanded"
-    NOT_BEGUN = "the run can't go on, and nobody was commanded"
+    CALLED_OFF = "ended before any vehicle was commanded"
+    NOT_BEGUN = "the run can't go on, and no vehicle was commanded"
     LEADER_READY = "the leader follows setpoints"
     PATH_BEGUN = "the leader has passed the start of its path"
     PATH_ENDED = "the path or the time is at its end"
@@ -49,7 +49,7 @@ class Cause(Enum):
     NOT_ALL_LANDED = (
         "not every vehicle has landed, or has acknowledged what it was commanded, and the time for that is over"
     )
-    GIVEN_UP = "the run can't go on, and vehicles were told to loiter"
+    GIVEN_UP = "the run can't go on, and vehicles were commanded to loiter"
 
 
 TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {

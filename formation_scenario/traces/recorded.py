@@ -95,7 +95,7 @@ def _spread(name: str, samples: list[Sample]) -> tuple[float, ...]:
         if samples[index].time_s > samples[index - 1].time_s:
             starts.append(index)
     if len(starts) == 1 and len(samples) > 1:
-        raise FileError(f"found {name}, in which time stands still")
+        raise FileError(f"found {name}, in which time doesn't advance")
     times_s = list[float]()
     for index, start in enumerate(starts):
         following = starts[index + 1] if index + 1 < len(starts) else len(samples)

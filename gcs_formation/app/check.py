@@ -114,10 +114,12 @@ def check_text(scenario: Scenario) -> str:
     stood = ", ".join(f"{loop} {_seconds(margin_s)}" for loop, margin_s in mismatch_margins_s(scenario).items())
     time_constants_off, mismatch_off_s = tau_margins(scenario)
     if stood:
-        lines.append(f"# mismatch of delay that the predicted loops stand there, s: {stood}")
+        lines.append(f"# mismatch of delay that the predicted loops tolerate there, s: {stood}")
     if time_constants_off:
-        lines.append(f"# with every lag up to {TAUS_OFF:.0%} off: {_listed(mismatch_off_s, '.3f')}")
-        lines.append(f"# by how much every lag may be off its model's there: {_listed(time_constants_off, '.0%')}")
+        lines.append(f"# with every time constant up to {TAUS_OFF:.0%} off: {_listed(mismatch_off_s, '.3f')}")
+        lines.append(
+            f"# by how much every time constant may be off its model's there: {_listed(time_constants_off, '.0%')}"
+        )
     lines.extend(_design_text(scenario))
     lines.append(f"# {check_links.assembly(scenario)}")
     lines.extend(f"# {line}" for line in check_budget.budget_text(scenario))
@@ -255,7 +257,7 @@ def _unstable_loops(scenario: Scenario, margins: LawMargins, time_constants_off:
             yield f"loop {loop}: {held}; no prediction makes up for that, {enough}"
     for loop, share in time_constants_off.items():
         if share < TAUS_OFF and margins.small_signal.get(loop, math.inf) > 0.0:
-            stands = f"at {delay_s:.3f} s of delay it is stable with lags up to {share:.0%} off their model's"
+            stands = f"at {delay_s:.3f} s of delay it is stable with time constants up to {share:.0%} off their model's"
             yield f"loop {loop}: {stands}; {TAUS_OFF:.0%} should be"
 
 
@@ -317,9 +319,9 @@ def never_reached(scenario: Scenario, until_s: float = math.inf) -> Iterator[str
 
 
 def _followers_text(scenario: Scenario) -> Iterator[str]:
-    followers = ", ".join(str(vehicle.vehicle_id) for vehicle in scenario.followers) or "nobody"
+    followers = ", ".join(str(vehicle.vehicle_id) for vehicle in scenario.followers) or "none"
     leader = f"vehicle {scenario.leader.vehicle_id}" if scenario.leader else "the virtual leader"
-    yield f"# communication graph: star; {leader} is heard by {followers}"
+    yield f"# communication graph: star; {leader} is received by {followers}"
     if not law_kind(scenario).has_margins:
         return
     yield "# delay margins without prediction, s (small signal / worst over the fuzzy range):"
@@ -344,7 +346,7 @@ def _consensus_text(scenario: Scenario) -> Iterator[str]:
     yield f"# communication graph: {graph if isinstance(graph, str) else 'by its weights'}"
     for vehicle, row in zip(scenario.vehicles, scenario.adjacency, strict=True):
         heard = [f"{scenario.vehicles[q].vehicle_id} ({row[q]:g})" for q in np.flatnonzero(row)]
-        yield f"#   vehicle {vehicle.vehicle_id} hears {', '.join(heard) or 'nobody'}"
+        yield f"#   vehicle {vehicle.vehicle_id} receives from {', '.join(heard) or 'none'}"
     if not law_kind(scenario).has_margins:
         return
     along_s, across_s = consensus_margins(scenario)

@@ -155,7 +155,7 @@ class Assembly(NamedTuple):
         min_s = self.least_run_in_s
         needed = "" if min_s is None else f"begins at once after a run-in of {min_s:.1f} s; "
         pattern = f"takes {self.lap_s:.0f} s (turns of {self.lap_radius_m:.0f} m)"
-        return f"assembly: {needed}a lap, if it is missed, {pattern}"
+        return f"assembly: {needed}a holding pattern, if it is missed, {pattern}"
 
 
 def assembly(scenario: Scenario) -> Assembly:
@@ -190,7 +190,7 @@ def cramped_pattern(scenario: Scenario) -> str | None:
     (north_m, east_m), radius_m = places[worst].tolist(), _lap_radius_m(scenario, leads)
     key = leads.fence.areas.nearest(places[worst]).key
     return (
-        f"{key}: found no room for a lap before the path (turns of {radius_m:.0f} m): at "
+        f"{key}: found no room for a holding pattern before the path (turns of {radius_m:.0f} m): at "
         f"north {north_m:.0f}, east {east_m:.0f} vehicles are turned away; {math.ceil(lack_m[worst])} m more are needed"
     )
 
@@ -209,7 +209,7 @@ def goes_round(scenario: Scenario) -> str | None:
     allowed_s = math.ceil(round(10 * planned.least_run_in_s, 6)) / 10
     return (
         f"start.run_in_s: found {found_s:g}; allowed: {allowed_s:g} or more for the path to begin at once{sure}; "
-        f"else the leader goes round first, for about {planned.lap_s:.0f} s"
+        f"else the leader flies a holding pattern first, for about {planned.lap_s:.0f} s"
     )
 
 
@@ -225,9 +225,9 @@ def no_time_for_a_pattern(scenario: Scenario) -> str | None:
         return None
     min_s = math.ceil(run_in_s + lap_s)
     return (
-        f"start.timeout_s: found {found_s:g}; the leader's first pass comes {run_in_s:g} s after it sets out, a lap "
-        f"takes {lap_s:.0f} s: that ends before the next pass, so the path then begins whoever is in its slot; "
-        f"{min_s} or more wait"
+        f"start.timeout_s: found {found_s:g}; the leader's first pass comes {run_in_s:g} s after it sets out, a "
+        f"holding pattern takes {lap_s:.0f} s: that ends before the next pass, so the path then begins whether or not "
+        f"all are in their slots; {min_s} or more wait"
     )
 
 
@@ -322,7 +322,7 @@ def too_old_after_a_loss(scenario: Scenario) -> str | None:
     min_hz = math.ceil(10.0 * GAP / (most_s - max(way_s for *_, way_s in lossy))) / 10.0
     return (
         f"telemetry.rate_hz: found {rate_hz:g}; once a message is lost, as up to {share:.1%} are, what is known of "
-        f"vehicle {who} gets older than law.max_age_s, {most_s:g}: it is told to loiter, among the others; "
+        f"vehicle {who} gets older than law.max_age_s, {most_s:g}: it is commanded to loiter, among the others; "
         f"{min_hz:g} Hz or more"
     )
 

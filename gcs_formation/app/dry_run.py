@@ -56,7 +56,9 @@ def rehearsal_text(report: dict[str, Any]) -> str:
             values = ", ".join(f"{name} {value}" for name, value in given.items())
             what = f"{message['message']} {message['command']}".rstrip()
             lines.append(f"  {when}: {what}: {values or 'all 0'}")
-    return "\n".join([*lines, "nobody was commanded; heartbeats and requests for telemetry and parameters were sent"])
+    return "\n".join(
+        [*lines, "no vehicle was commanded; heartbeats and requests for telemetry and parameters were sent"]
+    )
 
 
 def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, FlightState]]:

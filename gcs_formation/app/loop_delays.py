@@ -107,7 +107,7 @@ def long_silences(scenario: Scenario) -> str | None:
     slower = "" if found_hz is None else f"; law.rate_hz of {found_hz:g} or more makes that rare"
     return (
         f"links: losses come in bursts that silence some vehicle's uplink for over {SUCCESSION_S:g} s about every "
-        f"{every_s:.0f} s: it flies on as it was told last, and can't give way{slower}"
+        f"{every_s:.0f} s: it flies on as it was commanded last, and can't evade{slower}"
     )
 
 

@@ -30,7 +30,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """SIGHUP: the terminal was closed, or the connection to it was lost."""
 YES = ("y", "yes")
 MAX_BYTES = 1000
-DECLINED = "not confirmed: nobody was commanded"
+DECLINED = "not confirmed: no vehicle was commanded"
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ UNREAD_HZ: Final = 0.1
 LEVELS: Final = (
     Level("everything is sent as often as it is of use", UNREAD_HZ, 1.0, 0.0, 0.0),
     Level(
-        "telemetry comes half as often, and nothing that nobody reads; setpoints go 5 times a second at most",
+        "telemetry comes half as often, and nothing that no one reads; setpoints go 5 times a second at most",
         0.0,
         0.5,
         0.2,

@@ -120,9 +120,9 @@ class _Interrupts:
 def _no_vehicle(survey: LinkSurvey) -> str:
     where = ", ".join(str(each) for each in survey.endpoints())
     if not survey.links:
-        return f"found nobody at {where}; allowed: endpoints at which an autopilot's heartbeats arrive"
+        return f"found no autopilot at {where}; allowed: endpoints at which an autopilot's heartbeats arrive"
     who = ", ".join(str(system) for _, system in survey.links)
-    return f"vehicle {who} at {where} answered no TIMESYNC; allowed: vehicles that hear, and answer it"
+    return f"vehicle {who} at {where} answered no TIMESYNC; allowed: vehicles that receive it, and answer"
 
 
 def _write_traces(survey: LinkSurvey, found: dict[str, Any], now: Instant, out: Path) -> None:

@@ -45,9 +45,9 @@ RUN_EXAMPLES = examples(
 FLY_EXAMPLES = examples(
     "sim-vehicles quickstart.yaml                              vehicles, in another terminal",
     "gcs-formation fly quickstart.yaml --out runs/flown",
-    "gcs-formation fly arduplane.yaml --dry-run                says what it would send, and arms nobody",
+    "gcs-formation fly arduplane.yaml --dry-run                says what it would send, and arms none",
     "gcs-formation fly --resume runs/flown                     takes over what flies of a run that was killed",
-    "gcs-formation fly arduplane.yaml --confirm                asks before anybody is armed",
+    "gcs-formation fly arduplane.yaml --confirm                asks before any vehicle is armed",
     "gcs-formation fly arduplane.yaml --take                   also those that somebody else flies",
 )
 IDENTIFY_EXAMPLES = examples(
@@ -149,7 +149,7 @@ def _with_simulators(sitl: tuple[str, ...], clock: str) -> Fly[Summary]:
 @click.option("--clock", type=CLOCKS, default="real", hidden=True)  # refused with the reason, not as unknown
 @_options
 @click.option("--dry-run", is_flag=True, help="Everything but commands: say what vehicles would be sent.")
-@click.option("--confirm", is_flag=True, help="Ask here before anybody is armed.")
+@click.option("--confirm", is_flag=True, help="Ask here before any vehicle is armed.")
 @click.option("--resume", type=OUT, metavar="RUN_DIR", help="Take over what flies of a run that was killed.")
 @click.option(
     "--take", "--retake", "take", is_flag=True, help="Take over also those that fly under somebody's command."
@@ -162,7 +162,7 @@ def fly(**given: Any) -> None:
             "--clock: found virtual; allowed: real, which vehicles that are up already go by; emulated ones: see `run`"
         )
     if given["confirm"] and given["dry_run"]:
-        fail("--confirm: found beside --dry-run, which arms nobody; allowed: one of them")
+        fail("--confirm: found beside --dry-run, which arms none; allowed: one of them")
     if given["confirm"] and not (sys.stdin is not None and sys.stdin.isatty()):
         fail("--confirm: found no terminal to ask on; allowed: a terminal as standard input, or no --confirm")
     if given["dry_run"]:

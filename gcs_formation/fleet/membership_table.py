@@ -94,7 +94,7 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     Transition(
         UNCOMMANDED,
         Member.UNHEARD,
-        "it can't be flown by what is known of it, and may not hear that it is to loiter",
+        "it can't be flown by what is known of it, and may not receive the command to loiter",
         lambda seen: not seen.fresh and not seen.loiter_may_be_commanded,
     ),
     Transition(COMMANDABLE, Member.HOLDING, "it can't be flown by what is known of it", lambda seen: not seen.fresh),

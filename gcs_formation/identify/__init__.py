@@ -259,7 +259,7 @@ def report(found: Mapping[str, Any]) -> str:
     for name, each in found["lags"].items():
         unit = "" if name == "prompt_share" else "s"
         lines.append(f"  {name:<12} {measured(each['value'], each['sigma'])} {unit}".rstrip())
-    lines += [f"  not identified, {why}; kept as believed" for why in found["unidentified"].values()]
+    lines += [f"  not identified, {why}; kept as declared" for why in found["unidentified"].values()]
     lines.append("errors of its predictions, and what they explain of the change:")
     units = dict(zip(QUANTITIES, UNITS, strict=True))
     for name in found["residual_rms"]:
@@ -271,7 +271,9 @@ def report(found: Mapping[str, Any]) -> str:
         lines.append(f"  {name:<13} {', '.join(each_error)}")
     if "airframe" in found["model"]:
         time_constants = ", ".join(f"{name} {found['model'][name]:g}" for name in found["lags"])
-        lines.append(f"it flies as an aircraft under total-energy control; lags of slow changes, s: {time_constants}")
+        lines.append(
+            f"it flies as an aircraft under total-energy control; time constants of slow changes, s: {time_constants}"
+        )
     lines.append(f"wrote {found['file']} and {found['figure']}")
     return "\n".join(lines)
 

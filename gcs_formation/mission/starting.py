@@ -155,7 +155,7 @@ def _lacks(vehicle: Vehicle, now: Instant) -> str:
         return f" ({unknown})"
     untold = [name for name, value in (("position", seen.motion), ("attitude", seen.attitude)) if value is None]
     why = [f": {seen.position_refused}"] if seen.motion is None and seen.position_refused else []
-    return f" (it has told no {' and no '.join(untold)}{''.join(why)})" if untold else ""
+    return f" (it has reported no {' and no '.join(untold)}{''.join(why)})" if untold else ""
 
 
 def _result(vehicle: Vehicle) -> str:

@@ -139,8 +139,8 @@ def spanning_components(adjacency: Array) -> list[Component]:
     roots = [int(part.members[0]) for part in parts if part.is_closed]
     if len(roots) > 1:
         raise ValueError(
-            "the graph has no spanning tree: one vehicle must be heard, directly or through others, by all, "
-            f"but the vehicles at rows {', '.join(map(str, roots))} hear nobody outside their own groups"
+            "the graph has no spanning tree: all must receive from one vehicle, directly or through others, "
+            f"but the vehicles at rows {', '.join(map(str, roots))} receive from none outside their own groups"
         )
     return parts
 

@@ -270,7 +270,7 @@ def test_where_none_flies_as_left_it_is_said_how_they_are_and_what_takes_them_an
         "vehicle 2: in LOITER, and the flight had left it in GUIDED; --take takes those in the air"
     )
     (ended,) = [event for event in world.notes.events if event.kind == "phase"]
-    assert (ended.text, ended.details["cause"]) == ("failed", "the run can't go on, and nobody was commanded")
+    assert (ended.text, ended.details["cause"]) == ("failed", "the run can't go on, and no vehicle was commanded")
     assert flight.commanded(m.MAV_CMD_DO_SET_MODE) == []
 
 

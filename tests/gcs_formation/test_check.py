@@ -71,10 +71,10 @@ def test_the_json_has_the_consensus_margin_alone(check) -> None:
 
 def test_the_graph_is_printed_as_who_hears_whom(check) -> None:
     _, printed = check()
-    assert "vehicle 2 hears 1 (1), 3 (1)" in printed
+    assert "vehicle 2 receives from 1 (1), 3 (1)" in printed
     _, printed = check("--set", "law.consensus.graph=[[0,0,0,0],[2.5,0,0,0],[1,0,0,0],[1,0,0,0]]")
-    assert "vehicle 1 hears nobody" in printed
-    assert "vehicle 2 hears 1 (2.5)" in printed
+    assert "vehicle 1 receives from none" in printed
+    assert "vehicle 2 receives from 1 (2.5)" in printed
 
 
 @pytest.mark.parametrize(("compensated", "warned"), [("true", False), ("false", True)])
@@ -162,7 +162,7 @@ def test_a_directed_ring_is_unstable_without_delay(check) -> None:
 def test_a_graph_without_a_spanning_tree_is_refused(check) -> None:
     status, printed = check("--set", "law.consensus.graph=[[0,1,0,0],[1,0,0,0],[0,0,0,1],[0,0,1,0]]")
     assert status == 2
-    assert "law.consensus.graph: found nobody whom all hear" in printed
+    assert "law.consensus.graph: found none from which all receive" in printed
 
 
 @pytest.mark.parametrize(

@@ -240,7 +240,7 @@ def test_an_axis_that_isnt_excited_is_said_and_the_others_are_given(moved, lacki
         assert (name in found["lags"]) == (channel != lacking)
         if channel not in (lacking, "height"):
             assert found["lags"][name]["value"] == pytest.approx(getattr(PLANE, name), rel=0.12)
-    assert f"not identified, {found['unidentified'][lacking]}; kept as believed" in report(found)
+    assert f"not identified, {found['unidentified'][lacking]}; kept as declared" in report(found)
     assert (tmp_path / "mine.yaml").is_file()
 
 

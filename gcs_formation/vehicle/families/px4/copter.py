@@ -121,7 +121,7 @@ class Px4Copter(Px4):
             ),
             Check(
                 ("RTL_RETURN_ALT",),
-                "at most the lowest height of the path: lower than that, nobody climbs into others on the way home",
+                "at most the lowest height of the path: lower than that, none climbs into others on the way home",
                 lambda value: value <= lowest_m(path),
             ),
             climb_check(("MPC_Z_VEL_MAX_UP",), model),
