@@ -291,7 +291,7 @@ class Proxy:
     def _ways(self, number: int, peer: Address) -> list[tuple[int, Direction]]:
         """Return over which links something goes that a peer has sent to one end."""
         if number == SHARED:
-            self._hear_at_target(peer)
+            self._receive_at_target(peer)
             return [(remote, Direction.UPLINK) for remote in self._remotes.values()]
         if number != LISTENING:
             return [(number, Direction.UPLINK)]
@@ -304,7 +304,7 @@ class Proxy:
         except PortError:  # no socket is left: lost, as in any network
             return []
 
-    def _hear_at_target(self, peer: Address) -> None:
+    def _receive_at_target(self, peer: Address) -> None:
         self._targets.pop(peer, None)
         self._targets[peer] = None
         if len(self._targets) > MAX_REMOTES:

@@ -24,7 +24,7 @@ from gcs_formation.report.page import PLATES
 from gcs_formation.report.style import FOLLOWERS, GREY, INK, evenly, new_figure, print_style
 
 HEIGHT_CM = 9.0
-MOST_POINTS = 1000
+MAX_POINTS = 1000
 """Of each vehicle's line: what more there is can't be seen."""
 SCREEN_DPI = 110
 
@@ -168,9 +168,9 @@ class FlightFigure:
 
 
 def _thinned(points: list[tuple[float, float]]) -> Array:
-    """Return points (n, 2), at most `MOST_POINTS` of them."""
+    """Return points (n, 2), at most `MAX_POINTS` of them."""
     every = np.array(points, dtype=np.float64).reshape(-1, 2)
-    return every[evenly(len(every), MOST_POINTS)]
+    return every[evenly(len(every), MAX_POINTS)]
 
 
 def _in_place() -> Show:

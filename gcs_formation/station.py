@@ -73,7 +73,7 @@ class Station(Engine):
         self.features = tuple(loaded)
         """Names of the features that it flies with."""
         self.gate.checks += [each.before_take_off for each in loaded.values() if each.before_take_off]
-        core = core_stages(parts, until_s, self._watch_strangers, self._note_link)
+        core = core_stages(parts, until_s, self._watch_strangers, self._log_link)
         brought = [stage for each in loaded.values() for stage in each.stages(self.cycle)]
         self.cycle.order(ordered(core, brought))
         if resumed is not None:
@@ -123,7 +123,7 @@ class Station(Engine):
         return self._senders.peers(self._next_tick)
 
     def left_unread(self, octets: int) -> None:
-        """Count what strangers sent and nobody read."""
+        """Count what strangers sent and no one read."""
         self._flood.unread_bytes += octets
 
     def receive(self, datagrams: list[Datagram], now: Instant) -> None:
@@ -218,10 +218,10 @@ class Station(Engine):
         """Record an event of a vehicle or the run: the `Note` of all parts of the station."""
         self._recorder.event(Event(now, kind, text, vehicle.identity if vehicle else None, details or {}))
 
-    def _note_link(self, vehicle: Vehicle, now: Instant) -> None:
+    def _log_link(self, vehicle: Vehicle, now: Instant) -> None:
         link = vehicle.connection
         if vehicle.links is not None:
-            self._several_links.note_state(vehicle, link, now)
+            self._several_links.log_state(vehicle, link, now)
             return
         self._note(now, "link", link.state.value, vehicle, {"peer": str(link.peer)})
 
@@ -239,7 +239,7 @@ class Station(Engine):
         if isinstance(message, (Heartbeat, Statustext, Timesync)):
             self._take_word(vehicle, frame, now, timed)
         elif vehicle.take(frame, now, timed=timed):
-            self._note_link(vehicle, now)
+            self._log_link(vehicle, now)
         if isinstance(message, ParamValue):
             self.gate.take(vehicle, message, now)
             self.cycle.beginning.take(vehicle, message, now)
@@ -256,7 +256,7 @@ class Station(Engine):
         seen = vehicle.telemetry
         mode, texts = seen.custom_mode, seen.texts_reported
         if vehicle.take(frame, now, timed=timed):
-            self._note_link(vehicle, now)
+            self._log_link(vehicle, now)
         if seen.custom_mode != mode:
             self._note(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
         if seen.texts_reported != texts:

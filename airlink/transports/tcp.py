@@ -70,7 +70,7 @@ class TcpClient(Transport):
     """Connects to a listener, and again whenever the connection is lost; until then what is sent is lost."""
 
     def __init__(self, endpoint: Endpoint) -> None:
-        """Begin to connect; whether anybody listens shows later."""
+        """Begin to connect; whether a peer listens shows later."""
         self._peer = endpoint.address
         self._connecting: socket.socket | None = None
         self._stream: Stream | None = None

@@ -1,11 +1,11 @@
 """What `check` says about the law: states of different times, slow loops, errors by gusts.
 
 A gust moves a vehicle at its own velocity until the law has answered. Let d be the gust's velocity, L the open loop
-without its delay T, and O = exp(-sT) w/(s + w) the observer of the wind, whose answer leads the autopilot's lags. The
-error is d (1 - O)/s times 1/(1 + L exp(-sT)) without prediction, and times 1 - exp(-sT) L/(1 + L) with it. Under the
-consensus law a mode of eigenvalue lambda leaves d/(s + k), k = lambda k1/(s + k3 + lambda k2), likewise. The error's
-variance is the integral of this response, squared, over Dryden's spectra (MIL-F-8785C, 3.7.1.2). Gusts on leader and
-follower are independent. Multirotors aren't judged: they hold their velocity over ground by themselves.
+without its delay T, and O = exp(-sT) w/(s + w) the observer of the wind, whose answer leads the autopilot's time
+constants. The error is d (1 - O)/s times 1/(1 + L exp(-sT)) without prediction, and times 1 - exp(-sT) L/(1 + L) with
+it. Under the consensus law a mode of eigenvalue lambda leaves d/(s + k), k = lambda k1/(s + k3 + lambda k2), likewise.
+The error's variance is the integral of this response, squared, over Dryden's spectra (MIL-F-8785C, 3.7.1.2). Gusts on
+leader and follower are independent. Multirotors aren't judged: they hold their velocity over ground by themselves.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.mean_delays import since, ways_s
 from formation_scenario.start_states_and_end_times import planned_end_s
 from formation_scenario.surroundings import DrydenTurbulence
-from gcs_formation.app.check_links import LEAST_M, PLANES_MOST_HZ
+from gcs_formation.app.check_links import MIN_M, PLANES_MAX_HZ
 from gcs_formation.app.loop_delays import configured_loop_delay_s, message_age
 from gcs_formation.control.laws import law_kind
 from gcs_formation.stability import law_loops
@@ -54,13 +54,13 @@ def ahead_of_virtual(scenario: Scenario) -> str | None:
     ]
     down_s, at_s, vehicle = max(steps, key=lambda step: step[0])
     speed_mps, between_s = scenario.path.begin_mps, 1.0 / scenario.telemetry.rate_hz
-    least_m, most_m = speed_mps * down_s, speed_mps * (down_s + between_s)
-    if most_m < LEAST_M:
+    min_m, max_m = speed_mps * down_s, speed_mps * (down_s + between_s)
+    if max_m < MIN_M:
         return None
     lossy = any(step.downlink.loss for step in scenario.link_steps(vehicle))
     why = f"the delay down its link and up to 1/telemetry.rate_hz{', longer after a loss' if lossy else ''}"
     age = f"{down_s:.3g} to {down_s + between_s:.3g} s old{since(at_s)} ({why})"
-    ahead = f"{least_m:.2g} to {most_m:.2g} m ahead of its slot at {speed_mps:g} m/s"
+    ahead = f"{min_m:.2g} to {max_m:.2g} m ahead of its slot at {speed_mps:g} m/s"
     return (
         "law.delay_compensation: found false, with a virtual leader, whose place is of now; that of vehicle "
         f"{vehicle.vehicle_id} is {age}, so it flies {ahead}: true predicts over that, and a real leader's is as old"
@@ -85,7 +85,7 @@ def of_different_instants(scenario: Scenario) -> str | None:
         return None
     enough_hz = math.ceil(10.0 * speed_mps * periods / UNPAIRED_M) / 10.0
     enough = (
-        f"; telemetry.rate_hz of {enough_hz:g} or more leaves {UNPAIRED_M:g} m" if enough_hz <= PLANES_MOST_HZ else ""
+        f"; telemetry.rate_hz of {enough_hz:g} or more leaves {UNPAIRED_M:g} m" if enough_hz <= PLANES_MAX_HZ else ""
     )
     lossy = ", of which some is lost," if leads + variance > 2.0 * message_age(Impairment())[1] else ""
     return (
@@ -166,10 +166,10 @@ def gust_errors(scenario: Scenario) -> Iterator[str]:
         left_m = {axis: SIGMAS * each for axis, each in gust_errors_m(scenario, entry, delay_s).items()}
         if max(left_m.values(), default=0.0) < WORTH_M:
             continue
-        least_m = {axis: SIGMAS * each for axis, each in gust_errors_m(scenario, entry, at_once_s).items()}
+        min_m = {axis: SIGMAS * each for axis, each in gust_errors_m(scenario, entry, at_once_s).items()}
         found = ", ".join(f"{each_m:.1f} m {NAMES[axis]}" for axis, each_m in left_m.items())
-        least = ", ".join(f"{each_m:.1f}" for each_m in least_m.values())
-        without = f"; {least} m without the links' delay" if delay_s > at_once_s else ""
+        minimum = ", ".join(f"{each_m:.1f}" for each_m in min_m.values())
+        without = f"; {minimum} m without the links' delay" if delay_s > at_once_s else ""
         yield f"disturbances.{index}: gusts leave errors of up to {found} for 95% of the time{without}"
 
 

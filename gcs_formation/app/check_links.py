@@ -31,9 +31,9 @@ from gcs_formation.link.utc_slack import UTC_SLACK_S
 from gcs_formation.phases import ASSEMBLED_S
 from gcs_formation.vehicle.command_delivery import RETRY_S
 
-PLANES_MOST_HZ = 40.0
+PLANES_MAX_HZ = 40.0
 """Four fifths of SCHED_LOOP_RATE; ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL beyond that."""
-LEAST_M = 0.05
+MIN_M = 0.05
 """Smallest error that a warning is given for."""
 SURE = 0.95
 """Share of starts that are at least as fast as the estimate."""
@@ -42,11 +42,11 @@ FRAME_BYTES = 12
 GAP = 2.5
 """Periods of telemetry from one state to the next if a message is lost in between."""
 CELL_S = 0.1
-MOST_S = 120.0
+MAX_S = 120.0
 
 
 def split_errors(scenario: Scenario) -> Iterator[str]:
-    """Yield each follower's largest constant error along the path, from `LEAST_M` on."""
+    """Yield each follower's largest constant error along the path, from `MIN_M` on."""
     times_s = sorted({step.at_s for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)})
     leader_s = _early_s(scenario, scenario.leader, times_s)
     for vehicle in scenario.followers:
@@ -54,7 +54,7 @@ def split_errors(scenario: Scenario) -> Iterator[str]:
         errors_m = [scenario.path.begin_mps * (own - leads) for own, leads in zip(early_s, leader_s, strict=True)]
         error_m = max(errors_m, key=abs)
         at_s = times_s[errors_m.index(error_m)]
-        if abs(error_m) >= LEAST_M:
+        if abs(error_m) >= MIN_M:
             leaders = f", the leader's {_split(scenario, scenario.leader, at_s)}," if scenario.leader else ""
             yield (
                 f"vehicle {vehicle.vehicle_id}: {_split(scenario, vehicle, at_s)}{leaders} leave a "
@@ -145,30 +145,30 @@ def _split(scenario: Scenario, vehicle: Vehicle, at_s: float) -> str:
 
 
 class Assembly(NamedTuple):
-    """The run-in that a start in the air needs (None for one from the ground), and the lap after a missed start."""
+    """The run-in that a start in the air needs (else None), and the holding pattern after a missed start."""
 
     least_run_in_s: float | None
     lap_s: float
     lap_radius_m: float
 
     def __str__(self) -> str:
-        least_s = self.least_run_in_s
-        needed = "" if least_s is None else f"begins at once after a run-in of {least_s:.1f} s; "
-        lap = f"takes {self.lap_s:.0f} s (turns of {self.lap_radius_m:.0f} m)"
-        return f"assembly: {needed}a lap, if it is missed, {lap}"
+        min_s = self.least_run_in_s
+        needed = "" if min_s is None else f"begins at once after a run-in of {min_s:.1f} s; "
+        pattern = f"takes {self.lap_s:.0f} s (turns of {self.lap_radius_m:.0f} m)"
+        return f"assembly: {needed}a holding pattern, if it is missed, {pattern}"
 
 
 def assembly(scenario: Scenario) -> Assembly:
     """Return what a scenario's start needs."""
     leads, speed_mps = leader_guidance(scenario), scenario.path.begin_mps
-    least_s = _least_run_in_s(scenario) if scenario.start.in_air else None
-    lap, start = _lap(scenario, leads), leads.path.at(0.0)
-    end = lap.at(lap.length_m)
+    min_s = _least_run_in_s(scenario) if scenario.start.in_air else None
+    pattern, start = _pattern(scenario, leads), leads.path.at(0.0)
+    end = pattern.at(pattern.length_m)
     straight_m = math.hypot(start.north_m - end.north_m, start.east_m - end.east_m)
-    return Assembly(least_s, (lap.length_m + straight_m) / speed_mps, _lap_radius_m(scenario, leads))
+    return Assembly(min_s, (pattern.length_m + straight_m) / speed_mps, _lap_radius_m(scenario, leads))
 
 
-def _lap(scenario: Scenario, leads: LeaderGuidance) -> JoinRoute:
+def _pattern(scenario: Scenario, leads: LeaderGuidance) -> JoinRoute:
     """Return the leader's route from where it turns off before its path to the straight that leads to the path."""
     air = drift(scenario)
     return leads.lap(leads.path.at(-DECISION_S * air.speed_mps), air.north_mps, air.east_mps)
@@ -178,56 +178,56 @@ def _lap_radius_m(scenario: Scenario, leads: LeaderGuidance) -> float:
     return leads.hold_radius_m(*scenario.drift_mps)
 
 
-def cramped_lap(scenario: Scenario) -> str | None:
-    """Return where the fence leaves too little room for a lap before the path; None if there is enough."""
+def cramped_pattern(scenario: Scenario) -> str | None:
+    """Return where the fence leaves too little room for a holding pattern before the path; None if there is enough."""
     leads = leader_guidance(scenario)
     if leads.fence is None:
         return None
-    places, lack_m = leads.fence.lack(_lap(scenario, leads), drift(scenario))
+    places, lack_m = leads.fence.lack(_pattern(scenario, leads), drift(scenario))
     worst = np.unravel_index(int(lack_m.argmax()), lack_m.shape)
     if lack_m[worst] == 0.0:
         return None
     (north_m, east_m), radius_m = places[worst].tolist(), _lap_radius_m(scenario, leads)
     key = leads.fence.areas.nearest(places[worst]).key
     return (
-        f"{key}: found no room for a lap before the path (turns of {radius_m:.0f} m): at "
+        f"{key}: found no room for a holding pattern before the path (turns of {radius_m:.0f} m): at "
         f"north {north_m:.0f}, east {east_m:.0f} vehicles are turned away; {math.ceil(lack_m[worst])} m more are needed"
     )
 
 
 def goes_round(scenario: Scenario) -> str | None:
-    """Return why the leader will fly a lap before its path; None if the run-in is long enough, or it waits instead."""
+    """Return why the leader will fly a holding pattern before its path; None if the run-in is enough, or it waits."""
     planned, found_s = assembly(scenario), scenario.start.run_in_s
-    if scenario.hovers and (planned.least_run_in_s or 0.0) < MOST_S:
+    if scenario.hovers and (planned.least_run_in_s or 0.0) < MAX_S:
         return None
     if planned.least_run_in_s is None or found_s >= planned.least_run_in_s:
         return None
     lossy = any(way.loss > 0.0 for vehicle in scenario.vehicles for way in scenario.link_steps(vehicle)[0][1:])
     sure = " in most starts, by the links' loss" if lossy else ""
-    if planned.least_run_in_s >= MOST_S:
-        return f"links: too much is lost for the formation to assemble within {MOST_S:g} s"
+    if planned.least_run_in_s >= MAX_S:
+        return f"links: too much is lost for the formation to assemble within {MAX_S:g} s"
     allowed_s = math.ceil(round(10 * planned.least_run_in_s, 6)) / 10
     return (
         f"start.run_in_s: found {found_s:g}; allowed: {allowed_s:g} or more for the path to begin at once{sure}; "
-        f"else the leader goes round first, for about {planned.lap_s:.0f} s"
+        f"else the leader flies a holding pattern first, for about {planned.lap_s:.0f} s"
     )
 
 
-def no_time_for_a_lap(scenario: Scenario) -> str | None:
+def no_time_for_a_pattern(scenario: Scenario) -> str | None:
     """Return that the start times out before the leader passes the path's start a second time; None if it doesn't.
 
-    The leader's first pass is over after its run-in, and a lap follows.
+    The leader's first pass is over after its run-in, and a holding pattern follows.
     """
     if scenario.hovers:
         return None
     lap_s, run_in_s, found_s = assembly(scenario).lap_s, scenario.start.run_in_s, scenario.start.timeout_s
     if found_s >= run_in_s + lap_s or not scenario.followers:
         return None
-    least_s = math.ceil(run_in_s + lap_s)
+    min_s = math.ceil(run_in_s + lap_s)
     return (
-        f"start.timeout_s: found {found_s:g}; the leader's first pass comes {run_in_s:g} s after it sets out, a lap "
-        f"takes {lap_s:.0f} s: that ends before the next pass, so the path then begins whoever is in its slot; "
-        f"{least_s} or more wait"
+        f"start.timeout_s: found {found_s:g}; the leader's first pass comes {run_in_s:g} s after it sets out, a "
+        f"holding pattern takes {lap_s:.0f} s: that ends before the next pass, so the path then begins whether or not "
+        f"all are in their slots; {min_s} or more wait"
     )
 
 
@@ -243,9 +243,9 @@ def _least_run_in_s(scenario: Scenario) -> float:
     asked = [len(each.requests(each.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc))) for each in autopilots]
     loop_s, steps = max(each.loop_s for each in autopilots), [scenario.link_steps(v)[0] for v in scenario.vehicles]
     way_s = max(sum(ways_s(scenario, step)) / 2 for step in steps)
-    heard_s, answered_s = (math.ceil(round((way + loop_s) / tick_s, 6)) * tick_s for way in (way_s, 2 * way_s))
+    received_s, answered_s = (math.ceil(round((way + loop_s) / tick_s, 6)) * tick_s for way in (way_s, 2 * way_s))
     lost_s = _lost_s(list(zip(asked, steps, strict=True)))
-    return heard_s + max(asked) * answered_s + lost_s + tick_s + ASSEMBLED_S + DECISION_S + way_s
+    return received_s + max(asked) * answered_s + lost_s + tick_s + ASSEMBLED_S + DECISION_S + way_s
 
 
 def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:
@@ -254,13 +254,13 @@ def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:
     `starts`: each vehicle's number of requests and its link. Requests begin when all vehicles have been heard, so the
     slowest heartbeat and the slowest answers add up.
     """
-    losses = np.arange(round(MOST_S / CELL_S), dtype=np.float64)
+    losses = np.arange(round(MAX_S / CELL_S), dtype=np.float64)
     heard, answered = np.ones(losses.size), np.ones(losses.size)
     for requests, step in starts:
         up, down = (0.0 if way.outage else 1.0 - way.loss for way in (step.uplink, step.downlink))
         both = up * down
         if both <= 0.0:
-            return MOST_S
+            return MAX_S
         heard *= np.cumsum(_spread_over_time(_loss_probabilities(losses, 1, down), HEARTBEAT_S))
         answered *= np.cumsum(_spread_over_time(_loss_probabilities(losses, requests, both), RETRY_S))
     ready = np.cumsum(np.convolve(np.diff(heard, prepend=0.0), np.diff(answered, prepend=0.0))[: losses.size])
@@ -278,13 +278,13 @@ def _loss_probabilities(losses: Array, passed: int, each: float) -> Array:
 
 def _spread_over_time(chance: Array, each_s: float) -> Array:
     """Return the probability of each delay by losses, in cells of `CELL_S`; `chance` is that of 0, 1, 2 … losses."""
-    spread, step = np.zeros(round(MOST_S / CELL_S)), round(each_s / CELL_S)
+    spread, step = np.zeros(round(MAX_S / CELL_S)), round(each_s / CELL_S)
     spread[::step] = chance[: len(spread[::step])]
     return spread
 
 
 def too_old(scenario: Scenario) -> str | None:
-    """Return whose telemetry exceeds `law.max_age_s` before the next comes, even without loss; None if nobody's."""
+    """Return whose telemetry exceeds `law.max_age_s` before the next comes, even without loss; None if no vehicle's."""
     most_s, between_s = scenario.law.max_age_s, 1.0 / scenario.telemetry.rate_hz
     ages_s = [
         (ways_s(scenario, step)[1] + between_s, step.at_s, vehicle)
@@ -305,7 +305,7 @@ def too_old(scenario: Scenario) -> str | None:
 
 
 def too_old_after_a_loss(scenario: Scenario) -> str | None:
-    """Return whose telemetry exceeds `law.max_age_s` once a message is lost; None if nobody's.
+    """Return whose telemetry exceeds `law.max_age_s` once a message is lost; None if no vehicle's.
 
     Position, attitude and airspeed are sent at different times, so the next state is known up to half a period later.
     """
@@ -319,11 +319,11 @@ def too_old_after_a_loss(scenario: Scenario) -> str | None:
     if not lossy or too_old(scenario) is not None:
         return None
     who, share = ", ".join(dict.fromkeys(str(each.vehicle_id) for each, *_ in lossy)), max(each[1] for each in lossy)
-    least_hz = math.ceil(10.0 * GAP / (most_s - max(way_s for *_, way_s in lossy))) / 10.0
+    min_hz = math.ceil(10.0 * GAP / (most_s - max(way_s for *_, way_s in lossy))) / 10.0
     return (
         f"telemetry.rate_hz: found {rate_hz:g}; once a message is lost, as up to {share:.1%} are, what is known of "
-        f"vehicle {who} gets older than law.max_age_s, {most_s:g}: it is told to loiter, among the others; "
-        f"{least_hz:g} Hz or more"
+        f"vehicle {who} gets older than law.max_age_s, {most_s:g}: it is commanded to loiter, among the others; "
+        f"{min_hz:g} Hz or more"
     )
 
 
@@ -331,11 +331,11 @@ def refused_rate(scenario: Scenario) -> str | None:
     """Return that a real ArduPlane with default parameters refuses the telemetry rate; None if it doesn't."""
     planes = [str(each.vehicle_id) for each in scenario.vehicles if each.autopilot == "arduplane"]
     rate_hz = scenario.telemetry.rate_hz
-    if not planes or rate_hz <= PLANES_MOST_HZ:
+    if not planes or rate_hz <= PLANES_MAX_HZ:
         return None
     return (
         f"telemetry.rate_hz: found {rate_hz:g}; a real ArduPlane (vehicle {', '.join(planes)}) refuses more than "
-        f"{PLANES_MOST_HZ:g} with SCHED_LOOP_RATE 50, its default"
+        f"{PLANES_MAX_HZ:g} with SCHED_LOOP_RATE 50, its default"
     )
 
 

@@ -95,9 +95,9 @@ def _mean_ages(step: LinkStep) -> tuple[float, float]:
 def long_silences(scenario: Scenario) -> str | None:
     """Return that bursts of losses silence uplinks so long that vehicles leave the formation; None if hardly ever.
 
-    The fewer datagrams are sent, the longer a burst lasts. A vehicle that hears nothing flies on by its last setpoint,
-    can't evade, and has to come back. With slots close to each other, vehicles then pass others below the required
-    separation.
+    The fewer datagrams are sent, the longer a burst lasts. A vehicle that receives nothing flies on by its last
+    setpoint, can't evade, and has to come back. With slots close to each other, vehicles then pass others below the
+    required separation.
     """
     every_s = 1.0 / _silences_hz(scenario, scenario.law.rate_hz)
     if every_s > scenario.duration_s:
@@ -107,7 +107,7 @@ def long_silences(scenario: Scenario) -> str | None:
     slower = "" if found_hz is None else f"; law.rate_hz of {found_hz:g} or more makes that rare"
     return (
         f"links: losses come in bursts that silence some vehicle's uplink for over {SUCCESSION_S:g} s about every "
-        f"{every_s:.0f} s: it flies on as it was told last, and can't give way{slower}"
+        f"{every_s:.0f} s: it flies on as it was commanded last, and can't evade{slower}"
     )
 
 

@@ -19,9 +19,9 @@ class Links(Stage):
 
     name = "links"
 
-    def __init__(self, note_link: Callable[[Vehicle, Instant], None], several: SeveralLinks) -> None:
+    def __init__(self, log_link: Callable[[Vehicle, Instant], None], several: SeveralLinks) -> None:
         """Take what records the state of a link, and what chooses between several of a vehicle."""
-        self._note_link, self._several = note_link, several
+        self._log_link, self._several = log_link, several
 
     def run(self, cycle: Cycle) -> None:
         """Check each, and record what has changed."""
@@ -30,7 +30,7 @@ class Links(Stage):
         for vehicle in cycle.each:
             link = vehicle.connection
             if not link.in_order(now) and link.check(now, vehicle.sequence.loss):
-                self._note_link(vehicle, now)
+                self._log_link(vehicle, now)
 
 
 class Restarts(Stage):

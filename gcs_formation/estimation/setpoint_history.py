@@ -21,7 +21,10 @@ from flight_model.autopilot_model import (
 from flight_model.slot import Triple
 
 HISTORY_S: Final = 6.0
+"""How long setpoints are kept. Tuned: s; the largest loop delay and more, 4 to 20; by judgement."""
 RESPOND_NS: Final = 280_000_000
+"""Longest step in which a model answers the mean of the setpoints that act in it. Tuned: ns; 100 to 300 ms; by
+judgement."""
 
 
 class SentSetpoints:
@@ -110,7 +113,7 @@ class SentSetpoints:
             place = self.later(place, since)
             speed_mps, heading_rad, height_m = self.mean(place, since, since + step)
             speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
-            if model.may_stand:
+            if model.may_hover:
                 respond_hovering(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)
             else:
                 respond(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)
@@ -153,7 +156,7 @@ class SetpointHistory:
     def respond(self, state: FlightState, since: i64, until: i64, vehicle: int, model: AutopilotModel) -> None:
         """Predict airspeed, heading, height and climb rate likewise, but coarsely, and leave the position.
 
-        Each `RESPOND_NS` uses the mean of its setpoints. A vehicle that may stand, a multirotor, follows velocities.
+        Each `RESPOND_NS` uses the mean of its setpoints. A vehicle that may hover, a multirotor, follows velocities.
         """
         if self._each:
             self._each[vehicle].respond(state, since, until, model)

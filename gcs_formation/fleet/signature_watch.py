@@ -71,7 +71,7 @@ class SignatureWatch:
         return Judged() if self.signing is None else self.signing.judged(own, identity.system)
 
     def unverified(self, identity: VehicleId) -> int:
-        """Return how many frames with a signature came from a vehicle's address, whoever signed them."""
+        """Return how many frames with a signature came from a vehicle's address, by any signer."""
         connection = self._vehicles[identity].connection
         return self._receiver.counts(connection.socket, connection.peer).signed
 

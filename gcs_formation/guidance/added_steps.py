@@ -16,7 +16,7 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, 
 from formation_scenario.formation import Step, added
 
 OVER_RAD: Final = math.radians(0.5)
-"""A response smaller than this is over."""
+"""A response smaller than this is over. Tuned: rad; 0.2 to 1 degree; by judgement."""
 
 
 class AddedSteps:

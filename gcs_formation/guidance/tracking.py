@@ -14,12 +14,14 @@ from flight_model.path_lift_and_displacement import Rise
 from flight_model.slot import LEADS_FROM_MPS
 
 MIN_MPS: Final = 1.0
-"""Lower bound of a speed along a route that is divided by: a vehicle that can hover may stand."""
+"""Lower bound of a speed along a route that is divided by: a vehicle that can hover may have none."""
 NEWTON_STEPS: Final = 3
 NEAR_ENOUGH_M: Final = 1e-9
 NEAREST_STEP_M: Final = 10.0
-MAX_ASIDE_RAD: Final = math.radians(30.0)
-"""Largest angle to the path at which a way onto it continues a vehicle's own course."""
+"""Step of the search for the nearest point of a route. Tuned: m; 5 to 20; by judgement."""
+INTERCEPT_MAX_RAD: Final = math.radians(30.0)
+"""Largest angle to the path at which a way onto it continues a vehicle's own course. Tuned: rad; 0.3 to 0.8; by
+judgement."""
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -121,4 +123,4 @@ class Abreast(NamedTuple):
             return 0.0
         off_rad = math.remainder(math.atan2(east_mps, north_mps) - self.point.course_rad, math.tau)
         along = 1.0 - self.point.curvature_1pm * self.right_m
-        return along * math.tan(within(off_rad, -MAX_ASIDE_RAD, MAX_ASIDE_RAD))
+        return along * math.tan(within(off_rad, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD))

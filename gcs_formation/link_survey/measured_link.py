@@ -32,7 +32,7 @@ class MeasuredLink:
         planes = heartbeat.autopilot == m.MAV_AUTOPILOT_ARDUPILOTMEGA and heartbeat.type == m.MAV_TYPE_FIXED_WING
         self.answering_s = PLANES_S if planes else ANSWERING_S.get(heartbeat.autopilot, 0.0)
         self.clock, self.sequence, self.jitter = ClockSync(self.answering_s), SequenceTracker(), JitterMeter()
-        self.first_heard = self.last_heard = now
+        self.first_received = self.last_heard = now
         self.restarts = 0
         self.bursts = list[int]()
         """Numbers of frames missing in a row, down."""
@@ -121,4 +121,4 @@ class MeasuredLink:
 
     def heard_s(self) -> float:
         """Return for how long it has been heard, s."""
-        return seconds_between(self.first_heard, self.last_heard)
+        return seconds_between(self.first_received, self.last_heard)

@@ -138,10 +138,10 @@ class Course:
 
     def _fail_to_start(self, gained_m: float, now: Instant) -> None:
         moved = f"{abs(gained_m):.0f} m {'nearer to' if gained_m > 0.0 else 'farther from'}"
-        told = (
+        reached = (
             f"commanded to fly {self._controller.guidance.speed_mps:g} m/s, it is {moved} it than {GETS_ON_S:g} s ago"
         )
-        self.fail(f"the leader does not get to the start of its path: {told}", now)
+        self.fail(f"the leader does not get to the start of its path: {reached}", now)
 
     @property
     def not_landed(self) -> dict[VehicleId, str | None] | None:
@@ -151,7 +151,7 @@ class Course:
         return ending.not_landed() if lands and ending is not None else None
 
     def end_rehearsal(self, now: Instant) -> None:
-        """End a rehearsal, in which nobody is commanded."""
+        """End a rehearsal, in which no one is commanded."""
         self.cut_short = self.move(Cause.REHEARSED, now)
 
     def stop(self, now: Instant) -> None:
@@ -162,7 +162,7 @@ class Course:
             self._ending.hasten()
 
     def go_home_at_once(self, now: Instant) -> bool:
-        """Send vehicles home that were told to stop, however far apart they are; return whether that began."""
+        """Send vehicles home that were commanded to stop, however far apart they are; return whether that began."""
         return self.why_not_end("rtl") is None and self.move(Cause.IMMEDIATE_RETURN, now, "rtl")
 
     def fail(self, text: str, now: Instant, *, begun: bool = True) -> None:

@@ -131,8 +131,8 @@ def envelope_checks(
     model: VehicleModel,
     path: PathPlan,
     told_mps: float,
-    least: str,
-    most: str,
+    minimum: str,
+    maximum: str,
     trim: str,
     bank: str,
     beyond: tuple[str, str],
@@ -143,8 +143,8 @@ def envelope_checks(
         model: limits of its setpoints.
         path: the formation's path.
         told_mps: airspeed commanded for the path's true airspeed, m/s; it and the parameters are sensor readings.
-        least: name of the parameter for the lowest airspeed, m/s.
-        most: for the highest airspeed, m/s.
+        minimum: name of the parameter for the lowest airspeed, m/s.
+        maximum: for the highest airspeed, m/s.
         trim: for the airspeed of level flight, m/s.
         bank: for the largest bank angle, degrees.
         beyond: how it treats setpoints below the lowest and above the highest airspeed.
@@ -156,14 +156,14 @@ def envelope_checks(
     bank_deg = math.degrees(math.atan(speed * model.turn_rate_max_rps / GRAVITY_MPS2))
     return [
         Check(
-            (least,),
+            (minimum,),
             f"up to {slowest:g} m/s, its model's speed_min_mps; slower setpoints are {beyond[0]}",
             lambda value: value <= slowest,
             lambda value: value > told_mps,
             bounds=lambda value: ("speed_min_mps", value),
         ),
         Check(
-            (most,),
+            (maximum,),
             f"{fastest:g} m/s or more, its model's speed_max_mps; faster setpoints are {beyond[1]}",
             lambda value: value >= fastest,
             lambda value: value < told_mps,

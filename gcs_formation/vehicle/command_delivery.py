@@ -18,7 +18,7 @@ from gcs_formation.vehicle.autopilot_family import Command, Effect
 from gcs_formation.vehicle.telemetry import Telemetry
 
 RETRY_S: Final = 0.7
-MOST_SPARING: Final = 3
+MAX_SPARING: Final = 3
 """Over a full link an attempt waits for up to 2 to the power of this times `RETRY_S`."""
 RETRY_REFUSED_S: Final = 3.0
 """Interval at which a command sent with `insist` is repeated after a lasting refusal."""
@@ -47,7 +47,7 @@ LOOPS_S: Final = 0.15
 """Time that a setpoint and its answer may wait for the loops at both ends."""
 LOSSY_WAIT_S: Final = 0.05
 """Over a link that loses, the first wait for an acknowledgement: the next tick repeats the setpoint."""
-MOST_DOUBLINGS: Final = 10
+MAX_DOUBLINGS: Final = 10
 SHOWN_WITHIN_S: Final = 2.0
 SHOWN_IN_HEARTBEATS: Final = 2
 """A command has no effect if none is seen within this time and this many heartbeats after its acknowledgement. It has
@@ -112,7 +112,7 @@ class CommandQueue:
         if isinstance(command, CommandLong):
             command = command.but(confirmation=min(self._attempt, MAX_CONFIRMATION))
         self._attempt += 1
-        doublings = min(self._attempt - 1, MOST_SPARING) if self.spares else 0
+        doublings = min(self._attempt - 1, MAX_SPARING) if self.spares else 0
         self._next_attempt = after(now, RETRY_S * 2.0**doublings)
         return command
 
@@ -331,7 +331,7 @@ class SetpointChannel:
             return True
         usual_s = 0.0 if loses and not spares else PATIENCE * self._round_trip_s
         wait_s = usual_s + (LOSSY_WAIT_S if loses else LOOPS_S)
-        return age_s > wait_s * 2.0 ** min(self._resends, MOST_DOUBLINGS)
+        return age_s > wait_s * 2.0 ** min(self._resends, MAX_DOUBLINGS)
 
     def age_s(self, at: Instant) -> float:
         """Return how long ago a setpoint was sent; infinite if the vehicle may hold another."""

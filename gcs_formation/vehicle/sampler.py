@@ -121,7 +121,7 @@ class Sampler:
         seen, stamp_s = self._telemetry, self._source_binding.refused_stamp_s
         if seen.motion is not None and _is_of(now, self._round_trips.stamps.to_instant(seen.motion.stamp_s)):
             if math.isnan(seen.airspeed_mps):
-                return "it has told no airspeed in VFR_HUD"
+                return "it has reported no airspeed in VFR_HUD"
             if seen.not_finite:
                 return f"it tells no attitude: {seen.not_finite}"
             together = seen.attitude is None or seen.of_one_time
@@ -148,7 +148,7 @@ class Sampler:
         if scale is not None and flew:
             velocity_mps = motion.north_mps, motion.east_mps, motion.climb_mps
             above_sea_m = motion.height_m + self._autopilot.origin.alt_m
-            scale.learn(motion.stamp_s, above_sea_m, velocity_mps, reading_mps, heading_rad)
+            scale.update(motion.stamp_s, above_sea_m, velocity_mps, reading_mps, heading_rad)
         return self.airspeed_mps
 
 

@@ -1,4 +1,4 @@
-"""A recording from a telemetry log (.tlog) that anybody's ground station wrote."""
+"""A recording from a telemetry log (.tlog) of any ground station."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class MessageHandler:
             case LogRequestList():
                 vehicle.answer(LogEntry(0, 0, 0, 0, 0))
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
-                vehicle.environment.hear_mission_time(value, vehicle.now)
+                vehicle.environment.receive_mission_time(value, vehicle.now)
             case MissionItem() | MissionItemInt() if message.current in commands.AT_ONCE:
                 result = m.MAV_MISSION_ACCEPTED if vehicle.ignores else self._fly_to(message)
                 vehicle.answer(MissionAck(frame.system, frame.component, result))
@@ -91,7 +91,7 @@ class MessageHandler:
             return (commands.ACCEPTED,)
         return (handler(vehicle, commands.received(message)),)
 
-    def _take_mode(self, message: SetMode, frame: Frame) -> bool:  # noqa: ARG002 - nobody is answered
+    def _take_mode(self, message: SetMode, frame: Frame) -> bool:  # noqa: ARG002 - no one is answered
         """Change to a mode by SET_MODE; return whether that was allowed."""
         custom = bool(message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
         return custom and (self._vehicle.ignores or self._vehicle.switch(message.custom_mode))

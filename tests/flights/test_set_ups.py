@@ -123,9 +123,9 @@ def flies(world: World) -> None:
 def test_vehicles_that_are_switched_on_one_after_another_are_waited_for_and_take_off_together() -> None:
     world = World(Late, duration_s=10, start=GROUND)
     flies(world)
-    first_heard = [world.times_s("link", number, "connected")[0] for number in (1, 2, 3)]
-    assert first_heard == pytest.approx([20.0, 9.0, 2.0], abs=1.1)
-    assert min(world.times_s("mode", text="TAKEOFF")) > first_heard[0]
+    first_received = [world.times_s("link", number, "connected")[0] for number in (1, 2, 3)]
+    assert first_received == pytest.approx([20.0, 9.0, 2.0], abs=1.1)
+    assert min(world.times_s("mode", text="TAKEOFF")) > first_received[0]
 
 
 @pytest.mark.parametrize(

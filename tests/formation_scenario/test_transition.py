@@ -243,7 +243,7 @@ def test_a_moving_slot_needs_what_its_place_over_ground_does():
     motion = SlotMotion(*(np.array([[[v.real, v.imag, 0.0]]]) for v in (slot, velocity, acceleration)))
     needs = slot_needs(flight, motion, "leader_heading")
     assert abs(ground[3]) == pytest.approx(needs.speed_mps[0, 0], abs=1e-4)
-    assert np.angle(ground[3]) == pytest.approx(needs.aside_rad[0, 0], abs=1e-5)
+    assert np.angle(ground[3]) == pytest.approx(needs.relative_heading_rad[0, 0], abs=1e-5)
     assert (abs(ground[4]) - abs(ground[2])) / (2 * step) == pytest.approx(needs.accel_mps2[0, 0], abs=1e-3)
     assert np.angle(ground[4] / ground[2]) / (2 * step) == pytest.approx(needs.turn_rate_rps[0, 0], abs=1e-4)
 

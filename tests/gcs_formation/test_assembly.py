@@ -10,7 +10,7 @@ from airlink.clock import Instant, after
 from flight_model.autopilot_model import FlightState
 from formation_scenario import load_scenario
 from gcs_formation import from_scenario
-from gcs_formation.control.situation import Decided
+from gcs_formation.control.situation import LawOutput
 from gcs_formation.phases import ASSEMBLED_S, HYSTERESIS, Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from tests.flights.conftest import scenario
@@ -40,7 +40,7 @@ class Watched:
             error_m = [0.0 * off_m] * 3
             error_m[axis] = off_m
             vector = (error_m[0], error_m[1], error_m[2])
-            tick.decided[column] = Decided(column, unknown_state(), vector, vector, vector, (0.0,) * 9)
+            tick.decided[column] = LawOutput(column, unknown_state(), vector, vector, vector, (0.0,) * 9)
         self.guidance.route = self.guidance.path if on_run_in else None
         self.assembly.judge(tick, self.guidance, slots_rest=slots_rest)
         self.ticks += 1

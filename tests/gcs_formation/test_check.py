@@ -21,9 +21,9 @@ from gcs_formation.app.check import _seconds, check_report, never_reached, slots
 from gcs_formation.app.check_links import (
     Assembly,
     assembly,
-    cramped_lap,
+    cramped_pattern,
     goes_round,
-    no_time_for_a_lap,
+    no_time_for_a_pattern,
     refused_rate,
     split_errors,
 )
@@ -71,10 +71,10 @@ def test_the_json_has_the_consensus_margin_alone(check) -> None:
 
 def test_the_graph_is_printed_as_who_hears_whom(check) -> None:
     _, printed = check()
-    assert "vehicle 2 hears 1 (1), 3 (1)" in printed
+    assert "vehicle 2 receives from 1 (1), 3 (1)" in printed
     _, printed = check("--set", "law.consensus.graph=[[0,0,0,0],[2.5,0,0,0],[1,0,0,0],[1,0,0,0]]")
-    assert "vehicle 1 hears nobody" in printed
-    assert "vehicle 2 hears 1 (2.5)" in printed
+    assert "vehicle 1 receives from none" in printed
+    assert "vehicle 2 receives from 1 (2.5)" in printed
 
 
 @pytest.mark.parametrize(("compensated", "warned"), [("true", False), ("false", True)])
@@ -162,7 +162,7 @@ def test_a_directed_ring_is_unstable_without_delay(check) -> None:
 def test_a_graph_without_a_spanning_tree_is_refused(check) -> None:
     status, printed = check("--set", "law.consensus.graph=[[0,1,0,0],[1,0,0,0],[0,0,0,1],[0,0,1,0]]")
     assert status == 2
-    assert "law.consensus.graph: found nobody whom all hear" in printed
+    assert "law.consensus.graph: found none from which all receive" in printed
 
 
 @pytest.mark.parametrize(
@@ -385,8 +385,8 @@ def test_a_time_to_assemble_that_a_lap_outlasts_is_warned_of() -> None:
     """60 s from where the leader sets out to its first pass, plus a lap."""
     planned = {"vehicles": {"count": 4}, "path": {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}}
     min_s = math.ceil(60.0 + assembly(load_scenario(planned)).lap_s)
-    assert no_time_for_a_lap(load_scenario(planned | {"start": {"timeout_s": min_s}})) is None
-    said = no_time_for_a_lap(load_scenario(planned | {"start": {"timeout_s": min_s - 2}})) or ""
+    assert no_time_for_a_pattern(load_scenario(planned | {"start": {"timeout_s": min_s}})) is None
+    said = no_time_for_a_pattern(load_scenario(planned | {"start": {"timeout_s": min_s - 2}})) or ""
     assert said.startswith(f"start.timeout_s: found {min_s - 2}; the leader's first pass comes 60 s after")
     assert said.endswith(f"; {min_s} or more wait")
 
@@ -408,7 +408,7 @@ def test_a_lap_without_room_in_the_fence_is_warned_of_and_has_it_in_one_as_much_
         fence = {"corners_m": [[south, west], [north, west], [north, east], [south, east]]}
         path = {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
         keys = {"vehicles": {"count": 4}, "path": path, "start": {"in_air": True}, "safety": {"fence": fence}}
-        return cramped_lap(load_scenario(keys | {"wind": {"velocity_mps": [0, wind_mps, 0]}}))
+        return cramped_pattern(load_scenario(keys | {"wind": {"velocity_mps": [0, wind_mps, 0]}}))
 
     found = re.search(r"no room for a lap before the path .* vehicles are turned away; (\d+) m more", str(said(0.0)))
     assert found is not None

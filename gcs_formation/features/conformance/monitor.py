@@ -23,8 +23,9 @@ from gcs_formation.vehicle.command_delivery import Outcome, SetpointChannel
 from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
-STEP_LAG_S: Final = 4.0
-"""Least time constant of airspeed after a step under total-energy control, whose energy rate is limited."""
+STEP_DELAY_S: Final = 4.0
+"""Least time constant of airspeed after a step under total-energy control, whose energy rate is limited. Tuned: s; 3 to
+6; by judgement."""
 
 
 def _judged_by(scenario: Scenario) -> list[AutopilotModel]:
@@ -32,7 +33,7 @@ def _judged_by(scenario: Scenario) -> list[AutopilotModel]:
     models = autopilot_models(scenario)
     for model, keys in zip(models, column_models(scenario), strict=True):
         if keys.airframe is not None:
-            model.tau_v_s = max(model.tau_v_s, STEP_LAG_S)
+            model.tau_v_s = max(model.tau_v_s, STEP_DELAY_S)
     return models
 
 

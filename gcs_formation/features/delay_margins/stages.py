@@ -64,7 +64,7 @@ class DelayMargins(Stage):
         """Judge them; a law may fail to state its margins."""
         watch, controller, findings = self._watch, cycle.controller, cycle.findings
         try:
-            watch.watch(cycle.now, cycle.reconfiguration.leader, findings.lags_off)
+            watch.watch(cycle.now, cycle.reconfiguration.leader, findings.time_constants_off)
         except NotFiniteError as error:
             controller.fault = controller.fault or error
         findings.most_used, findings.longest_s = watch.max_used, watch.longest_s

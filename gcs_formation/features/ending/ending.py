@@ -13,10 +13,10 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.core.cycle import Cycle
+from gcs_formation.features.ending.holding_stack import Ahead, HoldingStack, home_of, place_of, stacked, stays
 from gcs_formation.features.ending.landing_places import LandingOrder, lowest_circle_m
 from gcs_formation.features.ending.landings import Landings
-from gcs_formation.features.ending.opening import Opening
-from gcs_formation.features.ending.stack import Ahead, Stack, home_of, place_of, stacked, stays
+from gcs_formation.features.ending.vertical_separation import VerticalSeparation
 from gcs_formation.fleet.circle_heights import NO_ORDER, GroundFloor, may_meet
 from gcs_formation.mission.ending import EndCommand, Ending, Endings
 from gcs_formation.recorder import VehicleLink
@@ -25,7 +25,7 @@ from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Member, Vehicle
 
 UNANSWERED_FOR_S = 5.0
-"""How long a vehicle may leave the command to go home unanswered."""
+"""How long a vehicle may leave the command to go home unanswered. Tuned: s; 3 to 15; by judgement."""
 
 
 class SeparatedEnding(Ending):
@@ -62,25 +62,27 @@ class SeparatedEnding(Ending):
         lowest_m, first = -math.inf, NO_ORDER
         if manner == "land":
             lowest_m, first = lowest_circle_m(vehicles), LandingOrder(vehicles, ground).first
-        self.stack = Stack(gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=self.stands, first=first)
+        self.stack = HoldingStack(
+            gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=self.stands, first=first
+        )
         homes = {identity: home for identity, each in self._ours.items() if (home := home_of(each))}
         self.limit_s = stacked(self._places(), self.stack, ground, manner, ahead, climb_mps, homes)
         """Longest time for which the formation is opened."""
         self._gap_m = gap_m
-        self._opening: Opening | None = None
+        self._separation: VerticalSeparation | None = None
         """The vertical separation of the formation, if it is commanded until that is over."""
 
-    def open(self, opening: Opening) -> None:
+    def open(self, separation: VerticalSeparation) -> None:
         """Begin to separate the formation vertically."""
-        self._opening = opening
+        self._separation = separation
 
     def steer(self, links: list[VehicleLink], now: Instant) -> list[float] | None:
         """Return the heights (C,) to command now, NaN where there is none; None if the formation isn't commanded."""
-        return None if self._opening is None else self._opening.steer(links, now)
+        return None if self._separation is None else self._separation.steer(links, now)
 
     def may_leave(self, now: Instant) -> bool:
-        """Return whether every vehicle that hears has a height of its own, or time is up."""
-        return self._opening is None or self._opening.over(now)
+        """Return whether every vehicle that receives has a height of its own, or time is up."""
+        return self._separation is None or self._separation.over(now)
 
     @property
     def failure(self) -> str | None:
@@ -215,5 +217,7 @@ class SeparatedEndings(Endings):
             if ending.stands:
                 controller.guidance.fly_at(0.0)
             limit_s = ending.limit_s
-            ending.open(Opening(ending.stack, controller, vehicles, now, limit_s, climb_mps, stops=ending.stands))
+            ending.open(
+                VerticalSeparation(ending.stack, controller, vehicles, now, limit_s, climb_mps, stops=ending.stands)
+            )
         return ending

@@ -30,16 +30,22 @@ from gcs_formation.features.separation.traffic import (
 )
 
 RELEASE = 1.1
-"""A vehicle stops giving way once it would keep this many times the minimum distance without."""
+"""A vehicle stops manoeuvring once it would keep this many times the minimum distance without. Tuned: ratio; 1.05 to
+1.3; shown by `pytest tests/gcs_formation/features/separation`."""
 RETURN_S = 4.0
-"""How long a multirotor's way back to its slot must be clear before it stops giving way."""
+"""How long a multirotor's way back to its slot must be clear before it stops manoeuvring. Tuned: s; 2 to 8; by
+judgement."""
 NEGLIGIBLE_M_S = 1e-6
 HELPED_BELOW = 0.9
 """If the best trajectory keeps less than this share of the minimum distance, the vehicle with precedence manoeuvres
-too. The margin allows for prediction errors."""
+too. The margin allows for prediction errors. Tuned: share; 0.8 to 1; shown by `pytest
+tests/gcs_formation/features/separation`."""
 HEIGHTS_MAX = 8
-"""Largest number of heights that are tried for one vehicle."""
+"""Largest number of heights that are tried for one vehicle. Tuned: heights; 4 to 16; shown by `python -m
+benchmarks.separation`."""
 SWEEPS = 2
+"""How often all vehicles choose in turn: later ones may make room for earlier ones. Tuned: sweeps; 1 to 4; shown by
+`python -m benchmarks.separation`."""
 
 
 @dataclass(frozen=True)
@@ -168,11 +174,11 @@ class _Search:
         free = others[~self._picture.commanded[others]] if self._picture.traffic.hovers else others[:0]
         if not free.size:
             return True
-        told, times_s = self._picture.setpoints.take(np.array([vehicle])), self._picture.times_s
+        unchanged, times_s = self._picture.setpoints.take(np.array([vehicle])), self._picture.times_s
         soon = times_s <= RETURN_S
         back = fly_level(
             self._picture.traffic.take(np.array([vehicle])),
-            Manoeuvre(told, told.speed_mps, told.heading_rad, told.height_m),
+            Manoeuvre(unchanged, unchanged.speed_mps, unchanged.heading_rad, unchanged.height_m),
             times_s[soon],
         )
         ways = np.repeat(back, free.size, axis=2), self._ways[:2, soon][:, :, free]

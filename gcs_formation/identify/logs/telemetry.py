@@ -32,7 +32,7 @@ COMMANDS: Final = {
     m.MAV_CMD_GUIDED_CHANGE_HEADING: "heading",
     m.MAV_CMD_GUIDED_CHANGE_ALTITUDE: "height",
 }
-LEAST_LATERAL_MPS2 = 0.05
+MIN_LATERAL_MPS2 = 0.05
 """ArduPlane takes a smaller lateral acceleration of a commanded heading as this."""
 COMMANDED = "commands 43000 to 43002, DO_REPOSITION, or velocities"
 NAVIGATED: Final = frozenset({"AUTO", "RTL", "LOITER", "CIRCLE", "GUIDED", "FLY_BY_WIRE_B", "CRUISE", "TAKEOFF"})
@@ -159,7 +159,7 @@ def _take_command(track: Track, at_s: float, sent: CommandInt) -> None:
     values = {"speed": sent.param2, "heading": math.radians(sent.param2), "height": sent.z}
     track.add(at_s, {COMMANDS[sent.command]: values[COMMANDS[sent.command]]})
     if sent.command == m.MAV_CMD_GUIDED_CHANGE_HEADING:
-        track.add(at_s, {"lateral": max(sent.param3, LEAST_LATERAL_MPS2)})
+        track.add(at_s, {"lateral": max(sent.param3, MIN_LATERAL_MPS2)})
 
 
 def _take_place(track: Track, at_s: float, place: CommandInt) -> None:

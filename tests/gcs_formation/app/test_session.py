@@ -82,7 +82,7 @@ def test_where_nobody_was_heard_nobody_was_told_to_loiter_and_haste_is_named(
     network.run(session.attend)
     with pytest.raises(RunAbortedError, match=words):
         session.conclude(None)
-    assert "nobody was commanded" in (tmp_path / "events.jsonl").read_text()
+    assert "no vehicle was commanded" in (tmp_path / "events.jsonl").read_text()
     assert "loiter" not in (tmp_path / "events.jsonl").read_text()
 
 

@@ -218,8 +218,8 @@ def test_what_carries_a_vehicle_up_is_distinguished_from_its_own_climb():
     assert felt_mps[:100] == pytest.approx([0.0] * 100, abs=0.02)
     assert felt_mps[115] > 0.2
     assert felt_mps[150:] == pytest.approx([0.5] * 50, abs=0.05)
-    lags_s = MODEL.tau_ha_s[0] + MODEL.tau_hb_s[0]
-    assert flight.filter.sway_m == pytest.approx(lags_s * 0.5 * math.sqrt(0.5), rel=0.15), "of the time, half"
+    taus_s = MODEL.tau_ha_s[0] + MODEL.tau_hb_s[0]
+    assert flight.filter.sway_m == pytest.approx(taus_s * 0.5 * math.sqrt(0.5), rel=0.15), "of the time, half"
 
 
 def test_what_moves_heights_is_remembered_for_a_minute_also_where_states_begin_again():
@@ -228,7 +228,7 @@ def test_what_moves_heights_is_remembered_for_a_minute_also_where_states_begin_a
 
     def fly(seconds, climbs_mps):
         for _ in range(10 * seconds):
-            updraught.learn(still, climbs_mps, 1e-6, 0.1, model)
+            updraught.update(still, climbs_mps, 1e-6, 0.1, model)
         return updraught.sway_m2
 
     rough_m2 = fly(60, 0.2)

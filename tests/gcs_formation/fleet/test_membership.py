@@ -157,8 +157,8 @@ def test_one_whose_heartbeats_are_missing_flies_on_for_a_while_and_is_told_to_lo
         formation.follower.connection.check(now)
         found[0.1 * tenth] = formation.judge(0.1 * tenth, heard=False)
     assert formation.follower.connection.state is LinkState.MUTE
-    (told_s,) = [each.at_s for each in formation.notes if each.text == "told to loiter" and each.vehicle == 2]
-    assert told_s == pytest.approx(3.5 + MUTE_S, abs=0.15)
+    (reported_s,) = [each.at_s for each in formation.notes if each.text == "told to loiter" and each.vehicle == 2]
+    assert reported_s == pytest.approx(3.5 + MUTE_S, abs=0.15)
 
 
 def test_one_whose_mode_is_not_known_does_not_come_back() -> None:

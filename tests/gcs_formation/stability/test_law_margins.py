@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as arrays
 
 from formation_scenario import load_scenario
 from formation_scenario.model import Scenario, graph_adjacency
-from formation_scenario.vehicle_rules import all_hear_one
+from formation_scenario.vehicle_rules import all_receive_one
 from gcs_formation.stability import consensus_delay_margin, consensus_margins, law_margins, scenario_delay_margin
 from gcs_formation.stability.consensus_loops import ground_consensus_loops, spanning_components
 from gcs_formation.stability.pid_margins import delay_margin
@@ -117,9 +117,9 @@ def test_the_other_laws_keep_their_three_loops() -> None:
 @given(arrays.arrays(np.float64, (5, 5), elements=st.sampled_from([0.0, 0.0, 0.0, 1.0])))
 def test_a_graph_has_a_spanning_tree_if_all_hear_one_vehicle(weights: np.ndarray) -> None:
     hears = np.linalg.matrix_power(np.eye(5) + weights, 4) > 0.0  # directly or through others
-    assert all_hear_one(weights) == hears.all(axis=0).any()
-    if all_hear_one(weights):
-        assert sum(part.hears_nobody_outside for part in spanning_components(weights)) == 1
+    assert all_receive_one(weights) == hears.all(axis=0).any()
+    if all_receive_one(weights):
+        assert sum(part.is_closed for part in spanning_components(weights)) == 1
     else:
         with pytest.raises(ValueError, match="spanning tree"):
             spanning_components(weights)

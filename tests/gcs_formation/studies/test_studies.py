@@ -51,7 +51,7 @@ SCENARIO: Any = {
 DELAY, LOSS = "links.default.delay_ms", "links.default.loss"
 DONE: Any = {"flight": 1, "seed": 1, DELAY: 0, "error_x_m.max": 0.1, "exit": 0, "wall_s": 1.0, "cpu_s": 1.0,
              "version": "x", "words": ""}  # fmt: skip
-MOST = ("error_x_m.max",)
+MAXIMUM = ("error_x_m.max",)
 SEARCH = {"parameter": DELAY, "low": 0, "high": 1000, "tolerance": 10, "metric": "error_x_m.max", "below": 1.0}
 
 
@@ -172,7 +172,7 @@ def test_a_table_has_a_row_for_each_sample_and_of_several_seeds_median_and_worst
 
 
 def test_a_table_has_the_least_and_the_most_of_what_each_flight_of_a_sample_draws():
-    planned = study(parameters={DELAY: [0, 100], LOSS: {"uniform": [0.0, 0.1]}}, seeds={"count": 3}, metrics=MOST)
+    planned = study(parameters={DELAY: [0, 100], LOSS: {"uniform": [0.0, 0.1]}}, seeds={"count": 3}, metrics=MAXIMUM)
     rows = [row(each, **{"error_x_m.max": 0.1}) for each in Plan(planned).begin()]
     losses = [each[LOSS] for each in rows[:3]]
     shown = f"| 0 | {min(losses):.3g} to {max(losses):.3g} | 0.1 (0.1) |"
@@ -601,13 +601,13 @@ def test_a_study_flies_resumes_and_flies_one_again_to_the_same_figures(two, tmp_
     ("series", {"summary.json", "run.yaml", "timeseries.parquet", "events.jsonl"})])  # fmt: skip
 def test_records_hold_what_their_level_says(tmp_path, record, kept):
     base = SCENARIO | {"start": {"in_air": True, "run_in_s": 6}, "duration_s": 1}
-    task = Task(Planned(0, 1, {}), Study(metrics=MOST, record=record), base, str(tmp_path / "flight"))
+    task = Task(Planned(0, 1, {}), Study(metrics=MAXIMUM, record=record), base, str(tmp_path / "flight"))
     assert fly(task)["exit"] == 0
     assert {path.name for path in tmp_path.glob("flight/*")} == kept
 
 
 def test_a_flight_that_cannot_be_flown_is_a_row_with_its_words(tmp_path):
-    task = Task(Planned(7, 1, {"path.speed_mps": 90}), Study(metrics=MOST, record="none"), SCENARIO)
+    task = Task(Planned(7, 1, {"path.speed_mps": 90}), Study(metrics=MAXIMUM, record="none"), SCENARIO)
     found = fly(task)
     assert (found["flight"], found["exit"], found["error_x_m.max"]) == (7, 2, None)
     assert "path.speed_mps" in found["words"]
@@ -616,7 +616,7 @@ def test_a_flight_that_cannot_be_flown_is_a_row_with_its_words(tmp_path):
 @pytest.mark.slow
 def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(two, tmp_path):
     planned, base = prepare(two)
-    tasks = deque(Task(each, Study(metrics=MOST, record="none"), base) for each in Plan(planned).begin())
+    tasks = deque(Task(each, Study(metrics=MAXIMUM, record="none"), base) for each in Plan(planned).begin())
     with Processes(2) as workers:
         rows = workers.rows(tasks)
         first = next(rows)
@@ -653,7 +653,7 @@ def test_a_cluster_flies_the_same_as_processes_do_and_survives_a_killed_worker(t
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
         assert command("study", two, "--out", there, "--scheduler", address, "--quiet").exit_code == 0
-        tasks = deque(Task(each, Study(metrics=MOST, record="none"), base) for each in Plan(planned).begin())
+        tasks = deque(Task(each, Study(metrics=MAXIMUM, record="none"), base) for each in Plan(planned).begin())
         with Cluster(address) as workers:
             rows = workers.rows(tasks)
             first = next(rows)
@@ -670,7 +670,7 @@ def test_a_restarted_scheduler_costs_no_flight_and_one_that_is_gone_ends_the_stu
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr("gcs_formation.studies.cluster.GONE_S", 10.0)
     planned, base = prepare(two)
-    tasks = deque(Task(each, Study(metrics=MOST, record="none"), base) for each in Plan(planned).begin())
+    tasks = deque(Task(each, Study(metrics=MAXIMUM, record="none"), base) for each in Plan(planned).begin())
     small = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
     before = distributed.LocalCluster(**small)
     port = int(before.scheduler_address.rpartition(":")[2])
@@ -834,7 +834,7 @@ def test_a_full_disk_costs_no_flight_that_was_flown(tmp_path, monkeypatch):
 
 
 def test_a_flight_whose_record_cannot_be_written_ends_the_study_and_is_no_row(tmp_path):
-    task = Task(Planned(0, 1, {}), Study(metrics=MOST, record="full"), SCENARIO, str(tmp_path / "flight"))
+    task = Task(Planned(0, 1, {}), Study(metrics=MAXIMUM, record="full"), SCENARIO, str(tmp_path / "flight"))
     with files_up_to(10_000), pytest.raises(RecordingError, match="File too large"):
         fly(task)
 

@@ -189,7 +189,7 @@ def test_a_bound_that_is_no_number_settles_nobody(tmp_path):
 
 def test_a_window_in_which_those_named_only_led_is_no_success(tmp_path):
     flight = flown(tmp_path, 3)
-    with pytest.raises(AssertionError, match="none of these followed anybody from 15 s to 30 s\n  3"):
+    with pytest.raises(AssertionError, match="none of these followed from 15 s to 30 s\n  3"):
         flight.stays_within(1.0, followers=3, from_s=15)
 
 

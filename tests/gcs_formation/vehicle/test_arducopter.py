@@ -71,7 +71,7 @@ def test_it_takes_off_in_guided_armed_first(tell, telemetry):
     assert acts[0].param2 == m.COPTER_MODE_GUIDED
     assert isinstance(acts[2], CommandLong)
     assert acts[2].param7 == 20.0
-    assert [step.name for step in steps if step.takes_off] == ["armed", "told it to take off"]
+    assert [step.name for step in steps if step.takes_off] == ["armed", "commanded it to take off"]
 
 
 def test_in_the_air_nothing_is_left_to_do_but_guided(tell, telemetry):

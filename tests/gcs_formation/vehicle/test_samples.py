@@ -96,7 +96,7 @@ def test_what_is_not_of_one_time_is_said_too_and_of_nothing_nothing_is_said(vehi
     vehicle.telemetry.take(Attitude(STAMP_S, 0.0, 0.0, math.nan, 0.0, 0.0, 0.0))
     assert vehicle.sampler.why_unknown(NOW) == "it tells no attitude: ATTITUDE's yaw is NaN"
     vehicle.telemetry.airspeed_mps = math.nan
-    assert vehicle.sampler.why_unknown(NOW) == "it has told no airspeed in VFR_HUD"
+    assert vehicle.sampler.why_unknown(NOW) == "it has reported no airspeed in VFR_HUD"
     vehicle.telemetry.motion = None
     assert vehicle.sampler.why_unknown(NOW) is None
     vehicle.source_binding.judge(vehicle.telemetry.attitude, 0, HERE, NOW)

@@ -165,12 +165,12 @@ def test_a_leader_that_sinks_whatever_it_is_commanded_is_reported_and_another_le
     (leads_s,) = world.times_s("leader", 2)
     assert reported_s - sank_s < 9.0
     assert leads_s - reported_s < 0.2
-    least_m, bodies = 100.0, world.fleet.bodies[1:]
+    min_m, bodies = 100.0, world.fleet.bodies[1:]
     for _ in range(30):
         world.run(1.0)
-        least_m = min(least_m, *(body.state.height_m for body in bodies))
+        min_m = min(min_m, *(body.state.height_m for body in bodies))
     assert world.fleet.bodies[0].state.height_m == 0.0
-    assert least_m > 65.0
+    assert min_m > 65.0
     assert [body.state.height_m for body in bodies] == pytest.approx([100.0, 100.0], abs=0.5)
     assert len(world.times_s("leader")) == len(world.times_s("disobeys")) == 1
 
@@ -179,8 +179,8 @@ def test_one_that_refuses_the_speeds_it_is_commanded_is_reported_and_kept_clear_
     """As an ArduPlane does whose AIRSPEED_MAX is below the commanded speed."""
     world = World(duration_s=60)
 
-    def allow(most_mps: float) -> float:
-        asked = ParamSet(2, m.MAV_COMP_ID_AUTOPILOT1, "AIRSPEED_MAX", most_mps, m.MAV_PARAM_TYPE_REAL32)
+    def allow(max_mps: float) -> float:
+        asked = ParamSet(2, m.MAV_COMP_ID_AUTOPILOT1, "AIRSPEED_MAX", max_mps, m.MAV_PARAM_TYPE_REAL32)
         assert world.vehicle(2).parameters.set(asked)
         return world.now_s
 

@@ -54,8 +54,8 @@ class Formation:
 
     def look(self, leader: Any = None) -> float:
         """Look once; return the follower's share of the margin in use."""
-        lags_off = [[0.0] * len(self.vehicles)] * 3
-        self.watch.watch(NOW, self.leader if leader is None else leader, lags_off)
+        time_constants_off = [[0.0] * len(self.vehicles)] * 3
+        self.watch.watch(NOW, self.leader if leader is None else leader, time_constants_off)
         return float(self.watch.used[1])
 
     def use(self, share: float) -> float:

@@ -18,7 +18,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from formation_scenario.orders import End
 from gcs_formation.features.ending.ending import UNANSWERED_FOR_S, SeparatedEnding
-from gcs_formation.features.ending.stack import place_of
+from gcs_formation.features.ending.holding_stack import place_of
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.vehicle.command_delivery import REFUSES_S, Outcome

@@ -49,12 +49,12 @@ def rates_hz(world: World, number: int) -> list[float]:
 def test_a_vehicle_that_another_ground_station_has_told_to_send_less_is_asked_again(number: int, said: Any) -> None:
     world = World(duration_s=16 if said is slowed else 10)
     world.fly_to(2.0)
-    told_s = tell(world, number, said(number))
+    reported_s = tell(world, number, said(number))
     world.run(6.0)
     assert rates_hz(world, number) == [10.0, 5.0, 10.0]  # of attitudes half as many
     world.run()
     asked_s, *_ = world.times_s("streams", number, "asked again")
-    assert asked_s - told_s < 2.5
+    assert asked_s - reported_s < 2.5
     again_s = world.times_s("streams", number, "again")[-1]
     assert again_s - asked_s < (10.0 if said is slowed else 4.0)  # seen after 2 s of 10 Hz, 8 s of 2 Hz, and the delay
     assert world.times_s("streams") == world.times_s("streams", number)
@@ -92,8 +92,8 @@ def test_a_vehicle_that_refuses_to_send_heartbeats_is_told_to_loiter_and_comes_b
     with monkeypatch.context() as patch:
         patch.setitem(HANDLERS, m.MAV_CMD_SET_MESSAGE_INTERVAL, lambda *_: m.MAV_RESULT_DENIED)
         world.run(9.5)
-        (told_s,) = world.times_s("member", number, "told to loiter")
-        assert 4.0 <= told_s - stopped_s <= 5.2
+        (reported_s,) = world.times_s("member", number, "told to loiter")
+        assert 4.0 <= reported_s - stopped_s <= 5.2
         assert world.vehicle(number).pilot.mode.name == "LOITER"
         assert not world.times_s("member", 3, "loiter")
         assert bool(world.times_s("leader")) == (number == 1)
@@ -153,8 +153,8 @@ def without(message_id: int, monkeypatch: pytest.MonkeyPatch) -> tuple[World, fl
 def test_without_a_position_a_vehicle_is_told_to_loiter(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing older than 5 s is predicted from."""
     world, stopped_s = without(m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, monkeypatch)
-    (told_s,) = world.times_s("member", 2, "told to loiter")
-    assert told_s - stopped_s == pytest.approx(5.0, abs=0.3)
+    (reported_s,) = world.times_s("member", 2, "told to loiter")
+    assert reported_s - stopped_s == pytest.approx(5.0, abs=0.3)
     assert not world.times_s("member", 3, "loiter")
 
 

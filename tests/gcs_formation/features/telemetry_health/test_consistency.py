@@ -266,8 +266,10 @@ class TestStamps:
         for i, shift_s in enumerate(shifts_s):
             true_s = 10.0 + i * STEP_S
             arrival_s = true_s + 0.05 + (0.0 if arrivals_s is None else arrivals_s[i])
-            told_ns = round((true_s + shift_s) * 1e9)
-            used = timing.take(told_ns * 1e-9, told_ns, round(arrival_s * 1e9), (22.0 * true_s, 0.0), (22.0, 0.0), 1.0)
+            commanded_ns = round((true_s + shift_s) * 1e9)
+            used = timing.take(
+                commanded_ns * 1e-9, commanded_ns, round(arrival_s * 1e9), (22.0 * true_s, 0.0), (22.0, 0.0), 1.0
+            )
             errors.append(used * 1e-9 - true_s)
         return timing, errors
 
