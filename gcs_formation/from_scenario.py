@@ -84,7 +84,7 @@ def projection(scenario: Scenario, history: SetpointHistory, models: list[Autopi
     """Return the projection from measured states to those that the law acts on."""
     if scenario.law.delay_compensation:
         return _predictor(scenario, history, models)
-    return Pairing(scenario.law.rate_hz).take if law_kind(scenario).mutual else lambda measured: measured
+    return Pairing(scenario.law.rate_hz).align if law_kind(scenario).mutual else lambda measured: measured
 
 
 def _predictor(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> Projection:
@@ -92,8 +92,8 @@ def _predictor(scenario: Scenario, history: SetpointHistory, models: list[Autopi
     chosen = scenario.law.predictor
     entry = None if chosen is None else scenario.registered.get(chosen.type, PREDICTOR)
     if chosen is None or entry is None:
-        return Prediction(history, models, scenario.telemetry.rate_hz).take
-    return OwnPrediction(entry, chosen.parameters or {}, scenario, history, models).take
+        return Prediction(history, models, scenario.telemetry.rate_hz).predict
+    return OwnPrediction(entry, chosen.parameters or {}, scenario, history, models).predict
 
 
 def declared_noise(scenario: Scenario) -> list[VehicleNoise]:

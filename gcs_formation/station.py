@@ -165,9 +165,9 @@ class Station(Engine):
         self.cycle.run(now, second=self._heartbeats.heartbeat_due(now))
 
     def _watch_strangers(self, now: Instant) -> None:
-        self.signatures.watch(now)
+        self.signatures.report(now)
         self._out += self._greetings(now)
-        self._flood.watch(now, self.received(), self.refused())
+        self._flood.compare(now, self.received(), self.refused())
 
     def _was_away(self, now: Instant) -> bool:
         late = now - AWAY_NS
@@ -238,24 +238,24 @@ class Station(Engine):
         message = frame.message
         if isinstance(message, (Heartbeat, Statustext, Timesync)):
             self._take_word(vehicle, frame, now, timed)
-        elif vehicle.take(frame, now, timed=timed):
+        elif vehicle.receive(frame, now, timed=timed):
             self._log_link(vehicle, now)
         if isinstance(message, ParamValue):
-            self.gate.take(vehicle, message, now)
-            self.cycle.beginning.take(vehicle, message, now)
+            self.gate.receive_parameter(vehicle, message, now)
+            self.cycle.beginning.receive_parameter(vehicle, message, now)
         elif isinstance(message, (MissionCount, MissionItemInt)):
             self.gate.take_item(vehicle, message, now)
 
     def _take_other(self, frame: Frame, datagram: Datagram, now: Instant) -> None:
         """Take a frame that is no vehicle's."""
-        if not self.radio_reports.take(frame, datagram, now):
+        if not self.radio_reports.receive(frame, datagram, now):
             self.frames_refused += 1
 
     def _take_word(self, vehicle: Vehicle, frame: Frame, now: Instant, timed: bool) -> None:
         """Take a frame that may show another mode, a text or a restart, and record the change."""
         seen = vehicle.telemetry
         mode, texts = seen.custom_mode, seen.texts_reported
-        if vehicle.take(frame, now, timed=timed):
+        if vehicle.receive(frame, now, timed=timed):
             self._log_link(vehicle, now)
         if seen.custom_mode != mode:
             self._note(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)

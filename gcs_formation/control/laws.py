@@ -149,7 +149,7 @@ class FormationLaw(Law):
         self._leader = leader
         self._followers = [column for column in range(len(self._controllers)) if column != leader]
         for controller in self._controllers:
-            controller.forget()
+            controller.reset()
 
     def retune(self, parameters: LawParameters) -> None:
         """Use other gains from now on; integrals are kept."""
@@ -170,7 +170,7 @@ class FormationLaw(Law):
         for i, pair in enumerate(pairs):
             controller = self._controllers[self._followers[i]]
             if pair is None:
-                controller.forget()
+                controller.reset()
             else:
                 controller.decide(pair, dt_s)
         decided = list[LawOutput]()

@@ -60,7 +60,7 @@ class Tick(Stage):
         """Begin it."""
         cycle.phase = cycle.flight.phase
         controller, phase = cycle.controller, cycle.phase.value
-        cycle.tick = controller.begin(cycle.now, cycle.mission_s, phase, cycle.links, cycle.findings.margin_used)
+        cycle.tick = controller.begin_tick(cycle.now, cycle.mission_s, phase, cycle.links, cycle.findings.margin_used)
 
 
 class Leader(Stage):

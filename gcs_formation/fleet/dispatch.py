@@ -79,7 +79,7 @@ class Dispatch:
         links[leader].lag_s += hold_s
         return links, hold_s
 
-    def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
+    def accept(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""
         evades = any(tick.yielding)
         for vehicle in self._vehicles:

@@ -102,7 +102,7 @@ class Starting:
         if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
             vehicle.leave_to_pilot(now)
             self._note(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
-        vehicle.start_up.watch(vehicle.telemetry, now)
+        vehicle.start_up.note_progress(vehicle.telemetry, now)
         reason = vehicle.start_up.failure(vehicle.commands, now, self._gate.boot_timeout_s)
         if reason:
             answered = f"{_result(vehicle)}{_lacks(vehicle, now)}{vehicle.telemetry.last_words}"

@@ -96,7 +96,7 @@ class CommandQueue:
     """A command accepted before all of its attempts were answered: its id, the number of answers outstanding, and until
     when they may arrive."""
 
-    def begin(self, commands: tuple[Command, ...], now: Instant, *, insist: bool = False) -> None:
+    def send(self, commands: tuple[Command, ...], now: Instant, *, insist: bool = False) -> None:
         """Start these commands and drop any earlier ones; `insist`: repeat them whatever the vehicle answers."""
         self._waiting, self.insists, self.refusal = deque(commands), insist, None
         self.lists += 1
@@ -225,7 +225,7 @@ class EffectWatch:
         self._effect, self._since = effect, now
         self._before, self._heartbeats = effect.shown(seen), seen.heartbeats
 
-    def judge(self, seen: Telemetry, now: Instant) -> None:
+    def update(self, seen: Telemetry, now: Instant) -> None:
         """Update `missing`. A state that is neither the expected nor the earlier one was chosen by the pilot."""
         effect = self._effect
         if effect is None:
@@ -277,7 +277,7 @@ class SetpointChannel:
         if self._waiting == NEVER:
             self._waiting = at
 
-    def forget(self) -> None:
+    def invalidate(self) -> None:
         """Send the next setpoint even if unchanged: the vehicle may have received others meanwhile."""
         if self._refused != NEVER:
             self._waiting = NEVER  # a refusal was an answer

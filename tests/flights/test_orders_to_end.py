@@ -20,7 +20,7 @@ ABREAST: dict[str, Any] = {
 
 
 def order(world: World, text: str) -> Answer:
-    return world.station.orders.take(text, world.clock.now())
+    return world.station.orders.execute(text, world.clock.now())
 
 
 def modes(world: World) -> list[FlightMode]:

@@ -150,10 +150,10 @@ def test_airspeeds_that_a_vehicle_tells_bound_what_it_is_commanded() -> None:
     vehicles = [{"id": 1, "role": "leader"}, {"id": 2, "autopilot_parameters": {"AIRSPEED_MAX": 24}}]
     world = World(Speeds, READ, vehicles=vehicles)
     world.fly_to(1.0)
-    answer = world.station.orders.take("speed 27", world.clock.now())
+    answer = world.station.orders.execute("speed 27", world.clock.now())
     assert not answer.accepted
     assert "24 m/s" in answer.text
-    assert world.station.orders.take("speed 23.9", world.clock.now()).accepted
+    assert world.station.orders.execute("speed 23.9", world.clock.now()).accepted
     world.run(15.0)
     assert isinstance(world.between, Speeds)
     assert 23.0 < max(world.between.speeds_mps) <= 24.0

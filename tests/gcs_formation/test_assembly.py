@@ -42,7 +42,7 @@ class Watched:
             vector = (error_m[0], error_m[1], error_m[2])
             tick.decided[column] = LawOutput(column, unknown_state(), vector, vector, vector, (0.0,) * 9)
         self.guidance.route = self.guidance.path if on_run_in else None
-        self.assembly.judge(tick, self.guidance, slots_rest=slots_rest)
+        self.assembly.assess(tick, self.guidance, slots_rest=slots_rest)
         self.ticks += 1
         return tick
 

@@ -171,7 +171,7 @@ class ConformanceMonitor:
             if not vehicle.effects.watching:
                 continue
             before = vehicle.effects.missing
-            vehicle.effects.judge(vehicle.telemetry, now)
+            vehicle.effects.update(vehicle.telemetry, now)
             missing, after_s = vehicle.effects.missing, vehicle.effects.missing_s
             if missing is not None and before is None:
                 mode, armed = vehicle.autopilot.mode_name(vehicle.telemetry), vehicle.telemetry.armed

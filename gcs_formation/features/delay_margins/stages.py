@@ -24,7 +24,7 @@ class GainDesign(Stage):
     def run(self, cycle: Cycle) -> None:
         """Design them if links are slower than they are for."""
         if cycle.flight.phase in COMMANDED:
-            self._watch.watch(cycle.now)
+            self._watch.check_loops(cycle.now)
             cycle.findings.tuned = self._watch.scenario
 
 
@@ -41,7 +41,7 @@ class FirstGainDesign(Stage):
     def run(self, cycle: Cycle) -> None:
         """Design them if the formation begins to be commanded."""
         if cycle.begins:
-            self._watch.watch(cycle.now, begins=True)
+            self._watch.check_loops(cycle.now, begins=True)
             cycle.findings.tuned = self._watch.scenario
 
 
@@ -64,7 +64,7 @@ class DelayMargins(Stage):
         """Judge them; a law may fail to state its margins."""
         watch, controller, findings = self._watch, cycle.controller, cycle.findings
         try:
-            watch.watch(cycle.now, cycle.reconfiguration.leader, findings.time_constants_off)
+            watch.check_loops(cycle.now, cycle.reconfiguration.leader, findings.time_constants_off)
         except NotFiniteError as error:
             controller.fault = controller.fault or error
         findings.most_used, findings.longest_s = watch.max_used, watch.longest_s

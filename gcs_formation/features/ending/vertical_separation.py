@@ -60,7 +60,7 @@ class VerticalSeparation:
             flier = self._flier(vehicle, links, now)
             if flier is not None:
                 self._fliers[vehicle.identity] = flier
-        if self._stack.take(self._fliers):
+        if self._stack.assign(self._fliers):
             self._allow_for_climb(now)
         heights_m, given_m = [math.nan] * len(links), self._stack.heights_m
         for vehicle in self._vehicles:

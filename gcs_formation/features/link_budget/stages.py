@@ -22,5 +22,5 @@ class Budget(Stage):
     def run(self, cycle: Cycle) -> None:
         """Ask for other rates where they change."""
         findings = cycle.findings
-        requests = self._budget.watch(cycle.now, findings.margin_used, leaves_unread=findings.others_listen)
+        requests = self._budget.due_requests(cycle.now, findings.margin_used, leaves_unread=findings.others_listen)
         cycle.send(requests, cycle.now)

@@ -85,10 +85,10 @@ class FailsafeReaders:
             found += [(vehicle, request) for request in reader.requests(now)]
         return found
 
-    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
         if vehicle.identity in self._readers:
-            self._readers[vehicle.identity][1].take(message, now)
+            self._readers[vehicle.identity][1].receive_parameter(message, now)
 
 
 class Takeover(Beginning):
@@ -108,9 +108,9 @@ class Takeover(Beginning):
         """Return the parameter requests to send now."""
         return self._failsafes.requests(now)
 
-    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
-        self._failsafes.take(vehicle, message, now)
+        self._failsafes.receive_parameter(vehicle, message, now)
 
     def may_begin(self, now: Instant) -> bool:
         """Return whether the flight goes on now: one that was ending doesn't."""

@@ -197,7 +197,7 @@ def stopped(directory: Path, way: str, at_s: float, *, answers: bool) -> Session
             elif way == "failure":
                 session.station.course.fail("it can't go on", clock.now())
             else:
-                assert session.station.orders.take(way, clock.now()).accepted
+                assert session.station.orders.execute(way, clock.now()).accepted
         return session.attend()
 
     if answers:

@@ -201,7 +201,7 @@ def test_one_whose_positions_cannot_be_used_is_told_to_loiter_with_the_reason() 
     sampler, formation.ages_s[1] = follower.sampler, formation.max_age_s + 0.1
     sampler.refused = True
     follower.round_trips.measure(Timesync(6_000_000_000, asked_at), formation.now)
-    formation.follower.telemetry.take(GlobalPositionInt(1000.0, 0.6, 2.1, 100.0, 100.0, 22.0, 0.0, 0.0, 0.0))
+    formation.follower.telemetry.store(GlobalPositionInt(1000.0, 0.6, 2.1, 100.0, 100.0, 22.0, 0.0, 0.0, 0.0))
     assert formation.judge(6.0) is Member.HOLDING
     (said,) = formation.notes.of("member", 2)[1:]
     assert said.startswith("told to loiter: its TIMESYNC tells another time than the stamps of its positions: ")
@@ -244,7 +244,7 @@ def test_while_the_station_connects_followers_need_no_leader_and_nobody_needs_te
     formation.reports(MANUAL, LEADER)
     formation.ages_s = [math.nan, math.nan]
     leader = formation.vehicles[LEADER]
-    formation.membership.judge(leader, formation.estimator, formation.now, connecting=True)
+    formation.membership.update(leader, formation.estimator, formation.now, connecting=True)
     assert formation.follower.member is Member.FLYING
 
 

@@ -170,7 +170,7 @@ def test_a_radio_reports_its_signal() -> None:
     radio = RadioReports()
     for errors in (7, 9):
         raw = b"\xfd" + bytes((len(payload), 0, 0, 0, 51, 68, 109, 0, 0)) + bytes((errors, 0)) + payload[2:] + b"\0\0"
-        radio.take(Frame(51, 68, 0, 109, 2, None, raw))
+        radio.receive(Frame(51, 68, 0, 109, 2, None, raw))
     found = radio.figures()
     assert found is not None
     assert (found["rssi"]["p50"], found["remote_rssi"]["worst"], found["txbuf_percent"]["worst"]) == (180, 171, 96)

@@ -68,7 +68,7 @@ class Ground:
     def hear(self, *numbers: int, mode: int = m.PLANE_MODE_MANUAL, kind: Heartbeat = PLANE) -> None:
         for number in numbers:
             self.at(number).connection.heard(Instant(0), heartbeat=True)
-            self.at(number).telemetry.take(kind.but(custom_mode=mode))
+            self.at(number).telemetry.store(kind.but(custom_mode=mode))
 
     def advance(self, at_s: float) -> None:
         self.starting.advance(after(Instant(0), at_s))
@@ -220,7 +220,7 @@ def test_a_refusal_is_passed_on_with_its_result_and_the_vehicle_s_own_words() ->
     ground.hear(1, 2)
     ground.advance(1.0)
     ground.sent(2, 1.0, m.MAV_RESULT_DENIED)
-    ground.at(2).telemetry.take(Statustext(m.MAV_SEVERITY_CRITICAL, "PreArm: Compass not calibrated"))
+    ground.at(2).telemetry.store(Statustext(m.MAV_SEVERITY_CRITICAL, "PreArm: Compass not calibrated"))
     ground.advance(1.1)
     assert ground.given_up == [
         "vehicle 2: refused when we set mode GUIDED (DO_SET_MODE: DENIED); it said: 'PreArm: Compass not calibrated'"

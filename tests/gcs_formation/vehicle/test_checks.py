@@ -38,7 +38,7 @@ START, PLANE = Instant(0), ArduPlane(2, ORIGIN, 0.25)
 
 def told(reader: ParameterReader, values: dict[str, float], now: Instant = START) -> None:
     for name, value in values.items():
-        reader.take(ParamValue(name, value, m.MAV_PARAM_TYPE_REAL32, 1400, 65535), now)
+        reader.receive_parameter(ParamValue(name, value, m.MAV_PARAM_TYPE_REAL32, 1400, 65535), now)
 
 
 def findings(**changed: float) -> list[Finding]:

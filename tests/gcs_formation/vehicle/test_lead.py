@@ -84,12 +84,12 @@ def test_after_something_else_has_led_it_a_lead_begins_with_what_it_flies() -> N
     lead = SpeedLead(PROMPT, REST_S, (11.0, 20.0), PERIOD_S)
     for _ in range(round(300.0 / PERIOD_S)):
         lead.lead(19.5, 19.5)
-    lead.forget()
+    lead.reinitialise()
     assert lead.lead(15.0, 15.0) == pytest.approx(15.0)
     hovering = VelocityLead(PROMPT, REST_S, 20.0, PERIOD_S)
     for _ in range(round(300.0 / PERIOD_S)):
         hovering.lead((5.0, -5.0), AT_REST)
-    hovering.forget()
+    hovering.reinitialise()
     assert hovering.lead((3.0, 1.0), (3.0, 1.0)) == pytest.approx((3.0, 1.0))
 
 

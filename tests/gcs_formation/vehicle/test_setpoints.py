@@ -64,7 +64,7 @@ class Told:
     def hear(self, message_id: int, message: Message | None = None, *, lost: int = 0) -> None:
         """Receive a frame, the next one after `lost` lost ones."""
         self._number += 1 + lost
-        self.vehicle.take(Frame(2, 1, self._number % 256, message_id, 2, message, b""), self.now)
+        self.vehicle.receive(Frame(2, 1, self._number % 256, message_id, 2, message, b""), self.now)
 
 
 @pytest.mark.parametrize("kind", [ArduPlane, Px4Plane])

@@ -125,7 +125,7 @@ class ArduCopter(ArduPilot):
 
     def forget_setpoints(self) -> None:
         """Restart the lead compensation."""
-        self._lead.forget()
+        self._lead.reinitialise()
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is from an ArduPilot multirotor or helicopter."""

@@ -80,7 +80,7 @@ class Px4Copter(Px4):
 
     def forget_setpoints(self) -> None:
         """Restart the lead compensation."""
-        self._lead.forget()
+        self._lead.reinitialise()
 
     def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:
         """Return its failsafe for lost setpoints, which acts sooner than that for lost heartbeats, or both."""

@@ -49,9 +49,9 @@ def place() -> Place:
 
 def tell(vehicle: Vehicle, mode: int, height_m: float, *, armed: bool = True, status: int = FLYING) -> None:
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(50.0 * vehicle.identity.system, 0.0, -height_m)
-    vehicle.telemetry.take(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, height_m, 0.0, 0.0, 0.0, 0.0))
+    vehicle.telemetry.store(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, height_m, 0.0, 0.0, 0.0, 0.0))
     base = m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
-    vehicle.telemetry.take(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, base, mode, status))
+    vehicle.telemetry.store(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, base, mode, status))
 
 
 def beat(mode: int, status: int) -> Heartbeat:
@@ -60,7 +60,7 @@ def beat(mode: int, status: int) -> Heartbeat:
 
 def beats(vehicle: Vehicle, mode: int, status: int) -> None:
     """Let an armed vehicle send its mode and status, but no position."""
-    vehicle.telemetry.take(beat(mode, status))
+    vehicle.telemetry.store(beat(mode, status))
 
 
 def sent_to(vehicle: Vehicle, now: Instant = NOW, until: int | None = None) -> list[tuple[int, float]]:
@@ -113,7 +113,7 @@ def loiters_at(height_m: float) -> list[tuple[int, Any]]:
 def ending(*vehicles: Vehicle, manner: End = "loiter", ground: GroundFloor | None = None) -> SeparatedEnding:
     ground = ground or GroundFloor(load_scenario(scenario()))
     end = SeparatedEnding({vehicle.identity: vehicle for vehicle in vehicles}, ground, manner)
-    end.begin(NOW)
+    end.start(NOW)
     end.leave(NOW)
     return end
 
@@ -146,7 +146,7 @@ def test_the_way_home_is_to_where_the_vehicle_says_that_its_home_is(place: Place
     ending(vehicle, manner="rtl", ground=ground)
     assert sent_to(vehicle)[-1][1] == pytest.approx(100.0, abs=0.1)
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(50.0, 4000.0, 0.0)
-    vehicle.telemetry.take(HomePosition(lat_rad, lon_rad, alt_m, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)))
+    vehicle.telemetry.store(HomePosition(lat_rad, lon_rad, alt_m, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)))
     ending(vehicle, manner="rtl", ground=ground)
     assert sent_to(vehicle)[-1][1] == pytest.approx(150.0, abs=1.5)
 
@@ -180,7 +180,7 @@ def test_a_vehicle_armed_on_the_ground_is_disarmed(place: Place):
 
 def test_arming_that_is_under_way_is_called_off(place: Place):
     vehicle = place(1, m.PLANE_MODE_TAKEOFF, 0.0, armed=False, status=WAITING)
-    vehicle.commands.begin(vehicle.autopilot.start_up(vehicle.rates_hz)[4].commands(vehicle.telemetry), NOW)
+    vehicle.commands.send(vehicle.autopilot.start_up(vehicle.rates_hz)[4].commands(vehicle.telemetry), NOW)
     ending(vehicle)
     assert sent_to(vehicle) == [(m.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)]
 
@@ -227,7 +227,7 @@ ABOARD = pytest.mark.parametrize("status", [FLYING, m.MAV_STATE_CRITICAL, m.MAV_
 @ABOARD
 def test_one_that_is_armed_and_has_told_no_position_circles_and_is_not_disarmed(place: Place, status: int):
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
-    vehicle.telemetry.forget()
+    vehicle.telemetry.invalidate()
     beats(vehicle, m.PLANE_MODE_GUIDED, status)
     end = ending(vehicle)
     assert sent_to(vehicle)[0] == CIRCLES
@@ -274,12 +274,12 @@ def test_disarming_is_withdrawn_as_soon_as_the_vehicle_turns_out_to_fly(place: P
     """This happens while the others are still spreading the formation."""
     vehicle = place(1, m.PLANE_MODE_TAKEOFF, 0.0, status=WAITING)
     end = SeparatedEnding({vehicle.identity: vehicle}, GroundFloor(load_scenario(scenario())))
-    end.begin(NOW)
+    end.start(NOW)
     assert vehicle.commands.due(NOW) is not None
-    end.judge(NOW)
+    end.command_by_state(NOW)
     assert vehicle.commands.outcome is Outcome.WAITING
     tell(vehicle, m.PLANE_MODE_TAKEOFF, 1.0)
-    end.judge(NOW)
+    end.command_by_state(NOW)
     assert vehicle.commands.due(LATER) is None
     end.leave(LATER)
     assert vehicle.commands.due(LATER) is None, "it climbs out"

@@ -75,7 +75,7 @@ def test_it_ends_when_the_swings_do_and_what_is_forgotten_begins_anew():
     for time_s, error_m in zip(TIMES_S.tolist(), sine(4.5).tolist(), strict=True):
         swings.add(time_s, error_m)
     assert swings.steady(ends_s, still=False)
-    swings.forget()
+    swings.clear()
     assert not swings.steady(ends_s, still=True)
 
 

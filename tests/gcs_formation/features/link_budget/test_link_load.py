@@ -51,7 +51,7 @@ class Link:
         self.vehicle.bytes_in += 1000
         self.now = after(self.now, 1.0)
         self.load.look(self.now, free_percent)
-        self.budget.watch(self.now)
+        self.budget.due_requests(self.now)
 
     def seconds(self, count: float, *given: float) -> None:
         for _ in range(round(count)):

@@ -42,7 +42,7 @@ class Streamed:
                 for _ in range(rate_hz):
                     self._number += 1
                     message = Wind(0.0, 3.0, 0.0) if message_id == WIND else None
-                    self.vehicle.take(Frame(2, 1, self._number % 256, message_id, 2, message, b""), now)
+                    self.vehicle.receive(Frame(2, 1, self._number % 256, message_id, 2, message, b""), now)
             for each in self.streams.requests(self.vehicle.rates_hz, unread_hz, now):
                 assert isinstance(each, CommandLong)
                 asked.append((round(each.param1), round(each.param2)))

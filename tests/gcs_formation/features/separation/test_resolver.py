@@ -74,7 +74,7 @@ class Crossing:
             LawOutput(column, tick.state[column], tick.setpoints[column], error_m, UNKNOWN, NO_GAINS)
             for column, error_m in enumerate(self.error_m)
         ]
-        self.history.begin(vec[i64]([now] * 2))
+        self.history.begin_tick(vec[i64]([now] * 2))
         self.history.note(tick.setpoints)
         planned = None if planned_m is None else np.full((2, 2), planned_m)
         seen: list[int] = [now, now if self.seen_s is None else after(Instant(0), self.seen_s)]
