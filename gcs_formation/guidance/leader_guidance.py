@@ -45,7 +45,7 @@ FIRST_SETTLES: Final[tuple[float, ...]] = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
 their slots 10 s after a turn's end."""
 JOINED_S: Final = 80.0
 """How long a formation takes to join up: planned ways to slots begin up to 27 s after the last is ready, and take 53 s
-(four aircraft in a row, `tests/flights/test_gathering.py`). A shorter way than that would end in a lap."""
+(four aircraft in a row, `tests/flights/test_joining_up.py`). A shorter way than that would end in a lap."""
 ON_EXTENSION_M: Final = 60.0
 ON_EXTENSION_RAD: Final = math.radians(30.0)
 ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)

@@ -43,7 +43,7 @@ def out(way: str, begins_s: float, ends_s: float, vehicle: int = 2) -> dict[str,
 
 
 @pytest.mark.slow
-def test_others_circle_only_where_one_that_does_not_hear_does_not_fly_straight_on(fly: Fly, tmp_path: Path) -> None:
+def test_others_circle_only_where_one_that_does_not_receive_does_not_fly_straight_on(fly: Fly, tmp_path: Path) -> None:
     """Vehicles used to be told to loiter at once; two of them then came within 1 m of each other 4.6 s later."""
     links = out("uplink", END_S - 0.5, END_S + 9.0)
     safety = fly(**BESIDE, duration_s=END_S, start=START, links=links).to_dict()["safety"]

@@ -341,7 +341,7 @@ def test_vehicles_that_fly_in_guided_already_are_not_commanded_in_a_rehearsal_no
     assert (m.MAV_CMD_GUIDED_CHANGE_SPEED in commands_to(world)) is caution.confirm
 
 
-def test_a_run_that_ends_before_anybody_is_commanded_records_nothing_more_of_those_in_the_air() -> None:
+def test_a_run_that_ends_before_any_is_commanded_records_nothing_more_of_those_in_the_air() -> None:
     """Its phase is over by then, and no time series has such a phase."""
     world = World(Listening, PreFlightOptions(parameters=True, rehearse=True), vehicles={"count": 2})
     world.run(20.0)

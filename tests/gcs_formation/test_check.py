@@ -69,7 +69,7 @@ def test_the_json_has_the_consensus_margin_alone(check) -> None:
     assert json.loads(printed)["delay_margin_s"] == {"consensus": pytest.approx(margin_s, abs=1e-9)}
 
 
-def test_the_graph_is_printed_as_who_hears_whom(check) -> None:
+def test_the_graph_is_printed_as_who_receives_whom(check) -> None:
     _, printed = check()
     assert "vehicle 2 receives from 1 (1), 3 (1)" in printed
     _, printed = check("--set", "law.consensus.graph=[[0,0,0,0],[2.5,0,0,0],[1,0,0,0],[1,0,0,0]]")
@@ -136,7 +136,7 @@ def test_recorded_delays_that_are_too_long_or_without_times_are_named(check, tmp
 
 
 @pytest.mark.parametrize(("rate_hz", "warned"), [(0.5, True), (2.0, False)])
-def test_loops_that_lags_a_little_off_make_unstable_are_warned_of(check, rate_hz, warned) -> None:
+def test_loops_that_time_constants_a_little_off_make_unstable_are_warned_of(check, rate_hz, warned) -> None:
     slow = ("--set", "law.type=fuzzy_pid", "--set", f"telemetry.rate_hz={rate_hz}", "--set", f"law.rate_hz={rate_hz}")
     found = json.loads(check("--json", *slow)[1])
     assert (min(found["lag_margin"].values()) < 0.3) == warned
@@ -193,7 +193,7 @@ def test_a_run_in_too_short_to_begin_at_once_is_warned_of_with_what_it_takes(del
         assert (world.station.flight.phase is Phase.ASSEMBLING) == rounds
 
 
-def test_circles_that_are_lifted_at_the_paths_end_are_told_with_place_and_figure():
+def test_circles_that_are_lifted_at_the_paths_end_are_reported_with_place_and_figure():
     """The hill's top is 150 m beside the path's end, which is 100 m high; 60 m above 90 m are 150 m."""
     hill = {"shape": "cosine", "north_m": 2000, "east_m": 150, "height_m": 90, "radius_m": 100}
     path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [2000, 0, 100]]}
@@ -211,7 +211,7 @@ STRAIGHT_ON = {"speed_mps": 22, "waypoints_m": [[3000, 3000, 100], [5000, 3000, 
 @pytest.mark.parametrize(
     ("height_m", "found"), [(150, "to -17.0 m above the ground straight on, at north 5231"), (50, "")]
 )
-def test_a_hill_straight_beyond_the_flights_end_is_told_where_vehicles_cannot_climb_in_time(
+def test_a_hill_straight_beyond_the_flights_end_is_reported_where_vehicles_cannot_climb_in_time(
     height_m: float, found: str
 ) -> None:
     """Its top is 250 m ahead: climbing at 3 m/s they hit it. Over a hill of 50 m they are 10 m higher in time."""
@@ -222,7 +222,7 @@ def test_a_hill_straight_beyond_the_flights_end_is_told_where_vehicles_cannot_cl
     assert not told or found in told[0]
 
 
-def test_holes_of_elevation_data_below_the_last_circles_are_told(tmp_path: Path) -> None:
+def test_holes_of_elevation_data_below_the_last_circles_are_reported(tmp_path: Path) -> None:
     """A tile of zeros, one of which is missing 400 m beyond the path's end; the grid has 93 m."""
     elevations = np.zeros((1201, 1201), dtype=">i2")
     for north_m, told in ((5400, True), (6400, False)):
@@ -235,7 +235,7 @@ def test_holes_of_elevation_data_below_the_last_circles_are_told(tmp_path: Path)
 
 
 @pytest.mark.parametrize(("turn_rps", "told"), [(0.95, False), (0.96, True), (14.0, True)])
-def test_a_turn_rate_that_takes_more_bank_than_any_autopilot_allows_is_told(turn_rps: float, told: bool) -> None:
+def test_a_turn_rate_that_takes_more_bank_than_any_autopilot_allows_is_reported(turn_rps: float, told: bool) -> None:
     """At 22 m/s a bank of 65 degrees turns by 9.80665 tan(65 degrees) / 22 = 0.956 rad/s."""
     model = {"turn_rate_max_rps": turn_rps}
     planned = load_scenario(flight(vehicles={"count": 3, "model": model}))
@@ -246,7 +246,7 @@ def test_a_turn_rate_that_takes_more_bank_than_any_autopilot_allows_is_told(turn
 
 
 @pytest.mark.parametrize(("spacing_m", "told"), [(5.0, True), (5.99, True), (6.0, False)])
-def test_slots_that_leave_no_room_for_errors_are_told(spacing_m: float, told: bool) -> None:
+def test_slots_that_leave_no_room_for_errors_are_reported(spacing_m: float, told: bool) -> None:
     """Slots 5 m apart may be flown, but an error of a millimetre breaks a separation of 5 m."""
     wide, near = {"shape": "line", "spacing_m": 30}, {"at_s": 20, "spacing_m": spacing_m}
     planned = load_scenario(flight(formation=wide | {"changes": [near]}))
@@ -256,7 +256,7 @@ def test_slots_that_leave_no_room_for_errors_are_told(spacing_m: float, told: bo
     assert found == ([said] if told else [])
 
 
-def test_a_change_that_takes_longer_than_the_flight_is_told() -> None:
+def test_a_change_that_takes_longer_than_the_flight_is_reported() -> None:
     """The change from diamond to line takes 14.7 s."""
     changes = {"shape": "diamond", "spacing_m": 30, "changes": [{"at_s": 20, "shape": "line"}]}
     for duration_s, told in ((30, True), (40, False)):
@@ -381,7 +381,7 @@ def test_loss_lengthens_the_run_in_that_assembly_needs(vehicles: int, loss: floa
     assert found.least_run_in_s > (started().least_run_in_s or 0.0) + 1.0
 
 
-def test_a_time_to_assemble_that_a_lap_outlasts_is_warned_of() -> None:
+def test_a_time_to_assemble_that_a_holding_pattern_outlasts_is_warned_of() -> None:
     """60 s from where the leader sets out to its first pass, plus a lap."""
     planned = {"vehicles": {"count": 4}, "path": {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}}
     min_s = math.ceil(60.0 + assembly(load_scenario(planned)).lap_s)
@@ -391,7 +391,7 @@ def test_a_time_to_assemble_that_a_lap_outlasts_is_warned_of() -> None:
     assert said.endswith(f"; {min_s} or more wait")
 
 
-def test_a_start_with_loss_is_warned_of_with_the_time_of_a_lap() -> None:
+def test_a_start_with_loss_is_warned_of_with_the_time_of_a_holding_pattern() -> None:
     bare = {"vehicles": {"count": 4}, "path": {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}, "start": {"in_air": True}}
     lossy = load_scenario(bare | {"links": {"default": {"loss": 0.2}}})
     assert goes_round(load_scenario(bare)) is None
@@ -402,7 +402,9 @@ def test_a_start_with_loss_is_warned_of_with_the_time_of_a_lap() -> None:
 
 
 @pytest.mark.parametrize("wind_mps", [0.0, 8.0])
-def test_a_lap_without_room_in_the_fence_is_warned_of_and_has_it_in_one_as_much_wider(wind_mps: float) -> None:
+def test_a_holding_pattern_without_room_in_the_fence_is_warned_of_and_has_it_in_one_as_much_wider(
+    wind_mps: float,
+) -> None:
     def said(wider_m: float) -> str | None:
         south, west, north, east = -500 - wider_m, -400 - wider_m, 9500 + wider_m, 400 + wider_m
         fence = {"corners_m": [[south, west], [north, west], [north, east], [south, east]]}
@@ -420,7 +422,9 @@ def test_a_lap_without_room_in_the_fence_is_warned_of_and_has_it_in_one_as_much_
     ("shape", "spacing_m", "needed_m"),
     [("line", 300, 22 / (6 / 300)), ("follower", 100, 300 / math.tan(math.radians(15.0)))],
 )
-def test_a_lap_is_little_larger_than_the_turn_that_the_widest_formation_can_keep(shape, spacing_m, needed_m) -> None:
+def test_a_holding_pattern_is_little_larger_than_the_turn_that_the_widest_formation_can_keep(
+    shape, spacing_m, needed_m
+) -> None:
     """The outer slot of a line may be 6 m/s faster than the leader; the last of a column flies 15 degrees aside."""
     count = 3 if shape == "line" else 4
     found = started(vehicles={"count": count}, formation={"shape": shape, "spacing_m": spacing_m})
@@ -429,7 +433,7 @@ def test_a_lap_is_little_larger_than_the_turn_that_the_widest_formation_can_keep
     assert found.lap_s == pytest.approx((turned_m + 2 * (660.0 - 44.0)) / 22.0 + 2.0, abs=0.5)
 
 
-def test_aircraft_under_total_energy_control_are_asked_for_less_of_their_speed_in_a_lap() -> None:
+def test_aircraft_under_total_energy_control_are_asked_for_less_of_their_speed_in_a_holding_pattern() -> None:
     """Both may be 6 m/s slower than a leader at 20 m/s; equation (7) uses 0.8 of that, an ArduPlane 0.6."""
     path = {"speed_mps": 20, "waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
     model = {"speed_min_mps": 14, "speed_max_mps": 29, "turn_rate_max_rps": 0.35}

@@ -49,7 +49,7 @@ def test_losses_count_as_delay_where_nothing_is_predicted() -> None:
     assert any("losses included" in each for each in check_report(slow)["warnings"])
 
 
-def test_a_protocol_that_hardly_answers_is_told_with_what_is_left_and_what_is_faster() -> None:
+def test_a_protocol_that_hardly_answers_is_reported_with_what_is_left_and_what_is_faster() -> None:
     """Seven ArduPlanes in a star at 2 Hz: k1 is the smallest that is tried. In flight they were up to 26 m off."""
     keys: dict[str, Any] = {"vehicles": {"count": 7, "autopilot": "arduplane"}, "law": {"type": "consensus"}}
     scenario = planned("law.rate_hz=2", "links.default.delay_ms=500", "duration_s=100", **keys)
@@ -65,7 +65,7 @@ def test_a_protocol_that_hardly_answers_is_told_with_what_is_left_and_what_is_fa
     assert slow_answer(planned("law.rate_hz=2", "links.default.delay_ms=500", **keys)) is None
 
 
-def test_a_protocol_that_a_higher_rate_makes_faster_is_told_so() -> None:
+def test_a_protocol_that_a_higher_rate_makes_faster_is_reported_so() -> None:
     keys: dict[str, Any] = {"vehicles": {"count": 3, "autopilot": "arduplane"}, "law": {"type": "consensus"}}
     assert "; law.rate_hz of 5.0 takes 16 s" in str(slow_answer(planned("law.rate_hz=2", **keys)))
     assert slow_answer(planned("law.rate_hz=5", **keys)) is None
@@ -73,7 +73,7 @@ def test_a_protocol_that_a_higher_rate_makes_faster_is_told_so() -> None:
 
 
 @pytest.mark.parametrize(("rate_hz", "loss", "apart_m"), [(2, 0.0, 4.5), (2, 0.05, 5.8), (4, 0.15, 4.2), (10, 0.05, 0)])
-def test_states_of_different_instants_are_told_where_nothing_is_predicted(
+def test_states_of_different_instants_are_reported_where_nothing_is_predicted(
     rate_hz: float, loss: float, apart_m: float
 ) -> None:
     """Without loss two ages, uniform in a period, differ by 1/sqrt(6) of it: 4.5 m at 22 m/s and 2 Hz."""
@@ -109,7 +109,7 @@ def test_gusts_leave_what_a_loop_of_first_order_leaves_of_correlated_noise() -> 
 
 
 @pytest.mark.parametrize(("wind_mps", "told"), [(1, False), (6, True)])
-def test_errors_by_gusts_are_told_beside_those_without_the_links_delay(wind_mps: float, told: bool) -> None:
+def test_errors_by_gusts_are_reported_beside_those_without_the_links_delay(wind_mps: float, told: bool) -> None:
     """In flight with 6 m/s of wind 6 m above ground, PID without prediction: 3.9 m along and 4.0 m across (95 %)."""
     gust = {"at_s": 0, "kind": "dryden", "wind_6m_mps": wind_mps}
     law = {"type": "pid", "gains": "noise", "delay_compensation": False}
@@ -124,7 +124,7 @@ def test_errors_by_gusts_are_told_beside_those_without_the_links_delay(wind_mps:
 
 
 @pytest.mark.parametrize("key", ["outage=true", "loss=1"])
-def test_links_that_nothing_comes_over_are_told(key: str) -> None:
+def test_links_that_nothing_comes_over_are_reported(key: str) -> None:
     scenario = planned(f"links.default.{key}", start={"in_air": True})
     assert "links: too much is lost for the formation to assemble within 120 s" in check_report(scenario)["warnings"]
 

@@ -96,7 +96,7 @@ def test_heights_by_inertia_alone_are_warned_of_that_drift_by_more_than_the_grou
     assert not any("heights" in each for each in drifts(load_scenario(planned(grade="navigation"))))
 
 
-def test_biases_that_all_have_alike_move_nobody_apart() -> None:
+def test_biases_that_all_have_alike_move_none_apart() -> None:
     """With the same biases only the noise is left, 0.7 m in 210 s."""
     of = load_scenario(planned(grade="navigation")).vehicles[0].navigation
     assert isinstance(of, InertialNavigation)

@@ -101,7 +101,7 @@ def test_losses_are_those_that_the_link_made(surveyed: Surveyed, system: int) ->
     assert loss["up"] == pytest.approx(up.loss, rel=0.05, abs=3e-3)
 
 
-def test_bursts_are_told_from_single_losses(surveyed: Surveyed) -> None:
+def test_bursts_are_reported_from_single_losses(surveyed: Surveyed) -> None:
     assert surveyed.vehicle(1)["bursts"]["down"]["mean"] == pytest.approx(3.0, rel=0.15)
     assert surveyed.vehicle(2)["bursts"]["down"]["mean"] == pytest.approx(1.0, abs=0.1)
 

@@ -76,7 +76,7 @@ def test_an_order_is_carried_out_and_said_to_be(text: str, done: Any) -> None:
     assert (said.kind, said.text, said.details) == ("order", f"{text}: accepted", {"accepted": True})
 
 
-def test_what_can_not_be_flown_is_refused_with_the_reason_whoever_finds_it() -> None:
+def test_what_can_not_be_flown_is_refused_with_the_reason_any_that_finds_it() -> None:
     formation = Formation()
     formation.refusal = "found 40 m/s; allowed: 16 to 28 m/s"
     assert formation.orders.execute("speed 40", START) == (False, f"speed 40: refused: {formation.refusal}")

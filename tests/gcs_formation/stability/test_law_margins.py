@@ -79,7 +79,7 @@ def test_the_common_speed_has_a_margin_too() -> None:
     assert scenario_delay_margin(scenario(law, count=2)) == pytest.approx((np.pi - np.arctan(w / 0.5)) / w, rel=1e-2)
 
 
-def test_unlike_lags_count_by_the_worst() -> None:
+def test_unlike_time_constants_count_by_the_worst() -> None:
     plain = {"schema": 1, "law": consensus(0.5), "path": STRAIGHT}
     models = [{"tau_v_s": tau, "tau_psi_s": tau} for tau in (2.0, 4.0)]
     alike = [consensus_margins(scenario(consensus(0.5), tau, tau, 2))[0] for tau in (2.0, 4.0)]

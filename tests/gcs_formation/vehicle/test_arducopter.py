@@ -49,7 +49,7 @@ def test_at_low_speed_the_nose_keeps_its_heading(speed_mps):
     assert math.hypot(told.vx_mps, told.vy_mps) == pytest.approx(speed_mps)
 
 
-def test_a_leader_that_is_to_stand_turns_its_nose_where_it_is_told_to():
+def test_a_leader_that_is_to_stand_turns_its_nose_where_it_is_commanded_to():
     told = sent(Setpoint(0.0, 2.0, 30.0))
     assert (told.type_mask, told.yaw_rad, told.vx_mps, told.vy_mps) == (VELOCITY_AND_YAW, 2.0, 0.0, 0.0)
 

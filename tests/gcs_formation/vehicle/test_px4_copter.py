@@ -96,7 +96,7 @@ def test_a_setpoint_is_a_velocity_over_ground_in_the_local_frame_and_the_nose_tu
     assert told.yaw_rad == pytest.approx(math.pi / 2)
 
 
-def test_hardly_moving_its_nose_is_held_where_it_was_told_to_be_last_and_a_leader_that_stands_turns():
+def test_hardly_moving_its_nose_is_held_where_it_was_commanded_to_be_last_and_a_leader_that_stands_turns():
     """With a yaw rate of 0 alone it drifts, and a leader's nose is the formation's direction."""
     copter = Px4Copter(7, ORIGIN, 0.4)
     for speed_mps, heading_rad, yaw_rad in ((5.0, 0.7, 0.7), (0.3, 2.0, 0.7), (0.0, 1.2, 1.2), (0.3, 2.0, 1.2)):
@@ -105,7 +105,7 @@ def test_hardly_moving_its_nose_is_held_where_it_was_told_to_be_last_and_a_leade
         assert (told.type_mask, told.yaw_rad) == (VELOCITY_AND_YAW, yaw_rad)
 
 
-def test_nobody_is_told_to_climb_or_sink_faster_than_its_model_can():
+def test_none_is_commanded_to_climb_or_sink_faster_than_its_model_can():
     copter = Px4Copter(7, ORIGIN, 0.4, VelocityLead(climb_max_mps=3.0))
     for up_m, sink_mps in ((12.0, -3.0), (-12.0, 3.0), (3.0, -2.0)):
         (told,) = copter.setpoint(Setpoint(0.0, 0.0, HERE.height_m + up_m), HERE)
@@ -113,7 +113,7 @@ def test_nobody_is_told_to_climb_or_sink_faster_than_its_model_can():
         assert told.vz_mps == sink_mps
 
 
-def test_before_and_between_setpoints_it_is_told_to_stand():
+def test_before_and_between_setpoints_it_is_commanded_to_stand():
     """PX4 accepts OFFBOARD only while it receives such messages."""
     (told,) = Px4Copter(7, ORIGIN, 0.4).stand_in()
     assert isinstance(told, SetPositionTargetLocalNed)
@@ -121,7 +121,7 @@ def test_before_and_between_setpoints_it_is_told_to_stand():
     assert (told.vx_mps, told.vy_mps, told.vz_mps, told.yaw_rate_radps) == (0.0, 0.0, 0.0, 0.0)
 
 
-def test_offboard_is_acknowledged_before_it_is_decided_on_and_is_told_until_it_is_shown(telemetry):
+def test_offboard_is_acknowledged_before_it_is_decided_on_and_is_reported_until_it_is_shown(telemetry):
     queue = CommandQueue()
     queue.send((COPTER.set_mode(OFFBOARD),), NOW)
     for number in range(3):

@@ -99,7 +99,7 @@ def test_the_place_lies_where_air_and_wind_carry_it_and_never_near(heading_rad, 
     assert drift_mps == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_mode_is_told_as_main_and_sub_mode_and_confirmed_by_the_heartbeat_alone(telemetry):
+def test_a_mode_is_reported_as_main_and_sub_mode_and_confirmed_by_the_heartbeat_alone(telemetry):
     """DO_SET_MODE is acknowledged twice, the first time always with 0."""
     told = on_the_wire(PLANE.set_mode(RTL))
     assert isinstance(told, CommandLong)
@@ -184,7 +184,7 @@ def test_from_the_ground_streams_take_off_and_arming_and_hold_comes_by_itself(px
     assert walk.start_up.finished
 
 
-def test_one_that_flies_in_another_mode_is_told_hold_and_nothing_else(px4, telemetry):
+def test_one_that_flies_in_another_mode_is_reported_hold_and_nothing_else(px4, telemetry):
     walk = Walk(telemetry)
     px4(RTL, armed=True, up_m=80.0, in_air=True)
     told = [command.command for command in walk.go()]
@@ -201,7 +201,7 @@ def test_take_off_waits_until_the_height_controllers_reference_has_come_up_to_th
     assert [command.command for command in walk.go()] == [m.MAV_CMD_NAV_TAKEOFF]
 
 
-def test_it_loiters_at_a_place_told_after_a_mode_whose_acknowledgement_comes_after_those_of_setpoints(px4):
+def test_it_loiters_at_a_place_reported_after_a_mode_whose_acknowledgement_comes_after_those_of_setpoints(px4):
     seen = px4(HOLD, armed=True, up_m=80.0, in_air=True)
     mode, place = PLANE.loiter(130.0, seen)
     assert PLANE.mode_asked(mode) == HOLD

@@ -68,7 +68,7 @@ class Told:
 
 
 @pytest.mark.parametrize("kind", [ArduPlane, Px4Plane])
-def test_an_aircraft_is_told_what_its_sensor_reads_at_the_true_airspeed(kind):
+def test_an_aircraft_is_reported_what_its_sensor_reads_at_the_true_airspeed(kind):
     """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488): 22 m/s read as 18.95."""
     told = Told(kind)
     told.vehicle.autopilot.airspeed_scale = AirspeedScale(3000.0, 14.0, 29.0)

@@ -107,7 +107,7 @@ def test_one_that_obeys_is_not_reported_and_one_that_does_so_again_is_said_to() 
     assert ground.notes.of("obeys", 2) == ["follows its setpoints again"]
 
 
-def test_a_command_that_is_refused_and_told_again_is_reported_once_and_when_it_is_accepted() -> None:
+def test_a_command_that_is_refused_and_commanded_again_is_reported_once_and_when_it_is_accepted() -> None:
     ground = Ground()
     vehicle = ground.second()
     vehicle.commands.send((vehicle.autopilot.set_mode(m.PLANE_MODE_LOITER),), START, insist=True)

@@ -249,7 +249,7 @@ class Slow:
         return self._retuned and self._retuned.law
 
 
-def test_gains_by_design_are_for_the_delay_that_is_measured_before_anybody_is_commanded() -> None:
+def test_gains_by_design_are_for_the_delay_that_is_measured_before_any_is_commanded() -> None:
     slow, known = Slow(), Slow("law.design_delay_ms=300").given
     assert slow.look(0.298, begins=True) == known
     (said,) = slow.notes

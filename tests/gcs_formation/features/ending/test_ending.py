@@ -207,7 +207,7 @@ def test_a_vehicle_that_its_pilot_has_taken_stays_the_pilots(place: Place):
     assert end.pending() == []
 
 
-def test_a_vehicle_that_isnt_heard_is_told_but_not_waited_for(place: Place):
+def test_a_vehicle_that_isnt_heard_is_reported_but_not_waited_for(place: Place):
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
     vehicle.connection.state = LinkState.LOST
     end = ending(vehicle)
@@ -225,7 +225,7 @@ ABOARD = pytest.mark.parametrize("status", [FLYING, m.MAV_STATE_CRITICAL, m.MAV_
 
 
 @ABOARD
-def test_one_that_is_armed_and_has_told_no_position_circles_and_is_not_disarmed(place: Place, status: int):
+def test_one_that_is_armed_and_has_reported_no_position_circles_and_is_not_disarmed(place: Place, status: int):
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
     vehicle.telemetry.invalidate()
     beats(vehicle, m.PLANE_MODE_GUIDED, status)
@@ -253,7 +253,7 @@ def test_one_that_restarted_in_flight_circles_until_it_is_known_to_stand(place: 
     assert sent_to(vehicle) == [DISARMED]
 
 
-def test_one_that_restarted_on_the_ground_is_told_nothing(place: Place):
+def test_one_that_restarted_on_the_ground_is_commanded_nothing(place: Place):
     vehicle = place(1, m.PLANE_MODE_MANUAL, 0.0, armed=False, status=WAITING)
     vehicle.restart()
     end = ending(vehicle)
@@ -285,7 +285,7 @@ def test_disarming_is_withdrawn_as_soon_as_the_vehicle_turns_out_to_fly(place: P
     assert vehicle.commands.due(LATER) is None, "it climbs out"
 
 
-def test_one_that_refuses_to_circle_is_told_again_and_is_not_done(place: Place):
+def test_one_that_refuses_to_circle_is_commanded_again_and_is_not_done(place: Place):
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
     end = ending(vehicle)
     for _ in range(3):
@@ -333,7 +333,7 @@ def test_one_that_takes_its_height_after_all_goes_home(place: Place):
     assert end.pending() == []
 
 
-def test_one_that_refuses_to_go_home_circles_where_it_is_and_is_told_again(place: Place):
+def test_one_that_refuses_to_go_home_circles_where_it_is_and_is_commanded_again(place: Place):
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
     end = ending(vehicle, manner="rtl")
     assert accept(vehicle) == m.MAV_CMD_DO_CHANGE_ALTITUDE
@@ -356,7 +356,7 @@ def test_one_that_refuses_its_height_on_its_way_home_turns_back_to_circle_for_go
     assert sent_to(vehicle, after(NOW, REFUSES_S)) == loiters_at(100.0)
 
 
-def test_one_that_never_answers_that_it_is_to_go_home_is_told_to_circle_where_it_is(place: Place):
+def test_one_that_never_answers_that_it_is_to_go_home_is_commanded_to_circle_where_it_is(place: Place):
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
     end = ending(vehicle, manner="rtl")
     late = after(NOW, UNANSWERED_FOR_S + 0.1)
@@ -364,7 +364,7 @@ def test_one_that_never_answers_that_it_is_to_go_home_is_told_to_circle_where_it
     assert sent_to(vehicle, late)[:2] == loiters_at(100.0)
 
 
-def test_nobody_lands_if_one_refuses_its_height(place: Place):
+def test_none_lands_if_one_refuses_its_height(place: Place):
     vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2)]
     end = ending(*vehicles, manner="land")
     refuse(vehicles[0], m.MAV_RESULT_UNSUPPORTED)

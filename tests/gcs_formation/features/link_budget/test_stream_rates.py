@@ -50,7 +50,7 @@ class Streamed:
         return asked
 
 
-def test_what_nobody_reads_is_asked_for_rarely_also_of_kinds_that_are_unknown_here() -> None:
+def test_what_none_reads_is_asked_for_rarely_also_of_kinds_that_are_unknown_here() -> None:
     assert sorted(Streamed().hear(8, {WIND: 1, RAW_IMU: 4})) == [(RAW_IMU, 10_000_000), (WIND, 10_000_000)]
 
 

@@ -58,14 +58,14 @@ def test_in_air_that_moves_them_circles_are_four_standard_deviations_of_their_di
     assert heights(calm) == [100.0, 115.0]
 
 
-def test_all_heights_between_which_a_deaf_one_may_be_are_left_to_it() -> None:
+def test_all_heights_between_which_one_that_receives_nothing_may_be_are_left_to_it() -> None:
     """It flies at 100 m, or at the 112 m that it was commanded when it may no longer have heard."""
     stack = HoldingStack(GAP_M)
     stack.assign(named(deaf(100.0, 112.0), obeys(95.0), obeys(100.0)))
     assert heights(stack) == [112.0, 127.0, 142.0]
 
 
-def test_others_make_room_for_one_that_turns_deaf_and_nothing_changes_when_that_is_over() -> None:
+def test_others_make_room_for_one_that_stops_receiving_and_nothing_changes_when_that_is_over() -> None:
     stack = HoldingStack(GAP_M)
     stack.assign(named(obeys(100.0), obeys(100.0), obeys(100.0)))
     assert heights(stack) == [100.0, 115.0, 130.0]
@@ -75,7 +75,7 @@ def test_others_make_room_for_one_that_turns_deaf_and_nothing_changes_when_that_
     assert heights(stack) == [135.0, 150.0, 120.0]
 
 
-def test_who_is_clear_of_a_deaf_one_keeps_a_height() -> None:
+def test_who_is_clear_of_one_that_receives_nothing_keeps_a_height() -> None:
     stack = HoldingStack(GAP_M)
     stack.assign(named(obeys(100.0), obeys(100.0), obeys(100.0)))
     stack.assign(named(obeys(100.0), obeys(114.0), deaf(124.0, 130.0)))
@@ -107,7 +107,7 @@ def test_who_is_clear_of_a_deaf_one_keeps_a_height() -> None:
         "nobody can be moved",
     ],
 )
-def test_they_may_circle_once_it_no_longer_matters_who_hears(fliers: tuple[FlyingVehicle, ...], apart: bool) -> None:
+def test_they_may_circle_once_it_no_longer_matters_who_receives(fliers: tuple[FlyingVehicle, ...], apart: bool) -> None:
     stack = HoldingStack(GAP_M)
     stack.assign(named(*fliers))
     assert stack.apart(named(*fliers)) is apart
@@ -126,7 +126,7 @@ BANDS = st.tuples(st.floats(0.0, 90.0), st.floats(0.0, 30.0)).map(lambda each: (
 
 
 @given(st.lists(PLACES, min_size=1, max_size=8), st.lists(BANDS, max_size=4), st.floats(-50.0, 80.0))
-def test_heights_are_free_and_nobody_sinks(drawn: list[tuple[float, float]], taken: list[Band], floor_m: float) -> None:
+def test_heights_are_free_and_none_sinks(drawn: list[tuple[float, float]], taken: list[Band], floor_m: float) -> None:
     places = {VehicleId(1, number): at(*place) for number, place in enumerate(drawn, 1)}
     found = loiter_heights(places, floor_m, taken)
     for identity, height_m in found.items():
