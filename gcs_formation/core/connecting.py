@@ -60,7 +60,7 @@ class Start(Stage):
     name = "start"
 
     def __init__(self, gate: Gate, starting: Starting) -> None:
-        """Take both."""
+        """Start vehicles by `starting` once `gate` allows commands."""
         self._gate, self._starting = gate, starting
 
     def run(self, cycle: Cycle) -> None:

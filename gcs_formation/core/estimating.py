@@ -32,7 +32,7 @@ class Estimates(Stage):
     when = IN_COMMAND
 
     def run(self, cycle: Cycle) -> None:
-        """Update the filters."""
+        """Give each column's filter its newest sample; without one its state is predicted on."""
         cycle.controller.update_states(cycle.samples)
 
 

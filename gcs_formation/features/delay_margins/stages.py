@@ -18,7 +18,7 @@ class GainDesign(Stage):
     after = ("own_parts",)
 
     def __init__(self, watch: DesignWatch) -> None:
-        """Take what designs."""
+        """Design by `watch`, which both stages share."""
         self._watch = watch
 
     def run(self, cycle: Cycle) -> None:
@@ -35,7 +35,7 @@ class FirstGainDesign(Stage):
     after = ("begin",)
 
     def __init__(self, watch: DesignWatch) -> None:
-        """Take what designs."""
+        """Design by `watch`, which both stages share."""
         self._watch = watch
 
     def run(self, cycle: Cycle) -> None:

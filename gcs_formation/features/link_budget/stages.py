@@ -16,7 +16,7 @@ class Budget(Stage):
     after = ("own_parts", "delay_margins")
 
     def __init__(self, budget: LinkBudget) -> None:
-        """Take what decides."""
+        """Change rates by `budget`."""
         self._budget = budget
 
     def run(self, cycle: Cycle) -> None:

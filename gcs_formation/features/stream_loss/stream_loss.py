@@ -142,7 +142,7 @@ class StreamLosses(Stage):
             cycle.findings.losses[each.vehicle.identity] = each
 
     def run(self, cycle: Cycle) -> None:
-        """Watch each."""
+        """Close each vehicle's window of messages once it is over."""
         del cycle
         for each in self._each:
             each.close_window()
