@@ -21,7 +21,7 @@ from gcs_formation.control.law_over_all import LawOverAll
 from gcs_formation.control.outside import Feedback
 from gcs_formation.control.setpoint import LeaderMotion, Mixer, error_rate, formation_error, lead_height
 from gcs_formation.control.situation import Decided, Law, Situation
-from gcs_formation.guidance.leader_guidance import LeaderCommand
+from gcs_formation.guidance.leader_commands import LeaderCommand
 
 STANDS_MPS: Final = 0.02
 """Commanded speed below which its course is the leader's heading."""

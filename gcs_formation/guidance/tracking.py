@@ -122,3 +122,11 @@ class Abreast(NamedTuple):
         off_rad = math.remainder(math.atan2(east_mps, north_mps) - self.point.course_rad, math.tau)
         along = 1.0 - self.point.curvature_1pm * self.right_m
         return along * math.tan(within(off_rad, -MAX_ASIDE_RAD, MAX_ASIDE_RAD))
+
+
+def course_or_heading(state: FlightState) -> float:
+    """Return the course over ground, or the heading of a vehicle that hovers, whose velocity is noise."""
+    north_mps, east_mps = state.ground_mps()
+    if math.hypot(north_mps, east_mps) < LEADS_FROM_MPS:
+        return state.heading_rad
+    return math.atan2(east_mps, north_mps)

@@ -22,7 +22,7 @@ from formation_scenario.orders import not_standing, why_not_set_out
 from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned, column_names
 from formation_scenario.slot_motion import SlotMotion, Transition
 from formation_scenario.transition_plan import NotFlyableError
-from gcs_formation.controller import FormationController
+from gcs_formation.controller.controller import FormationController
 from gcs_formation.guidance.tracking import Abreast
 from gcs_formation.guidance.turn_on_spot import TurnOnSpot
 from gcs_formation.mission.past_flight import PastFlight

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
-from gcs_formation.controller import FormationController
+from gcs_formation.controller.controller import FormationController
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
 from gcs_formation.features.ending.stack import MOST_S, FlyingVehicle, Stack, climbed_out, limit_of_climb_s
 from gcs_formation.recorder import VehicleLink
