@@ -8,7 +8,8 @@ import numpy as np
 
 from flight_model.arrays import Mask
 from gcs_formation.guidance.slots import FormationPlan
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 
 class Presence:

@@ -20,8 +20,9 @@ from gcs_formation.features.conformance.flown_setpoints import CHECK_S, FlownSet
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
 from gcs_formation.vehicle.command_delivery import Outcome, SetpointChannel
+from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.telemetry import ReportedMotion
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 
 STEP_LAG_S: Final = 4.0
 """Least time constant of airspeed after a step under total-energy control, whose energy rate is limited."""

@@ -16,7 +16,8 @@ from gcs_formation.controller.controller import FormationController
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
 from gcs_formation.features.ending.stack import MOST_S, FlyingVehicle, Stack, climbed_out, limit_of_climb_s
 from gcs_formation.recorder import VehicleLink
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 UNMOVED_S = 5.0
 """Time without an answer before the others' heights are moved out of a vehicle's way: links lose in bursts."""
