@@ -16,7 +16,6 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.link.frame_history import TURN_S
 from gcs_formation.link.link_health import STALE_AFTER_S
 from gcs_formation.link.vehicle_links import Links
-from gcs_formation.vehicle.autopilot_family import Command, StartUpStep
 from gcs_formation.vehicle.command_delivery import (
     UNDER_WAY,
     EffectWatch,
@@ -24,6 +23,7 @@ from gcs_formation.vehicle.command_delivery import (
 )
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.startup import StartUp, TakeOff
+from gcs_formation.vehicle.startup_step import Command, StartUpStep
 from gcs_formation.vehicle.vehicle_state import VehicleState
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED

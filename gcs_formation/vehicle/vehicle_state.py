@@ -20,7 +20,7 @@ from gcs_formation.link.link_health import Connection, JitterMeter, LinkState, S
 from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
 from gcs_formation.link.vehicle_links import Link, Links, links_by
-from gcs_formation.vehicle.autopilot_family import Autopilot, StartUpStep
+from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.command_delivery import (
     GAP_S,
     CommandQueue,
@@ -33,6 +33,7 @@ from gcs_formation.vehicle.pilots_choice import PilotsChoice
 from gcs_formation.vehicle.sampler import Sampler
 from gcs_formation.vehicle.setpoint_delivery import SetpointDelivery
 from gcs_formation.vehicle.startup import StartUp, TakeOff
+from gcs_formation.vehicle.startup_step import StartUpStep
 from gcs_formation.vehicle.telemetry import Telemetry
 
 UNANSWERED_S: Final = 1.5
