@@ -38,8 +38,9 @@ from gcs_formation.guidance.timed_progress import TimedProgress
 from gcs_formation.guidance.tracking import MIN_MPS
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.own_delays import OwnDelays
-from gcs_formation.vehicle.autopilot_family import Autopilot, Craft
+from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.command_delivery import GAP_S
+from gcs_formation.vehicle.craft import Craft
 from gcs_formation.vehicle.held_setpoint import ENERGY_HEIGHT_M_S
 from gcs_formation.vehicle.vehicle import Vehicle
 

@@ -17,7 +17,8 @@ from flight_model.slot import Triple
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import column_models
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 HOLD_MAX_S: Final = 1.0
 """Longest time for which the leader's setpoints are delayed."""

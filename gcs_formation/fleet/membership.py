@@ -16,7 +16,9 @@ from gcs_formation.fleet.membership_table import Seen, next_membership
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.command_delivery import Outcome
-from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle_state import UNANSWERED_S
 
 SUCCESSION_S: Final = 3.0
 """Silence of a leader, or time without its answers, after which it is replaced where another vehicle can lead. Tuned:

@@ -14,7 +14,8 @@ from airlink.endpoint import VehicleId
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from formation_scenario import Scenario
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)

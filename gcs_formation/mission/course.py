@@ -10,7 +10,7 @@ from flight_model.path import Route
 from formation_scenario import Scenario
 from formation_scenario.orders import End
 from formation_scenario.slot_assignment import column_names
-from gcs_formation.controller import FormationController
+from gcs_formation.controller.controller import FormationController
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership import Membership

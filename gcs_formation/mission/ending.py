@@ -18,7 +18,8 @@ from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.vehicle.command_delivery import Outcome
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 LOITER_LIMIT_S: Final = 20.0
 """Longest wait for vehicles to climb out and acknowledge that they loiter."""

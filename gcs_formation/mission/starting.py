@@ -11,8 +11,8 @@ from gcs_formation.mission.beginning import Beginning
 from gcs_formation.mission.gate import Gate
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
-from gcs_formation.vehicle.autopilot_family import StartUpStep
 from gcs_formation.vehicle.command_delivery import Outcome
+from gcs_formation.vehicle.startup_step import StartUpStep
 from gcs_formation.vehicle.vehicle import Vehicle
 
 TOGETHER_S = 600.0

@@ -14,7 +14,8 @@ from typing import Final
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after, seconds_between
 from airlink.messages.command import CommandAck, CommandInt, CommandLong
-from gcs_formation.vehicle.autopilot_family import Command, Effect
+from gcs_formation.vehicle.effect import Effect
+from gcs_formation.vehicle.startup_step import Command
 from gcs_formation.vehicle.telemetry import Telemetry
 
 RETRY_S: Final = 0.7

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from airlink.clock import Instant, seconds_between
-from gcs_formation.vehicle.autopilot_family import StartUpStep
 from gcs_formation.vehicle.command_delivery import CommandQueue, Outcome
+from gcs_formation.vehicle.startup_step import StartUpStep
 from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 
 UP_M: Final = 5.0

@@ -14,14 +14,15 @@ from flight_model.autopilot_model import AutopilotModel, FlightState
 from formation_scenario import Scenario
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.slot_assignment import column_models, columns
-from gcs_formation.controller import FormationController
+from gcs_formation.controller.controller import FormationController
 from gcs_formation.estimation.estimator import heading_shown
 from gcs_formation.features.conformance.flown_setpoints import CHECK_S, FlownSetpoints, NonConformance
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
 from gcs_formation.vehicle.command_delivery import Outcome, SetpointChannel
+from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.telemetry import ReportedMotion
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 
 STEP_DELAY_S: Final = 4.0
 """Least time constant of airspeed after a step under total-energy control, whose energy rate is limited. Tuned: s; 3 to

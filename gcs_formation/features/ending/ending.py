@@ -21,8 +21,9 @@ from gcs_formation.fleet.circle_heights import NO_ORDER, GroundFloor, may_meet
 from gcs_formation.mission.ending import EndCommand, Ending, Endings
 from gcs_formation.recorder import VehicleLink
 from gcs_formation.vehicle.command_delivery import Outcome
+from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.telemetry import ReportedMotion
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 
 UNANSWERED_FOR_S = 5.0
 """How long a vehicle may leave the command to go home unanswered. Tuned: s; 3 to 15; by judgement."""

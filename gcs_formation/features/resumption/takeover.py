@@ -19,8 +19,9 @@ from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.beginning import Beginning
 from gcs_formation.mission.past_flight import LEFT, TAKEN, PastFlight, RecordedVehicle
 from gcs_formation.vehicle.checks import ParameterReader, only_read
+from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.own_failsafe import OwnFailsafe
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 
 WAIT_S = 5.0
 """Longest wait for a vehicle that was flying when the record ended; then the others begin without it. Tuned: s; 3 to

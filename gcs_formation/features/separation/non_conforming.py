@@ -19,7 +19,7 @@ from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S, Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.separation.approach import Traffic
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.vehicle.vehicle import UNANSWERED_S
+from gcs_formation.vehicle.vehicle_state import UNANSWERED_S
 
 SOON_NS: Final = NANOSECONDS // 2
 """Lead time with which others keep clear of where an unresponsive vehicle would stop, as the age of its last answer is

@@ -11,7 +11,7 @@ from flight_model.autopilot_model import FlightState
 from flight_model.gain_design import UNMODELLED, WIND_WALK
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import load_scenario
-from gcs_formation.controller import FormationController
+from gcs_formation.controller.controller import FormationController
 from gcs_formation.estimation.estimator import LargeGust, Sample, StateEstimator
 from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, VehicleNoise
 from gcs_formation.estimation.setpoint_history import SetpointHistory

@@ -14,7 +14,7 @@ from flight_model.autopilot_model import FlightState
 from formation_scenario import load_scenario
 from gcs_formation.fleet.dispatch import HOLD_MAX_S, Dispatch
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.vehicle.vehicle import Member
+from gcs_formation.vehicle.member import Member
 from tests.flights.conftest import scenario
 
 NOW = Instant(0)

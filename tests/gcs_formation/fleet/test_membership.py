@@ -16,7 +16,7 @@ from gcs_formation.fleet.membership import BACK_S, MUTE_S
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.families.px4.copter import Px4Copter
-from gcs_formation.vehicle.vehicle import Member
+from gcs_formation.vehicle.member import Member
 from tests.gcs_formation.fleet.pair import (
     FOLLOWER,
     GUIDED,

@@ -6,7 +6,7 @@ import pytest
 
 from gcs_formation.fleet import membership_table
 from gcs_formation.fleet.membership_table import TRANSITIONS, Seen
-from gcs_formation.vehicle.vehicle import Member
+from gcs_formation.vehicle.member import Member
 from tests.membership_page import PAGE, page
 
 

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from airlink.clock import NANOSECONDS, Instant
-from gcs_formation.guidance.leader_guidance import LeaderCommand, LeaderCommands
+from gcs_formation.guidance.leader_commands import LeaderCommand, LeaderCommands
 
 TICK_S = 0.1
 TURN_RPS = 0.2

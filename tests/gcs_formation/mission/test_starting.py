@@ -18,11 +18,12 @@ from gcs_formation.link.link_health import Connection
 from gcs_formation.mission.beginning import Beginning
 from gcs_formation.mission.starting import CONNECT_LIMIT_S, Starting
 from gcs_formation.phases import Flight, Phase
-from gcs_formation.vehicle.autopilot_family import Command, StartUpStep
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
+from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.startup import StartUp
+from gcs_formation.vehicle.startup_step import Command, StartUpStep
 from gcs_formation.vehicle.telemetry import Telemetry
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import GivenUp, Noted
 

@@ -22,8 +22,9 @@ from gcs_formation.fleet.membership import Membership
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.families.px4.plane import Px4Plane
 from gcs_formation.vehicle.families.px4.px4 import LOITER, RTL
+from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.startup import StartUp
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import Noted
 

@@ -17,12 +17,12 @@ from airlink.messages.command import CommandAck, CommandInt, CommandLong, ParamV
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, ExtendedSysState, HomePosition, SysStatus, VfrHud
 from flight_model.autopilot_model import FlightState, Setpoint
-from gcs_formation.vehicle.autopilot_family import Command
 from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.command_delivery import CommandQueue, EffectWatch, Outcome
 from gcs_formation.vehicle.families.px4.plane import Px4Plane
 from gcs_formation.vehicle.own_fence import GEOFENCE_NAMES
 from gcs_formation.vehicle.startup import StartUp
+from gcs_formation.vehicle.startup_step import Command
 from gcs_formation.vehicle.stored_mission import LandingSequence
 from gcs_formation.vehicle.telemetry import Telemetry
 from tests.gcs_formation.vehicle.conftest import ORIGIN, planned, position

@@ -9,10 +9,10 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.messages.command import CommandAck
-from gcs_formation.vehicle.autopilot_family import ASKED_S
 from gcs_formation.vehicle.command_delivery import CommandQueue, Outcome
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.startup import StartUp
+from gcs_formation.vehicle.startup_step import ASKED_S
 from gcs_formation.vehicle.telemetry import Telemetry
 
 START = Instant(0)

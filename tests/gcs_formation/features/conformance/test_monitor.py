@@ -26,7 +26,9 @@ from gcs_formation.features.conformance.flown_setpoints import SETTLED_S
 from gcs_formation.features.conformance.monitor import ConformanceMonitor
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
-from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle_state import UNANSWERED_S
 from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import Noted
 
