@@ -17,12 +17,12 @@ from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.extensions import AUTOPILOT, DELAY_ESTIMATOR, GUIDANCE, PREDICTOR
 from formation_scenario.gains import AUTO, design_delay_s
 from formation_scenario.links import Links
-from formation_scenario.model import Wind
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.slot_assignment import column_models, columns, slot_schedule, slot_table
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.terrain import FOLLOWER_SHARE, LEADER_SHARE
 from formation_scenario.vehicles import VehicleClock, family_of, reads_equivalent_airspeed
+from formation_scenario.wind import Wind
 from gcs_formation.control.laws import law_kind
 from gcs_formation.control.own_guidance import OwnGuidance
 from gcs_formation.control.own_predictor import OwnPrediction

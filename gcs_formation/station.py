@@ -17,7 +17,7 @@ from airlink.messages.system import Heartbeat, Statustext, Timesync
 from airlink.signing.signed_links import SignedLinks
 from formation_scenario import Scenario
 from gcs_formation.core.each_second import commands_anybody
-from gcs_formation.core.feature import features
+from gcs_formation.core.feature import features, take_endings
 from gcs_formation.core.parts import Parts
 from gcs_formation.core.stages import core_stages, ordered
 from gcs_formation.fleet.heartbeats import HEARTBEAT
@@ -73,6 +73,7 @@ class Station(Engine):
         self.features = tuple(loaded)
         """Names of the features that it flies with."""
         self.gate.checks += [each.before_take_off for each in loaded.values() if each.before_take_off]
+        take_endings(self.cycle)
         core = core_stages(parts, until_s, self._watch_strangers, self._log_link)
         brought = [stage for each in loaded.values() for stage in each.stages(self.cycle)]
         self.cycle.order(ordered(core, brought))

@@ -195,14 +195,14 @@ def no_time_for_a_pattern(scenario: Scenario) -> str | None:
     """
     if scenario.hovers:
         return None
-    lap_s, run_in_s, found_s = pattern(scenario).lap_s, scenario.start.run_in_s, scenario.start.timeout_s
+    lap_s, run_in_s, found_s = lap(scenario).lap_s, scenario.start.run_in_s, scenario.start.timeout_s
     if found_s >= run_in_s + lap_s or not scenario.followers:
         return None
     min_s = math.ceil(run_in_s + lap_s)
     return (
-        f"start.timeout_s: found {found_s:g}; the leader's first pass comes {run_in_s:g} s after it sets out, a holding pattern "
-        f"takes {lap_s:.0f} s: that ends before the next pass, so the path then begins without those that aren't in their slots; "
-        f"{min_s} or more wait"
+        f"start.timeout_s: found {found_s:g}; the leader's first pass comes {run_in_s:g} s after it sets out, a "
+        f"holding pattern takes {lap_s:.0f} s: that ends before the next pass, so the path then begins whether or not "
+        f"all are in their slots; {min_s} or more wait"
     )
 
 

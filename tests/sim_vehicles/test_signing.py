@@ -9,7 +9,7 @@ from airlink.signing.authentication import A_MINUTE, EPOCH_US, Authentication, V
 from airlink.signing.key import key_of_passphrase
 from airlink.signing.setup import Asked, KeySetup
 from airlink.signing.signature import is_authentic, is_signed, timestamp_of, unsigned
-from formation_scenario.model import Origin
+from formation_scenario.origin import Origin
 from formation_scenario.start_states_and_end_times import StartState
 from sim_vehicles.config import FleetConfig, VehicleConfig
 from sim_vehicles.fleet import Fleet

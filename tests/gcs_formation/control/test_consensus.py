@@ -12,8 +12,8 @@ from mypy_extensions import i64
 
 from airlink.clock import Instant
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates
+from formation_scenario.consensus_graph import graph_adjacency
 from formation_scenario.fields import Frame
-from formation_scenario.model import graph_adjacency
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.setpoint import AS_DECIDED

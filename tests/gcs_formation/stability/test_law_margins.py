@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from formation_scenario import load_scenario
-from formation_scenario.model import Scenario, graph_adjacency
+from formation_scenario.consensus_graph import graph_adjacency
+from formation_scenario.model import Scenario
 from formation_scenario.vehicle_rules import all_receive_one
 from gcs_formation.stability import consensus_delay_margin, consensus_margins, law_margins, scenario_delay_margin
 from gcs_formation.stability.consensus_loops import ground_consensus_loops, spanning_components
