@@ -45,7 +45,7 @@ class Columns:
         made.table = table
         return made
 
-    def take(self, which: Indices) -> Self:
+    def select(self, which: Indices) -> Self:
         """Return the columns at `which`, repeated as often as they occur there."""
         return self.of(self.table[:, which])
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from math import hypot, radians
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -12,195 +11,61 @@ from pydantic import Field, PrivateAttr
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
-from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
+from flight_model.earth import true_by_equivalent_airspeed
 from flight_model.legs.detour import Detours
 from flight_model.legs.speeds import SpeedProfile
 from flight_model.legs.turn import TurnLimits
 from flight_model.path import FlightPath
 from flight_model.path_lift_and_displacement import Bounds
 from flight_model.spline import SplinePath
-from formation_scenario.brought_keys import OpenGroup
+from formation_scenario.consensus_graph import graph_adjacency
 from formation_scenario.expectation import Expectation
 from formation_scenario.extensions import (
-    AIRCRAFT,
-    AUTOPILOT,
-    DELAY_ESTIMATOR,
-    DISTURBANCE,
-    EMULATED_FAMILY,
     FAULT,
-    GUIDANCE,
-    LAW_KINDS,
-    LINK,
-    METRIC,
-    NAVIGATION,
-    PREDICTOR,
-    SWITCHED,
-    Registered,
     Registry,
 )
 from formation_scenario.fields import (
     MOST_ENTRIES,
-    OF_AN_EXTENSION,
     WHOLE,
     Allowed,
     AtMost,
-    Distance,
-    Flag,
     Keys,
     Later,
     Name,
-    NonNegative,
-    Number,
-    Offset,
-    Open,
-    OwnKeys,
-    Positive,
-    Vector,
+    Seconds,
     VehicleSelection,
     key,
 )
+from formation_scenario.finish import Finish
 from formation_scenario.formation import Formation
 from formation_scenario.geofence import Geofence
-from formation_scenario.kept_distance import BUFFER_M, SEPARATION_M, KeepsDistance
 from formation_scenario.law import Law
 from formation_scenario.links import Links, LinkStep, link_steps, through_air
-from formation_scenario.orders import End, PlannedOrder, read_order
+from formation_scenario.orders import PlannedOrder
+from formation_scenario.origin import Origin
 from formation_scenario.path_of_legs import path_of_legs, planned_speeds
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.repair_plan import RepairPlan
+from formation_scenario.safety import Safety
 from formation_scenario.scripted import AnyOrder, ScriptedOrder
-from formation_scenario.shapes import SHAPE
 from formation_scenario.signing import Signing
+from formation_scenario.start import Start
 from formation_scenario.station import StationId
 from formation_scenario.surroundings import Disturbance, Fault, Terrain
+from formation_scenario.telemetry import Telemetry
 from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
 from formation_scenario.traces.keys import Trace
 from formation_scenario.traces.reading import read_trace
 from formation_scenario.traces.recorded import RecordedDelays
-from formation_scenario.vehicles import CLOCKS, Vehicle, reads_equivalent_airspeed
+from formation_scenario.vehicles import Vehicle, reads_equivalent_airspeed
+from formation_scenario.wind import Wind
 
-Seconds = Annotated[Positive, Field(le=1e6)]
 Seed = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1), WHOLE, Allowed("a whole number from 0 to 2^63 - 1")]
 Fleet = Annotated[
     tuple[Vehicle, ...],
     Field(min_length=1, max_length=MOST_ENTRIES),
     Allowed(f"a list of 1 to {MOST_ENTRIES} vehicles, or {{count: N}}"),
 ]
-
-
-class Origin(Keys):
-    """The origin of north, east and height."""
-
-    lat_deg: Annotated[Number, Field(ge=-85.0, le=85.0)] = key(35.0, "latitude, degrees", 47.4)
-    lon_deg: Annotated[Number, Field(ge=-180.0, le=180.0)] = key(125.0, "longitude, degrees", 8.54)
-    alt_m: Annotated[Number, Field(ge=-500.0, le=9000.0)] = key(0.0, "height above sea level, m", 488)
-
-    @property
-    def geodetic(self) -> GeodeticOrigin:
-        """The origin in radians, which converts between geodetic positions and metres."""
-        return GeodeticOrigin(radians(self.lat_deg), radians(self.lon_deg), self.alt_m)
-
-
-class Start(Keys):
-    """The start of the flight."""
-
-    in_air: Flag = key(False, "emulators only: begin in flight, without take-off")
-    offset_m: Offset = key(
-        (0.0, 0.0, 0.0),
-        "where each follower starts, after a take-off assembles, from its slot: forward, right, up; as far from "
-        "others and the ground as `safety` asks, and inside its fence, m",
-        [8, 6, 4],
-    )
-    row_m: Positive | None = key(
-        None,
-        "emulators only: on the ground they stand in a row, this far apart to the leader's right, "
-        "in the scenario's order; by default at their slots, m",
-        9,
-    )
-    run_in_s: Annotated[NonNegative, Field(le=3600.0)] = key(
-        ...,
-        "how long the leader flies straight to the path's start before t = 0, s",
-        45,
-        derived="10 in the air, 60 from the ground; with a fence at most, as far as all have room to turn away from it",
-    )
-    tolerance_m: Positive = key(3.0, "a follower this near its slot counts as assembled, m", 5)
-    boot_timeout_s: Seconds = key(
-        600.0,
-        "longest wait for a vehicle that gets ready (position fix, estimator, heat), s; for one that makes no progress "
-        "meanwhile it is 90 s",
-        1200,
-    )
-    timeout_s: Seconds = key(
-        300.0,
-        "longest wait for take-off and assembly, s; after it the path begins when the leader next passes its start",
-        900,
-    )
-
-
-class Wind(Keys):
-    """Constant wind on all emulated vehicles. `check` plans by it; in flight the station measures its own."""
-
-    velocity_mps: Vector = key((0.0, 0.0, 0.0), "where it blows to: north, east, down, m/s", [3, -2, 0])
-
-    @property
-    def speed_mps(self) -> float:
-        """Its horizontal speed."""
-        return hypot(*self.velocity_mps[:2])
-
-
-class Safety(OpenGroup, group="safety"):
-    """Limits that fail a run if they are violated, and the rule that prevents it."""
-
-    separation_m: Distance = key(SEPARATION_M, "least distance of two vehicles, m", 20)
-    clearance_m: NonNegative = key(5.0, "least height above ground, m", 50)
-    path_distance_m: Positive = key(
-        50.0, "largest distance of the leader from its path, across and in height, for longer than 10 s, m", 30
-    )
-
-    @property
-    def kept_m(self) -> float:
-        """Distance that vehicles are planned to keep, m: the separation limit, or what is kept in flight if more."""
-        kept_m = [each.kept_m for each in self.each(KeepsDistance)]
-        return max(self.separation_m, *(kept_m or [self.separation_m + BUFFER_M]))
-
-
-class Finish(Keys):
-    """The end of a run."""
-
-    loiter_s: NonNegative = key(10.0, "how long the vehicles loiter after the run, s", 30)
-    then: End = key(
-        "loiter",
-        "what all do once the path or the time is at its end: circle or hover there, go home, or [land one after "
-        "another](formations.md#loiter-rtl-and-land) and disarm; where one can't land none takes off",
-        "land",
-    )
-
-
-class Telemetry(Keys):
-    """What the vehicles send."""
-
-    rate_hz: Annotated[Number, Field(ge=0.5, le=50.0)] = key(
-        10.0, "position and attitude messages a second, Hz; at most the rate of an autopilot's main loop", 5
-    )
-    clock: Annotated[str, Open(", ".join(CLOCKS), CLOCKS)] = key(
-        CLOCKS[0],
-        "how stamps are mapped to one clock: by half of each link's round trip, by the vehicles' UTC (SYSTEM_TIME), "
-        "which is independent of the links, or by an extension's estimator of delay and its asymmetry",
-        "gnss",
-    )
-    parameters: OwnKeys = key(None, f"beside clock: {OF_AN_EXTENSION}", {})
-    station_utc: Flag | None = key(
-        None,
-        "with `clock: gnss`: whether the ground station's own clock keeps UTC to a few ms, as by a GNSS "
-        "receiver; delays up and down are then known without a common error",
-        True,
-        derived="true with the emulated vehicles of `run`, which have the same clock, else false",
-    )
-
-    @property
-    def by_utc(self) -> bool:
-        """Whether stamps are mapped by the vehicles' UTC."""
-        return self.clock == "gnss"
 
 
 class Scenario(Keys):
@@ -299,20 +164,6 @@ class Scenario(Keys):
         copied._detours = detours
         return copied
 
-    @property
-    def used_extensions(self) -> tuple[Registered, ...]:
-        """What it uses of them, each once."""
-        known = self._registered
-        if not known:
-            return ()
-        named = [known.get(self.law.type, *LAW_KINDS)]
-        named += [known.get(name, *SWITCHED, METRIC) for name in self.extensions]
-        named += [known.get(each.metric, METRIC) for each in self.expect]
-        named += [known.get(name, SHAPE) for name in self._shapes()]
-        named += self._used_by_station()
-        named += self._used_by_emulators()
-        return tuple(dict.fromkeys(each for each in named if each is not None))
-
     def crashes(self, fault: Fault) -> bool:
         """Return whether a fault crashes vehicles."""
         own = self._registered.get(fault.kind, FAULT)
@@ -322,39 +173,6 @@ class Scenario(Keys):
         """Return whether vehicles send nothing while a fault lasts."""
         own = self._registered.get(fault.kind, FAULT)
         return fault.kind in {"crash", "freeze"} if own is None else bool(own.made.crashes or own.made.silences)
-
-    def _shapes(self) -> Iterator[str | None]:
-        """Yield the names of the formation's shapes: at the start, planned, and ordered."""
-        yield self.formation.shape
-        yield from (change.shape for change in self.formation.changes)
-        texts = [order.order for _, order in self.timed_orders] + [act.order for _, act in self.scripted]
-        changes = (read_order(text).change for text in texts if text is not None)
-        yield from (change.shape for change in changes if change is not None)
-
-    def _used_by_station(self) -> Iterator[Registered | None]:
-        """Yield what prediction, estimation and guidance use of the extensions, and the vehicles' autopilots."""
-        known, predictor, guidance = self._registered, self.law.predictor, self.path.guidance
-        yield known.get(None if predictor is None else predictor.type, PREDICTOR)
-        yield known.get(self.telemetry.clock, DELAY_ESTIMATOR)
-        yield known.get(None if guidance is None else guidance.type, GUIDANCE)
-        yield from (known.get(each.autopilot, AUTOPILOT) for each in self.vehicles)
-
-    def _used_by_emulators(self) -> Iterator[Registered | None]:
-        """Yield what links, faults, the air and vehicles use of the extensions; None for each that is ours."""
-        known, acts = self._registered, [act for _, act in self.scripted]
-        for group in (self.links.default, self.links, *self.links.changes, *(act.link for act in acts)):
-            for patch in (group, getattr(group, "uplink", None), getattr(group, "downlink", None)):
-                yield known.get(getattr(patch, "process", None), LINK)
-        faults = (*self.faults, *(act.fault for act in acts if act.fault is not None))
-        yield from (known.get(each.kind, FAULT) for each in faults)
-        air = (*self.disturbances, *(act.disturbance for act in acts if act.disturbance is not None))
-        yield from (known.get(each.kind, DISTURBANCE) for each in air)
-        for vehicle in self.vehicles:
-            for navigation in (vehicle.navigation, vehicle.true_navigation):
-                yield known.get(None if navigation is None else navigation.source, NAVIGATION)
-            for model in (vehicle.model, vehicle.true_model):
-                yield known.get(None if model is None else model.aircraft, AIRCRAFT)
-            yield known.get(vehicle.own_family, EMULATED_FAMILY)
 
     @property
     def fence(self) -> Geofence | None:
@@ -576,19 +394,3 @@ class Scenario(Keys):
             if indexes not in found:
                 found[indexes] = link_steps(self.links, (self.links.changes[each] for each in indexes))
         return {place: found[tuple(indexes)] for place, indexes in changes.items()}
-
-
-def graph_adjacency(name: str, count: int) -> Array:
-    """Return the unit-weight undirected graph (count, count) of a name: star, path, ring or complete.
-
-    Vehicle 0 is the centre of the star and an end of the path.
-    """
-    p, q = np.indices((count, count))
-    distance = np.abs(p - q)
-    edges = {
-        "star": np.minimum(p, q) == 0,
-        "path": distance == 1,
-        "ring": (distance == 1) | (distance == count - 1),
-        "complete": np.full((count, count), True),
-    }
-    return (edges[name] & (distance > 0)).astype(np.float64)

@@ -17,12 +17,12 @@ from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.extensions import AUTOPILOT, DELAY_ESTIMATOR, GUIDANCE, PREDICTOR
 from formation_scenario.gains import AUTO, design_delay_s
 from formation_scenario.links import Links
-from formation_scenario.model import Wind
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.slot_assignment import column_models, columns, slot_schedule, slot_table
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.terrain import FOLLOWER_SHARE, LEADER_SHARE
 from formation_scenario.vehicles import VehicleClock, family_of, reads_equivalent_airspeed
+from formation_scenario.wind import Wind
 from gcs_formation.control.laws import law_kind
 from gcs_formation.control.own_guidance import OwnGuidance
 from gcs_formation.control.own_predictor import OwnPrediction
@@ -38,8 +38,9 @@ from gcs_formation.guidance.timed_progress import TimedProgress
 from gcs_formation.guidance.tracking import MIN_MPS
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.own_delays import OwnDelays
-from gcs_formation.vehicle.autopilot_family import Autopilot, Craft
+from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.command_delivery import GAP_S
+from gcs_formation.vehicle.craft import Craft
 from gcs_formation.vehicle.held_setpoint import ENERGY_HEIGHT_M_S
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -84,7 +85,7 @@ def projection(scenario: Scenario, history: SetpointHistory, models: list[Autopi
     """Return the projection from measured states to those that the law acts on."""
     if scenario.law.delay_compensation:
         return _predictor(scenario, history, models)
-    return Pairing(scenario.law.rate_hz).take if law_kind(scenario).mutual else lambda measured: measured
+    return Pairing(scenario.law.rate_hz).align if law_kind(scenario).mutual else lambda measured: measured
 
 
 def _predictor(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> Projection:
@@ -92,8 +93,8 @@ def _predictor(scenario: Scenario, history: SetpointHistory, models: list[Autopi
     chosen = scenario.law.predictor
     entry = None if chosen is None else scenario.registered.get(chosen.type, PREDICTOR)
     if chosen is None or entry is None:
-        return Prediction(history, models, scenario.telemetry.rate_hz).take
-    return OwnPrediction(entry, chosen.parameters or {}, scenario, history, models).take
+        return Prediction(history, models, scenario.telemetry.rate_hz).predict
+    return OwnPrediction(entry, chosen.parameters or {}, scenario, history, models).predict
 
 
 def declared_noise(scenario: Scenario) -> list[VehicleNoise]:

@@ -126,14 +126,14 @@ class FlightFigure:
         """Yield a flight's ticks, and show the figure every `every_s` of it, and when it is over."""
         show, due_s = self._show or _in_place(), -math.inf
         for tick in ticks:
-            self.take(tick)
+            self.append(tick)
             if tick.time_s >= due_s:
                 due_s = tick.time_s + every_s
                 show(self)
             yield tick
         show(self)
 
-    def take(self, tick: Tick) -> None:
+    def append(self, tick: Tick) -> None:
         """Add a tick."""
         self._head = f"{tick.time_s:.0f} s, {tick.phase}"
         for ref, vehicle in tick.vehicles.items():

@@ -168,7 +168,7 @@ class Assembly:
         """Forget what was seen: there is no leader to follow."""
         self._in_slots_s = 0.0
 
-    def judge(self, tick: Tick, guidance: LeaderGuidance, *, slots_rest: bool) -> None:
+    def assess(self, tick: Tick, guidance: LeaderGuidance, *, slots_rest: bool) -> None:
         """Judge a tick, and report a holding pattern that has just begun; `slots_rest`: slots keep their places."""
         if guidance.rounds > self._patterns:
             self._patterns = guidance.rounds

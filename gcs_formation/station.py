@@ -17,7 +17,7 @@ from airlink.messages.system import Heartbeat, Statustext, Timesync
 from airlink.signing.signed_links import SignedLinks
 from formation_scenario import Scenario
 from gcs_formation.core.each_second import commands_anybody
-from gcs_formation.core.feature import features
+from gcs_formation.core.feature import features, take_endings
 from gcs_formation.core.parts import Parts
 from gcs_formation.core.stages import core_stages, ordered
 from gcs_formation.fleet.heartbeats import HEARTBEAT
@@ -73,6 +73,7 @@ class Station(Engine):
         self.features = tuple(loaded)
         """Names of the features that it flies with."""
         self.gate.checks += [each.before_take_off for each in loaded.values() if each.before_take_off]
+        take_endings(self.cycle)
         core = core_stages(parts, until_s, self._watch_strangers, self._log_link)
         brought = [stage for each in loaded.values() for stage in each.stages(self.cycle)]
         self.cycle.order(ordered(core, brought))
@@ -165,9 +166,9 @@ class Station(Engine):
         self.cycle.run(now, second=self._heartbeats.heartbeat_due(now))
 
     def _watch_strangers(self, now: Instant) -> None:
-        self.signatures.watch(now)
+        self.signatures.report(now)
         self._out += self._greetings(now)
-        self._flood.watch(now, self.received(), self.refused())
+        self._flood.compare(now, self.received(), self.refused())
 
     def _was_away(self, now: Instant) -> bool:
         late = now - AWAY_NS
@@ -238,24 +239,24 @@ class Station(Engine):
         message = frame.message
         if isinstance(message, (Heartbeat, Statustext, Timesync)):
             self._take_word(vehicle, frame, now, timed)
-        elif vehicle.take(frame, now, timed=timed):
+        elif vehicle.receive(frame, now, timed=timed):
             self._log_link(vehicle, now)
         if isinstance(message, ParamValue):
-            self.gate.take(vehicle, message, now)
-            self.cycle.beginning.take(vehicle, message, now)
+            self.gate.receive_parameter(vehicle, message, now)
+            self.cycle.beginning.receive_parameter(vehicle, message, now)
         elif isinstance(message, (MissionCount, MissionItemInt)):
             self.gate.take_item(vehicle, message, now)
 
     def _take_other(self, frame: Frame, datagram: Datagram, now: Instant) -> None:
         """Take a frame that is no vehicle's."""
-        if not self.radio_reports.take(frame, datagram, now):
+        if not self.radio_reports.receive(frame, datagram, now):
             self.frames_refused += 1
 
     def _take_word(self, vehicle: Vehicle, frame: Frame, now: Instant, timed: bool) -> None:
         """Take a frame that may show another mode, a text or a restart, and record the change."""
         seen = vehicle.telemetry
         mode, texts = seen.custom_mode, seen.texts_reported
-        if vehicle.take(frame, now, timed=timed):
+        if vehicle.receive(frame, now, timed=timed):
             self._log_link(vehicle, now)
         if seen.custom_mode != mode:
             self._note(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)

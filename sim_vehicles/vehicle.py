@@ -80,7 +80,7 @@ class Vehicle(Autopilot):
             self._come_up(self.ground_mode)
         if self.link.next_arrival <= now:
             for sender, frame in self.link.frames(now):
-                self._messages.take(sender, frame)
+                self._messages.handle(sender, frame)
         if self.reboots:
             self.restart()
         if self.pilot.under_way and self.pilot.progress(self.body.motion):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gcs_formation.fleet.membership_table import TRANSITIONS
-from gcs_formation.vehicle.vehicle import Member
+from gcs_formation.vehicle.member import Member
 
 PAGE = Path(__file__).parents[1] / "docs" / "membership.md"
 HEAD = """# Membership in the formation

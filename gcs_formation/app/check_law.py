@@ -1,12 +1,4 @@
-"""What `check` says about the law: states of different times, slow loops, errors by gusts.
-
-A gust moves a vehicle at its own velocity until the law has answered. Let d be the gust's velocity, L the open loop
-without its delay T, and O = exp(-sT) w/(s + w) the observer of the wind, whose answer leads the autopilot's time
-constants. The error is d (1 - O)/s times 1/(1 + L exp(-sT)) without prediction, and times 1 - exp(-sT) L/(1 + L) with
-it. Under the consensus law a mode of eigenvalue lambda leaves d/(s + k), k = lambda k1/(s + k3 + lambda k2), likewise.
-The error's variance is the integral of this response, squared, over Dryden's spectra (MIL-F-8785C, 3.7.1.2). Gusts on
-leader and follower are independent. Multirotors aren't judged: they hold their velocity over ground by themselves.
-"""
+"""What `check` says about the law: states of different times, and slow loops."""
 
 from __future__ import annotations
 
@@ -17,19 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from flight_model.arrays import Array, Complex
 from flight_model.frequency_response import FREQUENCIES
 from formation_scenario import Scenario
 from formation_scenario.gains import AUTO, design_delay_s, designed
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.mean_delays import since, ways_s
 from formation_scenario.start_states_and_end_times import planned_end_s
-from formation_scenario.surroundings import DrydenTurbulence
 from gcs_formation.app.check_links import MIN_M, PLANES_MAX_HZ
-from gcs_formation.app.loop_delays import configured_loop_delay_s, message_age
+from gcs_formation.app.loop_delays import message_age
 from gcs_formation.control.laws import law_kind
 from gcs_formation.stability import law_loops
-from gcs_formation.stability.pid_margins import Loop
 
 UNPAIRED_M = 1.75
 """Apparent offset along the path, standard deviation, from which states of different times are worth a warning."""
@@ -144,84 +133,3 @@ def _faster(scenario: Scenario) -> str:
         if time_s <= SLOW_S and getattr(law, key) != value:
             return f"{why}; law.{key} of {value} takes {time_s:.0f} s"
     return why
-
-
-AXES = "xyz"
-NAMES = {"x": "along the path", "y": "across it", "z": "in height"}
-SIGMAS = 2.0
-"""Standard deviations within which an error stays for 95 % of the time."""
-WORTH_M = 2.0
-"""Error by gusts, at `SIGMAS`, from which a warning is given."""
-
-
-def gust_errors(scenario: Scenario) -> Iterator[str]:
-    """Yield the errors that each entry of turbulence leaves, and those that it would leave without the links' delay."""
-    if scenario.hovers or not scenario.followers:
-        return
-    delay_s = configured_loop_delay_s(scenario)
-    at_once_s = 0.5 / scenario.telemetry.rate_hz + 0.5 / scenario.law.rate_hz
-    for index, entry in enumerate(scenario.disturbances):
-        if not isinstance(entry, DrydenTurbulence):
-            continue
-        left_m = {axis: SIGMAS * each for axis, each in gust_errors_m(scenario, entry, delay_s).items()}
-        if max(left_m.values(), default=0.0) < WORTH_M:
-            continue
-        min_m = {axis: SIGMAS * each for axis, each in gust_errors_m(scenario, entry, at_once_s).items()}
-        found = ", ".join(f"{each_m:.1f} m {NAMES[axis]}" for axis, each_m in left_m.items())
-        minimum = ", ".join(f"{each_m:.1f}" for each_m in min_m.values())
-        without = f"; {minimum} m without the links' delay" if delay_s > at_once_s else ""
-        yield f"disturbances.{index}: gusts leave errors of up to {found} for 95% of the time{without}"
-
-
-def gust_errors_m(scenario: Scenario, entry: DrydenTurbulence, delay_s: float) -> dict[str, float]:
-    """Return the largest standard deviation of any follower's error by turbulence, for each axis under control.
-
-    Turbulence is that at the path's lowest point; `delay_s` is the delay of the loop.
-    """
-    lowest_m = np.array([min(height_m for _, _, height_m in scenario.path.waypoints_m)])
-    sigma_mps, scale_m = (each[:, 0].tolist() for each in entry.scales(lowest_m))
-    mutual, pair = law_kind(scenario).mutual, math.sqrt(1.0 if scenario.leader is None else 2.0)
-    found = dict[str, float]()
-    for name, loops in {each for axes in law_loops(scenario).values() for each in axes.items()}:
-        for axis in "xy" if mutual else name:
-            i = AXES.index(axis)
-            spectrum = _dryden(i, sigma_mps[i], scale_m[i] / scenario.path.begin_mps)
-            for loop in loops:
-                response = _of_mode(scenario, loop, delay_s) if mutual else _of_channel(scenario, loop, delay_s, axis)
-                variance = float(np.trapezoid(spectrum * np.abs(response) ** 2, FREQUENCIES))
-                found[axis] = max(found.get(axis, 0.0), pair * math.sqrt(variance))
-    return dict(sorted(found.items()))
-
-
-def _dryden(axis: int, sigma_mps: float, scale_s: float) -> Array:
-    """Return the one-sided spectrum at `FREQUENCIES` of gusts along the path, or across and vertical."""
-    turned = np.square(FREQUENCIES * scale_s)
-    shape = 2.0 / (1.0 + turned) if axis == 0 else (1.0 + 3.0 * turned) / np.square(1.0 + turned)
-    return sigma_mps**2 * scale_s / math.pi * shape
-
-
-def _of_channel(scenario: Scenario, loop: Loop, delay_s: float, axis: str) -> Complex:
-    """Return the response from a gust's velocity to the error, at `FREQUENCIES`, of a PID channel."""
-    s = 1j * FREQUENCIES
-    late, open_loop = np.exp(-s * delay_s), loop.open_loop().at(FREQUENCIES)
-    if loop.aircraft is not None:
-        open_loop = open_loop * loop.aircraft.by_model
-    observer_radps = scenario.law.disturbance_observer_radps if axis != "z" else 0.0
-    unseen = (1.0 - late * observer_radps / (s + observer_radps)) / s
-    if scenario.law.delay_compensation:
-        return np.asarray(unseen * (1.0 - late * open_loop / (1.0 + open_loop)), np.complex128)
-    return np.asarray(unseen / (1.0 + late * open_loop), np.complex128)
-
-
-def _of_mode(scenario: Scenario, loop: Loop, delay_s: float) -> Complex:
-    """Return the same for a mode of the consensus law; 0 for the speed that all vehicles have in common."""
-    s = 1j * FREQUENCIES
-    (_, integral), (_, damping) = loop.plant.state
-    if integral != 1.0 and damping == -1.0:
-        return np.zeros(s.shape, np.complex128)
-    position, velocity = loop.plant.output
-    late = np.exp(-s * delay_s)
-    answer = position / (s - damping + velocity)
-    if scenario.law.delay_compensation:
-        return np.asarray((1.0 - late * answer / (s + answer)) / s, np.complex128)
-    return np.asarray(1.0 / (s + late * answer), np.complex128)

@@ -1,4 +1,4 @@
-"""What `check` says about links: asymmetric delays, too little telemetry, and how long a start over them takes.
+"""What `check` says about links: asymmetric delays, too little telemetry, and the lap after a missed start.
 
 A round trip doesn't tell how it is split, so half of it is assumed each way. If a vehicle's uplink takes d longer than
 its downlink, its clock is mapped d/2 too early, and it is kept where it should have been d/2 ago. What leader and
@@ -17,32 +17,24 @@ import numpy as np
 
 from airlink import mavlink as m
 from airlink.messages import KINDS
-from flight_model.arrays import Array
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.ground_and_fence import drift
-from formation_scenario.links import LinkStep
 from formation_scenario.mean_delays import since, ways_s
-from gcs_formation.fleet.heartbeats import HEARTBEAT_S, PROBE_S
+from gcs_formation.fleet.heartbeats import PROBE_S
 from gcs_formation.from_scenario import autopilot_for, leader_guidance
 from gcs_formation.guidance.leader_guidance import DECISION_S, LeaderGuidance
 from gcs_formation.guidance.way_to_run_in import JoinRoute
 from gcs_formation.link.utc_slack import UTC_SLACK_S
-from gcs_formation.phases import ASSEMBLED_S
-from gcs_formation.vehicle.command_delivery import RETRY_S
 
 PLANES_MAX_HZ = 40.0
 """Four fifths of SCHED_LOOP_RATE; ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL beyond that."""
 MIN_M = 0.05
 """Smallest error that a warning is given for."""
-SURE = 0.95
-"""Share of starts that are at least as fast as the estimate."""
 FRAME_BYTES = 12
 """Size of a MAVLink 2 frame without its payload."""
 GAP = 2.5
 """Periods of telemetry from one state to the next if a message is lost in between."""
-CELL_S = 0.1
-MAX_S = 120.0
 
 
 def split_errors(scenario: Scenario) -> Iterator[str]:
@@ -144,28 +136,20 @@ def _split(scenario: Scenario, vehicle: Vehicle, at_s: float) -> str:
     return f"{1e3 * up_s:g} ms up and {1e3 * down_s:g} ms down"
 
 
-class Assembly(NamedTuple):
-    """The run-in that a start in the air needs (else None), and the holding pattern after a missed start."""
+class Lap(NamedTuple):
+    """The lap that the leader flies if the formation isn't assembled in time."""
 
-    least_run_in_s: float | None
     lap_s: float
     lap_radius_m: float
 
-    def __str__(self) -> str:
-        min_s = self.least_run_in_s
-        needed = "" if min_s is None else f"begins at once after a run-in of {min_s:.1f} s; "
-        pattern = f"takes {self.lap_s:.0f} s (turns of {self.lap_radius_m:.0f} m)"
-        return f"assembly: {needed}a holding pattern, if it is missed, {pattern}"
 
-
-def assembly(scenario: Scenario) -> Assembly:
-    """Return what a scenario's start needs."""
+def lap(scenario: Scenario) -> Lap:
+    """Return the lap before a scenario's path."""
     leads, speed_mps = leader_guidance(scenario), scenario.path.begin_mps
-    min_s = _least_run_in_s(scenario) if scenario.start.in_air else None
-    pattern, start = _pattern(scenario, leads), leads.path.at(0.0)
-    end = pattern.at(pattern.length_m)
+    flown, start = _pattern(scenario, leads), leads.path.at(0.0)
+    end = flown.at(flown.length_m)
     straight_m = math.hypot(start.north_m - end.north_m, start.east_m - end.east_m)
-    return Assembly(min_s, (pattern.length_m + straight_m) / speed_mps, _lap_radius_m(scenario, leads))
+    return Lap((flown.length_m + straight_m) / speed_mps, _lap_radius_m(scenario, leads))
 
 
 def _pattern(scenario: Scenario, leads: LeaderGuidance) -> JoinRoute:
@@ -179,7 +163,7 @@ def _lap_radius_m(scenario: Scenario, leads: LeaderGuidance) -> float:
 
 
 def cramped_pattern(scenario: Scenario) -> str | None:
-    """Return where the fence leaves too little room for a holding pattern before the path; None if there is enough."""
+    """Return where the fence leaves too little room for a lap before the path; None if there is enough."""
     leads = leader_guidance(scenario)
     if leads.fence is None:
         return None
@@ -195,32 +179,23 @@ def cramped_pattern(scenario: Scenario) -> str | None:
     )
 
 
-def goes_round(scenario: Scenario) -> str | None:
-    """Return why the leader will fly a holding pattern before its path; None if the run-in is enough, or it waits."""
-    planned, found_s = assembly(scenario), scenario.start.run_in_s
-    if scenario.hovers and (planned.least_run_in_s or 0.0) < MAX_S:
+def nothing_comes(scenario: Scenario) -> str | None:
+    """Return whose link carries nothing as the flight begins, so that the formation can't assemble; None if none."""
+    firsts = [(vehicle, scenario.link_steps(vehicle)[0][1:]) for vehicle in scenario.vehicles]
+    deaf = [str(each.vehicle_id) for each, ways in firsts if any(way.outage or way.loss >= 1.0 for way in ways)]
+    if not deaf:
         return None
-    if planned.least_run_in_s is None or found_s >= planned.least_run_in_s:
-        return None
-    lossy = any(way.loss > 0.0 for vehicle in scenario.vehicles for way in scenario.link_steps(vehicle)[0][1:])
-    sure = " in most starts, by the links' loss" if lossy else ""
-    if planned.least_run_in_s >= MAX_S:
-        return f"links: too much is lost for the formation to assemble within {MAX_S:g} s"
-    allowed_s = math.ceil(round(10 * planned.least_run_in_s, 6)) / 10
-    return (
-        f"start.run_in_s: found {found_s:g}; allowed: {allowed_s:g} or more for the path to begin at once{sure}; "
-        f"else the leader flies a holding pattern first, for about {planned.lap_s:.0f} s"
-    )
+    return f"links: nothing comes over that of vehicle {', '.join(deaf)} at the start: the formation can't assemble"
 
 
 def no_time_for_a_pattern(scenario: Scenario) -> str | None:
     """Return that the start times out before the leader passes the path's start a second time; None if it doesn't.
 
-    The leader's first pass is over after its run-in, and a holding pattern follows.
+    The leader's first pass is over after its run-in, and a lap follows.
     """
     if scenario.hovers:
         return None
-    lap_s, run_in_s, found_s = assembly(scenario).lap_s, scenario.start.run_in_s, scenario.start.timeout_s
+    lap_s, run_in_s, found_s = lap(scenario).lap_s, scenario.start.run_in_s, scenario.start.timeout_s
     if found_s >= run_in_s + lap_s or not scenario.followers:
         return None
     min_s = math.ceil(run_in_s + lap_s)
@@ -231,60 +206,8 @@ def no_time_for_a_pattern(scenario: Scenario) -> str | None:
     )
 
 
-def _least_run_in_s(scenario: Scenario) -> float:
-    """Return the shortest run-in, s, after which the path can begin at once if vehicles start in their slots.
-
-    Until then each vehicle must be heard, answer every request for telemetry, and be seen in its slot. A lost heartbeat
-    costs a second, a lost request or answer costs `RETRY_S`. By these alone 1 start in 20 would take longer; of 40
-    starts flown with four vehicles at 20 % loss and 100 ms, 5 did.
-    """
-    telemetry, tick_s = scenario.telemetry, 1.0 / scenario.law.rate_hz
-    autopilots = [autopilot_for(vehicle, scenario) for vehicle in scenario.vehicles]
-    asked = [len(each.requests(each.rates_hz(telemetry.rate_hz, utc=telemetry.by_utc))) for each in autopilots]
-    loop_s, steps = max(each.loop_s for each in autopilots), [scenario.link_steps(v)[0] for v in scenario.vehicles]
-    way_s = max(sum(ways_s(scenario, step)) / 2 for step in steps)
-    received_s, answered_s = (math.ceil(round((way + loop_s) / tick_s, 6)) * tick_s for way in (way_s, 2 * way_s))
-    lost_s = _lost_s(list(zip(asked, steps, strict=True)))
-    return received_s + max(asked) * answered_s + lost_s + tick_s + ASSEMBLED_S + DECISION_S + way_s
-
-
-def _lost_s(starts: list[tuple[int, LinkStep]]) -> float:
-    """Return the time that losses add until the last vehicle is ready, s, as `SURE` of the starts keep it.
-
-    `starts`: each vehicle's number of requests and its link. Requests begin when all vehicles have been heard, so the
-    slowest heartbeat and the slowest answers add up.
-    """
-    losses = np.arange(round(MAX_S / CELL_S), dtype=np.float64)
-    heard, answered = np.ones(losses.size), np.ones(losses.size)
-    for requests, step in starts:
-        up, down = (0.0 if way.outage else 1.0 - way.loss for way in (step.uplink, step.downlink))
-        both = up * down
-        if both <= 0.0:
-            return MAX_S
-        heard *= np.cumsum(_spread_over_time(_loss_probabilities(losses, 1, down), HEARTBEAT_S))
-        answered *= np.cumsum(_spread_over_time(_loss_probabilities(losses, requests, both), RETRY_S))
-    ready = np.cumsum(np.convolve(np.diff(heard, prepend=0.0), np.diff(answered, prepend=0.0))[: losses.size])
-    return CELL_S * float(np.argmax(np.append(ready, 1.0) >= SURE))
-
-
-def _loss_probabilities(losses: Array, passed: int, each: float) -> Array:
-    """Return the probability of each number of losses before `passed` messages got through (negative binomial).
-
-    Each further loss multiplies it by (1 - each) (losses + passed - 1)/losses.
-    """
-    ratios = np.append(1.0, (1.0 - each) * (losses[1:] + passed - 1.0) / losses[1:])
-    return np.cumprod(ratios, dtype=np.float64) * each**passed
-
-
-def _spread_over_time(chance: Array, each_s: float) -> Array:
-    """Return the probability of each delay by losses, in cells of `CELL_S`; `chance` is that of 0, 1, 2 … losses."""
-    spread, step = np.zeros(round(MAX_S / CELL_S)), round(each_s / CELL_S)
-    spread[::step] = chance[: len(spread[::step])]
-    return spread
-
-
 def too_old(scenario: Scenario) -> str | None:
-    """Return whose telemetry exceeds `law.max_age_s` before the next comes, even without loss; None if no vehicle's."""
+    """Return whose telemetry exceeds `law.max_age_s` before the next comes, even without loss; None if nobody's."""
     most_s, between_s = scenario.law.max_age_s, 1.0 / scenario.telemetry.rate_hz
     ages_s = [
         (ways_s(scenario, step)[1] + between_s, step.at_s, vehicle)
@@ -305,7 +228,7 @@ def too_old(scenario: Scenario) -> str | None:
 
 
 def too_old_after_a_loss(scenario: Scenario) -> str | None:
-    """Return whose telemetry exceeds `law.max_age_s` once a message is lost; None if no vehicle's.
+    """Return whose telemetry exceeds `law.max_age_s` once a message is lost; None if nobody's.
 
     Position, attitude and airspeed are sent at different times, so the next state is known up to half a period later.
     """

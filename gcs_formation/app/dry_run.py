@@ -15,7 +15,8 @@ from formation_scenario import Scenario
 from formation_scenario.slot_assignment import columns, slot_schedule
 from formation_scenario.slot_frame import axis_rad
 from gcs_formation.station import Station
-from gcs_formation.vehicle.autopilot_family import Autopilot, Command
+from gcs_formation.vehicle.autopilot_family import Autopilot
+from gcs_formation.vehicle.startup_step import Command
 from gcs_formation.vehicle.vehicle import Vehicle
 
 PARAMETERS = ("param1", "param2", "param3", "param4")

@@ -279,7 +279,7 @@ class InjectedDelays:
         self._series_s = {vehicle: array("d") for vehicle in vehicles}
         self._ticks = 0
 
-    def begin(self, links: ImpairedEngine) -> None:
+    def attach(self, links: ImpairedEngine) -> None:
         """Read the statistics of links that are impaired from now on."""
         self._links = links
 

@@ -1,22 +1,16 @@
-"""Delays of the law's loops over a scenario's links: by delay, by losses, and by bursts that silence an uplink."""
+"""Delays of the law's loops over a scenario's links: by delay and by losses."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-from flight_model.autopilot_model import FlightState, Setpoint
-from formation_scenario import Scenario, Vehicle
+from formation_scenario import Scenario
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.mean_delays import ways_s
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.control.laws import law_kind
-from gcs_formation.fleet.heartbeats import HEARTBEAT_S, PROBE_S
-from gcs_formation.fleet.membership import SUCCESSION_S
-from gcs_formation.from_scenario import autopilot_for
 
-BURSTS_HZ = 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0
-"""Values of law.rate_hz that are tried where bursts of losses last too long."""
 NO_LOSS = 0.5
 """Mean age of the newest periodic message, in periods, without loss."""
 
@@ -90,38 +84,3 @@ def commanded_steps(scenario: Scenario) -> list[LinkStep]:
 
 def _mean_ages(step: LinkStep) -> tuple[float, float]:
     return message_age(step.uplink)[0], message_age(step.downlink)[0]
-
-
-def long_silences(scenario: Scenario) -> str | None:
-    """Return that bursts of losses silence uplinks so long that vehicles leave the formation; None if hardly ever.
-
-    The fewer datagrams are sent, the longer a burst lasts. A vehicle that receives nothing flies on by its last
-    setpoint, can't evade, and has to come back. With slots close to each other, vehicles then pass others below the
-    required separation.
-    """
-    every_s = 1.0 / _silences_hz(scenario, scenario.law.rate_hz)
-    if every_s > scenario.duration_s:
-        return None
-    enough = (each for each in BURSTS_HZ if _silences_hz(scenario, each) * scenario.duration_s < 1.0)
-    found_hz = next(enough, None)
-    slower = "" if found_hz is None else f"; law.rate_hz of {found_hz:g} or more makes that rare"
-    return (
-        f"links: losses come in bursts that silence some vehicle's uplink for over {SUCCESSION_S:g} s about every "
-        f"{every_s:.0f} s: it flies on as it was commanded last, and can't evade{slower}"
-    )
-
-
-def _silences_hz(scenario: Scenario, rate_hz: float) -> float:
-    """Return how often some uplink is silent for `SUCCESSION_S` at a rate of the law, 1/s, by Gilbert's channel."""
-    return sum((_silence_hz(scenario, each, rate_hz) for each in scenario.vehicles), start=1e-9)
-
-
-def _silence_hz(scenario: Scenario, vehicle: Vehicle, rate_hz: float) -> float:
-    setpoints = autopilot_for(vehicle, scenario).setpoint(Setpoint(0.0, 0.0, 0.0), FlightState(*[0.0] * 8))
-    sent_hz, often_hz = 1.0 / PROBE_S + 1.0 / HEARTBEAT_S + len(setpoints) * rate_hz, 0.0
-    for step in scenario.link_steps(vehicle):
-        loss, burst = step.uplink.loss, step.uplink.mean_burst or 1.0
-        if 0.0 < loss < 1.0 and not step.uplink.outage:
-            burst = max(burst, 1.0 / (1.0 - loss))
-            often_hz = max(often_hz, sent_hz * loss / burst * (1.0 - 1.0 / burst) ** (SUCCESSION_S * sent_hz))
-    return often_hz

@@ -16,7 +16,8 @@ from gcs_formation.link.link_health import LinkState
 from gcs_formation.record.expectations import FAILINGS
 from gcs_formation.record.summary import Summary
 from gcs_formation.station import Station
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 GAP = "  "
 WIDE = 10**6

@@ -6,12 +6,9 @@ import json
 import math
 import sys
 from collections.abc import Callable, Collection
-from dataclasses import replace
-from functools import partial
-from typing import Any
 
 from airlink.cli import counted
-from airlink.clock import MICROSECONDS, NANOSECONDS, Clock, Instant, Stopwatch, after, seconds_between
+from airlink.clock import MICROSECONDS, Clock, Instant, Stopwatch, after
 from airlink.endpoint import PortError, VehicleId
 from airlink.engine import Engine
 from formation_scenario import Scenario, ScenarioError
@@ -19,13 +16,11 @@ from formation_scenario.extensions import ExtensionError
 from formation_scenario.orders import Answer
 from formation_scenario.simulated import Place
 from formation_scenario.slot_assignment import column_ids
-from gcs_formation.app.link_figures import of_one_link, of_several_links, with_each_link
+from gcs_formation.app.conclusion import Conclusion, FlightTimes, InjectedWays
 from gcs_formation.app.link_injection import (
     InjectedDelays,
     InjectedFaults,
     LinkSchedule,
-    injected,
-    planned_end_s,
     wrapped,
 )
 from gcs_formation.app.link_processes import UNKNOWN
@@ -36,29 +31,16 @@ from gcs_formation.app.result_text import status_page
 from gcs_formation.app.script import Script, scripted
 from gcs_formation.app.signing import flight_signing, open_links
 from gcs_formation.app.timed_station import TimedStation
-from gcs_formation.core.feature import derived
 from gcs_formation.errors import RecordingError, RunAbortedError
 from gcs_formation.extend.in_flight import Sinks, sinks
-from gcs_formation.link.link_health import LOST_AFTER_S
-from gcs_formation.link.radio_reports import RadioReport
-from gcs_formation.link.vehicle_links import Link
 from gcs_formation.mission.gate import PreFlightOptions
 from gcs_formation.mission.past_flight import PastFlight
 from gcs_formation.phases import Phase
-from gcs_formation.record.expectations import RunOutcome
-from gcs_formation.record.figures_of_merit import if_finite, percentile
-from gcs_formation.record.flight import FlightBuilder, down_at_end, judged, tables
 from gcs_formation.record.limits_by_truth import Truth
-from gcs_formation.record.link_verdicts import LinkFigures
-from gcs_formation.record.radio import figures as radio_figures
-from gcs_formation.record.radio import with_radio
-from gcs_formation.record.run_directory import FLUSH_S, GOES_ON, RECORDING, SPOOL, TIMESERIES, RunDirectory
-from gcs_formation.record.several_links import with_several_links
-from gcs_formation.record.summary import Summary, summarise
-from gcs_formation.record.timeseries import Spool, spools, write_parquet
-from gcs_formation.record.unfinished import recorded_events
+from gcs_formation.record.run_directory import FLUSH_S, GOES_ON, RECORDING, SPOOL, RunDirectory
+from gcs_formation.record.summary import Summary
+from gcs_formation.record.timeseries import Spool
 from gcs_formation.recorder import Event
-from gcs_formation.stability import scenario_delay_margin
 
 MOST_DIGITS = 5
 LOOK_S = 1.0
@@ -186,7 +168,7 @@ class Session:
         links = wrapped(self.station, schedule)
         if self._links is None and links is not None and self.replace is not None:
             self._links = self.engine = links
-            self._injected.begin(links)
+            self._injected.attach(links)
             self.replace(links)
 
     def attend(self) -> bool:
@@ -287,12 +269,18 @@ class Session:
         if failure is not None and resumable:  # by `fly --resume`, from what is recorded
             raise RunAbortedError(failure)
         try:
-            summary = self._make_summary(truth, wall_s)
+            summary = self._conclusion().summary(truth, wall_s)
         except OSError as error:
             raise RecordingError(f"cannot write to {self.recorder.path}: {error.strerror or error}") from error
         if summary.figures["failure"] is not None:  # the flight's, or a metric's of an extension after it
             raise RunAbortedError(summary.figures["failure"] + self._hurry())
         return summary
+
+    def _conclusion(self) -> Conclusion:
+        self.scenario = self.script.as_planned()
+        times = FlightTimes(self._began_at, self._ended, self.clock.now())
+        ways = InjectedWays(self._injected, self._links, self.emulated, self._keeps_utc)
+        return Conclusion(self.station, self.recorder, self.scenario, self.options, times, ways)
 
     def _opened_sinks(self) -> Sinks | None:
         """Return the flight's recorders from outside, which receive every tick; None if it has none."""
@@ -323,7 +311,7 @@ class Session:
             return self.station.orders.consider(text.partition(CHECK)[2].strip(), now)
         if asked == LINK:
             return self._change_links(text.partition(LINK)[2], now)
-        return self.station.orders.take(text, now)
+        return self.station.orders.execute(text, now)
 
     def _change_links(self, text: str, now: Instant) -> Answer:
         """Impair links as JSON says, with the keys of `links.changes`."""
@@ -341,121 +329,11 @@ class Session:
         if self._sinks is not None:
             self._sinks.event(event)
 
-    def _make_summary(self, truth: Truth | None, wall_s: float) -> Summary:
-        spool, self.scenario = self.recorder.path / SPOOL, self.script.as_planned()
-        rows, gathering = Spool(spool), FlightBuilder(self.scenario)
-        injected_s = self._injected.series_s(rows.ticks)
-        radios = [self._radio_reports(each.vehicle_id) for each in self.scenario.vehicles]
-        events, ended_s = recorded_events(self.recorder.path)[0], self._ended / NANOSECONDS
-        blocks = with_radio(tables(rows.blocks(), self.scenario, truth, injected_s), radios)
-        links = [of_several_links(self.station.vehicles[each.vehicle_id]) for each in self.scenario.vehicles]
-        vehicles = [str(each.vehicle_id) for each in self.scenario.vehicles]
-        passing = gathering.passing(derived(with_several_links(blocks, links), events, vehicles))
-        if self.options.record in {"full", "series"}:
-            write_parquet(self.recorder.path / TIMESERIES, passing)
-        else:
-            for _ in passing:
-                pass
-        flight, course = gathering.flight(), self.station.course
-        if course.failure is None and flight.truth:
-            course.failure = down_at_end(flight)
-        summary = summarise(
-            RunOutcome(
-                scenario=self.scenario,
-                clock=self.options.clock,
-                flight=judged(flight, self.scenario, truth, events, ended_s),
-                links={identity: self._link(identity) for identity in self.station.vehicles},
-                ticks_s=self.station.times_s(),
-                delay_margin_s=if_finite(scenario_delay_margin(self.station.cycle.findings.tuned)),
-                worst_loop_delay_s=self._worst_loop_delay_s(),
-                margin_used=self.station.cycle.findings.most_used,
-                received=self.station.received(),
-                frames_refused=self.station.refused(),
-                simulated_s=seconds_between(self._began_at, self.clock.now()),
-                wall_s=wall_s,
-                cut_short=self.station.course.cut_short,
-                assembled=self.station.course.assembled,
-                undone=tuple(self.station.orders.undone),
-                unsafe=tuple(self.station.course.unsafe),
-                flying_on=dict(self.station.course.flying_on),
-                not_landed=self.station.course.not_landed,
-                failure=self.station.course.failure,
-                features=self.station.features,
-                measure=self.options.measure,
-            )
-        )
-        self.recorder.write_summary(summary.to_dict())
-        for part in spools(spool):
-            part.unlink()
-        return summary
-
-    def _due_to_s(self, identity: VehicleId) -> float:
-        """Return the mission time from which a planned fault silenced a vehicle to the end; infinity if none did.
-
-        The time spent on ending the flight doesn't count.
-        """
-        return planned_end_s(self.scenario, identity, self.station.flight.mission_time_s(self._ended))
-
     @property
     def _ended(self) -> Instant:
         return self._left_at or self.clock.now()
-
-    def _heard_to_s(self, identity: VehicleId) -> float:
-        """Return the mission time at which a vehicle that was lost by the end was last heard; infinity for others."""
-        heard = self.station.vehicles[identity].connection.last_heard
-        known = seconds_between(heard, self._ended) >= LOST_AFTER_S and self.station.flight.path_began is not None
-        return self.station.flight.mission_time_s(heard) if known else math.inf
 
     def _number(self, identity: VehicleId) -> int:
         """Return the number of a vehicle's link in use."""
         links = self.station.vehicles[identity].links
         return 1 if links is None else links.in_use.number
-
-    def _radio_reports(self, identity: VehicleId) -> list[RadioReport]:
-        return self.station.radio_reports.all_of(self.station.vehicles[identity].connection)
-
-    def _link(self, identity: VehicleId) -> LinkFigures:
-        vehicle = self.station.vehicles[identity]
-        due_to_s, began = self._due_to_s(identity), self.station.flight.path_began
-        due = after(began, due_to_s) if began is not None and math.isfinite(due_to_s) else self._ended
-        vehicle.end_silence(min(self._ended, due))
-        knows_ways = self._keeps_utc or vehicle.round_trips.own is not None
-        one_link = partial(self._one_link, identity, knows_ways=knows_ways)
-        whole = replace(
-            one_link(vehicle.each_link[0]),
-            measured_loss=self.station.cycle.findings.losses[identity].whole_loss,
-            frames_in=vehicle.frames_in,
-            frames_out=vehicle.frames_out,
-            frames_bad=self.station.bad_frames(identity),
-            frames_implausible=vehicle.telemetry.implausible,
-            frames_duplicate=sum(int(link.history.copies) for link in vehicle.each_link),
-            frames_late=sum(int(link.history.late) for link in vehicle.each_link),
-            **self._authentication(identity),
-            due_to_s=due_to_s,
-            heard_to_s=self._heard_to_s(identity),
-            radio=radio_figures(self._radio_reports(identity)),
-        )
-        return with_each_link(whole, vehicle, one_link, self.station, self._ended)
-
-    def _one_link(self, identity: VehicleId, link: Link, *, knows_ways: bool) -> LinkFigures:
-        uninjected = (0.0, 0.0, 0.0, 0.0) if self.emulated else None
-        what = injected(self._links.statistics(identity, link.number)) if self._links else uninjected
-        return of_one_link(link, self.station, what, knows_ways=knows_ways)
-
-    def _authentication(self, identity: VehicleId) -> dict[str, Any]:
-        """Return whether all frames taken as a vehicle's were signed with its link's key, and how many weren't."""
-        signatures = self.station.signatures
-        if not signatures.is_signed(identity):
-            return {"authenticated": False, "frames_unverified": signatures.unverified(identity)}
-        judged = signatures.judged(identity)
-        return {
-            "authenticated": judged.unsigned == 0,
-            "frames_unverified": judged.unsigned,
-            "refused": {verdict.name.lower(): count for verdict, count in judged.refused.items()},
-        }
-
-    def _worst_loop_delay_s(self) -> float | None:
-        """Return the longest measured loop delay, sampling and hold included; in real time with computing time."""
-        computes = self.options.clock == "real" and self.station.controlled_ticks > 0
-        compute_s = percentile(self.station.times_s()[2], 50) if computes else 0.0
-        return if_finite(self.station.cycle.findings.longest_s + compute_s)

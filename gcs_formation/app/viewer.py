@@ -99,7 +99,7 @@ class Viewing:
                      "tiles": None if tiles is None else tiles.address})  # fmt: skip
         listening.close()
 
-    def begin(self) -> None:
+    def announce(self) -> None:
         """Say that the record is open."""
         self._write({"run": str(self._directory.absolute())})
 

@@ -135,7 +135,13 @@ def init(directory: Path, example: str) -> None:
     metavar="FILE.png",
     help="Draw the path from above and its heights, with what can't be flown marked.",
 )
-def check(
+@click.option(
+    "--fly/--no-fly",
+    "ahead",
+    default=True,
+    help="Whether the start and the worst stretch are flown ahead on the virtual clock, for 2 s at most.",
+)
+def check(  # noqa: PLR0913, PLR0917 - a parameter for each option
     scenario: Path,
     overrides: tuple[str, ...],
     plugins: tuple[str, ...],
@@ -144,10 +150,12 @@ def check(
     export_vehicle: str | None,
     repaired: Path | None,
     plan: Path | None,
+    ahead: bool,
 ) -> None:
     """Validate SCENARIO; print it resolved, its communication graph and its delay margins. Starts nothing."""
     from formation_scenario import ScenarioError, load_scenario  # noqa: PLC0415 - nor margins
     from gcs_formation.app.check import check_report, check_text  # noqa: PLC0415
+    from gcs_formation.app.rehearsal.rehearsal import rehearse  # noqa: PLC0415
 
     if repaired is not None:
         _repair(scenario, overrides, plugins, as_json, repaired, plan)
@@ -157,7 +165,8 @@ def check(
     except ScenarioError as error:
         _refuse(error, as_json, plan)
     try:
-        text = json.dumps(check_report(loaded), indent=2) if as_json else check_text(loaded)
+        flown = rehearse(loaded) if ahead else None
+        text = json.dumps(check_report(loaded, flown), indent=2) if as_json else check_text(loaded, flown)
     except StationError as error:  # of an extension, whose code is asked here for what it states
         sys.exit(say(str(error), Status.COULD_NOT_GO_ON))
     click.echo(text)

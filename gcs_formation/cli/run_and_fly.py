@@ -207,7 +207,7 @@ def _done(
         options = _run_options(out or default_directory(loaded.name), given)
         if view is not None:
             viewer = viewing(view, options.out, plugins, orders=view_orders, to_stderr=as_json, tiles=tiles)
-            options = replace(options, recording=stack.enter_context(viewer).begin)
+            options = replace(options, recording=stack.enter_context(viewer).announce)
         for warning in () if quiet else never_reached(loaded, math.inf if options.until_s is None else options.until_s):
             tell(f"warning: {warning}", err=True)
         result = _flown(flown, loaded, options, interrupts, quiet=quiet)

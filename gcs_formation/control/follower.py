@@ -143,11 +143,11 @@ class Controller(ABC):
         self._right.retune(parameters.heading)
         self._height.retune(parameters.height)
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Reset: the follower isn't commanded, or follows another leader."""
-        self._forward.forget()
-        self._right.forget()
-        self._height.forget()
+        self._forward.reset()
+        self._right.reset()
+        self._height.reset()
         if self.feedback is not None:
             self.feedback.reset()
         self.setpoint = self.error_m = self.mixed = UNKNOWN
@@ -196,11 +196,11 @@ class FollowerController(Controller):
         """Rates of the target's speed and heading, m/s² and rad/s, over the tick that ends; NaN at first."""
         self._arriving, self._slow_s = False, 0.0
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Reset: the follower isn't commanded, or follows another leader."""
-        super().forget()
+        super().reset()
         if self._trailing is not None:
-            self._trailing.forget()
+            self._trailing.reset()
         self._drift_north_mps = self._drift_east_mps = math.nan
         self._correction = self._wanted = (math.nan, math.nan)
         self._arriving = False

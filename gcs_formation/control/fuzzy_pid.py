@@ -198,7 +198,7 @@ class Pid:
         self.rate = 0.0
         """Filtered rate of the error, per second."""
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Reset the integral and the filter."""
         self.integral = self.rate = 0.0
 

@@ -21,15 +21,14 @@ from gcs_formation.control.law_over_all import LawOverAll
 from gcs_formation.control.outside import Feedback
 from gcs_formation.control.setpoint import LeaderMotion, Mixer, error_rate, formation_error, lead_height
 from gcs_formation.control.situation import Law, LawOutput, Situation
-from gcs_formation.guidance.leader_guidance import LeaderCommand
+from gcs_formation.guidance.leader_commands import LeaderCommand
 
 HOVER_MPS: Final = 0.02
-"""Commanded speed below which its course is the leader's heading. Tuned: m/s; 0.01 to 0.1; by judgement."""
+"""Commanded speed below which its course is the leader's heading."""
 MIN_CORRECTION_MPS: Final = 0.5
-"""Speed correction, horizontal or vertical, that is allowed at any distance. Tuned: m/s; 0.2 to 1; by judgement."""
+"""Speed correction, horizontal or vertical, that is allowed at any distance."""
 CLIMB_ACCEL_MPS2: Final = 1.0
-"""Vertical acceleration of multirotors: ArduCopter's WPNAV_ACCEL_Z; PX4's MPC_ACC_DOWN_MAX is larger. Tuned: m/s²; 0.5
-to 3; shown by ArduCopter's default."""
+"""Vertical acceleration of multirotors: ArduCopter's WPNAV_ACCEL_Z; PX4's MPC_ACC_DOWN_MAX is larger."""
 
 
 class VelocityController(Controller):
@@ -112,7 +111,7 @@ def _feed_forward(pair: LawInput) -> Triple:
 
 
 def _share(along: float, across: float, maximum: float) -> float:
-    """Return the factor that limits a vector's length to `maximum`."""
+    """Return the factor that limits a vector's length to `most`."""
     length = math.hypot(along, across)
     return 1.0 if length <= maximum else maximum / length
 
@@ -149,7 +148,7 @@ class FormationLaw(Law):
         self._leader = leader
         self._followers = [column for column in range(len(self._controllers)) if column != leader]
         for controller in self._controllers:
-            controller.forget()
+            controller.reset()
 
     def retune(self, parameters: LawParameters) -> None:
         """Use other gains from now on; integrals are kept."""
@@ -170,7 +169,7 @@ class FormationLaw(Law):
         for i, pair in enumerate(pairs):
             controller = self._controllers[self._followers[i]]
             if pair is None:
-                controller.forget()
+                controller.reset()
             else:
                 controller.decide(pair, dt_s)
         decided = list[LawOutput]()

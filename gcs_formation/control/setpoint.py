@@ -272,7 +272,7 @@ class TrailingSlot:
         self._crab_rad = angle_rad + dt_s * rate_rps
         return angle_rad, rate_rps, CRAB_RADPS * (due_rps - rate_rps)
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Start again with a steady slot."""
         self._off_rad = self._crab_rad = math.nan
 

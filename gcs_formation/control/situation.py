@@ -14,7 +14,7 @@ from gcs_formation.control.fuzzy_pid import Gains
 from gcs_formation.control.setpoint import Replaced
 from gcs_formation.estimation.projection import States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.guidance.leader_guidance import LeaderCommand
+from gcs_formation.guidance.leader_commands import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 
 

@@ -8,7 +8,7 @@ from flight_model.autopilot_model import AutopilotModel, within
 from flight_model.slot import UNKNOWN, Triple, all_finite
 from gcs_formation.control.finite import is_finite
 from gcs_formation.estimation.projection import Measured
-from gcs_formation.guidance.leader_guidance import AHEAD_M
+from gcs_formation.guidance.path_ahead import AHEAD_M
 
 
 class StraightOn:

@@ -14,7 +14,7 @@ from airlink.endpoint import VehicleId
 from airlink.messages import Message
 from flight_model.slot import CHANNELS
 from formation_scenario import Scenario
-from gcs_formation.controller import FormationController
+from gcs_formation.controller.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.fleet.frame_loss import FrameLoss

@@ -10,17 +10,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any
+from typing import Any, TypeVar
 
 from flight_model.arrays import Array
 from formation_scenario.feature_folders import PACKAGE, feature_names
 from gcs_formation.core.cycle import Cycle, Stage
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.mission.beginning import Beginning
+from gcs_formation.mission.ending import Endings
 from gcs_formation.mission.gate import BeforeTakeOff
 from gcs_formation.mission.past_flight import PastFlight
 
 NOT_RESUMED = "found no feature that resumes a flight; allowed: fly it from its start"
+T = TypeVar("T")
 Derived = Callable[[Array], Mapping[str, Array]]
 """Returns further columns of a time series, (T, V) for V vehicles at T times, s; flags are of type bool."""
 Derives = Callable[[Sequence[Mapping[str, Any]], Sequence[str]], Derived]
@@ -45,7 +47,9 @@ class Feature:
     before_take_off: BeforeTakeOff | None = None
     """Says what is wrong with a vehicle before the first command."""
     resumes: Callable[[Cycle, PastFlight], Beginning] | None = None
-    """Makes the beginning of a flight that is resumed."""
+    """Makes the beginning of a flight that is resumed; of one feature at most."""
+    ends: Callable[[Cycle], Endings] | None = None
+    """Makes what begins the endings of a flight; of one feature at most."""
     columns: Derives | None = None
     """Derives further columns of the time series, when its file is written."""
 
@@ -59,12 +63,35 @@ def resumed_beginning(cycle: Cycle, past: PastFlight) -> Beginning:
     """Return how a past flight is resumed.
 
     Raises:
-        RunAbortedError: no feature resumes flights.
+        RunAbortedError: no feature resumes flights, or two do.
     """
-    for feature in features().values():
-        if feature.resumes is not None:
-            return feature.resumes(cycle, past)
-    raise RunAbortedError(NOT_RESUMED)
+    resumes = only_one({name: each.resumes for name, each in features().items()}, "resumes flights")
+    if resumes is None:
+        raise RunAbortedError(NOT_RESUMED)
+    return resumes(cycle, past)
+
+
+def take_endings(cycle: Cycle) -> None:
+    """Let a flight be ended by the feature that ends flights, if there is one.
+
+    Raises:
+        RunAbortedError: two features do.
+    """
+    ends = only_one({name: each.ends for name, each in features().items()}, "ends flights")
+    if ends is not None:
+        cycle.course.endings = ends(cycle)
+
+
+def only_one(brought: Mapping[str, T | None], does: str) -> T | None:
+    """Return what one feature brings, by name; None if none does.
+
+    Raises:
+        RunAbortedError: several do, none of which may silently take the others' place.
+    """
+    found = {name: each for name, each in brought.items() if each is not None}
+    if len(found) > 1:
+        raise RunAbortedError(f"found features {', '.join(found)}, each of which {does}; allowed: one of them")
+    return next(iter(found.values()), None)
 
 
 def derived(

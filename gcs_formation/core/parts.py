@@ -8,7 +8,7 @@ from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from airlink.signing.signed_links import SignedLinks, receiver_of
 from formation_scenario import Scenario
-from gcs_formation.controller import FormationController
+from gcs_formation.controller.controller import FormationController
 from gcs_formation.core.cycle import Cycle, Send
 from gcs_formation.core.feature import resumed_beginning
 from gcs_formation.fleet.dispatch import Dispatch

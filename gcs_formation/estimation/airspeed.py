@@ -85,7 +85,7 @@ class AirspeedCheck:
         self.synthetic_mps: float = math.nan
         """The newest true airspeed by velocity over ground and wind."""
 
-    def take(
+    def accepts(
         self,
         stamp_s: float,
         north_mps: float,

@@ -170,7 +170,7 @@ class VehicleFilter:
             self.place(state, self.stamp)
         self._airspeed_ratio = ratio
 
-    def begin(self, values: Values, stamp: int) -> None:
+    def initialise(self, values: Values, stamp: int) -> None:
         """Start from a single sample."""
         wind = self._first_wind_variance(values[6])
         self._begin(values, stamp, self._wind_of(values), (wind, wind))
@@ -185,11 +185,11 @@ class VehicleFilter:
         self._jacobian.linearise(self.state)
         self.level = LevelCovariance((noise[0], noise[1], noise[6], noise[7], variances[0], variances[1]))
         self.height = HeightCovariance(noise[2], noise[5])
-        self.updraught.forget()
+        self.updraught.clear()
         self._residual = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._implausible = 0
         self.stamp = stamp
-        self.drift.begin(values)
+        self.drift.initialise(values)
 
     def correct(
         self,
@@ -388,13 +388,13 @@ class StateEstimator:
         each = self.filters[column]
         return math.nan if each.state is None else seconds_between(Instant(each.stamp), now)
 
-    def forget(self, column: int) -> None:
+    def restart_filter(self, column: int) -> None:
         """Reset the filter of a vehicle that has restarted."""
         self.filters[column].state = None
-        self.filters[column].noise.begin()
+        self.filters[column].noise.initialise()
         self.filters[column].drift = PositionDrift()
 
-    def take(self, samples: list[Sample | None], models: list[AutopilotModel], commanded: list[bool]) -> None:
+    def update_states(self, samples: list[Sample | None], models: list[AutopilotModel], commanded: list[bool]) -> None:
         """Take the newest samples, None where there is none; `commanded`: who follows our setpoints; (C,) each.
 
         All states are predicted, then all corrected: the code of both steps exceeds the processor's first cache.
@@ -416,7 +416,7 @@ class StateEstimator:
         each.use_airspeed_ratio(sample.airspeed_ratio)
         state = each.state
         if state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
-            each.begin(sample.values(_min_mps(model)), stamp)
+            each.initialise(sample.values(_min_mps(model)), stamp)
             return None
         predicted = state.copy()
         self._history.carry(predicted, each.stamp, max(stamp, each.stamp), column, model)

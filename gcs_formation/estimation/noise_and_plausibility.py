@@ -78,9 +78,9 @@ class VehicleNoise:
             stated: whether the scenario declares them, so that the estimate can be compared with them.
         """
         self._declared, self._minimum, self._stated = declared, _squares(minimum), stated
-        self.begin()
+        self.initialise()
 
-    def begin(self) -> None:
+    def initialise(self) -> None:
         """Start again from what is declared."""
         self.by_quantity = _squares(self._declared)
         self.values: Values = _by_value(self.by_quantity)
@@ -170,7 +170,7 @@ class PositionDrift:
         self.variance = 0.0
         """Variance of the drift per second, m²."""
 
-    def begin(self, values: Values) -> None:
+    def initialise(self, values: Values) -> None:
         """Restart the sums from a sample; the estimated variance is kept."""
         self._values = values
         self._north_m = self._east_m = 0.0
@@ -179,7 +179,7 @@ class PositionDrift:
         """Take the next sample and the variances of its values."""
         before = self._values
         if not 0.0 < elapsed_s < DRIFT_GAP_S:
-            self.begin(values)
+            self.initialise(values)
             return
         half_s = elapsed_s / 2.0 * _arc_ratio(before[3], before[4], values[3], values[4])
         bound_m = CLIPPED_AT * math.sqrt(2.0 * noise[0] + MAX_DRIFT * elapsed_s)

@@ -101,7 +101,7 @@ class Prediction(States):
         self._acts = vec[i64]()
         """When setpoints sent now act, (C,)."""
 
-    def take(self, measured: Measured) -> Prediction:
+    def predict(self, measured: Measured) -> Prediction:
         """Take a tick's states; until the next call this is the prediction to when the tick's setpoints act."""
         stamps, acts = vec[i64]([each for each in measured.stamps]), measured.acts  # noqa: C416 - compiled, no call
         for vehicle in range(len(stamps)):
@@ -177,7 +177,7 @@ class Pairing:
         """Keep `HISTORY_S` of samples, of ticks at `rate_hz`."""
         self._samples: deque[Measured] = deque(maxlen=max(8, int(HISTORY_S * rate_hz)))
 
-    def take(self, measured: Measured) -> Measured:
+    def align(self, measured: Measured) -> Measured:
         """Return the states at the common stamp; an inactive vehicle's stays as measured."""
         self._samples.append(measured)
         stamps = measured.stamps

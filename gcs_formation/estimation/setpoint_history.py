@@ -36,9 +36,9 @@ class SentSetpoints:
         self._speeds_mps, self._headings_rad, self._heights_m = (vec[float]([0.0] * (2 * length)) for _ in range(3))
         self.first: i64 = 0
         self.end: i64 = 0
-        self.begin(LONG_AGO)
+        self.begin_tick(LONG_AGO)
 
-    def begin(self, acts: i64) -> None:
+    def begin_tick(self, acts: i64) -> None:
         """Begin a tick whose setpoint acts at `acts`; it is NaN, for flight straight on, until `note` sets it."""
         length = len(self.acts) // 2
         if self.end - self.first == length:
@@ -133,12 +133,12 @@ class SetpointHistory:
         """Whether nothing has been sent yet."""
         return not self._each
 
-    def begin(self, acts: vec[i64]) -> None:
+    def begin_tick(self, acts: vec[i64]) -> None:
         """Begin a tick whose setpoints act at `acts`, (V,)."""
         if not self._each:
             self._each = [SentSetpoints(self.length) for _ in acts]
         for vehicle in range(len(acts)):
-            self._each[vehicle].begin(acts[vehicle])
+            self._each[vehicle].begin_tick(acts[vehicle])
 
     def note(self, setpoints: list[Triple]) -> None:
         """Set the setpoints of the tick that was begun last, (V,), NaN for those that aren't known yet."""

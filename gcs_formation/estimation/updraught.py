@@ -35,7 +35,7 @@ class Updraught:
         self.sway_m2 = 0.0
         """Mean square of the height error that updraughts cause at a constant height setpoint, m²."""
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Reset the updraught with the vehicle's state, but keep `sway_m2`."""
         self._shown_mps = 0.0
 

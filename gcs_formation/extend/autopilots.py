@@ -22,8 +22,11 @@ from formation_scenario.extensions import AUTOPILOT, Registered, registered_in
 from formation_scenario.register import Decorator, decorator
 from gcs_formation.errors import NotFiniteError, RunAbortedError
 from gcs_formation.vehicle import families
-from gcs_formation.vehicle.autopilot_family import Autopilot, Command, Craft, Effect, StartUpStep
+from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.checks import Check
+from gcs_formation.vehicle.craft import Craft
+from gcs_formation.vehicle.effect import Effect
+from gcs_formation.vehicle.startup_step import Command, StartUpStep
 from gcs_formation.vehicle.telemetry import Telemetry
 
 __all__ = [

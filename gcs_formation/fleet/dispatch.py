@@ -17,7 +17,8 @@ from flight_model.slot import Triple
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import column_models
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 HOLD_MAX_S: Final = 1.0
 """Longest time for which the leader's setpoints are delayed."""
@@ -79,7 +80,7 @@ class Dispatch:
         links[leader].lag_s += hold_s
         return links, hold_s
 
-    def take(self, tick: Tick, hold_s: float, now: Instant) -> None:
+    def accept(self, tick: Tick, hold_s: float, now: Instant) -> None:
         """Take a tick's setpoints; one that isn't finite is never sent."""
         evades = any(tick.yielding)
         for vehicle in self._vehicles:

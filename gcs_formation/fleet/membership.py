@@ -16,7 +16,9 @@ from gcs_formation.fleet.membership_table import Seen, next_membership
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.command_delivery import Outcome
-from gcs_formation.vehicle.vehicle import UNANSWERED_S, Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
+from gcs_formation.vehicle.vehicle_state import UNANSWERED_S
 
 SUCCESSION_S: Final = 3.0
 """Silence of a leader, or time without its answers, after which it is replaced where another vehicle can lead. Tuned:
@@ -52,7 +54,7 @@ class Membership:
         self._parted, self._failsafes = dict[VehicleId, Instant](), dict[VehicleId, tuple[Instant, str]]()
         """When each vehicle left without a failsafe's text; time and text of each one's last failsafe."""
 
-    def judge(
+    def update(
         self,
         leader: Vehicle | None,
         estimator: StateEstimator,
@@ -107,7 +109,7 @@ class Membership:
             vehicle.left_alone(now)
         if fresh and vehicle.member is Member.FLYING and vehicle.follows_setpoints:
             return
-        vehicle.pilots_choice.watch(vehicle.telemetry, waiting=vehicle.commands.outcome is Outcome.WAITING)
+        vehicle.pilots_choice.confirm_mode(vehicle.telemetry, waiting=vehicle.commands.outcome is Outcome.WAITING)
         if vehicle.member is Member.HOLDING:
             self._commanded_to_loiter[vehicle.identity] = now
         member = self._next(vehicle, estimator, now, fresh=fresh)
@@ -164,13 +166,13 @@ class Membership:
         autopilot = vehicle.autopilot
         if vehicle.member is Member.HOLDING:
             vehicle.holds_at_m, vehicle.holds_from = self._holding_height_m(vehicle, now), now
-            vehicle.commands.begin(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now, insist=True)
+            vehicle.commands.send(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now, insist=True)
         elif vehicle.member is Member.RETURNING or (vehicle.member is Member.FLYING and revokes):
-            vehicle.commands.begin((autopilot.set_mode(autopilot.guided_mode),), now, insist=True)
+            vehicle.commands.send((autopilot.set_mode(autopilot.guided_mode),), now, insist=True)
         elif vehicle.member is Member.PARTED and vehicle.pilots_choice.mode is not None:
-            vehicle.commands.begin((autopilot.set_mode(vehicle.pilots_choice.mode),), now)
+            vehicle.commands.send((autopilot.set_mode(vehicle.pilots_choice.mode),), now)
         elif vehicle.member is not Member.STARTING:
-            vehicle.commands.begin((), now)
+            vehicle.commands.send((), now)
 
     def _order_may_come(self, vehicle: Vehicle, now: Instant) -> bool:
         """Return whether a recently sent command to loiter may still reach a vehicle."""

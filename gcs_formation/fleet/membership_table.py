@@ -33,7 +33,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from gcs_formation.vehicle.vehicle import Member
+from gcs_formation.vehicle.member import Member
 
 
 class Seen:

@@ -101,14 +101,14 @@ class Senders:
             return vehicle
         if history.is_lost_one(frame, now, elsewhere=elsewhere):
             return None
-        admitted, finding = vehicle.source_binding.judge(message, socket, datagram.peer, now)
+        admitted, finding = vehicle.source_binding.rule(message, socket, datagram.peer, now)
         tried = not admitted and self._is_tried(vehicle, datagram, now) if finding is not None else False
         if finding is not None and not tried:
             self._log_finding(vehicle, finding, datagram, now, admitted=admitted)
         if not admitted:
             return None
         follows = follows or vehicle.sequence.is_near(frame.sequence)
-        history.take(frame, now, follows=follows, awaited=vehicle.round_trips.awaits(message))
+        history.record(frame, now, follows=follows, awaited=vehicle.round_trips.awaits(message))
         return vehicle
 
     def _is_tried(self, vehicle: Vehicle, datagram: Datagram, now: Instant) -> bool:

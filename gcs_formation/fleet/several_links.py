@@ -64,7 +64,7 @@ class SeveralLinks:
         for vehicle, links in self._each:
             vehicle.see(links.in_use)
 
-    def watch(self, now: Instant) -> None:
+    def choose_link(self, now: Instant) -> None:
         """Note what has become of the links that aren't in use, and choose which one is; called once a tick."""
         for vehicle, links in self._each:
             self._judge_trials(vehicle, links, now)

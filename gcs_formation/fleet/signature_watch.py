@@ -46,7 +46,7 @@ class SignatureWatch:
         """Number of frames that were refused."""
         return 0 if self.signing is None else self.signing.frames_refused
 
-    def watch(self, now: Instant) -> None:
+    def report(self, now: Instant) -> None:
         """Report what is new; called once a second."""
         for identity, vehicle in self._vehicles.items():
             if not self.is_signed(identity):

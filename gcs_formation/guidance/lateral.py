@@ -160,10 +160,10 @@ class LateralGuidance:
         self.setpoint_rps = 0.0
         """Rate of the heading setpoint when it acts: by (7), the turn rate plus the time constant times its change."""
 
-    def forget(self) -> None:
+    def drop_state(self) -> None:
         """Reset: another vehicle leads, or the leader hovers or turns on the spot."""
         self._heading_rad = math.nan
-        self._air.forget()
+        self._air.drop_state()
 
     def go_on_from(self, commanded_rad: float, state: FlightState, model: AutopilotModel) -> None:
         """Go on from another heading setpoint than the last one: something else replaced it, and it still acts."""
@@ -199,7 +199,7 @@ class LateralGuidance:
 
     def _stand(self, point: PathPoint, state: FlightState, model: AutopilotModel) -> float:
         """Return the setpoint along the route, and begin again when the vehicle flies on."""
-        self.forget()
+        self.drop_state()
         north_mps, east_mps = state.ground_mps()
         along_mps, _ = rotated(point.course_rad, north_mps, east_mps)
         self.setpoint_rps = point.curvature_1pm * along_mps

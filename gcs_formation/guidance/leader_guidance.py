@@ -7,23 +7,20 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from mypy_extensions import mypyc_attr
-
 from airlink.clock import Instant
-from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, rotated, signed
+from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, rotated
 from flight_model.curve import PathPoint
 from flight_model.fence_geometry import LapFence
 from flight_model.legs.speeds import SpeedProfile
 from flight_model.path import FlightPath, Route
 from flight_model.path_lift_and_displacement import DisplacedPath
-from flight_model.slot import LEADS_FROM_MPS
 from flight_model.stops.turning import LEAST_S
-from gcs_formation.estimation.setpoint_history import HISTORY_S
 from gcs_formation.guidance.lateral import LateralGuidance, TurnBounds
 from gcs_formation.guidance.timed_progress import Due, TimedProgress
 from gcs_formation.guidance.tracking import (
     MIN_MPS,
     RouteHeading,
+    course_or_heading,
     height_setpoint_m,
     nearest,
     project,
@@ -54,75 +51,6 @@ RETURNS: Final = 8
 """Number of points of the path that are tried for a return, each a turn's radius farther than the one before."""
 CLIMB_SHARE: Final = 0.7
 """Share of the climb limit that the route to the start uses; followers need the rest."""
-AHEAD_M: Final = 165.0
-"""Interval of the points along the leader's way around which the ground is checked."""
-
-
-def path_ahead(route: Route, begin_m: float, ahead_m: float) -> list[tuple[float, float]]:
-    """Return points of a route's next `ahead_m`, m north and east of its point at `begin_m`.
-
-    A longer way has the same points, and more.
-    """
-    here = route.at(begin_m)
-    points = [route.at(begin_m + AHEAD_M * each) for each in range(1 + math.ceil(ahead_m / AHEAD_M))]
-    return [(point.north_m - here.north_m, point.east_m - here.east_m) for point in points]
-
-
-@mypyc_attr(acyclic=True)
-class LeaderCommand:
-    """The leader's setpoints at an instant."""
-
-    def __init__(self, speed_mps: float, heading_rad: float, height_m: float, turn_rps: float) -> None:
-        """Take speed, heading and height, and the rate of the commanded heading."""
-        self.speed_mps = speed_mps
-        self.heading_rad = heading_rad
-        self.height_m = height_m
-        self.turn_rps = turn_rps
-
-
-class LeaderCommands:
-    """The leader's setpoints of the last seconds, tick by tick."""
-
-    def __init__(self, dt_s: float) -> None:
-        """Begin with none; `dt_s` is the time between ticks."""
-        self._length = max(2, int(HISTORY_S / dt_s))
-        self._acts: list[int] = []
-        self._commands: list[LeaderCommand] = []
-
-    def forget(self) -> None:
-        """Remove all: another vehicle leads."""
-        self._acts.clear()
-        self._commands.clear()
-
-    def add(self, acts: Instant, command: LeaderCommand) -> None:
-        """Add a tick's command, and when it acts; its heading is unwrapped to continue the one before."""
-        if self._commands:
-            before_rad = self._commands[-1].heading_rad
-            command.heading_rad = before_rad + signed(command.heading_rad - before_rad)
-        self._acts.append(max(acts, self._acts[-1]) if self._acts else acts)
-        self._commands.append(command)
-        if len(self._commands) > self._length:
-            del self._acts[0], self._commands[0]
-
-    def at(self, instant: int) -> LeaderCommand:
-        """Return the leader's mean command over the tick that begins at an instant, in ns.
-
-        Setpoints are held from tick to tick, so these means are linear between them. Before the oldest command the
-        oldest is returned, after the newest the newest.
-        """
-        index = len(self._acts) - 1
-        while index > 0 and self._acts[index] > instant:
-            index -= 1
-        if index == len(self._acts) - 1 or self._acts[index] > instant:
-            return self._commands[index]
-        share = (instant - self._acts[index]) / (self._acts[index + 1] - self._acts[index])
-        now, then = self._commands[index], self._commands[index + 1]
-        return LeaderCommand(
-            now.speed_mps + share * (then.speed_mps - now.speed_mps),
-            now.heading_rad + share * (then.heading_rad - now.heading_rad),
-            now.height_m + share * (then.height_m - now.height_m),
-            now.turn_rps + share * (then.turn_rps - now.turn_rps),
-        )
 
 
 @dataclass
@@ -279,7 +207,7 @@ class LeaderGuidance:
     def take_over(self, route: Route | None, distance_m: float) -> None:
         """Guide another vehicle from now on, along `route` from `distance_m`; without one, to the path's start."""
         self.route, self.distance_m = route, distance_m
-        self._lateral.forget()
+        self._lateral.drop_state()
         if self.timed is not None:
             self.timed.take_over()
 
@@ -337,7 +265,7 @@ class LeaderGuidance:
         """Choose a way back to the path from abreast of `abreast_m`, with turns that followers can fly."""
         point = self.path.at(abreast_m)
         right_m, _ = point.aside_m(state.north_m, state.east_m, state.height_m)
-        course = _course(state)
+        course = course_or_heading(state)
         off_rad = math.remainder(course - point.course_rad, math.tau)
         if abs(right_m) < ON_PATH_M and abs(off_rad) < ON_PATH_RAD:
             self.route, self.distance_m = self.path, abreast_m
@@ -364,7 +292,7 @@ class LeaderGuidance:
 
     def _join(self, state: FlightState) -> None:
         """Take the route to the start of the run-in."""
-        begin = PathPoint(state.north_m, state.east_m, state.height_m, _course(state))
+        begin = PathPoint(state.north_m, state.east_m, state.height_m, course_or_heading(state))
         way = self.lap if self.rounds else self.first_way
         self.route, self.distance_m = way(begin, state.wind_north_mps, state.wind_east_mps), 0.0
 
@@ -418,11 +346,3 @@ class LeaderGuidance:
         settle_m = self.settle_s * self.speed_mps
         longest_m = max(self.run_in_m, settle_m * min(max(self.rounds, 1), MAX_SETTLES))
         return [longest_m, *(times * settle_m for times in SHORTER_SETTLES if times * settle_m < longest_m)]
-
-
-def _course(state: FlightState) -> float:
-    """Return the course over ground, or the heading of a vehicle that hovers, whose velocity is noise."""
-    north_mps, east_mps = state.ground_mps()
-    if math.hypot(north_mps, east_mps) < LEADS_FROM_MPS:
-        return state.heading_rad
-    return math.atan2(east_mps, north_mps)

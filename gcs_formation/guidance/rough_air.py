@@ -38,7 +38,7 @@ class RoughAir:
         self.changes_mps = 0.0
         """Mean size of the fast changes."""
 
-    def forget(self) -> None:
+    def drop_state(self) -> None:
         """Begin with the next wind: another vehicle observes it."""
         self._north_mps = self._east_mps = math.nan
 

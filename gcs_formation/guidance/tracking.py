@@ -14,14 +14,12 @@ from flight_model.path_lift_and_displacement import Rise
 from flight_model.slot import LEADS_FROM_MPS
 
 MIN_MPS: Final = 1.0
-"""Lower bound of a speed along a route that is divided by: a vehicle that can hover may have none."""
+"""Lower bound of a speed along a route that is divided by: a vehicle that can hover may stand."""
 NEWTON_STEPS: Final = 3
 NEAR_ENOUGH_M: Final = 1e-9
 NEAREST_STEP_M: Final = 10.0
-"""Step of the search for the nearest point of a route. Tuned: m; 5 to 20; by judgement."""
 INTERCEPT_MAX_RAD: Final = math.radians(30.0)
-"""Largest angle to the path at which a way onto it continues a vehicle's own course. Tuned: rad; 0.3 to 0.8; by
-judgement."""
+"""Largest angle to the path at which a way onto it continues a vehicle's own course."""
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -124,3 +122,11 @@ class Abreast(NamedTuple):
         off_rad = math.remainder(math.atan2(east_mps, north_mps) - self.point.course_rad, math.tau)
         along = 1.0 - self.point.curvature_1pm * self.right_m
         return along * math.tan(within(off_rad, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD))
+
+
+def course_or_heading(state: FlightState) -> float:
+    """Return the course over ground, or the heading of a vehicle that hovers, whose velocity is noise."""
+    north_mps, east_mps = state.ground_mps()
+    if math.hypot(north_mps, east_mps) < LEADS_FROM_MPS:
+        return state.heading_rad
+    return math.atan2(east_mps, north_mps)

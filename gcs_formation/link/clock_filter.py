@@ -48,7 +48,7 @@ class ClockFilter:
         """Return the offset at an instant, s."""
         return self.offset_s + self.drift * (at - self.reference) / NANOSECONDS
 
-    def begin(self, at: Instant, sample_s: float, variance: float) -> None:
+    def initialise(self, at: Instant, sample_s: float, variance: float) -> None:
         """Restart with a clock's first sample, whose variance is in s²."""
         self.drift, self._p11 = 0.0, squared(self._prior_drift)
         self.step(at, sample_s, variance)

@@ -280,8 +280,8 @@ class ClockSync:
 
     def _begin(self, at: Instant, sample_s: float, variance: float) -> None:
         """Begin with the first sample of a clock."""
-        self._crystal.begin(at, sample_s, variance)
-        self._any_drift.begin(at, sample_s, variance)
+        self._crystal.initialise(at, sample_s, variance)
+        self._any_drift.initialise(at, sample_s, variance)
         self._log_ratio, self._used, self.asymmetry_s = 0.0, self._crystal, 0.0
         self._base_s = self._farthest_s = sample_s
         self._farthest_at = at
@@ -319,7 +319,7 @@ class ClockSync:
         down_s = (received + base_ns - vehicle_time_ns) / NANOSECONDS
         edges, crystal = self._edges, self._crystal
         wide_s2 = max(squared(WIDE_S), self._variance.wait_s2)  # a wait of as much blurs the edges
-        due = edges.take(sent / NANOSECONDS, up_s, down_s) and self._variance.jitter_s2 > wide_s2
+        due = edges.add(sent / NANOSECONDS, up_s, down_s) and self._variance.jitter_s2 > wide_s2
         if not due or not edges.find(crystal.drift):
             return
         offset_s = self._base_s + edges.offset_s + edges.drift * (crystal.reference - sent) / NANOSECONDS

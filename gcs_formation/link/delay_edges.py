@@ -105,7 +105,7 @@ class DelayEdges:
         """Forget all: the link, or the clock, is another."""
         self._count = self._new = 0
 
-    def take(self, at_s: float, up_s: float, down_s: float) -> bool:
+    def add(self, at_s: float, up_s: float, down_s: float) -> bool:
         """Take when a request was sent, the vehicle's clock minus that, and the arrival minus the vehicle's clock.
 
         Return whether it is time to find the edges again.

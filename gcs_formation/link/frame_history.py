@@ -142,7 +142,7 @@ class FrameHistory:
             return math.isnan(stamp_s) or self._is_old(frame, stamp_s) or not self._is_of_now(stamp_s, now)
         return self._is_old(frame, stamp_s) and not self._is_of_now(stamp_s, now)
 
-    def take(self, frame: Frame, now: Instant, *, follows: bool, awaited: bool) -> None:
+    def record(self, frame: Frame, now: Instant, *, follows: bool, awaited: bool) -> None:
         """Take a frame of the vehicle that isn't a copy, and judge whether it is news.
 
         `awaited`: it is the answer to a request, which no other frame can be.

@@ -119,7 +119,7 @@ class GnssClock:
         sample_s = (vehicle_time_ns - middle) / NANOSECONDS - wait_s / 2
         self.samples += 1
         if self.samples == 1:
-            self._filter.begin(middle, sample_s, variance)
+            self._filter.initialise(middle, sample_s, variance)
             self._spans.append((trip_s, 0.0))
             return
         self._filter.advance(middle)

@@ -347,7 +347,7 @@ class JitterMeter:
         self._sent_s, self._arrived = math.nan, Instant(0)
         """Stamp and arrival of the last sample; NaN before the first."""
 
-    def forget(self) -> None:
+    def drop_sample(self) -> None:
         """Start without a sample again: the clock of the stamps is another."""
         self.jitter_s, self._sent_s = math.nan, math.nan
 

@@ -63,7 +63,7 @@ class RadioReports:
         self._newest = dict[tuple[int, Address], RadioReport]()
         self._kept = dict[tuple[int, Address], list[RadioReport]]()
 
-    def take(self, frame: Frame, datagram: Datagram, now: Instant) -> bool:
+    def receive(self, frame: Frame, datagram: Datagram, now: Instant) -> bool:
         """Take a frame that is no vehicle's; return whether it was a report of one of our radios."""
         said = frame.message
         if not isinstance(said, RadioStatus) or frame.component == AUTOPILOT:

@@ -157,7 +157,7 @@ class RoundTrips:
         if restarted:
             own.reset()
         usual_s = max(0.0, clock.one_way_s + clock.asymmetry_s), max(0.0, clock.one_way_s - clock.asymmetry_s)
-        up_s, down_s = own.take(sent, vehicle_ns, now, self.loop_s, usual_s)
+        up_s, down_s = own.estimate(sent, vehicle_ns, now, self.loop_s, usual_s)
         clock.one_way_s, clock.asymmetry_s = (up_s + down_s) / 2, (up_s - down_s) / 2
 
     @property

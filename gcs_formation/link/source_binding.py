@@ -94,7 +94,7 @@ class SourceBinding:
         self._age_s = math.nan
         """Age of the last judged stamp by the vehicle's clock."""
 
-    def judge(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
+    def rule(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
         """Decide on a frame, and bind the vehicle to the frame's address if the evidence supports it."""
         connection, evidence = self._connection, NOTHING
         if message is not None:

@@ -52,7 +52,7 @@ class MeasuredLink:
         self.sequence.asked += 1
         return Timesync(0, now)
 
-    def take(self, frame: Frame, now: Instant) -> None:
+    def receive(self, frame: Frame, now: Instant) -> None:
         """Take a frame of its autopilot."""
         lost = self.sequence.lost
         self.sequence.observe(frame.sequence, now, self.last_heard)

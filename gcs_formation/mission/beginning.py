@@ -14,7 +14,8 @@ from airlink.endpoint import VehicleId
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from formation_scenario import Scenario
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -42,7 +43,7 @@ class Beginning:
         """Return what to ask vehicles now."""
         return []
 
-    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
 
     def may_begin(self, now: Instant) -> bool:  # noqa: ARG002 - as soon as they follow, by default

@@ -10,7 +10,7 @@ from flight_model.path import Route
 from formation_scenario import Scenario
 from formation_scenario.orders import End
 from formation_scenario.slot_assignment import column_names
-from gcs_formation.controller import FormationController
+from gcs_formation.controller.controller import FormationController
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.membership import Membership
@@ -215,7 +215,7 @@ class Course:
         if self.flight.phase is Phase.LOITERING:
             self._wait_for_loiter(self._ending, now)
         else:
-            self._ending.judge(now)
+            self._ending.command_by_state(now)
 
     def _wait_for_loiter(self, ending: Ending, now: Instant) -> None:
         """Continue until vehicles may be left alone; end the run when all are."""
@@ -243,7 +243,7 @@ class Course:
         """Begin the ending; the formation is commanded meanwhile unless it loiters already."""
         commanded = self.flight.phase is Phase.ENDING
         loiter_s = self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0
-        self._ending = ending = self.endings.begin(manner, self._ending, loiter_s, now, commanded=commanded)
+        self._ending = ending = self.endings.start(manner, self._ending, loiter_s, now, commanded=commanded)
         self.opening = ending if commanded else None
         if commanded:
             self.membership.end(ending.circles_m)

@@ -74,7 +74,7 @@ class Examination(ABC):
         """Return what to ask a vehicle now; judge it once it has answered: `Gate.record`."""
 
     @abstractmethod
-    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
 
     @property
@@ -172,7 +172,7 @@ class Gate:
         """Let vehicles be examined before the first command."""
         self._examinations.append(examination)
 
-    def watch(self) -> None:
+    def open_if_ready(self) -> None:
         """Allow commands, for good, once all vehicles are connected, ready and checked, and the operator confirms."""
         self.passed = self.passed or (
             self._confirmed and self._checked and self._ready and (self._may_take or not self.flown_by_others)
@@ -262,10 +262,10 @@ class Gate:
             return []
         return [f"vehicle {each.identity} {_flies(mode)}{TAKE}" for each, mode in self.flown_by_others]
 
-    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
         for each in self._examinations:
-            each.take(vehicle, message, now)
+            each.receive_parameter(vehicle, message, now)
 
     def _look_at(self, vehicle: Vehicle, now: Instant) -> None:
         """Record what is found of a vehicle once it is ready and so knows its home."""

@@ -9,26 +9,23 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Mask
-from flight_model.autopilot_model import FlightState
 from flight_model.path import Route
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.expectation import GAP_S, LATE_PERIODS
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
-from formation_scenario.formation_changes import ahead, plan_change, plan_gathering, take_over
+from formation_scenario.formation_changes import ahead, plan_change, plan_gathering
 from formation_scenario.orders import not_standing, why_not_set_out
 from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned, column_names
 from formation_scenario.slot_motion import SlotMotion, Transition
 from formation_scenario.transition_plan import NotFlyableError
-from gcs_formation.controller import FormationController
-from gcs_formation.guidance.tracking import Abreast
-from gcs_formation.guidance.turn_on_spot import TurnOnSpot
+from gcs_formation.controller.controller import FormationController
+from gcs_formation.mission.leading import Leading, Takeover
 from gcs_formation.mission.past_flight import PastFlight
+from gcs_formation.mission.presence import Presence
 from gcs_formation.recorder import Note
-from gcs_formation.vehicle.vehicle import Member, Vehicle
-from gcs_formation.vehicle.velocity_setpoint import ground_motion
+from gcs_formation.vehicle.vehicle import Vehicle
 
 TRY_AGAIN_S: Final = 1.0
 """Interval between attempts at a change that can't be flown from the formation's present position."""
@@ -38,8 +35,6 @@ AMID: Final = 2.0
 """Vehicles within this multiple of the farthest slot's distance from the leader count as amid the formation."""
 GATHERED_M: Final = 300.0
 """Vehicles this near the leader count as having taken off with it; the law leads others to their slots."""
-Takeover = tuple[Route | None, float, float]
-"""How a column can lead from where it is: see `Reconfiguration._take_over`."""
 
 
 class Reconfiguration:
@@ -50,7 +45,6 @@ class Reconfiguration:
     ) -> None:
         """Change the formation that `controller` flies."""
         self._scenario = scenario
-        self._ground = scenario.ground
         self._controller = controller
         self._by_column = {vehicle.column: vehicle for vehicle in vehicles.values()}
         self._names = column_names(scenario)
@@ -66,9 +60,8 @@ class Reconfiguration:
         """By how much late ticks delayed the beginning of what was planned last, s."""
         self._gathers_late_at: Instant | None = None
         """When to report that vehicles still can't gather; None while they aren't about to."""
-        self._planned_for = [False] * len(self._names)
-        """Whether the present transition was planned with each vehicle, (C,)."""
-        self._planned_for[controller.plan.leader] = True
+        self._presence = Presence(self._by_column, controller.plan, len(self._names))
+        self._leading = Leading(controller, self._by_column, scenario)
 
     @property
     def leader(self) -> Vehicle | None:
@@ -122,16 +115,14 @@ class Reconfiguration:
             self._scenario = self._scenario.at_speed(resumed.speed_mps)
         centroid_m = None if resumed.path_began is None else resumed.reach_m
         guidance.resume(resumed.speed_mps, resumed.at, resumed.heading_rad, centroid_m)
-        self._planned_for = [False] * len(self._names)
-        self._planned_for[resumed.arrangement.leader] = True
+        self._presence.plan_behind(resumed.arrangement.leader)
 
     def lead(self, vehicle: VehicleId, now: Instant) -> None:
         """Make a vehicle the leader from the beginning."""
         leader = next(column for column, each in self._by_column.items() if each.identity == vehicle)
         if leader != self._controller.plan.leader:
             self._controller.hand_over(leader, 0.0)
-            self._planned_for = [False] * len(self._names)
-            self._planned_for[leader] = True
+            self._presence.plan_behind(leader)
             self._note(now, "leader", "leads the formation", self._by_column[leader])
 
     def advance(self, now: Instant, mission_time_s: float) -> None:
@@ -144,7 +135,7 @@ class Reconfiguration:
         if plan.scheduled and mission_time_s >= plan.scheduled[0].at_s:
             self.note_late(mission_time_s - plan.scheduled[0].at_s)
             self._want((self._wanted or plan.arrangement).changed(plan.scheduled.popleft(), self._scenario), now)
-        if self._wanted is None and self._somebody_returned():
+        if self._wanted is None and self._presence.somebody_returned():
             if math.isnan(mission_time_s):
                 self._gather(now)
                 return
@@ -169,8 +160,8 @@ class Reconfiguration:
         if route is None or now < self._next_try:
             return
         self._next_try = after(now, TRY_AGAIN_S)
-        present, places_m = self._present(), controller.places_m(now) - plan.offset_m
-        returned, near = self._returned(), np.hypot(places_m[:, 0], places_m[:, 1]) <= GATHERED_M
+        present, places_m = self._presence.present(), controller.places_m(now) - plan.offset_m
+        returned, near = self._presence.returned(), np.hypot(places_m[:, 0], places_m[:, 1]) <= GATHERED_M
         plan.fly_alongside(returned & near & ~plan.alongside, places_m)
         start = plan.at(now / NANOSECONDS, begun=True).standing(returned & ~near, plan.goal_m)
         course = ahead(route, guidance.speed_mps, guidance.distance_m)
@@ -182,7 +173,7 @@ class Reconfiguration:
         self._gathers_late_at = None
         if way is not None or plan.alongside.any():
             plan.adopt(plan.arrangement, way or Transition.standing(plan.goal_m))
-        self._planned_for = present.tolist()
+        self._presence.planned_for = present.tolist()
         if way is not None:
             text = "joins up clear of the others' trajectories"
             self._note(now, "gathering", text, None, {"duration_s": way.duration_s})
@@ -203,7 +194,7 @@ class Reconfiguration:
         """
         plan = self._controller.plan
         changes, passes_on = wanted != plan.arrangement, wanted.leader != plan.leader
-        present = self._present().tolist()
+        present = self._presence.present().tolist()
         way, taken = self._planned(wanted, now)
         if passes_on:
             self._hand_over(wanted.leader, *taken, now)
@@ -212,7 +203,7 @@ class Reconfiguration:
         elif plan.at_rest(now / NANOSECONDS):
             self._changing = ""
         plan.adopt(wanted, way)
-        self._wanted, self._planned_for = None, present
+        self._wanted, self._presence.planned_for = None, present
         self._note(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
 
     def _planned(self, wanted: Arrangement, now: Instant) -> tuple[Transition, Takeover]:
@@ -221,7 +212,7 @@ class Reconfiguration:
         Raises:
             NotFlyableError: it can't be flown from here.
         """
-        controller, present = self._controller, self._present()
+        controller, present = self._controller, self._presence.present()
         passes_on = wanted.leader != controller.plan.leader
         route, distance_m, swing_rad = controller.guidance.route, controller.guidance.distance_m, 0.0
         if passes_on:
@@ -285,7 +276,7 @@ class Reconfiguration:
         """Return why another speed can't be flown from here, None if it can."""
         turn, refusal = self._controller.guidance.turn, None
         if turn is not None and speed_mps > 0.0:
-            refusal = why_not_set_out(turn.goal_rad, math.radians(self._path_deg()))
+            refusal = why_not_set_out(turn.goal_rad, math.radians(self._leading.path_deg()))
         if refusal is None:
             wanted = self._wanted or self._controller.plan.arrangement
             refusal = self._unflyable(self._scenario.at_speed(speed_mps), wanted, now)
@@ -296,7 +287,7 @@ class Reconfiguration:
         controller, refusal = self._controller, self.why_not_heading()
         if refusal is None and controller.last_tick is not None:
             leader = controller.last_tick.state[controller.plan.leader]
-            self._turn_on_spot(heading_rad, controller.guidance.facing_rad(leader), now)
+            self._leading.turn_on_spot(heading_rad, controller.guidance.facing_rad(leader), now)
         return refusal
 
     def why_not_heading(self) -> str | None:
@@ -310,18 +301,6 @@ class Reconfiguration:
             return "found a stop of its path, which it leaves by itself; allowed: after the order speed 0"
         return None
 
-    def _turn_on_spot(self, heading_rad: float, from_rad: float, now: Instant) -> None:
-        controller, models = self._controller, self._controller.models
-        reach_m = controller.plan.at(now / NANOSECONDS, begun=True).reach_m
-        reach_m = reach_m if self._scenario.formation.slots_turn else 0.0
-        limits = min(each.speed_max_mps for each in models), min(each.accel_max_mps2 for each in models)
-        controller.guidance.turn = TurnOnSpot.to(heading_rad, from_rad, now, reach_m, *limits)
-
-    def _path_deg(self) -> float:
-        guidance = self._controller.guidance
-        course_rad = 0.0 if guidance.route is None else guidance.route.at(guidance.distance_m).course_rad
-        return math.degrees(course_rad) % 360.0
-
     def replace_leader(self, leader: int, now: Instant) -> None:
         """Make another column the leader at once; the others move to their slots behind it as soon as possible."""
         self._changing = ""  # a change behind the lost leader is void; the move behind another isn't planned
@@ -332,7 +311,7 @@ class Reconfiguration:
         """Return why an arrangement can't be flown from here, in the words of `check`; None if it can."""
         guidance = self._controller.guidance
         slots = self._controller.plan.seen_from(wanted.leader, 0.0, now / NANOSECONDS)
-        step = SlotStep(0.0, wanted, assigned(scenario, wanted, slots.position_m, self._present()))
+        step = SlotStep(0.0, wanted, assigned(scenario, wanted, slots.position_m, self._presence.present()))
         leader = self._controller.estimator.filters[self._controller.plan.leader].state
         if leader is not None:
             scenario = scenario.in_wind(leader.wind_north_mps, leader.wind_east_mps)
@@ -347,55 +326,15 @@ class Reconfiguration:
         controller = self._controller
         controller.guidance.take_over(route, distance_m)
         controller.hand_over(leader, swing_rad)
-        self._lead_standing(leader, now)
+        self._leading.lead_standing(leader, now)
         if self._wanted is not None:
             self._wanted = self._wanted._replace(leader=leader)
         self._note(now, "leader", "leads the formation", self._by_column[leader])
 
-    def _lead_standing(self, leader: int, now: Instant) -> None:
-        """Take the slots' axis from a new multirotor leader's yaw; in hover, turn it to the formation's heading."""
-        guidance, known = self._controller.guidance, self._controller.estimator.filters[leader]
-        if not self._scenario.hovers or known.state is None:
-            return
-        seen = known.state.copy()
-        seen.airspeed_mps, seen.heading_rad = self._as_leader(leader, seen)
-        known.place(seen, known.stamp)
-        if guidance.speed_mps == 0.0:
-            facing_rad = math.radians(self._path_deg()) if guidance.turn is None else guidance.turn.goal_rad
-            self._turn_on_spot(facing_rad, seen.heading_rad, now)
-
-    def _as_leader(self, column: int, state: FlightState) -> tuple[float, float]:
-        """Return the speed and heading that a vehicle in `state` has as a leader."""
-        vehicle = self._by_column[column]
-        attitude = vehicle.telemetry.attitude
-        if not self._scenario.hovers or attitude is None:
-            return state.airspeed_mps, state.heading_rad
-        return ground_motion(attitude.yaw_rad, *state.ground_mps(), leads=True)
-
     def _take_over(self, leader: int, now: Instant) -> Takeover:
-        """Return how a column can lead from where it is: by a route onto the path, from a distance along that, m.
-
-        The route is None before the path has begun. Third: the column's heading relative to the present leader's, rad,
-        by which the slots swing.
-        """
-        controller, guidance = self._controller, self._controller.guidance
-        tick = controller.last_tick
-        if tick is None:
-            return None, 0.0, 0.0
-        place, before = tick.state[leader], tick.state[controller.plan.leader]
-        swing_rad = math.remainder(self._as_leader(leader, place)[1] - before.heading_rad, math.tau)
-        swing_rad = swing_rad if self._scenario.formation.slots_turn else 0.0
-        if not guidance.started:
-            return None, 0.0, swing_rad
-        slots = controller.plan.seen_from(leader, swing_rad, now / NANOSECONDS)
-        distance_m, point = guidance.abreast(place.north_m, place.east_m)
-        right_m, up_m = point.aside_m(place.north_m, place.east_m, place.height_m)
-        abreast, commanded_m = Abreast(point, right_m, up_m), tick.setpoints[leader][2]
-        above = abreast.rise(place, commanded_m, controller.models[leader], guidance.speed_mps)
-        lateral = 0.0 if guidance.pauses else abreast.lateral_slope(place)  # at a stop it comes to rest first
-        scenario, path, reach_m = self._scenario if guidance.pauses else self._flown, guidance.path, slots.reach_m
-        way = take_over(scenario, path, distance_m, right_m, above, reach_m, self._ground, right_slope=lateral)
-        return way, distance_m, swing_rad
+        """Return how a column can lead from where it is."""
+        flown = self._scenario if self._controller.guidance.pauses else self._flown
+        return self._leading.take_over(leader, flown, now)
 
     def _slots(self, now: Instant) -> SlotMotion:
         """Return the present slots; a vehicle that returns within the formation has its slot where it is.
@@ -405,28 +344,7 @@ class Reconfiguration:
         """
         slots, places_m = self._controller.plan.at(now / NANOSECONDS, begun=True), self._controller.places_m(now)
         central = np.hypot(places_m[:, 0], places_m[:, 1]) <= AMID * slots.reach_m
-        return slots.standing(self._returned() & central, places_m)
-
-    def _somebody_returned(self) -> bool:
-        """Return whether a vehicle is present that wasn't when the transition was planned."""
-        for column, planned in enumerate(self._planned_for):
-            if not planned:
-                vehicle = self._by_column.get(column)
-                if vehicle is not None and (vehicle.member is Member.FLYING or vehicle is self.leader):
-                    return True
-        return False
-
-    def _returned(self) -> Mask:
-        """Return which vehicles are present, but weren't when the transition was planned, (C,)."""
-        returned: Mask = self._present() & ~np.array(self._planned_for)
-        return returned
-
-    def _present(self) -> Mask:
-        """Return which vehicles are present, (C,): the leader, and those that fly in the formation."""
-        there = np.zeros(len(self._names), dtype=np.bool_)
-        there[self._controller.plan.leader] = True
-        there[[column for column, vehicle in self._by_column.items() if vehicle.member is Member.FLYING]] = True
-        return there
+        return slots.standing(self._presence.returned() & central, places_m)
 
     def _in_words(self, wanted: Arrangement) -> str:
         return f"{wanted.shape}, {wanted.spacing_m:g} m, behind {self._names[wanted.leader]}"

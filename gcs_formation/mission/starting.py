@@ -11,8 +11,8 @@ from gcs_formation.mission.beginning import Beginning
 from gcs_formation.mission.gate import Gate
 from gcs_formation.phases import OVER, Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
-from gcs_formation.vehicle.autopilot_family import StartUpStep
 from gcs_formation.vehicle.command_delivery import Outcome
+from gcs_formation.vehicle.startup_step import StartUpStep
 from gcs_formation.vehicle.vehicle import Vehicle
 
 TOGETHER_S = 600.0
@@ -102,7 +102,7 @@ class Starting:
         if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
             vehicle.leave_to_pilot(now)
             self._note(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
-        vehicle.start_up.watch(vehicle.telemetry, now)
+        vehicle.start_up.note_progress(vehicle.telemetry, now)
         reason = vehicle.start_up.failure(vehicle.commands, now, self._gate.boot_timeout_s)
         if reason:
             answered = f"{_result(vehicle)}{_lacks(vehicle, now)}{vehicle.telemetry.last_words}"

@@ -15,6 +15,7 @@ from airlink.endpoint import VehicleId
 from airlink.host_system import lock
 from formation_scenario import Scenario, dump_scenario
 from formation_scenario.extensions import RECORD as EXTENSIONS
+from formation_scenario.used_extensions import used_extensions
 from gcs_formation.errors import RecordError
 from gcs_formation.phases import NONE_COMMANDED
 from gcs_formation.record.json_shape import INTEGER, NUMBER, TEXT, Maybe, Shape
@@ -252,8 +253,8 @@ def figures(path: Path) -> list[Path]:
 def _write_scenario(path: Path, scenario: Scenario) -> None:
     """Write run.yaml, and which extensions it uses, if it uses any."""
     (path / SCENARIO).write_text(dump_scenario(scenario), encoding="utf-8")
-    if scenario.used_extensions:
-        found = json.dumps([each.to_dict() for each in scenario.used_extensions], indent=2)
+    if used_extensions(scenario):
+        found = json.dumps([each.to_dict() for each in used_extensions(scenario)], indent=2)
         (path / EXTENSIONS).write_text(found + "\n", encoding="utf-8")
 
 

@@ -13,6 +13,7 @@ from airlink.endpoint import VehicleId
 from airlink.frame import ParserCounts
 from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
+from formation_scenario.used_extensions import used_extensions
 from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record import path_distance
 from gcs_formation.record.expectations import RunOutcome, judge
@@ -102,8 +103,8 @@ def summarise(outcome: RunOutcome) -> Summary:
     failed = (verdict.reason for verdict in (*verdicts, *measured) if verdict.failed)
     parts["failure"] = outcome.failure or next(failed, None)
     parts["expect"] = [verdict.to_dict() for verdict in verdicts]
-    if scenario.used_extensions:
-        parts["extensions"] = [each.to_dict() for each in scenario.used_extensions]
+    if used_extensions(scenario):
+        parts["extensions"] = [each.to_dict() for each in used_extensions(scenario)]
     unsafe = (f"safety broken: {text}" for text in parts["unsafe"])
     return Summary(parts, verdicts, (*safe.breaches, *unsafe, *parts["undone"]), measured=measured)
 

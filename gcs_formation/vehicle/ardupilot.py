@@ -12,8 +12,9 @@ from mypy_extensions import mypyc_attr
 
 from airlink import mavlink as m
 from airlink.messages import EKF_READY
-from gcs_formation.vehicle.autopilot_family import Autopilot, StartUpStep
+from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.checks import Check
+from gcs_formation.vehicle.startup_step import StartUpStep
 from gcs_formation.vehicle.telemetry import Telemetry
 
 HEARTBEATS_S: Final = 3.0

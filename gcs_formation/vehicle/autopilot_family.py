@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, Final, NamedTuple
+from collections.abc import Mapping
+from typing import Any, Final
 
 from mypy_extensions import mypyc_attr
 
@@ -25,152 +23,34 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.checks import Check
+from gcs_formation.vehicle.craft import Craft
+from gcs_formation.vehicle.effect import Effect, armed_shown, mode_shown
+from gcs_formation.vehicle.family_traits import FamilyTraits
 from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
 from gcs_formation.vehicle.own_fence import OwnFence
+from gcs_formation.vehicle.startup_step import ASKED_S, READY_S, Command, StartUpStep
 from gcs_formation.vehicle.stored_mission import LandingSequence
 from gcs_formation.vehicle.telemetry import Telemetry
 
-NO_MODE: Final = -1
-"""A mode that no heartbeat shows; differs from None, which is the mode before the first heartbeat."""
 STATION: Final = StationId().ids
 """The ground station's ids by default."""
 SLOW_RATE_HZ: Final = 2.0
 UTC_RATE_HZ: Final = 1.0
 NEVER_US: Final = -1
-AS_USUAL: Final = -1.0
-"""A speed that isn't changed."""
-READY_S: Final = 90.0
-"""Longest wait for a vehicle that gets ready to be armed without progress."""
-ASKED_S: Final = 30.0
-"""Longest wait for the answer to a request, 43 attempts. With a loss of half of all datagrams each way, some request
-fails in four starts of a million."""
 FAILSAFE_IS_OVER: Final = ("off", "cleared", "regained")
 """Words in texts which report that a failsafe has ended."""
-Command = CommandLong | CommandInt
 KnownSetpoints = list[CommandInt | None]
 """The airspeed, heading and height commands that a vehicle holds; None where one is to be sent."""
 
 
-class Effect(NamedTuple):
-    """What heartbeats show after a command has been carried out."""
-
-    description: str
-    shown: Callable[[Telemetry], int | None]
-    """Reads what the command changes from telemetry: the mode, or whether the vehicle is armed."""
-    expected: int
-
-
-class Craft(NamedTuple):
-    """A vehicle whose autopilot is to be commanded."""
-
-    system: int
-    """Its MAVLink system id."""
-    origin: GeodeticOrigin
-    """Origin of positions and heights."""
-    model: VehicleModel
-    airspeed_scale: AirspeedScale | None
-    """Converts between true airspeeds and its sensor's readings; None: it reports and takes true ones, or none."""
-    tick_s: float
-    """Time between control ticks."""
-
-
-def nothing(_: Telemetry) -> tuple[Command, ...]:
-    """Return no commands."""
-    return ()
-
-
-@dataclass(frozen=True)
-class StartUpStep:
-    """A step of preparing a vehicle: commands, repeated until `done` holds, within `timeout_s`."""
-
-    name: str
-    done: Callable[[Telemetry], bool]
-    commands: Callable[[Telemetry], tuple[Command, ...]] = nothing
-    """Returns the commands to send, from the telemetry when the step begins."""
-    timeout_s: float = 20.0
-    every_command_acknowledged: bool = False
-    """Whether to wait for each acknowledgement; `timeout_s` then applies to each command."""
-    takes_off: bool = False
-    """Whether its commands make the vehicle leave the ground."""
-    slow: bool = False
-    """Whether it is waited for longer than `timeout_s` as long as the vehicle makes progress."""
-    lost: Callable[[Telemetry], bool] = lambda _: False
-    """Returns whether a failsafe has undone it since, so that it is begun again."""
-    lacks: Callable[[Telemetry], str] = lambda _: ""
-    """Returns what `done` waits for, in words, if that isn't plain from the name."""
-
-    def acts(self, seen: Telemetry) -> bool:
-        """Return whether its commands change what the vehicle does, not only which messages it sends."""
-        return any(command.command != m.MAV_CMD_SET_MESSAGE_INTERVAL for command in self.commands(seen))
-
-
 @mypyc_attr(allow_interpreted_subclasses=True)
-class Autopilot(ABC):
+class Autopilot(FamilyTraits, ABC):
     """Encodes commands to one vehicle, and decodes its state, as its autopilot family requires."""
 
     keys: Any = None
     """The own keys of a family that an extension registers, a `Keys`."""
     failure: NotFiniteError | None = None
     """Why a family that an extension registers has failed; it is commanded as its base since."""
-
-    family: ClassVar[str]
-    """Name of the family, for messages."""
-    loop_s: ClassVar[float]
-    """Period of the autopilot's main loop, on which it answers, s."""
-    take_off_m: ClassVar[float]
-    """Height above home at which a take-off is complete, m."""
-    take_off_mode: ClassVar[int] = NO_MODE
-    """Mode in which it takes off; `NO_MODE`: the guided mode."""
-    taken_off_mode: ClassVar[int] = NO_MODE
-    """Mode that it enters by itself after take-off."""
-    loiter_mode: ClassVar[int]
-    home_mode: ClassVar[int]
-    """Mode in which its failsafe flies home."""
-    guided_mode: ClassVar[int]
-    failsafe_parameters: ClassVar[tuple[str, ...]] = ()
-    """The parameters that say what it does when the ground station is silent."""
-    mode_names: ClassVar[dict[int, str]]
-    unarmable_modes: ClassVar[frozenset[int]] = frozenset()
-    """Modes in which it may not be armable, however ready it is: another is set before that is waited for."""
-    setpoint_commands: ClassVar[tuple[int, ...]]
-    """Ids of the commands that carry airspeed, heading and height, each acknowledged; empty for a family whose
-    setpoints are other messages, without acknowledgement."""
-    fast_messages: ClassVar[tuple[int, ...]] = (
-        m.MAVLINK_MSG_ID_ATTITUDE,
-        m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
-        m.MAVLINK_MSG_ID_VFR_HUD,
-    )
-    """Motion messages, requested at the scenario's rate."""
-    slow_messages: ClassVar[tuple[int, ...]] = (m.MAVLINK_MSG_ID_SYS_STATUS,)
-    """Other messages that `vehicle.telemetry` needs, requested at `SLOW_RATE_HZ`."""
-    start_up_messages: ClassVar[tuple[int, ...]] = (m.MAVLINK_MSG_ID_SYS_STATUS,)
-    """Those of them that are read before take-off only; in flight they come rarely."""
-    unasked_hz: ClassVar[dict[int, float]] = {m.MAVLINK_MSG_ID_HEARTBEAT: 1.0}
-    """Messages that the autopilot sends without a request, and their rates, Hz."""
-    setpoints_set_mode: ClassVar[bool] = False
-    """Whether each setpoint also commands the guided mode, and so overrides a mode that a pilot has chosen."""
-    acknowledges_early: ClassVar[bool] = False
-    """Whether it acknowledges a change of mode before deciding on it, so that only heartbeats are reliable."""
-    circling_mode: ClassVar[int] = NO_MODE
-    """Mode in which it enters a circle at once, clockwise by default."""
-    stands_after_s: ClassVar[float] = math.inf
-    """Time from the last setpoint until it hovers, s; infinite if it flies on, or changes mode by its failsafe."""
-    returns_after_s: ClassVar[float] = 0.0
-    """Longest time from the last setpoint until its failsafe sends it home, s; 0: it has no such failsafe."""
-    stands: ClassVar[bool] = False
-    """Whether it hovers where it waits, and so needs no loiter height of its own as circling vehicles do."""
-    flies_courses: ClassVar[bool] = False
-    """Whether a fixed wing is commanded by course over ground instead of heading."""
-    approach_m: ClassVar[float] = 0.0
-    """Height above home at which the approach of `land` begins, m, unless its mission has one."""
-    lands_by_mission: ClassVar[bool] = False
-    """Whether it flies the landing of its stored mission on MAV_CMD_DO_LAND_START."""
-    landing_is_marked: ClassVar[bool] = True
-    """Whether such a landing begins at DO_LAND_START alone."""
-    mounting_parameter: ClassVar[str] = "AHRS_ORIENTATION"
-    """Parameter that says how the autopilot is mounted in its aircraft."""
-    failsafe_words: ClassVar[tuple[str, ...]] = ("failsafe",)
-    """Words of which one is in the STATUSTEXT that reports a failsafe's action."""
 
     def __init__(
         self,
@@ -231,10 +111,10 @@ class Autopilot(ABC):
         """Return what heartbeats show after a command has been carried out, None if they don't show it."""
         mode = self.mode_asked(command)
         if mode is not None:
-            return Effect(f"mode {self.mode_names.get(mode, mode)}", _mode, mode)
+            return Effect(f"mode {self.mode_names.get(mode, mode)}", mode_shown, mode)
         if command.command == m.MAV_CMD_COMPONENT_ARM_DISARM:
             arm = bool(command.param1)
-            return Effect("arming" if arm else "disarming", _armed, arm)
+            return Effect("arming" if arm else "disarming", armed_shown, arm)
         return None
 
     def mode_asked(self, command: Command) -> int | None:
@@ -469,32 +349,3 @@ class Autopilot(ABC):
     def loiter(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:  # noqa: ARG002 - for fixed wings
         """Return the commands, in order, to circle where it was `seen`, at `height_m` above the scenario's origin."""
         return self.hold()
-
-
-def fly_to_home(autopilot: Autopilot, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
-    """Return MAV_CMD_DO_REPOSITION to a vehicle's home, at a height above the origin; empty if its home is unknown."""
-    if seen.home_m is None:
-        return ()
-    lat_rad, lon_rad, above_sea_m = autopilot.origin.from_ned(*seen.home_m, -height_m)
-    return (
-        CommandInt(
-            autopilot.system,
-            m.MAV_COMP_ID_AUTOPILOT1,
-            m.MAV_FRAME_GLOBAL_INT,
-            m.MAV_CMD_DO_REPOSITION,
-            param1=AS_USUAL,
-            param2=m.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE,
-            param4=math.nan,
-            x=round(math.degrees(lat_rad) * 1e7),
-            y=round(math.degrees(lon_rad) * 1e7),
-            z=above_sea_m,
-        ),
-    )
-
-
-def _mode(seen: Telemetry) -> int | None:
-    return seen.custom_mode
-
-
-def _armed(seen: Telemetry) -> bool | None:
-    return seen.armed if seen.heartbeat else None

@@ -89,11 +89,11 @@ class Check:
         """The parameter's names in all versions, newest first."""
         return self.names if self.older is None else (*self.names, *self.older.all_names)
 
-    def judge(self, values: Mapping[str, float]) -> Finding | None:
+    def finding(self, values: Mapping[str, float]) -> Finding | None:
         """Return the finding on the parameter among `values`; None if it is allowed, or unknown."""
         found = next(((name, values[name]) for name in self.names if name in values), None)
         if found is None:
-            return None if self.older is None else self.older.judge(values)
+            return None if self.older is None else self.older.finding(values)
         if self.holds(found[1]):
             return None
         return Finding(f"{found[0]}: found {found[1]:g}; allowed: {self.allowed}", self.refuses(found[1]))
@@ -210,7 +210,7 @@ class ParameterReader:
             self._tries[name] += 1
         return [ParamRequestRead(self._system, m.MAV_COMP_ID_AUTOPILOT1, name) for name in missing]
 
-    def take(self, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, message: ParamValue, now: Instant) -> None:
         """Take a parameter; ones not requested are ignored. Names not yet tried are requested at once."""
         if message.param_id in self._tries:
             self._values[message.param_id] = self._value_of(message)
@@ -228,7 +228,7 @@ class ParameterReader:
 
     def findings(self) -> list[Finding]:
         """Return what isn't allowed, and what could not be read."""
-        found = [finding for check in self._checks if (finding := check.judge(self._values)) is not None]
+        found = [finding for check in self._checks if (finding := check.finding(self._values)) is not None]
         unread = [" or ".join(check.all_names) for check in self._checks if not self._reported(check)]
         return [*found, *([Finding(f"no answer for {', '.join(unread)}, not checked")] if unread else [])]
 

@@ -14,7 +14,8 @@ from typing import Final
 from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after, seconds_between
 from airlink.messages.command import CommandAck, CommandInt, CommandLong
-from gcs_formation.vehicle.autopilot_family import Command, Effect
+from gcs_formation.vehicle.effect import Effect
+from gcs_formation.vehicle.startup_step import Command
 from gcs_formation.vehicle.telemetry import Telemetry
 
 RETRY_S: Final = 0.7
@@ -96,7 +97,7 @@ class CommandQueue:
     """A command accepted before all of its attempts were answered: its id, the number of answers outstanding, and until
     when they may arrive."""
 
-    def begin(self, commands: tuple[Command, ...], now: Instant, *, insist: bool = False) -> None:
+    def send(self, commands: tuple[Command, ...], now: Instant, *, insist: bool = False) -> None:
         """Start these commands and drop any earlier ones; `insist`: repeat them whatever the vehicle answers."""
         self._waiting, self.insists, self.refusal = deque(commands), insist, None
         self.lists += 1
@@ -225,7 +226,7 @@ class EffectWatch:
         self._effect, self._since = effect, now
         self._before, self._heartbeats = effect.shown(seen), seen.heartbeats
 
-    def judge(self, seen: Telemetry, now: Instant) -> None:
+    def update(self, seen: Telemetry, now: Instant) -> None:
         """Update `missing`. A state that is neither the expected nor the earlier one was chosen by the pilot."""
         effect = self._effect
         if effect is None:
@@ -277,7 +278,7 @@ class SetpointChannel:
         if self._waiting == NEVER:
             self._waiting = at
 
-    def forget(self) -> None:
+    def invalidate(self) -> None:
         """Send the next setpoint even if unchanged: the vehicle may have received others meanwhile."""
         if self._refused != NEVER:
             self._waiting = NEVER  # a refusal was an answer

@@ -52,11 +52,11 @@ class HeldSetpoint:
         """The integrals of the deviations since each was sent."""
         self._judged = Instant(0)
 
-    def forget(self) -> None:
+    def invalidate(self) -> None:
         """Take everything for news: the vehicle may hold others' setpoints."""
         self.values = self._said = UNKNOWN
 
-    def judge(self, said: Triple, at: Instant, tolerance: float = 1.0, prompt_share: float = 1.0) -> Which:
+    def news(self, said: Triple, at: Instant, tolerance: float = 1.0, prompt_share: float = 1.0) -> Which:
         """Return which of airspeed, heading and height, as messages say them at an instant, are news.
 
         `tolerance`: multiple of the tolerances; `prompt_share`: of a change of airspeed, what is flown at once.

@@ -143,7 +143,7 @@ class Sampler:
         scale, check, reading_mps = self._autopilot.airspeed_scale, self.airspeed_check, self._telemetry.airspeed_mps
         if check is not None and flew:
             ratio = self._autopilot.true_airspeed(1.0)
-            if not check.take(motion.stamp_s, motion.north_mps, motion.east_mps, heading_rad, reading_mps, ratio):
+            if not check.accepts(motion.stamp_s, motion.north_mps, motion.east_mps, heading_rad, reading_mps, ratio):
                 return check.synthetic_mps
         if scale is not None and flew:
             velocity_mps = motion.north_mps, motion.east_mps, motion.climb_mps

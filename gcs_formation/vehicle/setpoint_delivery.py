@@ -80,7 +80,7 @@ class SetpointDelivery:
                 self.held.send(wanted, wanted, (True, True, True))
             return messages
         said = self._autopilot.quantities(setpoint, where)
-        news = self.held.judge(said, at, tolerance, self._autopilot.prompt_share)
+        news = self.held.news(said, at, tolerance, self._autopilot.prompt_share)
         which = EVERY if everything and loses and any(news) else self._which(news, at, loses=loses)
         if not (which[0] or which[1] or which[2]):
             self._autopilot.keep_setpoint()
@@ -97,12 +97,12 @@ class SetpointDelivery:
         """Return whether the link counts as lossy at an instant."""
         return seconds_between(self.lost_at, at) < LOSSY_S
 
-    def forget(self) -> None:
+    def invalidate(self) -> None:
         """Send the next setpoint in full: the vehicle may have received others meanwhile."""
-        self.held.forget()
+        self.held.invalidate()
         self._streamed = []
         for channel in self.channels:
-            channel.forget()
+            channel.invalidate()
 
     def channel(self, command: int) -> SetpointChannel | None:
         """Return the channel of a command, None if it carries no setpoint."""

@@ -136,7 +136,7 @@ class Telemetry:
     _chunks: tuple[int, str] = (0, "")
     """Id and beginning of an incomplete text."""
 
-    def take(self, message: Message) -> None:
+    def store(self, message: Message) -> None:
         """Store the state in `message`; values that are infinite or implausible are dropped and counted."""
         if isinstance(message, Attitude):
             self.take_attitude(message)
@@ -274,7 +274,7 @@ class Telemetry:
         self.texts.append(_printable(text.strip()))
         self.texts_reported += 1
 
-    def forget(self) -> None:
+    def invalidate(self) -> None:
         """Forget everything that a restart invalidates."""
         self.displaced_m = (0.0, 0.0, 0.0)
         self.motion = self.attitude = self.heartbeat = self.custom_mode = None

@@ -1,192 +1,61 @@
-"""One vehicle's state in the station: its link, telemetry, commands and start-up."""
+"""One vehicle in the station: takes its frames, and encodes messages to it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from enum import Enum
 from typing import Final
 
-from librt.vecs import vec
-from mypy_extensions import i64
-
 from airlink import mavlink as m
-from airlink.clock import LONG_AGO, NANOSECONDS, NEVER, Instant, seconds_between
-from airlink.endpoint import Address, VehicleId
+from airlink.clock import NANOSECONDS, NEVER, Instant, seconds_between
 from airlink.frame import Frame
-from airlink.messages import KINDS, Message
+from airlink.messages import Message
 from airlink.messages.command import CommandAck
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import Attitude, GlobalPositionInt
 from flight_model.autopilot_model import FlightState, Setpoint
-from gcs_formation.estimation.airspeed import AirspeedCheck
-from gcs_formation.link.clock_sync import ClockSync
-from gcs_formation.link.frame_history import TURN_S, FrameHistory
-from gcs_formation.link.link_health import STALE_AFTER_S, Connection, JitterMeter, LinkState, SequenceTracker
-from gcs_formation.link.round_trips import RoundTrips
-from gcs_formation.link.source_binding import SourceBinding
-from gcs_formation.link.vehicle_links import Link, Links, links_by
-from gcs_formation.vehicle.autopilot_family import Autopilot, Command, StartUpStep
+from gcs_formation.link.frame_history import TURN_S
+from gcs_formation.link.link_health import STALE_AFTER_S
+from gcs_formation.link.vehicle_links import Links
 from gcs_formation.vehicle.command_delivery import (
-    GAP_S,
     UNDER_WAY,
-    CommandQueue,
     EffectWatch,
     Outcome,
-    SetpointChannel,
 )
-from gcs_formation.vehicle.pilots_choice import PilotsChoice
-from gcs_formation.vehicle.sampler import Sampler
-from gcs_formation.vehicle.setpoint_delivery import SetpointDelivery
+from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.startup import StartUp, TakeOff
-from gcs_formation.vehicle.telemetry import Telemetry
+from gcs_formation.vehicle.startup_step import Command, StartUpStep
+from gcs_formation.vehicle.vehicle_state import VehicleState
 
 ACCEPTED: Final = m.MAV_RESULT_ACCEPTED
-UNANSWERED_S: Final = 1.5
-"""Longest time without an answer from a vehicle that hears the ground station."""
-UNANSWERED_PROBES: Final = 3.0
-"""More of it, in periods of TIMESYNC requests that a full link makes rarer."""
 JITTERS: Final = 10.0
 """A link without loss is never silent for longer than this multiple of its jitter."""
 CLOCK_LIMIT_NS: Final = 2**62 - 1
 
 
-class Member(Enum):
-    """A vehicle's membership in the formation."""
+class Vehicle(VehicleState):
+    """Takes a vehicle's frames, and encodes messages to it; the station transports them."""
 
-    STARTING = "starting"
-    FLYING = "flying in formation"
-    PARTED = "parted by its pilot"
-    UNHEARD = "not heard: told nothing until it is"
-    HOLDING = "told to loiter"
-    RETURNING = "told to come back"
+    def leave_to_pilot(self, now: Instant) -> None:
+        """Send nothing more until its pilot has put it into the guided mode."""
+        self.commands.send((), now)
+        wait = StartUpStep("left it to its pilot", self.autopilot.takes_setpoints, timeout_s=math.inf)
+        self.start_up = StartUp((wait,), abandoned=True, left=True)
 
+    def left_alone(self, now: Instant) -> None:
+        """Record that setpoints, heartbeats or the link are missing, on which its failsafe may act."""
+        self.alone_at = now
 
-class SendingLimits:
-    """What a full link leaves to a vehicle."""
+    def end_silence(self, at: Instant) -> None:
+        """Count the frames missing since it was last heard as lost, if it flew and was silent beyond its jitter.
 
-    def __init__(self) -> None:
-        """Start without any."""
-        self.probe_s = 0.0
-        """Shortest time between two TIMESYNC requests."""
-        self.full = ""
-        """What shows that its link is full, in words; empty if nothing does."""
-
-
-CIRCLING: Final = (Member.HOLDING, Member.RETURNING)
-"""Memberships in which a vehicle may be loitering as commanded."""
-
-
-class Vehicle:
-    """All state of one vehicle. It takes frames and encodes messages; the station transports them.
-
-    Where it is heard, and what is measured there, is that of the link in use; while a frame is taken, of the link on
-    which it came.
-    """
-
-    connection: Connection
-    round_trips: RoundTrips
-    clock: ClockSync
-    source_binding: SourceBinding
-    """Decides which of several senders with its id is the vehicle."""
-    history: FrameHistory
-    """Tells its news from copies and late frames."""
-    jitter: JitterMeter
-    sequence: SequenceTracker
-
-    frames_lost_at: Instant = LONG_AGO
-    """When frames of it were last missing."""
-    holds_from: Instant = LONG_AGO
-    """When it was last commanded to loiter while the others fly on."""
-
-    def __init__(
-        self,
-        identity: VehicleId,
-        column: int,
-        autopilot: Autopilot,
-        connection: Connection | Sequence[Connection],
-        telemetry_rate_hz: float,
-        *,
-        by_utc: bool = False,
-        airspeed_check: AirspeedCheck | None = None,
-        setpoint_gap_s: float = GAP_S,
-    ) -> None:
-        """Start with a vehicle not heard yet; `by_utc`: its stamps are mapped by UTC once that is known.
-
-        An `airspeed_check` decides whether a fixed wing's airspeeds are plausible. Acknowledgements of setpoints may
-        come `setpoint_gap_s` late. Of several connections each is a link of its own.
+        A vehicle on the ground isn't counted: it may have been switched off. `at`: the end of the flight.
         """
-        self.identity, self.column, self.autopilot = identity, column, autopilot
-        """Its id, and its index in every list of a tick."""
-        connections = [connection] if isinstance(connection, Connection) else connection
-        self.each_link = links_by(connections, autopilot.loop_s, by_utc=by_utc)
-        self.links = Links(self.each_link) if len(self.each_link) > 1 else None
-        """Which of them is in use; None if it has but one."""
-        self._see(self.each_link[0])
-        self.setpoints, self.limits, self.commands = (
-            SetpointDelivery(autopilot, setpoint_gap_s),
-            SendingLimits(),
-            CommandQueue(),
-        )
-        self.stands_after_s, self.returns_after_s = autopilot.stands_after_s, autopilot.returns_after_s
-        """Defaults of its autopilot family."""
-        self.telemetry = Telemetry(autopilot.origin, autopilot.stands)
-        self.sampler = Sampler(self.telemetry, autopilot, self.round_trips, self.source_binding, airspeed_check)
-        """Turns its telemetry into samples of its present state."""
-        self.messages_in = vec[i64]([0] * len(KINDS))
-        """Number of messages received of each kind, indexed by `kind.place`."""
-        self.unknown_in: dict[int, int] = {}  # number of messages of other kinds, by their ids
-        self.start_up_hz = self.rates_hz = dict(autopilot.rates_hz(telemetry_rate_hz, utc=by_utc))
-        """Rates of messages, Hz: those that its start-up asks for, or that come without a request, and those now."""
-        self._at_last: tuple[StartUpStep, ...] = ()
-        """Steps after those of its autopilot in each start-up."""
-        self.start_up = self._started_afresh()
-        # holds_at_m: the height at which it was last commanded to loiter while the others fly on; unfit: why its
-        # telemetry can't be flown by in the formation, empty if it can
-        self.member, self.holds_at_m, self.unfit = Member.STARTING, math.nan, ""
-        self.bytes_in = self.bytes_out = 0
-        self.effects, self.pilots_choice, self.take_off = EffectWatch(), PilotsChoice(), TakeOff()
-        self.restarts, self._flew_before = 0, False
-        """Number of restarts of its clock; whether it may have been flying at the last one."""
-        self.alone_at = LONG_AGO
-        """When its failsafe last had reason to act, by the lack of setpoints, heartbeats or a link."""
+        heard, jitter_s = self.connection.last_heard, self.jitter.jitter_s
+        usual_s = STALE_AFTER_S + (0.0 if math.isnan(jitter_s) else JITTERS * jitter_s)
+        if seconds_between(heard, at) >= usual_s and self.flew:
+            self.sequence.break_off(heard, at)
 
-    @property
-    def setpoint_channels(self) -> list[SetpointChannel]:
-        """The channels of airspeed, heading and height, which may be one; empty if setpoints aren't acknowledged."""
-        return self.setpoints.channels
-
-    @property
-    def follows_setpoints(self) -> bool:
-        """Whether it is ready, in the mode in which it follows setpoints, and no pilot has chosen another mode."""
-        ready = self.start_up.finished and self.pilots_choice.mode is None
-        return ready and self.autopilot.takes_setpoints(self.telemetry)
-
-    def see(self, link: Link) -> None:
-        """See it by one of its links: the one on which a frame came, or the one in use."""
-        if link.connection is not self.connection:
-            self._see(link)
-            self.sampler.see(link.round_trips, link.source_binding)
-
-    def _see(self, link: Link) -> None:
-        self.connection, self.round_trips, self.clock = link.connection, link.round_trips, link.clock
-        self.source_binding, self.history = link.source_binding, link.history
-        self.jitter, self.sequence = link.jitter, link.sequence
-
-    def try_port(self, socket: int, peer: Address, now: Instant) -> Links:
-        """Try a link that isn't named; what comes there isn't taken before it has been shown to be the vehicle's."""
-        if self.links is None:
-            self.links = Links(self.each_link)
-        self.links.try_port(socket, peer, now)
-        return self.links
-
-    def drop_port(self, link: Link) -> None:
-        """Drop a link that was tried: it isn't the vehicle's."""
-        self.each_link.remove(link)
-        if len(self.each_link) == 1:
-            self.links = None
-
-    def take(self, frame: Frame, now: Instant, *, timed: bool = True) -> bool:
+    def receive(self, frame: Frame, now: Instant, *, timed: bool = True) -> bool:
         """Take a frame of this vehicle's autopilot; return whether the link's state changed.
 
         `timed`: it was read on arrival; a frame that waited in our queue doesn't tell the link's delay.
@@ -218,7 +87,7 @@ class Vehicle:
         elif isinstance(message, Heartbeat):
             self._take_heartbeat(message, now)
         elif message is not None:
-            self.telemetry.take(message)
+            self.telemetry.store(message)
         return changed
 
     def _is_old_or_unproven(self, frame: Frame, links: Links, now: Instant, *, timed: bool) -> bool:
@@ -250,111 +119,6 @@ class Vehicle:
             self._count(frame)
         self.sequence.overtaken(frame.sequence, copy=copy)
 
-    @property
-    def frames_in(self) -> int:
-        """Number of frames received from it."""
-        return sum([int(each.sequence.received + each.sequence.repeated) for each in self.each_link])
-
-    @property
-    def frames_out(self) -> int:
-        """Number of frames sent to it."""
-        return sum([each.frames_out for each in self.each_link])
-
-    def leave_to_pilot(self, now: Instant) -> None:
-        """Send nothing more until its pilot has put it into the guided mode."""
-        self.commands.begin((), now)
-        wait = StartUpStep("left it to its pilot", self.autopilot.takes_setpoints, timeout_s=math.inf)
-        self.start_up = StartUp((wait,), abandoned=True, left=True)
-
-    @property
-    def is_left(self) -> bool:
-        """Whether it was left to its pilot, who hasn't handed it back yet."""
-        return self.start_up.left and not self.start_up.finished
-
-    @property
-    def unanswered_s(self) -> float:
-        """Time from its newest answer to its last frame, s."""
-        return self.round_trips.unanswered_s(self.connection.last_heard)
-
-    @property
-    def hears(self) -> bool:
-        """Whether it answers as often as it must if it hears the ground station; rarer requests are allowed for."""
-        return self.unanswered_s <= UNANSWERED_S + UNANSWERED_PROBES * self.limits.probe_s
-
-    @property
-    def flies_on(self) -> bool:
-        """Whether it flies in its guided mode, which isn't the mode in which it loiters."""
-        autopilot = self.autopilot
-        guided = self.telemetry.custom_mode == autopilot.guided_mode != autopilot.loiter_mode
-        return self.airborne and guided
-
-    def left_alone(self, now: Instant) -> None:
-        """Record that setpoints, heartbeats or the link are missing, on which its failsafe may act."""
-        self.alone_at = now
-
-    def end_silence(self, at: Instant) -> None:
-        """Count the frames missing since it was last heard as lost, if it flew and was silent beyond its jitter.
-
-        A vehicle on the ground isn't counted: it may have been switched off. `at`: the end of the flight.
-        """
-        heard, jitter_s = self.connection.last_heard, self.jitter.jitter_s
-        usual_s = STALE_AFTER_S + (0.0 if math.isnan(jitter_s) else JITTERS * jitter_s)
-        if seconds_between(heard, at) >= usual_s and self.flew:
-            self.sequence.break_off(heard, at)
-
-    @property
-    def airborne(self) -> bool:
-        """Whether it flies, by its last telemetry; False after its link is lost."""
-        return self.connection.state is not LinkState.LOST and self.flew
-
-    @property
-    def flew(self) -> bool:
-        """Whether it was flying when last heard."""
-        return self.autopilot.is_airborne(self.telemetry)
-
-    @property
-    def may_fly(self) -> bool:
-        """Whether it isn't known to be on the ground.
-
-        It flies; or it flew before a restart and hasn't reported since that it is grounded; or it is armed and doesn't
-        report whether it flies; or it is above the ground without a heartbeat.
-        """
-        seen, autopilot = self.telemetry, self.autopilot
-        if autopilot.is_airborne(seen) or autopilot.is_grounded(seen):
-            return autopilot.is_airborne(seen)
-        return self._flew_before or seen.aloft or (seen.armed and not autopilot.says_grounded(seen))
-
-    @property
-    def refusal(self) -> str:
-        """The command under insistence that it refuses, with its answer; empty if there is none."""
-        asked, answer = self.commands.under_way, self.commands.refused_with
-        if asked is None or answer is None:
-            return ""
-        effect, name = self.autopilot.effect(asked), m.name_of("MAV_CMD", asked.command)
-        result = f"{name}: {m.name_of('MAV_RESULT', answer)}"
-        return result if effect is None else f"{effect.description} ({result})"
-
-    @property
-    def circles(self) -> bool:
-        """Whether its mode is one in which it circles, or may be by its last command."""
-        if self.telemetry.custom_mode == self.autopilot.circling_mode:
-            return True
-        return self.autopilot.circling_mode >= 0 and (self.member in CIRCLING or self.may_loiter)
-
-    @property
-    def may_loiter(self) -> bool:
-        """Whether a vehicle that flies in the formation may still obey an earlier command to loiter.
-
-        This holds until it acknowledges the mode in which it follows setpoints.
-        """
-        waiting = self.commands.insists and self.commands.outcome is Outcome.WAITING
-        return waiting and self.member is Member.FLYING
-
-    @property
-    def flies_home_m(self) -> tuple[float, float] | None:
-        """North and east of its home, m, if it is in the mode in which it flies there; None if not, or if unknown."""
-        return self.telemetry.home_m if self.telemetry.custom_mode == self.autopilot.home_mode else None
-
     def new_setpoints(self, setpoint: Setpoint, where: FlightState, at: Instant) -> list[Message]:
         """Return the messages of a setpoint to send at an instant: those with news, and those that are due again.
 
@@ -371,12 +135,7 @@ class Vehicle:
     def forget_setpoints(self) -> None:
         """Send all setpoints again: the vehicle may have received others meanwhile."""
         self.autopilot.forget_setpoints()
-        self.setpoints.forget()
-
-    @property
-    def home_unreported(self) -> bool:
-        """Whether it has been armed for this flight but hasn't reported its home."""
-        return self.member is not Member.STARTING and self.telemetry.armed and self.telemetry.home_m is None
+        self.setpoints.invalidate()
 
     def ask(self, request: Command) -> Command:
         """Return a request whose answer isn't awaited, and count it."""
@@ -404,7 +163,7 @@ class Vehicle:
         self.telemetry.take_position(message)
         if timed:
             self.jitter.observe(message.time_boot_s, now, self.clock.drift)
-            self.take_off.watch(self.telemetry)
+            self.take_off.update_position(self.telemetry)
 
     def _take_utc(self, message: SystemTime) -> None:
         gnss = self.round_trips.gnss
@@ -461,7 +220,7 @@ class Vehicle:
         elif self.source_binding.accepts(answer.tc1_ns / NANOSECONDS, now) and self.round_trips.measure(answer, now):
             self._begin_again()
         elif self.clock.samples == 1 and answer.tc1_ns > TURN_S * NANOSECONDS:
-            self.jitter.forget()  # the first answer shows that earlier stamps had wrapped
+            self.jitter.drop_sample()  # the first answer shows that earlier stamps had wrapped
 
     def _begin_again(self) -> None:
         """Take note that its clock has restarted: each link shows that, the one in use counts."""
@@ -474,7 +233,7 @@ class Vehicle:
         """Start afresh after the vehicle's clock has restarted: earlier knowledge of it is void."""
         self.restarts += 1
         self._flew_before = self.may_fly
-        self.telemetry.forget()
+        self.telemetry.invalidate()
         self._forget_numbers()
         if self.links is not None:
             self.links.restart()
@@ -489,15 +248,12 @@ class Vehicle:
         self.source_binding.refused_stamp_s = math.nan
         self.sequence.restart()
         self.history.restart()
-        self.jitter.forget()
+        self.jitter.drop_sample()
 
     def end_start_up_with(self, step: StartUpStep) -> None:
         """Add a last step to its start-up, and to that after each restart."""
         self._at_last = (step,)
         self.start_up.steps = (*self.start_up.steps, step)
-
-    def _started_afresh(self) -> StartUp:
-        return StartUp((*self.autopilot.start_up(self.start_up_hz), *self._at_last), self.autopilot.start_up_modes)
 
     def _acknowledged(self, ack: CommandAck, now: Instant) -> None:
         # Older autopilots, and MAVLink 1, don't say whom they answer (0).

@@ -71,7 +71,7 @@ class _Integrator:
         """Return the speed flown on a command: the inverse of `command_for`."""
         return self._prompt * told_mps + (1.0 - self._prompt) * self.integrated_mps
 
-    def take(self, told_mps: float) -> None:
+    def integrate(self, told_mps: float) -> None:
         """Update the integrator with a command held for one period."""
         self.integrated_mps += self._filled * (told_mps - self.integrated_mps)
 
@@ -93,7 +93,7 @@ class SpeedLead:
             return self._limits_mps
         return self._integrator.response_to(self._limits_mps[0]), self._integrator.response_to(self._limits_mps[1])
 
-    def forget(self) -> None:
+    def reinitialise(self) -> None:
         """Restart from the present airspeed: others have commanded the vehicle meanwhile."""
         self._begun = False
 
@@ -112,7 +112,7 @@ class SpeedLead:
     def keep(self) -> None:
         """Take that what was commanded last is held for another period."""
         if self._begun:
-            self._integrator.take(self._commanded_mps)
+            self._integrator.integrate(self._commanded_mps)
 
 
 class VelocityLead:
@@ -136,7 +136,7 @@ class VelocityLead:
         self.climb_max_mps = climb_max_mps
         self.height_s = height_s
 
-    def forget(self) -> None:
+    def reinitialise(self) -> None:
         """Restart from the present velocity: others have commanded the vehicle meanwhile."""
         self._begun = False
 
@@ -147,8 +147,8 @@ class VelocityLead:
         north, east = self._north.command_for(velocity_mps[0]), self._east.command_for(velocity_mps[1])
         share = min(1.0, self._max_mps / max(math.hypot(north, east), 1e-9))
         commanded = share * north, share * east
-        self._north.take(commanded[0])
-        self._east.take(commanded[1])
+        self._north.integrate(commanded[0])
+        self._east.integrate(commanded[1])
         return commanded
 
 

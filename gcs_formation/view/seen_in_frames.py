@@ -147,7 +147,7 @@ class FrameReader:
         """Whether it is known when times began."""
         return self._begin_us is not None
 
-    def take(self) -> tuple[Array, list[int], Rows]:
+    def read_new(self) -> tuple[Array, list[int], Rows]:
         """Return the points of the grid since the last call: times, systems, and rows of these."""
         systems = [system for system, seen in self.seen.items() if seen.autopilot]
         times_s, rows = np.array(self.times_s), table(self.snapshots, systems)

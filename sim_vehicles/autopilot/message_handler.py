@@ -37,7 +37,7 @@ class MessageHandler:
         """Handle the messages of `vehicle`."""
         self._vehicle = vehicle
 
-    def take(self, sender: Address, frame: Frame) -> None:
+    def handle(self, sender: Address, frame: Frame) -> None:
         """Handle one frame. The frequent kinds of messages come first; the others are in `_take_seldom`."""
         vehicle, message = self._vehicle, frame.message
         vehicle.sender = sender
@@ -76,7 +76,7 @@ class MessageHandler:
             case Message():
                 sender = Sender(vehicle.sender, frame.system, frame.component)
                 answers = vehicle.parameters.answers(message, sender)
-                for answer in answers or vehicle.missions.take(message, sender, vehicle.now):
+                for answer in answers or vehicle.missions.handle(message, sender, vehicle.now):
                     vehicle.answer(answer)
             case _:
                 pass

@@ -115,7 +115,7 @@ class Missions:
         begins = (seq for seq, item in enumerate(self.items) if item.command == m.MAV_CMD_DO_LAND_START)
         return self.choose(next(begins, -1))
 
-    def take(self, message: Message, sender: Sender, now: Instant) -> list[Message]:
+    def handle(self, message: Message, sender: Sender, now: Instant) -> list[Message]:
         """Return the answers to a message."""
         kind = getattr(message, "mission_type", PLAN)
         if kind != PLAN or not self._stored:

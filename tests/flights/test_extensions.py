@@ -16,6 +16,7 @@ import gcs_formation
 from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.extensions import load_extensions
 from formation_scenario.schema import scenario_schema
+from formation_scenario.used_extensions import used_extensions
 from gcs_formation.record.run_directory import SCENARIO, TIMESERIES
 from gcs_formation.report.page import write_report
 from gcs_formation.studies import Study
@@ -316,7 +317,7 @@ def test_an_installed_package_registers_by_its_entry_point(tmp_path, monkeypatch
     (info / "entry_points.txt").write_text("[gcs_formation.extensions]\nall = own_package\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     scenario = load_scenario(keys(law={"type": "lqr"}))
-    (used,) = scenario.used_extensions
+    (used,) = used_extensions(scenario)
     assert (used.origin.package, used.origin.version) == ("own-package", "1.5")
     assert pickle.loads(pickle.dumps(scenario)) == scenario
 

@@ -93,7 +93,7 @@ def refused(**keys: Any) -> str:
         ),
     ],
 )
-def test_where_somebody_can_not_land_nobody_takes_off(keys: dict[str, Any], why: str) -> None:
+def test_where_somebody_can_not_land_none_takes_off(keys: dict[str, Any], why: str) -> None:
     allowed = "allowed: rtl, loiter, or another place or a stored landing for it"
     assert refused(**keys) == f"finish.then: found land, but {why}; {allowed}"
 

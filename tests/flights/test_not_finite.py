@@ -27,7 +27,7 @@ from gcs_formation.phases import Phase
 from gcs_formation.studies import Study
 from gcs_formation.studies.flight import Task, fly
 from gcs_formation.studies.plan import Planned
-from gcs_formation.vehicle.vehicle import Member
+from gcs_formation.vehicle.member import Member
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 

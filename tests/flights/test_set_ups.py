@@ -159,7 +159,7 @@ def another(autopilot: int, kind: int) -> type[Between]:
         (m.MAV_AUTOPILOT_ARDUPILOTMEGA, m.MAV_TYPE_QUADROTOR, "ARDUPILOTMEGA QUADROTOR"),
     ],
 )
-def test_an_autopilot_of_another_family_is_refused_in_words_before_anybody_takes_off(
+def test_an_autopilot_of_another_family_is_refused_in_words_before_any_takes_off(
     autopilot: int, kind: int, words: str
 ) -> None:
     """Mode 15, GUIDED of an ArduPlane, is AUTOTUNE of an ArduCopter."""

@@ -15,12 +15,12 @@ from formation_scenario.brought_keys import BroughtKeys, brought_keys, in_order
 from formation_scenario.feature_folders import feature_names
 from formation_scenario.fields import Flag, Keys, Positive, ScenarioError, key
 from formation_scenario.load import load_scenario
-from formation_scenario.model import Safety
+from formation_scenario.safety import Safety
 from tests.formation_scenario.conftest import minimal
 
 KNOWN = """
 import sys
-from formation_scenario.model import Safety
+from formation_scenario.safety import Safety
 print(len(Safety.model_fields), *sys.modules)
 """
 

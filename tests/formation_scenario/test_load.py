@@ -209,7 +209,7 @@ def test_a_group_whose_every_line_is_commented_out_is_its_default(load, key):
     assert load(f"{key}=") == load()
 
 
-def test_an_empty_key_that_nobody_knows_is_still_unknown(refusal):
+def test_an_empty_key_that_none_knows_is_still_unknown(refusal):
     assert "link: found an unknown key 'link'" in refusal("link=")[0]
 
 
@@ -338,7 +338,7 @@ def test_one_error_carries_every_problem():
     }
 
 
-def test_noisy_navigation_chooses_the_gains_for_noise_unless_told_otherwise(load):
+def test_noisy_navigation_chooses_the_gains_for_noise_unless_set_otherwise(load):
     noisy = "vehicles.2.navigation={source: noisy}"
     clean, chosen = load().law, load(noisy).law
     assert (clean.gains, clean.speed.kp, clean.derivative_filter_s) == ("clean", 3.0, 0.1)

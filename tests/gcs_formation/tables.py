@@ -36,7 +36,7 @@ def setpoints(table: Setpoints) -> list[Triple]:
 
 def send(history: SetpointHistory, acts: Instants, table: Setpoints) -> None:
     """Add a tick's setpoints to a history."""
-    history.begin(vec[i64](acts.tolist()))
+    history.begin_tick(vec[i64](acts.tolist()))
     history.note(setpoints(table))
 
 

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 import gcs_formation
 from flight_model.spline import SplinePath
 from formation_scenario import load_scenario
-from formation_scenario.model import graph_adjacency
+from formation_scenario.consensus_graph import graph_adjacency
 from gcs_formation import Summary
 from gcs_formation.guidance.tracking import project
 from gcs_formation.record.timeseries import flying, read_parquet

@@ -13,7 +13,8 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from gcs_formation.core.cycle import Cycle, Stage
 from gcs_formation.link.utc_slack import UTC_SLACK_S
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 UTC_IN_USE_S: Final = 10e-3
 """The same for UTC already in use. Tuned: s; more than `UTC_SLACK_S`, 6e-3 to 20e-3; shown by `python -m

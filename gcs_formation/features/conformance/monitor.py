@@ -14,14 +14,15 @@ from flight_model.autopilot_model import AutopilotModel, FlightState
 from formation_scenario import Scenario
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.slot_assignment import column_models, columns
-from gcs_formation.controller import FormationController
+from gcs_formation.controller.controller import FormationController
 from gcs_formation.estimation.estimator import heading_shown
 from gcs_formation.features.conformance.flown_setpoints import CHECK_S, FlownSetpoints, NonConformance
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, Note, Tick, unknown_state
 from gcs_formation.vehicle.command_delivery import Outcome, SetpointChannel
+from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.telemetry import ReportedMotion
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 
 STEP_DELAY_S: Final = 4.0
 """Least time constant of airspeed after a step under total-energy control, whose energy rate is limited. Tuned: s; 3 to
@@ -171,7 +172,7 @@ class ConformanceMonitor:
             if not vehicle.effects.watching:
                 continue
             before = vehicle.effects.missing
-            vehicle.effects.judge(vehicle.telemetry, now)
+            vehicle.effects.update(vehicle.telemetry, now)
             missing, after_s = vehicle.effects.missing, vehicle.effects.missing_s
             if missing is not None and before is None:
                 mode, armed = vehicle.autopilot.mode_name(vehicle.telemetry), vehicle.telemetry.armed

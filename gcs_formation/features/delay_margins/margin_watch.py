@@ -73,7 +73,7 @@ class DesignWatch:
         self._designs = scenario.law.gains == AUTO and kind.has_margins and not kind.mutual
         self._slow_looks = 0
 
-    def watch(self, now: Instant, *, begins: bool = False) -> None:
+    def check_loops(self, now: Instant, *, begins: bool = False) -> None:
         """Check once a second: redesign gains after links have been too slow for `SLOW_LOOKS` checks.
 
         `begins`: before the first setpoint one check is enough.
@@ -176,7 +176,7 @@ class MarginWatch:
             each.axes = axes
             self._each.append(each)
 
-    def watch(self, now: Instant, leader: Vehicle | None, time_constants_off: list[list[float]]) -> None:
+    def check_loops(self, now: Instant, leader: Vehicle | None, time_constants_off: list[list[float]]) -> None:
         """Check every loop: report when it comes near its margin, and reduce gains if the scenario asks for that.
 
         The law closes a loop around the leader only if it is mutual. `time_constants_off`: relative error of each

@@ -18,7 +18,7 @@ from formation_scenario.start_states_and_end_times import planned_m
 from gcs_formation.features.ending.holding_stack import HoldingStack, stacked
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.from_scenario import autopilot_models
-from gcs_formation.guidance.leader_guidance import path_ahead
+from gcs_formation.guidance.path_ahead import path_ahead
 from gcs_formation.vehicle.telemetry import ReportedMotion
 
 STEP_S = 0.5

@@ -21,8 +21,9 @@ from gcs_formation.fleet.circle_heights import NO_ORDER, GroundFloor, may_meet
 from gcs_formation.mission.ending import EndCommand, Ending, Endings
 from gcs_formation.recorder import VehicleLink
 from gcs_formation.vehicle.command_delivery import Outcome
+from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.telemetry import ReportedMotion
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 
 UNANSWERED_FOR_S = 5.0
 """How long a vehicle may leave the command to go home unanswered. Tuned: s; 3 to 15; by judgement."""
@@ -101,7 +102,7 @@ class SeparatedEnding(Ending):
 
     def advance(self, now: Instant) -> None:
         """Command vehicles that may be in the air and have climbed out to loiter or go home; continue the landings."""
-        self.judge(now)
+        self.command_by_state(now)
         climbs_out = False
         for identity, vehicle in self._ours.items():
             commanded = self._obeys(identity, vehicle)
@@ -117,7 +118,7 @@ class SeparatedEnding(Ending):
 
     def _send_away(self, identity: VehicleId, vehicle: Vehicle, now: Instant) -> None:
         height_m = self._height_m(identity, vehicle)
-        vehicle.commands.begin(vehicle.autopilot.leave(self.manner, height_m, vehicle.telemetry), now, insist=True)
+        vehicle.commands.send(vehicle.autopilot.leave(self.manner, height_m, vehicle.telemetry), now, insist=True)
         if self.manner == "land":
             self.landings.await_turn(vehicle, height_m)
 
@@ -146,7 +147,7 @@ class SeparatedEnding(Ending):
         height_m = self._height_m(identity, vehicle)
         here, home = autopilot.loiter(height_m, seen), autopilot.go_home(height_m, seen)
         self._commanded[identity] = EndCommand.STAY, vehicle.restarts
-        commands.begin(here if homeward else (*here, *home), now, insist=True)
+        commands.send(here if homeward else (*here, *home), now, insist=True)
 
     def _places(self) -> dict[VehicleId, ReportedMotion]:
         armed = {identity: vehicle for identity, vehicle in self._ours.items() if vehicle.telemetry.armed}
@@ -200,7 +201,7 @@ class SeparatedEndings(Endings):
         unable = LandingOrder(self._vehicles, self._ground).refusal if manner == "land" else None
         return f"{unable}; allowed: rtl, loiter" if unable else None
 
-    def begin(
+    def start(
         self, manner: End, earlier: Ending | None, loiter_s: float, now: Instant, *, commanded: bool
     ) -> SeparatedEnding:
         """Choose the heights at which vehicles circle, return or wait to land; the formation first separates to them.
@@ -212,7 +213,7 @@ class SeparatedEndings(Endings):
         ahead = controller.ahead_m if commanded else stays
         gap_m, sway_m = self._scenario.safety.kept_m, controller.estimator.sway_m
         ending = SeparatedEnding(vehicles, self._ground, manner, landings, ahead, gap_m, sway_m, climb_mps)
-        ending.begin(now, loiter_s)
+        ending.start(now, loiter_s)
         if commanded:
             if ending.stands:
                 controller.guidance.fly_at(0.0)

@@ -10,7 +10,6 @@ from gcs_formation.features.ending.stages import AtEndHeights, EndHeights
 
 
 def _stages(cycle: Cycle) -> list[Stage]:
-    cycle.course.endings = SeparatedEndings(cycle)
     if cycle.scenario.finish.then == "land":
         cycle.course.gate.hold(LandingCheck(cycle.scenario, cycle.vehicles))
     chosen = EndHeights()
@@ -20,4 +19,5 @@ def _stages(cycle: Cycle) -> list[Stage]:
 FEATURE = Feature(
     "ends a flight with vehicles at separate heights, here, at home or on the ground",
     _stages,
+    ends=SeparatedEndings,
 )

@@ -90,7 +90,7 @@ class HoldingStack:
         self._floor_m, self._together, self._first = floor_m, together, first
         self._taken: dict[VehicleId, Band] = {}
 
-    def take(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
+    def assign(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
         """Assign heights to vehicles that have none, and new ones where a vehicle that can't be moved is in the way.
 
         All others keep theirs: reassigned during the climb, they would start it again. Return whether any height has

@@ -14,7 +14,8 @@ from typing import Final, NamedTuple
 from airlink.endpoint import VehicleId
 from gcs_formation.features.ending.holding_stack import home_of
 from gcs_formation.fleet.circle_heights import STACK_M, GroundFloor
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 BEFORE_M, BEYOND_M, LATERAL_M = 150.0, 60.0, 25.0
 """Distances before, beyond and beside its home within which a landing aircraft is low, or rolls."""

@@ -96,7 +96,7 @@ class Landings:
             return
         _, self._landing = self._waiting.popleft()
         self._since = now
-        self._landing.commands.begin(self._landing.autopilot.land(), now)
+        self._landing.commands.send(self._landing.autopilot.land(), now)
 
     def _watch(self, vehicle: Vehicle, waited_s: float, now: Instant) -> None:
         refusal = vehicle.commands.refusal
@@ -104,7 +104,7 @@ class Landings:
             if _stands(vehicle):
                 self._landing, self._since = None, now
         elif vehicle.commands.outcome is not Outcome.ACCEPTED and refusal is not None and waited_s > REFUSED_FOR_S:
-            vehicle.commands.begin((), now)
+            vehicle.commands.send((), now)
             said = vehicle.telemetry.last_words
             self._give_up(f"vehicle {vehicle.identity} refused to land ({m.name_of('MAV_RESULT', refusal[1])}){said}")
         elif waited_s > LANDING_LIMIT_S:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
-from gcs_formation.controller import FormationController
+from gcs_formation.controller.controller import FormationController
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
 from gcs_formation.features.ending.holding_stack import (
     MAX_S,
@@ -22,7 +22,8 @@ from gcs_formation.features.ending.holding_stack import (
     limit_of_climb_s,
 )
 from gcs_formation.recorder import VehicleLink
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 UNMOVED_S = 5.0
 """Time without an answer before the others' heights are moved out of a vehicle's way: links lose in bursts. Tuned: s; 3
@@ -60,7 +61,7 @@ class VerticalSeparation:
             flier = self._flier(vehicle, links, now)
             if flier is not None:
                 self._fliers[vehicle.identity] = flier
-        if self._stack.take(self._fliers):
+        if self._stack.assign(self._fliers):
             self._allow_for_climb(now)
         heights_m, given_m = [math.nan] * len(links), self._stack.heights_m
         for vehicle in self._vehicles:

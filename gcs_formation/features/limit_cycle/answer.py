@@ -26,7 +26,7 @@ class Answer:
         """A ring: there from the start, so that no object is kept of a tick."""
         self._taken = 0
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Begin again."""
         self._taken = 0
 

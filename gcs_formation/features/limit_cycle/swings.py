@@ -33,7 +33,7 @@ class Swings:
         self._side = 0.0
         """1 while it rises, -1 while it falls; 0 at first."""
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Begin again."""
         self._widths_m.clear()
         self._times_s.clear()

@@ -42,8 +42,8 @@ class LimitCycles(Stage):
             column = vehicle.column
             error_m = tick.error_of(column)[RIGHT]
             if math.isnan(error_m) or tick.yielding[column] or tick.replaced[column][RIGHT]:
-                self._swings[column].forget()
-                self._answers[column].forget()
+                self._swings[column].clear()
+                self._answers[column].clear()
                 continue
             self._swings[column].add(tick.now / NANOSECONDS, error_m)
             self._take_answer(cycle, tick, column)

@@ -72,7 +72,7 @@ class VehicleBudget:
         if heard and (near or seconds_between(vehicle.frames_lost_at, now) < LOSSY_S):
             self._careful_at = now
 
-    def judge(self, now: Instant) -> int:
+    def level_change(self, now: Instant) -> int:
         """Return by how many levels the rates go down (1 or 0), or up (-1, or as many as there are)."""
         at_level_s = seconds_between(self._since, now)
         self._peak = max(self._peak, self.load.bytes_per_s)
@@ -100,12 +100,12 @@ class VehicleBudget:
         change, self.level, self._since = level - self.level, level, now
         self._peak = 0.0
         self.load.settle()
-        self.streams.forget()
+        self.streams.clear()
         return change
 
     def _give_up(self, now: Instant) -> int:
         self._ignored_from = now
-        self.load.forget()
+        self.load.clear()
         return self._set(self._stated, now)
 
     def _has_room(self) -> bool:
@@ -153,7 +153,7 @@ class LinkBudget:
             each.apply(Instant(0))
         self._note, self._reports = note, reports
 
-    def watch(
+    def due_requests(
         self, now: Instant, margins_used: Sequence[float] = (), *, leaves_unread: bool = False
     ) -> list[tuple[Vehicle, Message]]:
         """Return the requests to send now; `margins_used`: shares of their delay margins that loops use.
@@ -170,7 +170,7 @@ class LinkBudget:
                 continue
             report = self._reports.of(vehicle.connection, now)
             each.load.look(now, None if report is None else float(report.txbuf_percent))
-            change = each.judge(now)
+            change = each.level_change(now)
             if change:
                 changes.setdefault(change, []).append(each)
             found += [(vehicle, request) for request in self._requests(each, now, leaves_unread=leaves_unread)]

@@ -80,7 +80,7 @@ class LinkLoad:
         if self._sequence is not sequence:  # another link is in use
             self._sequence = sequence
             self.settle()
-            self.forget()
+            self.clear()
         self.free_percent = free_percent
         self._low = self._low + 1 if free_percent is not None and free_percent <= LOW_PERCENT else 0
         shortest_s = vehicle.round_trips.shortest_s(after(now, -RECENT_S), FEWEST)
@@ -133,7 +133,7 @@ class LinkLoad:
         self._looks.clear()
         self._queues_s.clear()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Take the present round trips for those of an empty link."""
         self._shortest_s, self.queue_s, self._low = math.inf, 0.0, 0
 

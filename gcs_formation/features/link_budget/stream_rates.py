@@ -76,7 +76,7 @@ class StreamRates:
                 if too_many and rate_hz is not None and message_id not in ANSWERS:
                     yield from self._request(message_id, rate_hz, now)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Reset: other rates are wanted."""
         self._counts = {}
         self._asked.clear()

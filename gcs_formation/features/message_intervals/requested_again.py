@@ -186,7 +186,7 @@ class MessageIntervals:
         self._note = note
         self._next_look = Instant(0)
 
-    def watch(self, now: Instant) -> None:
+    def check_all(self, now: Instant) -> None:
         """Check every vehicle if that is due."""
         if now < self._next_look:
             return
@@ -223,7 +223,7 @@ class MessageIntervals:
         slowed = streams.slowed() if any(each in fast for each in missing) else ()
         wanted = [each for each in streams.rates_hz if each in missing or (each in fast and each in slowed)]
         requests = (vehicle.autopilot.set_message_interval(each, streams.rates_hz[each]) for each in wanted)
-        vehicle.commands.begin(tuple(requests), now)
+        vehicle.commands.send(tuple(requests), now)
         streams.next_request = after(now, streams.wait_s)
         streams.wait_s = min(2.0 * streams.wait_s, ASK_AGAIN_MAX_S)
         streams.counts.clear()

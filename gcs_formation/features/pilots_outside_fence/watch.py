@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from airlink.endpoint import VehicleId
 from gcs_formation.core.cycle import EACH_SECOND, Cycle, Stage
-from gcs_formation.vehicle.vehicle import Member
+from gcs_formation.vehicle.member import Member
 
 
 class PilotsOutsideFence(Stage):

@@ -42,7 +42,7 @@ class OwnFences:
         """Whether all that have been reported are judged."""
         return len(self._judged) == len(self._reported)
 
-    def take(self, vehicle: Vehicle, fence: OwnFence | None) -> None:
+    def apply(self, vehicle: Vehicle, fence: OwnFence | None) -> None:
         """Take what a vehicle's parameters say."""
         if fence is not None:
             self._reported.append((vehicle, fence))

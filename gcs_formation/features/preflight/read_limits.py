@@ -35,7 +35,7 @@ class ReadLimits:
         news, self._news = self._news, False
         return self._vehicles() if news else None
 
-    def take(self, vehicle: Vehicle, bounds: Sequence[tuple[str, float, str]]) -> None:
+    def apply(self, vehicle: Vehicle, bounds: Sequence[tuple[str, float, str]]) -> None:
         """Bound a vehicle's setpoints by the keys of its model, the bounds, and the parameters that say so."""
         if not bounds:
             return

@@ -19,8 +19,9 @@ from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.beginning import Beginning
 from gcs_formation.mission.past_flight import LEFT, TAKEN, PastFlight, RecordedVehicle
 from gcs_formation.vehicle.checks import ParameterReader, only_read
+from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.own_failsafe import OwnFailsafe
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 
 WAIT_S = 5.0
 """Longest wait for a vehicle that was flying when the record ended; then the others begin without it. Tuned: s; 3 to
@@ -85,10 +86,10 @@ class FailsafeReaders:
             found += [(vehicle, request) for request in reader.requests(now)]
         return found
 
-    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
         if vehicle.identity in self._readers:
-            self._readers[vehicle.identity][1].take(message, now)
+            self._readers[vehicle.identity][1].receive_parameter(message, now)
 
 
 class Takeover(Beginning):
@@ -108,9 +109,9 @@ class Takeover(Beginning):
         """Return the parameter requests to send now."""
         return self._failsafes.requests(now)
 
-    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
-        self._failsafes.take(vehicle, message, now)
+        self._failsafes.receive_parameter(vehicle, message, now)
 
     def may_begin(self, now: Instant) -> bool:
         """Return whether the flight goes on now: one that was ending doesn't."""

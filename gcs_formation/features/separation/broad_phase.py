@@ -84,7 +84,7 @@ class BroadPhase:
         self._frame_north_mps = self._frame_east_mps = 0.0
         self._far_max_m = self._fast_max_mps = self._off_max_s = 0.0
 
-    def begin(self, reference: FlightState, speed_mps: float, heading_rad: float) -> None:
+    def begin_test(self, reference: FlightState, speed_mps: float, heading_rad: float) -> None:
         """Begin a test: `see` every vehicle, then ask whether `all_apart`. The reference is commanded these two."""
         self._reference = reference
         self._along_mps, self._along_rad = reference.airspeed_mps, reference.heading_rad

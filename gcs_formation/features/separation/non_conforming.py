@@ -19,7 +19,7 @@ from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S, Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.separation.approach import Traffic
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.vehicle.vehicle import UNANSWERED_S
+from gcs_formation.vehicle.vehicle_state import UNANSWERED_S
 
 SOON_NS: Final = NANOSECONDS // 2
 """Lead time with which others keep clear of where an unresponsive vehicle would stop, as the age of its last answer is
@@ -81,7 +81,7 @@ class NonConforming:
         self._left: list[int | None] = [None] * len(models)
         """Instant from which each has been sent nothing; None while it is sent setpoints."""
 
-    def watch(self, now: Instant, links: list[VehicleLink], active: list[bool]) -> None:
+    def update(self, now: Instant, links: list[VehicleLink], active: list[bool]) -> None:
         """Update which vehicles may not respond, and the setpoint that each holds; disobeying ones fly straight on.
 
         `active`: those that are sent setpoints.
@@ -241,7 +241,7 @@ class UncommandedMotion:
                 return True
         return False
 
-    def watch(self, measured: Measured) -> None:
+    def update(self, measured: Measured) -> None:
         """Update turn rates, or multirotors' accelerations, from the last two states."""
         before, self._last = self._last, measured
         if before is None:

@@ -5,29 +5,30 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from airlink.clock import NANOSECONDS, Instant, seconds_between
+from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Indices
 from flight_model.autopilot_model import AutopilotModel, squared, within
-from flight_model.slot import HEIGHT, UNKNOWN, Triple
+from flight_model.slot import UNKNOWN, Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario
 from formation_scenario.geofence import NO_LIMITS
-from formation_scenario.slot_assignment import column_ids, slot_schedule
+from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.transition_plan import MARGIN_M
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S, Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.features.separation.approach import JERK_MPS3, Traffic, sample_times
+from gcs_formation.features.separation.accelerations import Accelerations
+from gcs_formation.features.separation.approach import Traffic, sample_times
 from gcs_formation.features.separation.broad_phase import SLOT_SHARE, BroadPhase, KeptDistance
-from gcs_formation.features.separation.conflict_resolution import Conflict, Resolution, resolve
+from gcs_formation.features.separation.conflict_resolution import Resolution, resolve
+from gcs_formation.features.separation.encounters import Encounters
 from gcs_formation.features.separation.keys import SeparationKeys
 from gcs_formation.features.separation.non_conforming import NonConforming, UncommandedMotion
 from gcs_formation.features.separation.traffic import TrafficPicture
-from gcs_formation.recorder import Detail, Event, Tick
+from gcs_formation.recorder import Tick
 
 ROOM_M: Final = 0.5
 """Margin added to the distance to keep. A manoeuvre begins at the last moment, when the predicted trajectories leave
@@ -42,21 +43,6 @@ TIMING_SHARE: Final = 0.1
 RESERVE_TICKS: Final = 2.0
 RESERVE_MIN_S, RESERVE_MAX_S = 0.2, 1.0
 """How much longer than a tick a setpoint is taken to act, in ticks within these limits: the next ones may be lost."""
-STEP_NS: Final = NANOSECONDS // 10
-"""Steps in which accelerations are predicted through the setpoints in flight."""
-LASTS_S: Final = 30.0
-"""An encounter is reported again if it lasts longer."""
-
-
-@dataclass
-class Encounter:
-    """A vehicle giving way to another."""
-
-    begun: Instant
-    min_m: float = math.inf
-    """Least distance since then, from the states that the law uses."""
-    lasts: bool = False
-    """Whether it has been reported as lasting."""
 
 
 class ConflictResolver:
@@ -73,6 +59,7 @@ class ConflictResolver:
         self._history, self._models = history, models
         self._non_conforming = NonConforming(history, models, self._keys.horizon_s, hovers=self._hovers)
         self._uncommanded = UncommandedMotion(history, models, self._keys.horizon_s, hovers=self._hovers)
+        self._accelerations = Accelerations(history, models, self._uncommanded, hovers=self._hovers)
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._times_s = sample_times(_acts_s(self._dt_s), self._keys.horizon_s)
         self._first = 1 if self._virtual else 0
@@ -91,8 +78,7 @@ class ConflictResolver:
         self._kept_in_slots = self._kept_moving = KeptDistance(self._kept_m)
         self._apart_m: Array | None = None
         """The planned distances that `_kept_moving` was made from."""
-        self._identities = column_ids(scenario)
-        self._encounters: dict[tuple[int, int], Encounter] = {}
+        self._encounters = Encounters(scenario)
 
     def keep(self, tick: Tick, measured: Measured, apart_m: Array | None = None) -> None:
         """Replace those of a tick's setpoints that don't keep the distance.
@@ -108,11 +94,11 @@ class ConflictResolver:
         """
         if not self._enabled:
             return
-        self._uncommanded.watch(measured)
+        self._uncommanded.update(measured)
         self._watch_slots(tick.slots_m)
         self._watch_errors(tick)
         kept = self._kept_in_slots if apart_m is None else self.kept_on_the_way(apart_m)
-        self._non_conforming.watch(tick.now, tick.links, tick.active)
+        self._non_conforming.update(tick.now, tick.links, tick.active)
         if self._nobody_near(tick, measured, kept):
             return
         members, stopped = self._members(tick), self._stopped(tick)
@@ -122,7 +108,7 @@ class ConflictResolver:
         side = np.array(self._side)[picture.vehicles]
         resolution = resolve(picture, np.where(picture.commanded, side, 0.0))
         self._replace(tick, picture.vehicles, resolution)
-        self._note(tick, picture, resolution.conflicts)
+        self._encounters.note(tick, picture, resolution.conflicts, self._side)
 
     def kept_on_the_way(self, apart_m: Array) -> KeptDistance:
         """Return the distances while slots change: the safety limit plus a margin, or more where plans allow it.
@@ -138,7 +124,12 @@ class ConflictResolver:
 
     def _nobody_near(self, tick: Tick, measured: Measured, kept: KeptDistance) -> bool:
         """Return whether the rule can be skipped: all are commanded, respond and stay apart, and none is giving way."""
-        if not self._predicted or self._encounters or self._non_conforming.any or self._uncommanded.any_non_conforming:
+        if (
+            not self._predicted
+            or self._encounters.any
+            or self._non_conforming.any
+            or self._uncommanded.any_non_conforming
+        ):
             return False
         first, acts, together = self._first, measured.acts, measured.acts[self._first]
         for column, active in enumerate(tick.active):
@@ -150,12 +141,12 @@ class ConflictResolver:
                 together = max(together, acts[column])
         look = self._broad_phase
         reference = max(first, tick.leader)
-        look.begin(tick.state[reference], tick.setpoints[reference][0], tick.setpoints[reference][1])
+        look.begin_test(tick.state[reference], tick.setpoints[reference][0], tick.setpoints[reference][1])
         for column in range(first, len(acts)):
             speed_mps, heading_rad, _ = tick.setpoints[column]
             early_s, timing_s = float(together - acts[column]) / NANOSECONDS, _timing_s(tick, column)
             slot_m = self._slot(column)
-            north_mps2, east_mps2 = self._accel_mps2(column, measured)
+            north_mps2, east_mps2 = self._accelerations.of(column, measured)
             accel_mps2 = math.sqrt(squared(north_mps2) + squared(east_mps2))
             look.see(column - first, tick.state[column], slot_m, speed_mps, heading_rad, early_s, timing_s, accel_mps2)
         return look.all_apart(kept)
@@ -228,7 +219,7 @@ class ConflictResolver:
             setpoints += setpoints_of
         circling = [at for at, each in enumerate(members) if tick.links[each].circling]
         if circling:
-            loitering = traffic.take(np.array(circling))
+            loitering = traffic.select(np.array(circling))
             told_m = [tick.links[members[at]].holds_at_m for at in circling]
             traffic = traffic.beside(loitering.turning()).beside(loitering.turning()).beside(loitering)
             heights_m: list[float] = loitering.state.height_m.tolist()
@@ -236,7 +227,7 @@ class ConflictResolver:
             vehicles += 3 * [members[at] for at in circling]
         uncommanded = self._uncommanded.intents(tick, members, measured)
         if uncommanded:
-            traffic = traffic.beside(traffic.take(np.array([at for at, _ in uncommanded])))
+            traffic = traffic.beside(traffic.select(np.array([at for at, _ in uncommanded])))
             setpoints += [setpoint for _, setpoint in uncommanded]
             vehicles += [members[at] for at, _ in uncommanded]
         commanded += [False] * (len(vehicles) - len(members))
@@ -265,27 +256,8 @@ class ConflictResolver:
         lead_s = np.array([(together - each) / NANOSECONDS for each in until])
         models = AutopilotModels.from_each(self._models[each] for each in members)
         states = self._state(tick, measured, members, until, turn_rps)
-        accel_mps2 = np.array([self._accel_mps2(column, measured) for column in members]).T
+        accel_mps2 = np.array([self._accelerations.of(column, measured) for column in members]).T
         return Traffic(states, lead_s, turn_rps, models, accel_mps2, self._hovers)
-
-    def _accel_mps2(self, column: int, measured: Measured) -> tuple[float, float]:
-        """Return a multirotor's acceleration when its setpoint acts: as measured, changed since by those in flight.
-
-        It is 0 for uncommanded vehicles, whose accelerations are intents of their own.
-        """
-        if not self._hovers or not measured.active[column]:
-            return 0.0, 0.0
-        at, acts, model = measured.stamps[column], measured.acts[column], self._models[column]
-        (north_mps, east_mps), accel_mps2 = measured.states[column].ground_mps(), self._uncommanded.accel_mps2[column]
-        while at < acts:
-            step_ns = min(acts - at, STEP_NS)
-            step_s = float(step_ns) / NANOSECONDS
-            speed_mps, heading_rad, _ = self._history.commanded(at, column)
-            wanted = wanted_mps2(model, (north_mps, east_mps), speed_mps, heading_rad)
-            accel_mps2 = changed_mps2(accel_mps2, wanted, step_s)
-            north_mps, east_mps = north_mps + step_s * accel_mps2[0], east_mps + step_s * accel_mps2[1]
-            at += step_ns
-        return accel_mps2
 
     def _state(
         self, tick: Tick, measured: Measured, members: list[int], until: list[int], turn_rps: Array
@@ -332,66 +304,6 @@ class ConflictResolver:
     def _slot(self, column: int) -> Triple:
         """Return a vehicle's slot; unknown (NaN) if it is far from it, and so not beside the neighbours of its slot."""
         return UNKNOWN if self._afar[column] else self._slots[column]
-
-    def _note(self, tick: Tick, picture: TrafficPicture, conflicts: tuple[Conflict, ...]) -> None:
-        if not conflicts and not self._encounters:
-            return
-        state, vehicles = picture.traffic.state, picture.vehicles
-        where = dict(zip(reversed(vehicles.tolist()), state.place_m[:, ::-1].T, strict=True))
-        for conflict in conflicts:
-            pair = int(vehicles[conflict.vehicle]), int(vehicles[conflict.other])
-            if pair not in self._encounters:
-                self._encounters[pair] = Encounter(tick.now)
-                way = self._way(tick, pair[0])
-                apart = f"they would be {conflict.nearest_m:.1f} m apart in {conflict.in_s:.1f} s"
-                figures: dict[str, Detail] = {"begins": True, "nearest_m": conflict.nearest_m, "in_s": conflict.in_s}
-                self._report(tick, pair, "avoids", f", {way}: {apart}", figures)
-        for pair, encounter in list(self._encounters.items()):
-            if pair[0] in where and pair[1] in where:
-                distance_m = float(np.linalg.norm(where[pair[0]] - where[pair[1]]))
-                encounter.min_m = min(encounter.min_m, distance_m)
-            min_m, lasted_s = encounter.min_m, seconds_between(encounter.begun, tick.now)
-            if lasted_s > LASTS_S and not encounter.lasts:
-                encounter.lasts = True
-                text = f" after {lasted_s:.0f} s: it may not get to where it is commanded"
-                self._report(tick, pair, "still avoids", text, {"lasted_s": lasted_s})
-            if not self._side[pair[0]]:
-                del self._encounters[pair]
-                figures = {"begins": False, "least_m": min_m, "lasted_s": lasted_s}
-                text = f": {lasted_s:.1f} s, {min_m:.1f} m apart at least"
-                self._report(tick, pair, "no longer avoids", text, figures)
-
-    def _way(self, tick: Tick, column: int) -> str:
-        """Return how a vehicle manoeuvres, for the event."""
-        aside = "upwards" if self._side[column] > 0.0 else "downwards"
-        return aside if tick.replaced[column][HEIGHT] else "as high"
-
-    def _report(self, tick: Tick, pair: tuple[int, int], what: str, how: str, figures: dict[str, Detail]) -> None:
-        """Report that the first of two vehicles begins or ends to avoid the second."""
-        vehicle, other = self._identities[pair[0]], str(self._identities[pair[1]])
-        details: dict[str, Detail] = {"other": other, **figures}
-        tick.events.append(Event(tick.now, "separation", f"{what} {other}{how}", vehicle, details))
-
-
-def wanted_mps2(
-    model: AutopilotModel, ground_mps: tuple[float, float], speed_mps: float, heading_rad: float
-) -> tuple[float, float]:
-    """Return the acceleration of a multirotor's model towards a commanded velocity; 0 where none is commanded."""
-    if math.isnan(speed_mps) or math.isnan(heading_rad):
-        return 0.0, 0.0
-    north_mps, east_mps = (
-        speed_mps * math.cos(heading_rad) - ground_mps[0],
-        speed_mps * math.sin(heading_rad) - ground_mps[1],
-    )
-    share = min(1.0 / model.tau_v_s, model.accel_max_mps2 / max(math.hypot(north_mps, east_mps), 1e-9))
-    return share * north_mps, share * east_mps
-
-
-def changed_mps2(begin: tuple[float, float], end: tuple[float, float], over_s: float) -> tuple[float, float]:
-    """Return an acceleration that changes from one to another, after a time."""
-    north_mps2, east_mps2 = begin[0] - end[0], begin[1] - end[1]
-    left = max(1.0 - JERK_MPS3 * over_s / max(math.hypot(north_mps2, east_mps2), 1e-9), 0.0)
-    return end[0] + left * north_mps2, end[1] + left * east_mps2
 
 
 def _acts_s(dt_s: float) -> float:

@@ -153,7 +153,7 @@ class TrafficPicture:
 
     def straight(self, which: Indices) -> Manoeuvre:
         """Return the manoeuvres of the vehicles `which`: as commanded, then straight on at that height."""
-        setpoints, on = self.setpoints.take(which), np.full(which.size, np.nan)
+        setpoints, on = self.setpoints.select(which), np.full(which.size, np.nan)
         return Manoeuvre(setpoints, on, on, setpoints.height_m)
 
     def farther_m(self, vehicle: int) -> float:
@@ -163,7 +163,7 @@ class TrafficPicture:
 
     def within_reach(self, which: Indices, height_m: Array) -> Array:
         """Return heights limited to what vehicles may be commanded now (N,)."""
-        own_m, max_m = self.traffic.state.height_m[which], reach_m(self.traffic.model.take(which))
+        own_m, max_m = self.traffic.state.height_m[which], reach_m(self.traffic.model.select(which))
         return within(height_m, own_m - max_m, own_m + max_m)
 
 

@@ -58,7 +58,7 @@ class StreamLoss(FrameLoss):
         self._window_s, self._counts = max(SHORTEST_S, FEWEST / max(self._rates_hz)), list[int]()
         """A window's length, s, and the counts at the beginning of the present one; without messages there is none."""
 
-    def watch(self) -> None:
+    def close_window(self) -> None:
         """Judge a window that is over, and begin the next if the messages have been requested, also since a restart."""
         vehicle = self.vehicle
         if self._sequence is not vehicle.sequence:  # another link is in use
@@ -142,10 +142,10 @@ class StreamLosses(Stage):
             cycle.findings.losses[each.vehicle.identity] = each
 
     def run(self, cycle: Cycle) -> None:
-        """Watch each."""
+        """Close each vehicle's window of messages once it is over."""
         del cycle
         for each in self._each:
-            each.watch()
+            each.close_window()
 
 
 def _median(rows: list[tuple[float, float]], half: float) -> float:

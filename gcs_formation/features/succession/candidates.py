@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from typing import Final, NamedTuple, Self
 
 from airlink.clock import Instant, seconds_between
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 RECEIVED_S: Final = 1.0
 """Largest age of a successor's telemetry, and of the latest time at which it is known to receive. Tuned: s; 0.5 to 2;

@@ -12,7 +12,8 @@ from gcs_formation.core.cycle import Cycle, Stage
 from gcs_formation.features.succession.candidates import Candidate, best_successor, can_lead
 from gcs_formation.fleet.membership import SUCCESSION_S
 from gcs_formation.phases import Phase
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 
 class Succession(Stage):

@@ -14,7 +14,8 @@ from gcs_formation.estimation.estimator import Sample, VehicleFilter
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.telemetry_health.vehicle_health import Commanded, VehicleHealth
 from gcs_formation.recorder import Note
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 
 
 class TelemetryHealth:

@@ -40,7 +40,7 @@ class TelemetryNoise(Stage):
         self._off, self._unbelieved = set[VehicleId](), set[VehicleId]()
 
     def run(self, cycle: Cycle) -> None:
-        """Look at both."""
+        """Compare noise as estimated with noise as declared, then airspeeds with the synthetic ones."""
         self.watch_noise(cycle.now, [each.noise for each in cycle.controller.estimator.filters])
         self.watch_airspeeds(cycle.now)
 

@@ -27,6 +27,6 @@ of the declared one; beyond it the bound is used, and `misfit` reports that it l
 gaps of telemetry, and while a vehicle doesn't conform nothing is estimated. Vehicles with an airframe of their own, and
 multirotors, don't fly by (7): theirs stay as declared. A sensor's constant bias isn't fitted, and does no harm.
 
-**Shown by** `tests/gcs_formation/features/time_constants/test_lags.py`; what it is worth in a flight by the table "What
-if the model isn't the vehicle" of docs/latency.md (`python -m benchmarks.headlines --page latency`).
+**Shown by** `tests/gcs_formation/features/time_constants/test_estimation.py`; what it is worth in a flight by the table
+"What if the model isn't the vehicle" of docs/latency.md (`python -m benchmarks.headlines --page latency`).
 """

@@ -84,7 +84,7 @@ class VehicleEstimator:
             tracks.clear()
         if self._in_use and changed:
             self._use()
-        self._model_set.begin(estimated, self._stamp, self._motion)
+        self._model_set.initialise(estimated, self._stamp, self._motion)
         self._learning, self._samples.count = True, 0
         self._samples.add(self._stamp, self._motion)
 

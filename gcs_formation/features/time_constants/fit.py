@@ -101,7 +101,7 @@ class Persistence:
         self._size: float = squared(resolution)
         self._steps: float = 2.0 * self._size
 
-    def take(self, mean: float) -> None:
+    def add_batch(self, mean: float) -> None:
         """Take the mean of a batch's residuals; NaN where it has none."""
         if not math.isnan(mean - self._before):
             self._count = STILL_ALIKE * self._count + 1.0
@@ -208,7 +208,7 @@ class TimeConstantFit:
             square += residual * residual
             total += residual
         count = float(tracks.count)
-        self._persistence.take(total / count if count > 0.0 else math.nan)
+        self._persistence.add_batch(total / count if count > 0.0 else math.nan)
         if calm:
             self._calm_square += square
             self._calm_total += total

@@ -71,7 +71,7 @@ class FirstOrder:
         self._off = 0.0
         """Largest error in the batch, as a mean over the simulations."""
 
-    def begin(self, value: float) -> None:
+    def initialise(self, value: float) -> None:
         """Restart from a value."""
         for node in range(len(self._values)):
             self._values[node] = value
@@ -132,7 +132,7 @@ class SecondOrder:
         self._free_m = FREE * declared.climb_max_mps * (declared.tau_ha_s + declared.tau_hb_s)
         self._off_m = 0.0
 
-    def begin(self, height_m: float, climb_mps: float) -> None:
+    def initialise(self, height_m: float, climb_mps: float) -> None:
         """Restart from a height and a climb."""
         for node in range(len(self._heights_m)):
             self._heights_m[node], self._climbs_mps[node] = height_m, climb_mps
@@ -239,18 +239,18 @@ class ModelSet:
         """The instant of the simulations, ns."""
         self._step: i64 = 0
 
-    def begin(self, estimated: list[bool], stamp: i64, seen: Seen) -> None:
+    def initialise(self, estimated: list[bool], stamp: i64, seen: Seen) -> None:
         """Restart from what was `seen` those simulations of airspeed, heading and height that aren't `estimated`."""
         self.flying = not math.isnan(seen[0])
         speed_mps, heading_rad, height_m, climb_mps = seen if self.flying else (0.0, 0.0, 0.0, 0.0)
         if not any(estimated):
             self._at = stamp
         if not estimated[0]:
-            self._speeds.begin(speed_mps)
+            self._speeds.initialise(speed_mps)
         if not estimated[1]:
-            self._headings.begin(heading_rad)
+            self._headings.initialise(heading_rad)
         if not estimated[2]:
-            self._heights.begin(height_m, climb_mps)
+            self._heights.initialise(height_m, climb_mps)
 
     def fly(self, samples: Samples, sent: SentSetpoints, batch: list[ResidualBatch]) -> list[bool]:
         """Fill the empty batches of airspeed, heading and height with the simulations minus telemetry.

@@ -19,11 +19,11 @@ class MotionSeen(Stage):
     after = ("estimates",)
 
     def __init__(self, estimator: TimeConstantEstimator) -> None:
-        """Take what estimates."""
+        """Give samples to `estimator`, which all three stages share."""
         self._estimator = estimator
 
     def run(self, cycle: Cycle) -> None:
-        """Take it."""
+        """Give it each new sample: as measured, with the heading as filtered."""
         filters = cycle.controller.estimator.filters
         for column, sample in enumerate(cycle.samples):
             if sample is not None:
@@ -42,7 +42,7 @@ class TimeConstants(Stage):
     after = ("tick",)
 
     def __init__(self, estimator: TimeConstantEstimator) -> None:
-        """Take what estimates."""
+        """Update `estimator`, which all three stages share."""
         self._estimator = estimator
 
     def run(self, cycle: Cycle) -> None:
@@ -59,11 +59,11 @@ class TimeConstantsOff(Stage):
     after = ("own_parts",)
 
     def __init__(self, estimator: TimeConstantEstimator) -> None:
-        """Take what estimates."""
+        """Ask `estimator`, which all three stages share."""
         self._estimator = estimator
 
     def run(self, cycle: Cycle) -> None:
-        """Say it."""
+        """Put relative errors, (3, C), into the findings."""
         cycle.findings.time_constants_off = self._estimator.misfit
 
 

@@ -71,7 +71,7 @@ class _Telemetry:
     def _own_track() -> Track:
         return Track(0, OWN_ERRORS, OWN_ERRORS_IDENTIFY, "arduplane", OVER_GROUND_SEEN, follows=NAVIGATED)
 
-    def take(self, at_s: float, frame: Frame) -> None:
+    def add_frame(self, at_s: float, frame: Frame) -> None:
         self.end_s = at_s
         match frame.message:
             case CommandInt(target_system=system, command=command) as sent if command in COMMANDS:
@@ -151,7 +151,7 @@ def read_telemetry(log: Path) -> Log:
     for time_us, raw in read_tlog(log):
         begin_us = time_us if begin_us is None else begin_us
         for frame in parser.feed(raw):
-            telemetry.take((time_us - begin_us) * 1e-6, frame)
+            telemetry.add_frame((time_us - begin_us) * 1e-6, frame)
     return telemetry.log()
 
 

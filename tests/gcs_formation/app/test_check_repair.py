@@ -24,7 +24,7 @@ PLAN = """QGC WPL 110
 def check(folder: Path, path: dict[str, Any], *options: str, **keys: Any) -> tuple[int, str]:
     scenario = folder / "mission.json"
     scenario.write_text(json.dumps({"vehicles": {"count": 3}, "path": {"kind": "legs", **path}, **keys}))
-    result = CliRunner().invoke(main, ["check", str(scenario), *options])
+    result = CliRunner().invoke(main, ["check", str(scenario), "--no-fly", *options])
     return result.exit_code, result.output
 
 
@@ -43,7 +43,7 @@ def test_the_repaired_file_is_accepted_and_lists_its_changes(tmp_path: Path) -> 
         "path.waypoints_m.1: moved 2.0 m up, from [2000, 0, 3] to [2000, 0, 5.02]",
     )
     assert "# path.waypoints_m.1: moved 2.0 m up" in out.read_text(encoding="utf-8")
-    assert CliRunner().invoke(main, ["check", str(out)]).exit_code == 0
+    assert CliRunner().invoke(main, ["check", str(out), "--no-fly"]).exit_code == 0
     assert check(tmp_path, {"waypoints_m": LOW[::2]}, "--repair", str(out))[1].startswith("nothing to repair")
 
 
@@ -103,5 +103,5 @@ def test_a_mission_that_ends_with_a_short_steep_leg_behind_a_detour_is_repaired_
     assert [line for line in said.splitlines() if line.startswith("path.waypoints_m.")] == [
         "path.waypoints_m.34: moved 5.0 m up, from [-86.259813, -10791.829, 35] to [-86.259813, -10791.829, 40]"
     ]
-    checked = CliRunner().invoke(main, ["check", str(out)])
+    checked = CliRunner().invoke(main, ["check", str(out), "--no-fly"])
     assert (checked.exit_code, checked.exception) == (0, None)

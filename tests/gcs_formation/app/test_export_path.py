@@ -24,7 +24,7 @@ KEYS = {
 
 def check(tmp_path: Path, *options: str) -> tuple[int, str]:
     (tmp_path / "scenario.json").write_text(json.dumps(KEYS))
-    result = CliRunner().invoke(main, ["check", str(tmp_path / "scenario.json"), *options])
+    result = CliRunner().invoke(main, ["check", str(tmp_path / "scenario.json"), "--no-fly", *options])
     return result.exit_code, result.output
 
 

@@ -46,7 +46,7 @@ def test_an_order_that_is_too_long_is_answered_too(directory: Path) -> None:
         assert asked.result() == (True, f"heard {'é' * 101}")
 
 
-def test_where_nothing_runs_nobody_answers(directory: Path, tmp_path: Path) -> None:
+def test_where_nothing_runs_none_answers(directory: Path, tmp_path: Path) -> None:
     for place in (directory, tmp_path / "none"):
         with pytest.raises(NothingRunningError, match="no flight answers in"):
             tell(place, "loiter")
@@ -92,7 +92,7 @@ def test_where_no_more_files_may_be_opened_an_order_waits(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("said", [b"", b"shape"])
-def test_callers_that_go_on_saying_nothing_keep_nobody_from_an_answer(tmp_path: Path, said: bytes) -> None:
+def test_callers_that_go_on_saying_nothing_keep_none_from_an_answer(tmp_path: Path, said: bytes) -> None:
     with ThreadPoolExecutor() as pool, OrderSocket(tmp_path, echo) as orders, ExitStack() as silent:
         for _ in range(2 * MAX_CALLERS):
             caller = silent.enter_context(socket.socket(socket.AF_UNIX))
@@ -127,7 +127,7 @@ def test_of_too_many_callers_the_one_that_came_first_is_dropped(tmp_path: Path) 
         ("stats", 2, "land, status (did you mean 'status'?)"),
     ],
 )
-def test_an_order_is_read_before_anybody_is_asked(order: str, status: int, said: str, tmp_path: Path) -> None:
+def test_an_order_is_read_before_any_is_asked(order: str, status: int, said: str, tmp_path: Path) -> None:
     done = CliRunner().invoke(main, ["tell", str(tmp_path), *order.split()])
     assert done.exit_code == status
     assert said in done.stderr

@@ -18,7 +18,7 @@ from gcs_formation.control.setpoint import AS_DECIDED, Mixer
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.guidance.leader_guidance import LeaderCommand
+from gcs_formation.guidance.leader_commands import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 from tests.gcs_formation import tables
 from tests.gcs_formation.tables import Decision, TableLaw

@@ -12,15 +12,15 @@ from mypy_extensions import i64
 
 from airlink.clock import Instant
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates
+from formation_scenario.consensus_graph import graph_adjacency
 from formation_scenario.fields import Frame
-from formation_scenario.model import graph_adjacency
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.setpoint import AS_DECIDED
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.guidance.leader_guidance import LeaderCommand
+from gcs_formation.guidance.leader_commands import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
 from gcs_formation.stability.consensus_loops import laplacian
 from tests.gcs_formation import tables

@@ -11,7 +11,7 @@ from flight_model.slot import Slot
 from gcs_formation.control.follower import Controller, FollowerController, LawInput
 from gcs_formation.control.laws import leader_motion
 from gcs_formation.control.setpoint import AS_DECIDED
-from gcs_formation.guidance.leader_guidance import LeaderCommand
+from gcs_formation.guidance.leader_commands import LeaderCommand
 from tests.gcs_formation.control.law_ticks import DT_S, NONE, SPEED_MPS, parameters
 
 MODEL = AutopilotModel(4.0, 1.5, 1.0, 3.0, 5.0, 60.0, 3.0, 0.25, 3.0)

@@ -14,7 +14,7 @@ from flight_model.autopilot_model import FlightState
 from formation_scenario import load_scenario
 from gcs_formation.fleet.dispatch import HOLD_MAX_S, Dispatch
 from gcs_formation.recorder import Tick, VehicleLink
-from gcs_formation.vehicle.vehicle import Member
+from gcs_formation.vehicle.member import Member
 from tests.flights.conftest import scenario
 
 NOW = Instant(0)
@@ -76,7 +76,7 @@ def test_the_leaders_setpoints_wait_until_the_slowest_followers_act():
     served = dispatch(0.05, 0.0, 0.3)
     held_s = hold_s(served)
     assert held_s == pytest.approx(0.3 - 0.05)
-    served.take(tick(), held_s, NOW)
+    served.accept(tick(), held_s, NOW)
     assert sorted(told(served, 0.0)) == ["1", "2"]
     assert told(served, held_s - 1e-3) == []
     assert told(served, held_s) == ["0"]
@@ -110,13 +110,13 @@ def test_nothing_is_held_back_for_quicker_followers_forever_or_without_compensat
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_a_setpoint_that_is_not_finite_is_never_sent(bad):
     served = dispatch(0.0, 0.0, 0.0)
-    served.take(tick(speed_mps=bad), 0.0, NOW)
+    served.accept(tick(speed_mps=bad), 0.0, NOW)
     assert sorted(told(served, 10.0)) == ["0", "2"]
 
 
 def test_who_is_not_commanded_is_sent_nothing_and_a_cleared_queue_sends_nothing():
     served = dispatch(0.0, 0.0, 0.0)
-    served.take(tick(active=(True, True, False)), 0.5, NOW)
+    served.accept(tick(active=(True, True, False)), 0.5, NOW)
     assert told(served, 0.0) == ["1"]
     served.clear()
     assert served.due == NEVER
@@ -125,7 +125,7 @@ def test_who_is_not_commanded_is_sent_nothing_and_a_cleared_queue_sends_nothing(
 
 def test_setpoints_that_are_held_back_do_not_follow_a_leader_that_has_left():
     served = dispatch(0.0, 0.0, 0.3)
-    served.take(tick(), hold_s(served), NOW)
+    served.accept(tick(), hold_s(served), NOW)
     served._vehicles[0].member = Member.PARTED
     assert sorted(told(served, 10.0)) == ["1", "2"]
 
@@ -138,5 +138,5 @@ def test_once_less_is_held_back_no_older_setpoint_comes_after_a_newer_one():
     for at_s, held_s, speed_mps in ((0.0, 0.15, 20.0), (0.1, 0.3, 21.0), (0.2, 0.0, 22.0)):
         made = tick()
         made.setpoints[LEADER] = (speed_mps, 0.0, 100.0)
-        served.take(made, held_s, after(NOW, at_s))
+        served.accept(made, held_s, after(NOW, at_s))
     assert sorted(told(served, 1.0)) == ["1", "1", "1", "2", "2", "2", "20.0", "22.0"]

@@ -6,7 +6,7 @@ import pytest
 
 from gcs_formation.fleet import membership_table
 from gcs_formation.fleet.membership_table import TRANSITIONS, Seen
-from gcs_formation.vehicle.vehicle import Member
+from gcs_formation.vehicle.member import Member
 from tests.membership_page import PAGE, page
 
 
@@ -35,7 +35,7 @@ def test_silence_leads_to_loitering_and_back() -> None:
     assert next_membership(Member.RETURNING, **GUIDED) is Member.FLYING
 
 
-def test_one_that_is_not_seen_is_told_nothing_until_it_is_told_blindly() -> None:
+def test_one_that_is_not_seen_is_commanded_nothing_until_it_is_commanded_blindly() -> None:
     unseen = SILENT | {"loiter_may_be_commanded": False}
     unheard = next_membership(Member.FLYING, **unseen)
     assert unheard is next_membership(unheard, **unseen) is Member.UNHEARD

@@ -46,7 +46,7 @@ def found():
 
 
 @pytest.mark.parametrize("name", TAUS)
-def test_lags_of_equation_7_are_found_again(found, name):
+def test_time_constants_of_equation_7_are_found_again(found, name):
     estimate = found.estimates[name]
     assert estimate.value == pytest.approx(getattr(TRUE, name), rel=0.1)
     assert estimate.sigma < 0.3 * estimate.value
@@ -306,7 +306,7 @@ def test_the_lag_of_gentle_changes_is_found_of_a_multirotor_whose_steps_are_held
 
 
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
-def test_of_two_lags_that_are_alike_the_sum_alone_is_said_to_be_known(seed):
+def test_of_two_time_constants_that_are_alike_the_sum_alone_is_said_to_be_known(seed):
     """If the estimates are equal no slope separates them; deviations of 0.02 s, or of 0, used to be stated."""
     true = TRUE.model_copy(update={"tau_ha_s": 0.7, "tau_hb_s": 0.7})
     seen = flown(true, stepped())

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from formation_scenario.model import graph_adjacency
+from formation_scenario.consensus_graph import graph_adjacency
 from gcs_formation.stability import consensus_delay_margin
 from gcs_formation.stability.consensus_loops import as_adjacency, ground_consensus_loops, laplacian
 from gcs_formation.stability.pid_margins import delay_margin

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from formation_scenario import load_scenario
-from formation_scenario.model import Scenario, graph_adjacency
+from formation_scenario.consensus_graph import graph_adjacency
+from formation_scenario.model import Scenario
 from formation_scenario.vehicle_rules import all_receive_one
 from gcs_formation.stability import consensus_delay_margin, consensus_margins, law_margins, scenario_delay_margin
 from gcs_formation.stability.consensus_loops import ground_consensus_loops, spanning_components
@@ -79,7 +80,7 @@ def test_the_common_speed_has_a_margin_too() -> None:
     assert scenario_delay_margin(scenario(law, count=2)) == pytest.approx((np.pi - np.arctan(w / 0.5)) / w, rel=1e-2)
 
 
-def test_unlike_lags_count_by_the_worst() -> None:
+def test_unlike_time_constants_count_by_the_worst() -> None:
     plain = {"schema": 1, "law": consensus(0.5), "path": STRAIGHT}
     models = [{"tau_v_s": tau, "tau_psi_s": tau} for tau in (2.0, 4.0)]
     alike = [consensus_margins(scenario(consensus(0.5), tau, tau, 2))[0] for tau in (2.0, 4.0)]

@@ -13,7 +13,7 @@ from scipy.linalg import expm
 
 from flight_model.frequency_response import FREQUENCIES
 from formation_scenario import load_scenario
-from formation_scenario.model import graph_adjacency
+from formation_scenario.consensus_graph import graph_adjacency
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.setpoint import Mixer

@@ -22,8 +22,9 @@ from gcs_formation.fleet.membership import Membership
 from gcs_formation.link.link_health import Connection
 from gcs_formation.vehicle.families.px4.plane import Px4Plane
 from gcs_formation.vehicle.families.px4.px4 import LOITER, RTL
+from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.startup import StartUp
-from gcs_formation.vehicle.vehicle import Member, Vehicle
+from gcs_formation.vehicle.vehicle import Vehicle
 from tests.flights.conftest import scenario
 from tests.gcs_formation.noted import Noted
 
@@ -47,7 +48,7 @@ class Flight:
 
     def hears(self, message: Message) -> None:
         (frame,) = StreamParser().feed(self._writer.encode(message))
-        self.plane.take(frame, self.now)
+        self.plane.receive(frame, self.now)
 
     def beats(self, mode: int) -> Member:
         """Take a heartbeat a second later, and judge."""
@@ -58,7 +59,7 @@ class Flight:
 
     def judge(self) -> Member:
         estimator: Any = SimpleNamespace(age_s=lambda *_: 0.0)
-        self.membership.judge(None, estimator, self.now, connecting=False)
+        self.membership.update(None, estimator, self.now, connecting=False)
         return self.plane.member
 
 

@@ -27,17 +27,14 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.ardupilot import CM, TIMEOUT_S, ArduPilot, heartbeat_timeout, our_heartbeats
-from gcs_formation.vehicle.autopilot_family import (
-    Autopilot,
-    Command,
-    Craft,
-    StartUpStep,
-    fly_to_home,
-)
+from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.checks import Check, climb_check, lowest_m, only_read
+from gcs_formation.vehicle.craft import Craft
 from gcs_formation.vehicle.mode_names import COPTER
 from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
 from gcs_formation.vehicle.own_fence import FENCE_NAMES, OwnFence, ardupilot_fence
+from gcs_formation.vehicle.reposition import fly_to_home
+from gcs_formation.vehicle.startup_step import Command, StartUpStep
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
     MULTIROTOR_TYPES,
@@ -125,7 +122,7 @@ class ArduCopter(ArduPilot):
 
     def forget_setpoints(self) -> None:
         """Restart the lead compensation."""
-        self._lead.forget()
+        self._lead.reinitialise()
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is from an ArduPilot multirotor or helicopter."""

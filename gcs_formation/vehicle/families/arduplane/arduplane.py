@@ -25,15 +25,12 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.ardupilot import CM, TIMEOUT_S, ArduPilot, heartbeat_timeout, our_heartbeats
-from gcs_formation.vehicle.autopilot_family import (
-    Command,
-    KnownSetpoints,
-    StartUpStep,
-)
+from gcs_formation.vehicle.autopilot_family import KnownSetpoints
 from gcs_formation.vehicle.checks import Check, climb_check, envelope_checks, only_read
 from gcs_formation.vehicle.mode_names import PLANE, PLANE_TYPES
 from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
 from gcs_formation.vehicle.own_fence import FENCE_NAMES, OwnFence, ardupilot_fence
+from gcs_formation.vehicle.startup_step import Command, StartUpStep
 from gcs_formation.vehicle.telemetry import Telemetry
 
 MIN_TAKE_OFF_M = 50

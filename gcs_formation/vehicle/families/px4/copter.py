@@ -20,11 +20,14 @@ from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.vehicle.autopilot_family import Autopilot, Command, Craft, fly_to_home
+from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.checks import Check, climb_check, lowest_m, only_read
+from gcs_formation.vehicle.craft import Craft
 from gcs_formation.vehicle.families.px4.px4 import LAND, LOITER, OFFBOARD, RTL, STREAM_LOSS_S, Px4, heartbeats_lost
 from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
 from gcs_formation.vehicle.own_fence import GEOFENCE_NAMES
+from gcs_formation.vehicle.reposition import fly_to_home
+from gcs_formation.vehicle.startup_step import Command
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
     MULTIROTOR_TYPES,
@@ -80,7 +83,7 @@ class Px4Copter(Px4):
 
     def forget_setpoints(self) -> None:
         """Restart the lead compensation."""
-        self._lead.forget()
+        self._lead.reinitialise()
 
     def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:
         """Return its failsafe for lost setpoints, which acts sooner than that for lost heartbeats, or both."""

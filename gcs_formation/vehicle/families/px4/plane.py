@@ -24,10 +24,12 @@ from flight_model.slot import Triple
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.airspeed import AirspeedScale
-from gcs_formation.vehicle.autopilot_family import Autopilot, Command, Craft, StartUpStep
+from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.checks import Check, climb_check, envelope_checks, only_read
+from gcs_formation.vehicle.craft import Craft
 from gcs_formation.vehicle.families.px4.px4 import LOITER, RTL, UNCHANGED, Px4, heartbeats_lost
 from gcs_formation.vehicle.own_fence import GEOFENCE_NAMES
+from gcs_formation.vehicle.startup_step import Command, StartUpStep
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
     SpeedLead,
@@ -87,7 +89,7 @@ class Px4Plane(Px4):
     def forget_setpoints(self) -> None:
         """Restart the lead compensation."""
         if self._lead is not None:
-            self._lead.forget()
+            self._lead.reinitialise()
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return the checks of failsafe and limits."""

@@ -19,11 +19,12 @@ from mypy_extensions import mypyc_attr
 from airlink import mavlink as m
 from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat
-from gcs_formation.vehicle.autopilot_family import Autopilot, Command, StartUpStep
+from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.checks import Check
 from gcs_formation.vehicle.mode_names import AUTO, PX4, px4_mode
 from gcs_formation.vehicle.own_failsafe import OwnFailsafe, Parameters
 from gcs_formation.vehicle.own_fence import OwnFence, px4_fence
+from gcs_formation.vehicle.startup_step import Command, StartUpStep
 from gcs_formation.vehicle.telemetry import Telemetry
 
 LEADS_AWAY = (1, 2, 3)

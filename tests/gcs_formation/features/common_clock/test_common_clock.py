@@ -14,7 +14,7 @@ from airlink.messages.system import Timesync
 from gcs_formation.features.common_clock.agreed_utc import CommonClock, UtcBounds, agreed_s
 from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.testing.flight_plan import Formation, Plan
-from gcs_formation.vehicle.vehicle import Member
+from gcs_formation.vehicle.member import Member
 from tests.flights.in_memory import World
 from tests.flights.other_station import interval, tell
 

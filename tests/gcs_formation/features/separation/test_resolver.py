@@ -74,7 +74,7 @@ class Crossing:
             LawOutput(column, tick.state[column], tick.setpoints[column], error_m, UNKNOWN, NO_GAINS)
             for column, error_m in enumerate(self.error_m)
         ]
-        self.history.begin(vec[i64]([now] * 2))
+        self.history.begin_tick(vec[i64]([now] * 2))
         self.history.note(tick.setpoints)
         planned = None if planned_m is None else np.full((2, 2), planned_m)
         seen: list[int] = [now, now if self.seen_s is None else after(Instant(0), self.seen_s)]
@@ -323,7 +323,7 @@ def column_of_copters() -> Crossing:
 @pytest.mark.parametrize(
     ("stands_after_s", "silent_s", "gives"), [(3.0, 2.4, False), (3.0, 2.6, True), (math.inf, 9.0, False)]
 )
-def test_one_that_receives_nothing_any_more_may_stand_where_it_is_that_kind(
+def test_one_that_receives_nothing_any_more_may_hover_where_it_is_that_kind(
     stands_after_s: float, silent_s: float, gives: bool
 ) -> None:
     """An ArduCopter stops 3 s after its last setpoint (GUID_TIMEOUT); those behind flew into it."""
@@ -401,7 +401,7 @@ def test_who_is_sent_down_is_clear_of_ground_that_the_wind_takes_it_over() -> No
     assert floor_m(keys, 0.0, wind_east_mps=10.0) == pytest.approx(40.0 + 5.0 + 10.0, abs=2.0)
 
 
-def test_over_ground_that_is_not_known_no_vehicle_is_sent_down_and_anybody_may_be_sent_up(tmp_path: Path) -> None:
+def test_over_ground_that_is_not_known_no_vehicle_is_sent_down_and_any_may_be_sent_up(tmp_path: Path) -> None:
     """The tile's values end 1112 m north of the origin."""
     heights_m = np.full((1201, 1201), 30, dtype=">i2")
     heights_m[:599] = -32768

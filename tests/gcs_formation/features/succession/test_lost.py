@@ -10,7 +10,7 @@ import pytest
 from airlink.clock import Instant, after
 from gcs_formation.features.succession.stages import is_lost
 from gcs_formation.fleet.membership import SUCCESSION_S
-from gcs_formation.vehicle.vehicle import Member
+from gcs_formation.vehicle.member import Member
 from tests.gcs_formation.fleet.pair import LEADER, Formation
 
 

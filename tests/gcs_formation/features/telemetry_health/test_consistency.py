@@ -165,7 +165,7 @@ def test_outliers_among_samples_are_no_fault():
     assert flown.fly(300.0, place_of=outlying) is None
 
 
-def test_noise_that_nobody_declared_is_known_within_seconds():
+def test_noise_that_none_declared_is_known_within_seconds():
     flown = Turning(sigma_m=3.0, sigma_mps=0.2)
     flown.variances = 0.01, 0.01
     assert flown.fly(600.0) is None
@@ -192,7 +192,7 @@ def test_a_velocity_that_is_empty_or_opposite_is_replaced_by_the_positions_own(w
     assert off_mps < (0.5 if witness else 2.5)
 
 
-def test_a_velocity_at_half_its_value_is_told_from_a_position_by_the_witness():
+def test_a_velocity_at_half_its_value_is_reported_from_a_position_by_the_witness():
     flown = Turning()
     flown.fly(5.0)
     flown.fly(3.0, velocity_of=lambda told: [each / 2.0 for each in told])

@@ -49,7 +49,7 @@ def grows(loop, true, delay_s, dt_s=0.01, seconds=40.0):
 
 
 @pytest.mark.parametrize("loop", [X, Y], ids="xy")
-def test_a_loop_flown_with_lags_inside_its_margin_dies_out_and_beyond_it_grows(loop):
+def test_a_loop_flown_with_time_constants_inside_its_margin_dies_out_and_beyond_it_grows(loop):
     margin = tau_margin(loop, 1.1)
     assert 0.2 < margin < MAXIMUM
     options = (-1.0, 1.0)
@@ -66,14 +66,14 @@ def test_at_the_margin_no_mismatch_of_the_delay_is_left(loop):
     assert mismatch_margin_with_taus_off(loop, 0.7, 0.0) == pytest.approx(predicted_mismatch_margin(loop, 0.7).least())
 
 
-def test_with_the_right_lags_the_predicted_loop_is_stable_at_any_delay_and_an_unstable_one_never():
+def test_with_the_right_time_constants_the_predicted_loop_is_stable_at_any_delay_and_an_unstable_one_never():
     unstable = Loop(PidGains(-1.0, 0.0, 0.0), X.plant)
     assert predicted_are_stable(X, [X], 2.0) == [True]
     assert predicted_are_stable(unstable, [unstable], 0.0) == [False]
     assert tau_margin(unstable, 0.5) == 0.0
 
 
-def test_longer_lags_are_the_plant_of_the_longer_lags():
+def test_longer_time_constants_are_the_plant_of_the_longer_time_constants():
     longer = VehicleModel(tau_v_s=6.0, tau_ha_s=1.5, tau_hb_s=2.0)
     assert np.allclose(
         forward_plant(MIXER, MODEL).with_time_constants(1.5).transfer()[1], forward_plant(MIXER, longer).transfer()[1]
@@ -91,7 +91,7 @@ def test_a_loop_without_prediction_does_not_go_by_a_model_and_small_differences_
     assert Usage([X], predicted=False).of_lags(delay, 0.3) == 0.0
 
 
-def test_lags_are_reckoned_with_up_to_30_percent_off() -> None:
+def test_time_constants_are_reckoned_with_up_to_30_percent_off() -> None:
     thirty = mismatch_margin_with_taus_off(X, 0.6, 0.3)
     assert mismatch_margin_with_taus_off(X, 0.6) == thirty
     assert 0.0 < thirty < mismatch_margin_with_taus_off(X, 0.6, 0.0)

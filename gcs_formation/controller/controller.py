@@ -6,19 +6,16 @@ measured state -> state when the setpoint acts -> leader's guidance -> slots -> 
 from __future__ import annotations
 
 import math
-from typing import Final
 
 import numpy as np
 from librt.vecs import vec
 from mypy_extensions import i64
 
-from airlink.clock import NANOSECONDS, Instant, after, nanoseconds
+from airlink.clock import NANOSECONDS, Instant, nanoseconds
 from flight_model.arrays import Array
 from flight_model.autopilot_model import FlightState, finite, within
-from flight_model.slot import CHANNELS, UNKNOWN, Slot, Triple
+from flight_model.slot import UNKNOWN, Slot, Triple
 from formation_scenario import Scenario
-from formation_scenario.slot_frame import axis_rad
-from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import from_scenario
 from gcs_formation.control.finite import (
     GUIDANCE,
@@ -26,35 +23,26 @@ from gcs_formation.control.finite import (
     PREDICTOR,
     FiniteStates,
     require_decision,
-    require_route,
-    require_setpoint,
     require_slots,
 )
 from gcs_formation.control.laws import law_kind, law_parameters
-from gcs_formation.control.setpoint import AS_DECIDED, Envelope, centroid
+from gcs_formation.control.setpoint import AS_DECIDED, Envelope
 from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.control.straight_on import StraightOn
+from gcs_formation.controller.bandwidth import Bandwidth
+from gcs_formation.controller.leader_steering import LeaderSteering
+from gcs_formation.controller.present_places import places_from_leader
+from gcs_formation.controller.slots_over_ground import SlotsOverGround
+from gcs_formation.controller.virtual_leader import VIRTUAL, VirtualLeader
 from gcs_formation.errors import NotFiniteError
-from gcs_formation.estimation.estimator import Sample, StateEstimator, VehicleFilter
+from gcs_formation.estimation.estimator import Sample, StateEstimator
 from gcs_formation.estimation.projection import Measured, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.extend.in_flight import OnTicks, on_ticks
-from gcs_formation.guidance.lateral import TurnBounds, bend_max_rps2
-from gcs_formation.guidance.leader_guidance import (
-    LeaderCommand,
-    LeaderCommands,
-    path_ahead,
-)
-from gcs_formation.guidance.slot_clearance import TrackAhead
+from gcs_formation.guidance.path_ahead import path_ahead
 from gcs_formation.guidance.slots import FormationPlan
-from gcs_formation.guidance.turn_on_spot import NOSE_LAG_S
 from gcs_formation.phases import Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
-
-VIRTUAL: Final = 0
-"""The column of a virtual leader."""
-GAINS_CHANGE_S: Final = 1.0
-"""Time constant with which the loops' bandwidth follows a change, so that no setpoint jumps."""
 
 
 class FormationController:
@@ -66,41 +54,27 @@ class FormationController:
     fault: NotFiniteError | None = None
     """What isn't finite of what a part returned; from then on neither guidance nor law is used."""
 
-    _turning: int | None = None
-    _course_lag_s: float = math.nan
-    """The column of a leader that turns on the spot, and the time constant of its course."""
-    leader_m: float = math.nan
-    """The height setpoint by which the leader would keep to its path in still air, whatever it says of its own."""
-
-    _decided_rad: float = math.nan
-    """The leader's heading setpoint of the last tick, before a filter, the fence or the separation rule."""
-    _commanded_rad: float = math.nan
-    """The same after them."""
-
     def __init__(self, scenario: Scenario) -> None:
         """Build law, models, path and slots from the scenario."""
-        self.guidance, self.plan = from_scenario.leader_guidance(scenario), FormationPlan(scenario)
-        self._own_guidance = from_scenario.own_guidance(scenario)
-        self._virtual, self._frame = scenario.leader is None, scenario.formation.frame
-        self.assembly, self._steps = Assembly(scenario), from_scenario.added_steps(scenario)
+        self.plan, self.assembly, self._frame = FormationPlan(scenario), Assembly(scenario), scenario.formation.frame
         self._dt_s, self._compensates = 1.0 / scenario.law.rate_hz, scenario.law.delay_compensation
-        self._gains_change = 1.0 - math.exp(-self._dt_s / GAINS_CHANGE_S)
         self._every_column = list(range(1 + len(scenario.followers)))
         self.columns = len(self._every_column)
         self.models = from_scenario.autopilot_models(scenario)
         """The autopilot model of every column; its lags are updated by the lag estimator."""
         self._law = law_kind(scenario).make(scenario, self.models)
-        self._leader_amid = self._virtual and law_kind(scenario).mutual
-        self._clearance = from_scenario.slot_clearance(scenario)
+        self._leader_amid = scenario.leader is None and law_kind(scenario).mutual
         self.history = SetpointHistory(scenario.law.rate_hz)
         """The setpoints sent, and when each acts."""
         self._projection = from_scenario.projection(scenario, self.history, self.models)
         self._turn_rps, self._straight_on = 0.0, StraightOn(self.models, hovers=scenario.hovers)
-        self._leader_commands = LeaderCommands(self._dt_s)
+        self._steering = LeaderSteering(scenario, self.plan, self.models, self.history)
+        self.guidance = self._steering.guidance
+        self._slots = SlotsOverGround(scenario, self.plan, self.guidance)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
-        self._bandwidth = [[1.0] * len(CHANNELS) for _ in range(self.columns)]
-        self._terrain_offset_m, self._outside = [0.0] * self.columns, on_ticks(scenario, self.models)
+        self._bandwidth = Bandwidth(self.columns, self._dt_s)
+        self._outside = on_ticks(scenario, self.models)
         self._placed, self.slots_m = list[Slot](), list[Triple]()
         """The slots commanded last, and their places in the form that a tick records."""
         self._acts = vec[i64]([0] * self.columns)
@@ -113,16 +87,24 @@ class FormationController:
             0.0 if scenario.hovers else observer_radps,
             updraughts=observer_radps > 0.0 and self._compensates,  # a late response to updraughts would oscillate
         )
+        self._virtual = None if scenario.leader is not None else self._virtual_leader()
+
+    def _virtual_leader(self) -> VirtualLeader:
+        filters, model = self.estimator.filters, self.models[VIRTUAL]
+        return VirtualLeader(filters, self.history, model, self._frame, amid=self._leader_amid)
+
+    @property
+    def leader_m(self) -> float:
+        """The height setpoint by which the leader would keep to its path in still air, m; NaN before its first."""
+        return self._steering.leader_m
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
         """Make another column the leader; its heading is `swing_rad` clockwise of the present leader's."""
         self.plan.hand_over(leader, swing_rad)
         if self._outside is not None:
-            self._outside.forget()
-        self._forget_steps()
-        self._leader_commands.forget()
-        if self._own_guidance is not None:
-            self.fault = self.fault or self._own_guidance.forget()
+            self._outside.reset()
+        fault = self._steering.hand_over()
+        self.fault = self.fault or fault
 
     def outside(self, scenario: Scenario) -> OnTicks:
         """Return what changes and watches ticks from outside, from now on also if the scenario names nothing."""
@@ -138,14 +120,8 @@ class FormationController:
 
     def places_m(self, now: Instant) -> Array:
         """Return all positions, (C, 3) forward, right and up of the leader, minus the slots' lifts over terrain."""
-        filters, leader = self.estimator.filters, self.plan.leader
-        places = np.array([_place_at(each, now) for each in filters])
-        north, east, up = (places - places[leader]).T
-        heading_rad = (filters[leader].state or unknown_state()).heading_rad
-        axis = axis_rad(self._frame, heading_rad, heading_rad)
-        cos, sin = math.cos(axis), math.sin(axis)
-        above_ground_offset = up - np.array(self._terrain_offset_m)
-        return np.stack((north * cos + east * sin, east * cos - north * sin, above_ground_offset), axis=1)
+        places_m = places_from_leader(self.estimator.filters, self.plan.leader, self._frame, now)
+        return places_m - np.array([(0.0, 0.0, offset_m) for offset_m in self._slots.terrain_offset_m])
 
     def ahead_m(self, seconds: float) -> list[tuple[float, float]]:
         """Return the leader's way along its route within some time: points north and east of its place, m."""
@@ -154,12 +130,12 @@ class FormationController:
         route, begin_m = self.guidance.route, self.guidance.distance_m
         return [(0.0, 0.0)] if route is None else path_ahead(route, begin_m, seconds * self.guidance.speed_mps)
 
-    def take(self, samples: list[Sample | None]) -> None:
+    def update_states(self, samples: list[Sample | None]) -> None:
         """Take the columns' newest samples, (C,); None for a column without a new one."""
         commanded = [False] * self.columns if self.last_tick is None else self.last_tick.active
-        self.estimator.take(samples, self.models, commanded)
+        self.estimator.update_states(samples, self.models, commanded)
 
-    def begin(
+    def begin_tick(
         self, now: Instant, mission_time_s: float, phase: str, links: list[VehicleLink], margin_used: list[float]
     ) -> Tick:
         """Return a tick without setpoints, for the states as they are now.
@@ -171,17 +147,17 @@ class FormationController:
             links: the link to every column.
             margin_used: (C,) share of the delay margin that the loops use.
         """
-        if self._virtual and self.fault is None:
-            self._place_virtual_leader(now)
+        if self._virtual is not None and self.fault is None:
+            self._place_virtual_leader(self._virtual, now)
         self._limit_speeds(links)
-        self._lag_of_turn()
+        self._steering.lag_of_turn()
         self._acts = self._acts_at(now, links)
         return self._blank_tick(now, mission_time_s, phase, links, margin_used)
 
     def follow(self, tick: Tick) -> bool:
         """Begin the setpoints of a tick; return whether there is a leader to follow. Without one none is commanded."""
-        self.history.begin(self._acts)
-        tick.virtual_leader = self._flown_on(tick.now) if self._virtual else None
+        self.history.begin_tick(self._acts)
+        tick.virtual_leader = None if self._virtual is None else self._virtual.flown_on(tick.now)
         if not tick.active[tick.leader]:
             tick.active = [False] * self.columns
             self.assembly.begin_anew()
@@ -216,7 +192,7 @@ class FormationController:
             self._turn_rps = lead.path.turn_rps
             part = LAW
             if self.columns > 1:
-                self._follow_bandwidth(bandwidth)
+                self._bandwidth.follow(bandwidth)
                 self._by_law(tick, states, lead)
                 self._await_followers(tick)
         except NotFiniteError as error:
@@ -226,23 +202,23 @@ class FormationController:
 
     def filter(self, tick: Tick) -> None:
         """Let filters from outside change a tick's setpoints."""
-        self._decided_rad = tick.setpoints[tick.leader][1]
+        self._steering.before_filters(tick)
         if self._outside is not None and self.fault is None:
             self.fault = self._outside.filter(tick)
 
     def take_final(self, tick: Tick) -> None:
         """Take a tick's setpoints as those that are sent."""
-        self._commanded_rad = tick.setpoints[tick.leader][1]
+        self._steering.after_all(tick)
         self.history.note(tick.setpoints)
 
     def monitor(self, tick: Tick) -> None:
         """Show a tick to the monitors from outside."""
         if self._outside is not None and self.fault is None:
-            self.fault = self._outside.watch(tick)
+            self.fault = self._outside.show(tick)
 
     def conclude(self, tick: Tick) -> None:
         """Judge whether the formation is assembled, and keep the tick as the last one."""
-        self.assembly.judge(tick, self.guidance, slots_rest=self.plan.settled(tick.now / NANOSECONDS))
+        self.assembly.assess(tick, self.guidance, slots_rest=self.plan.settled(tick.now / NANOSECONDS))
         self.last_tick = tick
 
     def _fly_straight_on(self, tick: Tick, measured: Measured) -> Measured:
@@ -289,16 +265,6 @@ class FormationController:
             if speeds_mps is not None:
                 self.models[column].reach(speeds_mps[0], speeds_mps[1])
 
-    def _lag_of_turn(self) -> None:
-        """Give a leader that turns on the spot the time constant of its yaw, and that of its course back later."""
-        column = self.plan.leader if self.guidance.turn is not None else None
-        if column != self._turning:
-            if self._turning is not None:
-                self.models[self._turning].tau_psi_s = self._course_lag_s
-            if column is not None:
-                self._course_lag_s, self.models[column].tau_psi_s = self.models[column].tau_psi_s, NOSE_LAG_S
-            self._turning = column
-
     def _acts_at(self, now: Instant, links: list[VehicleLink]) -> vec[i64]:
         """Return when each column's present setpoint acts; for a virtual leader amid the followers, their mean."""
         acts = vec[i64]([_acts(now, link) for link in links])
@@ -315,22 +281,15 @@ class FormationController:
         stamps = vec[i64]([leader.stamp if each.state is None else each.stamp for each in filters])
         return Measured(states, stamps, active, acts)
 
-    def _follow_bandwidth(self, wanted: list[list[float]]) -> None:
-        """Move the loops' bandwidths towards those wanted, with a time constant of `GAINS_CHANGE_S`."""
-        for column, shares in enumerate(self._bandwidth):
-            goals = wanted[column]
-            for channel in range(len(CHANNELS)):
-                share = shares[channel]
-                if share != goals[channel]:
-                    shares[channel] = share + self._gains_change * (goals[channel] - share)
-
     def _by_law(self, tick: Tick, states: States, lead: Lead) -> None:
         """Put the law's setpoints into a tick, and the quantities behind them."""
-        slots, commanded_slots = self._over_ground(tick, states, lead)
+        slots, commanded_slots = self._slots.at(tick, states, lead)
         require_slots(slots, tick.active)
         variance = [each.wind_variance for each in self.estimator.filters]
         replaced = [AS_DECIDED] * self.columns if self.last_tick is None else self.last_tick.replaced
-        situation = Situation(states, lead, slots, self.history, variance, tick.active, self._bandwidth, replaced)
+        situation = Situation(
+            states, lead, slots, self.history, variance, tick.active, self._bandwidth.shares, replaced
+        )
         if commanded_slots is not self._placed:  # the same list while the slots don't change
             self._placed = commanded_slots
             self.slots_m = [(each.forward_m, each.right_m, each.up_m) for each in commanded_slots]
@@ -345,116 +304,21 @@ class FormationController:
             if not math.isnan(tick.age_s[column]):
                 tick.state[column] = each.state
 
-    def _place_virtual_leader(self, now: Instant) -> None:
+    def _place_virtual_leader(self, leader: VirtualLeader, now: Instant) -> None:
         """Set the virtual leader's state: from the followers' at first or if the law commands it, else by the model."""
-        flown, stamp = self.last_tick, now
-        if flown is not None and not self._leader_amid:
-            state = self._flown_on(now)
-            assert state is not None
+        flown = self.last_tick
+        if leader.begins(flown=flown is not None):
+            slots = self._slots.planned(now, math.nan if flown is None else flown.mission_time_s)
+            leader.place_amid(now, slots.each, self.guidance.speed_mps, self._turn_rps)
         else:
-            followers = self.estimator.filters[1:]
-            states = [each.state for each in followers if each.state is not None]
-            if len(states) < len(followers):
-                return
-            slots = self._slots(now, math.nan if flown is None else flown.mission_time_s)
-            state = centroid(states, slots.each[1:], self.guidance.speed_mps, self._turn_rps, self._frame)
-            if self._leader_amid:
-                stamp = Instant(sum(each.stamp for each in followers) // len(followers))
-        self.estimator.filters[VIRTUAL].place(state, stamp)
-
-    def _flown_on(self, now: Instant) -> FlightState | None:
-        """Return a virtual leader's present state, predicted through its setpoints; None before it has a place."""
-        placed = self.estimator.filters[VIRTUAL]
-        if placed.state is None:
-            return None
-        state = placed.state.copy()
-        self.history.carry(state, placed.stamp, now, VIRTUAL, self.models[VIRTUAL])
-        return state
-
-    def _slots(self, now: Instant, mission_time_s: float) -> SlotMotion:
-        return self.plan.at(now / NANOSECONDS, begun=mission_time_s >= 0)
+            leader.carry_on(now)
 
     def _steer_leader(self, tick: Tick, states: States, *, assembled: bool) -> Lead:
-        at = Instant(states.instant(tick.leader))
-        state, model = states.of(tick.leader, tick.leader), self.models[tick.leader]
-        tick.state[tick.leader] = state
-        self._go_on_from_replaced(tick.leader, state)
-        steered, turns = state if self._steps is None else self._steps.without(state), self._turn_bounds(tick)
-        wanted = self.guidance.steer(steered, model, assembled=assembled, bounds=turns, at=at)
-        path, turn_rps = self.guidance.heading(state), self.guidance.turn_rps
-        if self._own_guidance is not None:
-            wanted = self._own_guidance.steer(self.guidance, wanted, steered, model)
-            turn_rps = path.turn_rps + model.tau_psi_s * path.bend_rps2
-        if self._steps is not None:
-            self._steps.add(wanted, tick.mission_time_s, state, model)
-        turn = self.guidance.turn
-        if turn is not None:
-            wanted.heading_rad, turn_rps = turn.setpoint(at, model.tau_psi_s)
-            self._forget_steps()
-        self.leader_m = wanted.height_m + (model.tau_ha_s + model.tau_hb_s) * state.updraught_mps
-        require_setpoint(GUIDANCE, tick.leader, (wanted.speed_mps, wanted.heading_rad, wanted.height_m))
-        bounds = Envelope(wanted.heading_rad, state, model)
-        commanded = bounds.limit(wanted.speed_mps, wanted.heading_rad, wanted.height_m)
-        tick.setpoints[tick.leader] = commanded
-        commanded = self._goes_on(tick.leader, commanded)
-        require_route(path, turn_rps, tick.leader)
-        self._leader_commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
-        self.plan.turn(tick.now / NANOSECONDS, turn_rps)
-        compensates, told = self._compensates, self._leader_commands
-        commands = [told.at(states.instant(column) if compensates else at) for column in self._every_column]
-        return Lead(tick.leader, at, commands, path)
-
-    def _turn_bounds(self, tick: Tick) -> TurnBounds:
-        """Return what bounds changes of the leader's turn rate: its followers, noise, and the delay of its link."""
-        sigma_rad, link = self.estimator.filters[tick.leader].course_sigma_rad, tick.links[tick.leader]
-        round_trip_s = 2.0 * link.delay_s + link.dead_s if self._compensates and finite(link.delay_s) else 0.0
-        return TurnBounds(bend_max_rps2(self.slots_m, self.models), sigma_rad, round_trip_s, link.loss * link.mean_gap)
-
-    def _go_on_from_replaced(self, leader: int, state: FlightState) -> None:
-        """Have the guidance go on from the last tick's heading setpoint where something replaced it."""
-        led, commanded_rad = self.last_tick is not None and self.last_tick.leader == leader, self._commanded_rad
-        if led and finite(commanded_rad) and commanded_rad != self._decided_rad:
-            self.guidance.go_on_from(commanded_rad, state, self.models[leader])
-            self._forget_steps()
-
-    def _forget_steps(self) -> None:
-        if self._steps is not None:
-            self._steps.forget()
-
-    def _goes_on(self, leader: int, commanded: Triple) -> Triple:
-        """Return with which command the law takes the leader to go on: the guidance's, unless filters replace it."""
-        if self._outside is not None:
-            commanded = self._outside.goes_on(commanded)
-        self.history.of(leader).note(commanded)  # the law predicts the leader through it
-        return commanded
-
-    def _over_ground(self, tick: Tick, states: States, lead: Lead) -> tuple[list[Slot], list[Slot]]:
-        """Return the slots at the instants when setpoints act, clear of the ground, and the slots commanded now."""
-        slots, route = self._slots(tick.now, tick.mission_time_s), self.guidance.route
-        later, earliest = slots, int(tick.now)
-        for column in range(self.columns):
-            earliest = min(earliest, states.instant(column))
-        rests = self.plan.at_rest(earliest / NANOSECONDS)
-        if rests and (self._clearance is None or route is None):
-            return slots.each, slots.each
-        instants = [states.instant(column) for column in range(self.columns)]
-        if not rests:
-            later = self.plan.at_each([each / NANOSECONDS for each in instants], begun=tick.mission_time_s >= 0)
-        if self._clearance is None or route is None:
-            return later.each, slots.each
-
-        def ahead(seconds: float) -> Array:
-            return self._slots(after(tick.now, seconds), tick.mission_time_s).position_m
-
-        along_mps, arranged = lead.path.along_mps, self.plan.arrangement
-        leader = states.of(tick.leader, tick.leader)
-        outlook = TrackAhead(route, leader, tick.leader, self.guidance.distance_m, along_mps, ahead, arranged)
-        at_m = [outlook.distance_m + along_mps * ((each - lead.at) / NANOSECONDS) for each in instants]
-        self._clearance.look_ahead(outlook, at_m)
-        now_m = outlook.distance_m - along_mps * ((lead.at - tick.now) / NANOSECONDS)
-        self._terrain_offset_m = [offset_m for offset_m, _, _ in self._clearance.offsets([now_m] * self.columns)]
-        commanded = [slot.raised(up_m, 0.0, 0.0) for slot, up_m in zip(slots.each, self._terrain_offset_m, strict=True)]
-        return self._clearance.raised(later.each, at_m, along_mps), commanded
+        """Put the leader's setpoint into a tick; return how it goes on."""
+        sigma_rad = self.estimator.filters[tick.leader].course_sigma_rad
+        turns = self._steering.turn_bounds(tick, self.slots_m, sigma_rad)
+        led = self.last_tick is not None and self.last_tick.leader == tick.leader
+        return self._steering.steer(tick, states, turns, self._outside, led=led, assembled=assembled)
 
     def fly_at(self, tick: Tick, heights_m: list[float]) -> None:
         """Replace the law's heights by those for the end of the flight, (C,), within the envelope; slots are given up.
@@ -485,16 +349,3 @@ def _acts(now: Instant, link: VehicleLink) -> int:
     """Return when a setpoint sent now acts; without a vehicle on the link it acts at once."""
     way_s = link.on_its_way_s
     return now + nanoseconds((0.0 if math.isnan(way_s) else way_s) + link.lag_s)
-
-
-def _place_at(known: VehicleFilter, now: Instant) -> tuple[float, float, float]:
-    """Return where a vehicle is now if it flies straight on, north, east and up; NaN if it was never heard from."""
-    if known.state is None:
-        return UNKNOWN
-    state, seconds = known.state, (now - known.stamp) / NANOSECONDS
-    north_mps, east_mps = state.ground_mps()
-    return (
-        state.north_m + seconds * north_mps,
-        state.east_m + seconds * east_mps,
-        state.height_m + seconds * state.climb_mps,
-    )
