@@ -1,9 +1,11 @@
 """Recorded delays, played by time: a datagram takes as long as one did that was sent when the record was as old.
 
 Between two samples the delay is interpolated, so that a recorded queue drains no faster than it did: held until the
-next sample, delays of datagrams that keep their order would be longer than recorded. A datagram is lost if the sample
-nearest in time was lost, or if the nearest is further away than half a period. The record begins with the run, unless
-another part of it is to come first, and is repeated from its beginning.
+next sample, delays of datagrams that keep their order would be longer than recorded. Jitter, of which one sample tells
+nothing of the next, has a variance of two thirds of the recorded one then; where delays are `drawn`, each is that of
+one of the two samples instead, the more often the nearer in time it is, and the variance is the recorded one. A
+datagram is lost if the sample nearest in time was lost, or if the nearest is further away than half a period. The
+record begins with the run, unless another part of it is to come first, and is repeated from its beginning.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant
 
+GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 LONG: Final = 1.5
 """Periods between two samples from which on samples are missing in between."""
 
@@ -23,7 +26,14 @@ class Trace:
     """A process of a link (`airlink.impairment.Process`)."""
 
     def __init__(
-        self, times_s: Sequence[float], delays_s: Sequence[float], period_s: float, *, gaps: bool, begin_s: float = 0.0
+        self,
+        times_s: Sequence[float],
+        delays_s: Sequence[float],
+        period_s: float,
+        *,
+        gaps: bool,
+        begin_s: float = 0.0,
+        drawn: bool = False,
     ) -> None:
         """Take when each sample was sent, from 0 on and increasing, and how long it took; NaN: it was lost.
 
@@ -33,7 +43,9 @@ class Trace:
             period_s: usual time between two samples, and from the last one to the repetition.
             gaps: whether samples are missing where `times_s` are further apart than usual.
             begin_s: how far into the record the run begins.
+            drawn: whether delays between two samples are drawn from these, and not interpolated.
         """
+        self._drawn, self._share = drawn, 0.0
         self._begin_s = begin_s
         self._length_s = times_s[-1] + period_s
         self._times_s = [*times_s, self._length_s]
@@ -57,4 +69,8 @@ class Trace:
             return None
         if math.isnan(before_s + after_s) or since_s + until_s > self._long_s:
             return nearest_s
-        return before_s + (after_s - before_s) * since_s / (since_s + until_s)
+        share = since_s / (since_s + until_s)
+        if self._drawn:
+            self._share = (self._share + GOLDEN) % 1.0  # evenly spread numbers, the same in every run
+            share = 1.0 if self._share < share else 0.0
+        return before_s + (after_s - before_s) * share
