@@ -239,6 +239,7 @@ class LeaderGuidance:
             self.waits, self.speed_mps = False, self._resumes_mps
         if self.waits or self._begun or not self.on_path:
             return
+        # v²/2a to stop, and as much to have its speed again when the path begins.
         stops_m = max(DECISION_S, model.tau_v_s + self.speed_mps / model.accel_max_mps2) * self.speed_mps
         if assembled:
             self._begun = self.distance_m >= 0.0

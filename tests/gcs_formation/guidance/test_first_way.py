@@ -78,6 +78,13 @@ def test_one_that_hovers_waits_before_its_path_until_the_others_are_there() -> N
     assert leads.steer(state, HOVERING, assembled=False).speed_mps == pytest.approx(5.0), "it has begun"
 
 
+@pytest.mark.parametrize(("north_m", "stops"), [(-13.1, False), (-12.9, True)])
+def test_one_that_waits_stops_far_enough_before_its_path_to_begin_it_at_its_speed(north_m: float, stops: bool) -> None:
+    """At 5 m/s and 2.5 m/s^2: 5 m to stop, 3 m by its time constant of 0.6 s, and 5 m to have its speed again."""
+    leads, state = hovering(north_m)
+    assert leads.steer(state, HOVERING, assembled=False).speed_mps == (0.0 if stops else pytest.approx(5.0))
+
+
 def test_an_order_of_speed_is_flown_after_the_wait() -> None:
     leads, state = hovering(-5.0)
     leads.steer(state, HOVERING, assembled=False)
