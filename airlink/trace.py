@@ -2,10 +2,10 @@
 
 Between two samples the delay is interpolated, so that a recorded queue drains no faster than it did: held until the
 next sample, delays of datagrams that keep their order would be longer than recorded. Jitter, of which one sample tells
-nothing of the next, has a variance of two thirds of the recorded one then; where delays are `drawn`, each is that of
-one of the two samples instead, the more often the nearer in time it is, and the variance is the recorded one. A
-datagram is lost if the sample nearest in time was lost, or if the nearest is further away than half a period. The
-record begins with the run, unless another part of it is to come first, and is repeated from its beginning.
+nothing of the next, has a variance of two thirds of the recorded one then, and datagrams of one interval have similar
+delays; where delays are `drawn`, each is that of one of the samples around it instead. A datagram is lost if the sample
+nearest in time was lost, or if the nearest is further away than half a period. The record begins with the run, unless
+another part of it is to come first, and is repeated from its beginning.
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ from collections.abc import Sequence
 from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant
+from airlink.random_streams import random_stream
 
-GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
+AROUND: Final = 5
+"""Samples before and after an instant of which one is drawn: of a survey's ten a second, those of half a second."""
 LONG: Final = 1.5
 """Periods between two samples from which on samples are missing in between."""
 
@@ -45,7 +47,7 @@ class Trace:
             begin_s: how far into the record the run begins.
             drawn: whether delays between two samples are drawn from these, and not interpolated.
         """
-        self._drawn, self._share = drawn, 0.0
+        self._random = random_stream(1, "traces") if drawn else None
         self._begin_s = begin_s
         self._length_s = times_s[-1] + period_s
         self._times_s = [*times_s, self._length_s]
@@ -67,10 +69,10 @@ class Trace:
         missing = since_s + until_s > self._long_s and min(since_s, until_s) > self._half_s
         if math.isnan(nearest_s) or missing:
             return None
+        if self._random is not None:
+            around_s = self._delays_s[max(0, index + 1 - AROUND) : index + 1 + AROUND]
+            known_s = [each for each in around_s if not math.isnan(each)]
+            return known_s[int(self._random.random() * len(known_s))]
         if math.isnan(before_s + after_s) or since_s + until_s > self._long_s:
             return nearest_s
-        share = since_s / (since_s + until_s)
-        if self._drawn:
-            self._share = (self._share + GOLDEN) % 1.0  # evenly spread numbers, the same in every run
-            share = 1.0 if self._share < share else 0.0
-        return before_s + (after_s - before_s) * share
+        return before_s + (after_s - before_s) * since_s / (since_s + until_s)

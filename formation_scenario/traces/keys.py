@@ -34,7 +34,7 @@ class Trace(Keys):
     )
     between: Literal["interpolated", "drawn"] = key(
         "interpolated",
-        "delays between two samples: interpolated, as in a queue; drawn from one of the two, as jitter is",
+        "delays between two samples: interpolated, as in a queue; drawn from those around, as jitter is",
         "drawn",
     )
     begin_s: Begin = key(0.0, "how far into the record the run begins, s", 60.0)

@@ -91,8 +91,15 @@ def test_drawn_delays_vary_as_much_as_recorded_ones_and_interpolated_ones_by_two
     assert variances == pytest.approx([np.var(delays_s), 2.0 / 3.0 * np.var(delays_s)], rel=0.05)
 
 
-def test_a_delay_is_drawn_from_the_nearer_sample_more_often() -> None:
-    trace = Trace([0.0, 1.0], [0.1, 0.2], 1.0, gaps=True, drawn=True)
-    drawn = [trace.delay_s(at(0.25)) for _ in range(400)]
-    assert {each for each in drawn if each is not None} == {0.1, 0.2}
-    assert drawn.count(0.2) == pytest.approx(100, abs=2)
+def test_drawn_delays_are_those_of_samples_around_and_independent() -> None:
+    """Those of one instant, too, as the datagrams of a burst."""
+    trace = Trace(list(range(20)), [0.1 * each for each in range(20)], 1.0, gaps=True, drawn=True)
+    drawn = [trace.delay_s(at(8.5)) or 0.0 for _ in range(2000)]
+    assert {round(10.0 * each) for each in drawn} == set(range(4, 14))
+    assert abs(float(np.corrcoef(drawn[:-1], drawn[1:])[0, 1])) < 0.1
+
+
+def test_what_is_nearest_to_a_lost_sample_is_lost_where_delays_are_drawn_too() -> None:
+    trace = Trace([0.0, 1.0, 2.0], [0.1, math.nan, 0.3], 1.0, gaps=True, drawn=True)
+    assert trace.delay_s(at(0.9)) is None
+    assert {trace.delay_s(at(0.4)) for _ in range(100)} == {0.1, 0.3}
