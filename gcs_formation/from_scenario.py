@@ -23,6 +23,7 @@ from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.terrain import FOLLOWER_SHARE, LEADER_SHARE
 from formation_scenario.vehicles import VehicleClock, family_of, reads_equivalent_airspeed
 from formation_scenario.wind import Wind
+from gcs_formation.control.follower import swing_share
 from gcs_formation.control.laws import law_kind
 from gcs_formation.control.own_guidance import OwnGuidance
 from gcs_formation.control.own_predictor import OwnPrediction
@@ -32,7 +33,7 @@ from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.extend.autopilots import family_named, own_autopilot
 from gcs_formation.guidance.added_steps import AddedSteps
-from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
+from gcs_formation.guidance.leader_guidance import FIRST_STRAIGHT_S, SETTLE_S, LeaderGuidance
 from gcs_formation.guidance.slot_clearance import SlotClearance
 from gcs_formation.guidance.timed_progress import TimedProgress
 from gcs_formation.guidance.tracking import MIN_MPS
@@ -154,6 +155,7 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         hold_turn_rps=hold_turn_rps(scenario),
         climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
         settle_s=settle_s(scenario),
+        first_straight_s=first_straight_s(scenario),
         hovers=scenario.hovers,
         fence=_pattern_fence(scenario),
         dt_s=1.0 / scenario.law.rate_hz,
@@ -200,6 +202,18 @@ def settle_s(scenario: Scenario) -> float:
     own_frame = scenario.formation.frame == "follower_heading"
     by_energy = any(each.airframe is not None for each in column_models(scenario)[1:])
     return 2.0 * SETTLE_S if own_frame and by_energy else SETTLE_S
+
+
+def first_straight_s(scenario: Scenario) -> float:
+    """Return the shortest straight at the end of the leader's first way, s: longer for slower heading loops.
+
+    In `follower_heading` those of vehicles at the side are: three ArduPlanes in a line were out of their slots by up to
+    14 m in turns, across, and by 3.3 m after 30 s.
+    """
+    if scenario.formation.frame != "follower_heading" or scenario.hovers:
+        return FIRST_STRAIGHT_S
+    right_m = float(np.nanmax(np.abs(slot_schedule(scenario)[0].places_m[:, 1])))
+    return FIRST_STRAIGHT_S / swing_share(right_m, scenario.path.begin_mps)
 
 
 def _pattern_fence(scenario: Scenario) -> LapFence | None:

@@ -32,4 +32,9 @@ class Trace(Keys):
     period_s: Period | None = key(
         None, "time between two, where no column says, s", 0.2, derived="of ping its own; 1 of numbers alone"
     )
+    between: Literal["interpolated", "drawn"] = key(
+        "interpolated",
+        "delays between two samples: interpolated, as in a queue; drawn from those around, as jitter is",
+        "drawn",
+    )
     begin_s: Begin = key(0.0, "how far into the record the run begins, s", 60.0)

@@ -188,8 +188,9 @@ class Translations:
         if recording not in self._traces:
             found = self._scenario.recorded_delays(recording)
             delays_s = [each / 1e3 for each in found.delays_ms]
+            drawn, begin_s = recording.between == "drawn", recording.begin_s
             self._traces[recording] = Trace(
-                found.times_s, delays_s, found.period_s, gaps=found.gaps, begin_s=recording.begin_s
+                found.times_s, delays_s, found.period_s, gaps=found.gaps, begin_s=begin_s, drawn=drawn
             )
         return self._traces[recording]
 

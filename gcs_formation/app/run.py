@@ -117,7 +117,20 @@ def in_memory(
             network.attach(session.engine)
         except PortError as error:
             raise session.could_not_begin(error) from error
-        yield session, network.run
+        with closed_if_it_raises(session):
+            yield session, network.run
+
+
+@contextmanager
+def closed_if_it_raises(session: Session) -> Generator[None]:
+    """Close the record of a flight that raises: it isn't concluded, and its files would stay open."""
+    flown = False
+    try:
+        yield
+        flown = True
+    finally:
+        if not flown:
+            session.recorder.close()
 
 
 def _true_place(fleet: Fleet, vehicle: VehicleId) -> Place:
@@ -156,7 +169,8 @@ def over_udp(
             if scenario.registered:
                 session.emulators_failure = said.failure
                 session.link_processes.places = partial(_recorded_place, session)
-            yield session, driver.run, partial(over, session, emulators, said)
+            with closed_if_it_raises(session):
+                yield session, driver.run, partial(over, session, emulators, said)
     except PortError as error:
         raise session.could_not_begin(error) from error
 

@@ -16,7 +16,7 @@ from airlink.clock import Instant
 from formation_scenario import Scenario
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
-from gcs_formation.app.run import conclude, in_memory, over_udp
+from gcs_formation.app.run import closed_if_it_raises, conclude, in_memory, over_udp
 from gcs_formation.app.session import Session
 from gcs_formation.phases import OVER
 from gcs_formation.record.summary import Summary
@@ -132,7 +132,7 @@ class VirtualSteps:
         """Fly on to the flight's end, and return the summary."""
         stopped, self._signals.flies = self._signals.count, True
         try:
-            with rare_garbage_collection():
+            with rare_garbage_collection(), closed_if_it_raises(self.session):
                 self._run_until(self.session.attend)
                 self._open.close()
                 summary = conclude(self.session)

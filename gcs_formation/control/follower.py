@@ -181,6 +181,11 @@ class Controller(ABC):
         """Compute the setpoint of this tick, which is `dt_s` after the last one."""
 
 
+def swing_share(right_m: float, airspeed_mps: float) -> float:
+    """Return the heading loop's share of its design bandwidth in the follower's own frame, for a slot at the side."""
+    return SWING_S / (SWING_S + min(abs(right_m) / airspeed_mps, TRAIL_S))
+
+
 class FollowerController(Controller):
     """The law of a follower that is commanded by speed and heading."""
 
@@ -301,10 +306,7 @@ class FollowerController(Controller):
         In the follower's own frame a turn swings such a slot forward at y_rc times the turn rate. The speed loop has
         to match that, and is far slower than the heading loop.
         """
-        if self._trailing is None:
-            return 1.0
-        lateral_s = min(abs(pair.slot.right_m) / pair.leader.state.airspeed_mps, TRAIL_S)
-        return SWING_S / (SWING_S + lateral_s)
+        return 1.0 if self._trailing is None else swing_share(pair.slot.right_m, pair.leader.state.airspeed_mps)
 
     def _limited(
         self, pair: LawInput, target: Target, forward: Triple, output: Triple, gust: tuple[float, float], dt_s: float

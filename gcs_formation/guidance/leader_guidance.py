@@ -37,9 +37,11 @@ MAX_SETTLES: Final = 4
 """Longest such straight, as a multiple; it grows with each holding pattern."""
 SHORTER_SETTLES: Final[tuple[float, ...]] = (3.0, 2.0, 1.0, 0.75, 0.5)
 """Multiples that are tried where the fence leaves no room for a longer straight."""
-FIRST_SETTLES: Final[tuple[float, ...]] = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)
-"""Multiples of it, of which one is the first straight, where vehicles join up on the way to it: followers are back in
-their slots 10 s after a turn's end."""
+FIRST_STRAIGHT_S: Final = 15.0
+"""Shortest first straight, where vehicles join up on the way to it: followers are back in their slots 10 s after a
+turn's end, where their heading loops have their whole bandwidth."""
+FIRST_STRAIGHTS: Final[tuple[float, ...]] = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+"""Multiples of it that are tried."""
 JOINED_S: Final = 80.0
 """How long a formation takes to join up: planned ways to slots begin up to 27 s after the last is ready, and take 53 s
 (four aircraft in a row, `tests/flights/test_gathering.py`). A shorter way than that would end in a lap."""
@@ -66,6 +68,8 @@ class LeaderGuidance:
     climb_max_mps: float
     settle_s: float = SETTLE_S
     """Straight flight between a turn and the path; it is lengthened by as much with each holding pattern."""
+    first_straight_s: float = FIRST_STRAIGHT_S
+    """Shortest straight flight between the first turn and the path."""
     fence: LapFence | None = None
     """Fence that holding patterns are to fit into."""
     speeds: SpeedProfile | None = None
@@ -163,6 +167,7 @@ class LeaderGuidance:
             self.waits, self.speed_mps = False, self._resumes_mps
         if self.waits or self._begun or not self.on_path:
             return
+        # v²/2a to stop, and as much to have its speed again when the path begins.
         stops_m = max(DECISION_S, model.tau_v_s + self.speed_mps / model.accel_max_mps2) * self.speed_mps
         if assembled:
             self._begun = self.distance_m >= 0.0
@@ -298,7 +303,8 @@ class LeaderGuidance:
 
     def first_way(self, begin: PathPoint, wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
         """Return the way from where the leader sets out: the shortest with time enough for the others to join up."""
-        straights_m = sorted({*self._settles_m(FIRST_SETTLES), *self._straights_m()})
+        first_m = self.first_straight_s * self.speed_mps
+        straights_m = sorted({*(each * first_m for each in FIRST_STRAIGHTS), *self._straights_m()})
         ways = sorted(self._ways(begin, straights_m, wind_north_mps, wind_east_mps), key=self._by_use)
         return self._fitting([way for way, _ in ways], wind_north_mps, wind_east_mps)
 
@@ -326,20 +332,18 @@ class LeaderGuidance:
     def _by_use(self, way: tuple[JoinRoute, float]) -> tuple[float, float]:
         """Return the rank of a way and the straight at its end: by what it lacks to join up in time, then its length.
 
-        It is to lead up to the path's height before the straight, too.
+        It is to lead up to the path's height before the straight, and this to be long enough to settle on.
         """
         route, straight_m = way
         whole_m, climb_m = route.length_m + straight_m, abs(route.end_height_m - route.begin_height_m) / route.slope
-        lacks_m = max(JOINED_S * self.speed_mps - whole_m, climb_m - route.length_m, 0.0)
+        joined_s = JOINED_S - FIRST_STRAIGHT_S + self.first_straight_s
+        settles_m = self.first_straight_s * self.speed_mps - straight_m
+        lacks_m = max(joined_s * self.speed_mps - whole_m, climb_m - route.length_m, settles_m, 0.0)
         return lacks_m, whole_m
 
     def hold_radius_m(self, wind_north_mps: float = 0.0, wind_east_mps: float = 0.0) -> float:
         """Return the radius over ground of turns before the path, allowing for the ground speed in a tailwind."""
         return (self.hold_speed_mps + math.hypot(wind_north_mps, wind_east_mps)) / self.hold_turn_rps
-
-    def _settles_m(self, times: Iterable[float]) -> list[float]:
-        """Return these multiples of the straight in which followers settle, m."""
-        return [each * self.settle_s * self.speed_mps for each in times]
 
     def _straights_m(self) -> list[float]:
         """Return the possible lengths of the straight before the path, the longest first."""

@@ -30,6 +30,9 @@ RATES_HZ: Final = (10.0, 5.0, 2.0)
 FLIGHTS: Final = 6
 """Flights of a rehearsal, each over another part of what was measured: with 15 to 30 ms of jitter the error of one was
 0.04 to 0.15 m rms."""
+JITTER: Final = 0.5
+"""Correlation of successive delays below which they vary by jitter rather than by a queue: then each varies more from
+the next one than delays do altogether."""
 AXES: Final = ("x", "y")
 """Of the errors that bring two vehicles of one height near each other."""
 REHEARSED_S: Final = 90.0
@@ -61,11 +64,15 @@ def rehearsal(vehicles: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:
 
 def _impaired(link: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keys of a link as it was measured."""
-    return {f"{way}link": {"trace": _trace(link["trace"], way)} for way in ("up", "down")}
+    return {f"{way}link": {"trace": _trace(link, way)} for way in ("up", "down")}
 
 
-def _trace(file: str, way: str) -> dict[str, str]:
-    return {"file": file, "column": f"{way}_ms", "kind": "one_way", "time": "t_s"}
+def _trace(link: Mapping[str, Any], way: str) -> dict[str, str]:
+    """Return the keys of one way's trace: of jitter, delays between samples vary as much as these."""
+    correlation = link["delay_ms"][way].get("correlation")
+    jitters = correlation is not None and correlation < JITTER
+    between = "drawn" if jitters else "interpolated"
+    return {"file": link["trace"], "column": f"{way}_ms", "kind": "one_way", "time": "t_s", "between": between}
 
 
 def meaning(found: Mapping[str, Any], directory: Path) -> dict[str, Any] | None:

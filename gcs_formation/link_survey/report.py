@@ -67,11 +67,20 @@ def _spread(delays_s: Array) -> dict[str, Any]:
     """Return mean, standard deviation and percentiles of delays, ms."""
     known = 1e3 * np.maximum(0.0, delays_s[~np.isnan(delays_s)])
     if known.size < FEWEST:
-        return dict.fromkeys((*SPREAD, "like"))
+        return dict.fromkeys((*SPREAD, "like", "correlation"))
     p50, p95, p99 = np.percentile(known, (50, 95, 99))
     found = (np.mean(known), np.std(known), p50, p95, p99, np.max(known))
     figures = {name: round(float(each), 3) for name, each in zip(SPREAD, found, strict=True)}
-    return figures | {"like": _like(known)}
+    return figures | {"like": _like(known), "correlation": _figure(_correlation(delays_s), 3)}
+
+
+def _correlation(delays_s: Array) -> float:
+    """Return the correlation of successive delays: 0 of jitter, near 1 in a queue; NaN if they don't vary."""
+    both = ~np.isnan(delays_s[:-1]) & ~np.isnan(delays_s[1:])
+    before_s, then_s = delays_s[:-1][both], delays_s[1:][both]
+    if before_s.size < FEWEST or np.std(before_s) == 0.0 or np.std(then_s) == 0.0:
+        return math.nan
+    return float(np.corrcoef(before_s, then_s)[0, 1])
 
 
 def _like(delays_ms: Array) -> str:

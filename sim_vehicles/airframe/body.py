@@ -308,7 +308,19 @@ class Body:
             state.wind_north_mps, state.wind_east_mps = self.air_north_mps, self.air_east_mps
             self.drift_down_mps = self.air_down_mps
         else:
+            if state.airspeed_mps >= STANDING_MPS and (state.wind_north_mps != 0.0 or state.wind_east_mps != 0.0):
+                self._touch_down()
             state.wind_north_mps = state.wind_east_mps = self.drift_down_mps = 0.0
+
+    def _touch_down(self) -> None:
+        """Roll on as it came over the ground: its nose turns to its course, and the wind no longer carries it.
+
+        On the ground `airspeed_mps` is the speed over ground.
+        """
+        state = self.state
+        north_mps, east_mps, _ = self.ground_velocity()
+        off_rad = math.remainder(math.atan2(east_mps, north_mps) - state.heading_rad, math.tau)
+        state.airspeed_mps, state.heading_rad = math.hypot(north_mps, east_mps), state.heading_rad + off_rad
 
     def _take_setpoints(self) -> None:
         """Take this cycle's setpoints from the steering; on the ground the height is kept, at rest also the heading."""

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, crab_rad, within
+from flight_model.autopilot_model import AutopilotModel, FlightState, crab_rad, rotated, within
 from formation_scenario.vehicles import VehicleModel
 
 HEADING: Final = 0
@@ -198,8 +198,12 @@ class Approach(NamedTuple):
     direction_rad: float
     length_m: float
     height_m: float
-    lead_m: float
-    """Distance by which the height setpoint leads the glide slope, to compensate the height's lag."""
+    speed_mps: float
+    """Airspeed at which it touches down."""
+    brakes_mps2: float
+    """Deceleration on the ground."""
+    lag_s: float
+    """Time by which the height lags behind its setpoint."""
 
     @property
     def begin_m(self) -> tuple[float, float]:
@@ -224,9 +228,21 @@ class Approach(NamedTuple):
 
     def guide(self, motion: Motion) -> tuple[float, float]:
         """Return the course back to the approach line, rad, and the height of the glide slope, m."""
-        share = (self._to_go_m(motion) - self.lead_m) / self.length_m
+        share = (self._to_go_m(motion) - self._lead_m(motion)) / self.length_m
         course_rad = self.direction_rad - math.atan(self._drift_m(motion) / LOOK_AHEAD_M)
         return course_rad, max(share * self.height_m, -BELOW_GROUND_M)
+
+    def _lead_m(self, motion: Motion) -> float:
+        """Return by how much the glide slope ends before home, m: where braking ends, and for the height's lag.
+
+        It brakes from its speed over ground on the approach's course, in the wind that carries it now.
+        """
+        wind_north_mps = motion.velocity_north_mps - motion.airspeed_mps * math.cos(motion.heading_rad)
+        wind_east_mps = motion.velocity_east_mps - motion.airspeed_mps * math.sin(motion.heading_rad)
+        carried_mps, across_mps = rotated(self.direction_rad, wind_north_mps, wind_east_mps)
+        through_mps = math.sqrt(max(self.speed_mps**2 - across_mps**2, 0.0))
+        ground_mps = max(through_mps + carried_mps, 0.0)
+        return ground_mps**2 / (2.0 * self.brakes_mps2) + ground_mps * self.lag_s
 
     def _to_go_m(self, motion: Motion) -> float:
         north_m, east_m = self.north_m - motion.north_m, self.east_m - motion.east_m

@@ -320,8 +320,8 @@ class PlanePilot(Pilot):
         to_north_m, to_east_m = north_m - motion.north_m, east_m - motion.east_m
         length_m = max(math.hypot(to_north_m, to_east_m), 1.0)
         direction_rad = math.atan2(to_east_m, to_north_m)
-        lead_m = self._lead_m(motion.airspeed_mps)
-        self.final = Approach(north_m, east_m, direction_rad, length_m, motion.height_m, lead_m)
+        speed_mps = self._touch_down_mps(motion.airspeed_mps)
+        self.final = self._over(north_m, east_m, direction_rad, length_m, motion.height_m, speed_mps)
         self._steering.kind = COURSE
 
     def _approach(self) -> Approach:
@@ -330,17 +330,24 @@ class PlanePilot(Pilot):
             return self.final
         start, length_m = self._config.start, self._parameters["AUTOLAND_WP_DIST"]
         height_m, direction_rad = self._parameters["AUTOLAND_WP_ALT"], self.landing_rad or 0.0
-        return Approach(start.north_m, start.east_m, direction_rad, length_m, height_m, self._lead_m())
+        speed_mps = self._touch_down_mps()
+        return self._over(start.north_m, start.east_m, direction_rad, length_m, height_m, speed_mps)
 
-    def _lead_m(self, airspeed_mps: float = 0.0) -> float:
-        """Return the distance before its end at which a landing touches down: of braking, and of the height's lag.
+    def _over(
+        self, north_m: float, east_m: float, direction_rad: float, length_m: float, height_m: float, speed_mps: float
+    ) -> Approach:
+        """Return an approach to a position of this aircraft."""
+        model = self._config.model
+        brakes_mps2, lag_s = model.accel_max_mps2, model.tau_ha_s + model.tau_hb_s
+        return Approach(north_m, east_m, direction_rad, length_m, height_m, speed_mps, brakes_mps2, lag_s)
 
-        One whose throttle's integrator takes longer than an approach touches down at nearly its present airspeed.
+    def _touch_down_mps(self, airspeed_mps: float = 0.0) -> float:
+        """Return the airspeed at which it touches down, from its present one.
+
+        It reduces its speed to AIRSPEED_MIN, but a throttle's integrator takes longer than an approach.
         """
-        model, speed_mps = self._config.model, self._parameters["AIRSPEED_MIN"]
-        if model.prompt_share < 1.0:
-            speed_mps = max(speed_mps, airspeed_mps)
-        return speed_mps**2 / (2.0 * model.accel_max_mps2) + speed_mps * (model.tau_ha_s + model.tau_hb_s)
+        speed_mps = self._parameters["AIRSPEED_MIN"]
+        return speed_mps + (1.0 - self._config.model.prompt_share) * max(airspeed_mps - speed_mps, 0.0)
 
     def _circle_radius_m(self) -> float:
         tightest_m = self._steering.speed_mps / self._config.model.turn_rate_max_rps

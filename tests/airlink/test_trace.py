@@ -79,3 +79,27 @@ def test_a_run_may_begin_at_any_part_of_the_record(begin_s, now_s, expected_s):
     """Three samples a second apart are repeated after 3 s."""
     trace = Trace([0.0, 1.0, 2.0], [0.1, 0.2, 0.3], 1.0, gaps=True, begin_s=begin_s)
     assert trace.delay_s(at(now_s)) == pytest.approx(expected_s, abs=1e-6)
+
+
+def test_drawn_delays_vary_as_much_as_recorded_ones_and_interpolated_ones_by_two_thirds_of_that() -> None:
+    """Of (1 - f) a + f b, f from 0 to 1, the variance is the mean of (1 - f)^2 + f^2: 2/3 of that of a and b."""
+    delays_s = np.random.default_rng(5).normal(0.25, 0.03, 3000)
+    variances = []
+    for drawn in (True, False):
+        trace = Trace([0.1 * each for each in range(3000)], list(delays_s), 0.1, gaps=True, drawn=drawn)
+        variances.append(np.var([trace.delay_s(at(0.0137 * number)) or 0.0 for number in range(20_000)]))
+    assert variances == pytest.approx([np.var(delays_s), 2.0 / 3.0 * np.var(delays_s)], rel=0.05)
+
+
+def test_drawn_delays_are_those_of_samples_around_and_independent() -> None:
+    """Those of one instant, too, as the datagrams of a burst."""
+    trace = Trace(list(range(20)), [0.1 * each for each in range(20)], 1.0, gaps=True, drawn=True)
+    drawn = [trace.delay_s(at(8.5)) or 0.0 for _ in range(2000)]
+    assert {round(10.0 * each) for each in drawn} == set(range(4, 14))
+    assert abs(float(np.corrcoef(drawn[:-1], drawn[1:])[0, 1])) < 0.1
+
+
+def test_what_is_nearest_to_a_lost_sample_is_lost_where_delays_are_drawn_too() -> None:
+    trace = Trace([0.0, 1.0, 2.0], [0.1, math.nan, 0.3], 1.0, gaps=True, drawn=True)
+    assert trace.delay_s(at(0.9)) is None
+    assert {trace.delay_s(at(0.4)) for _ in range(100)} == {0.1, 0.3}

@@ -237,7 +237,7 @@ def test_who_comes_from_afar_doesnt_overshoot_its_slot_by_much(fly: Fly) -> None
             {"id": 1, "role": "leader", "model": "arduplane"},
             {"id": 2, "model": {"speed_min_mps": 12, "speed_max_mps": 30}},
         ],
-        start={"in_air": True, "run_in_s": 2, "timeout_s": 1, "offset_m": [300, 20, 0]},
+        start={"in_air": True, "run_in_s": 4, "timeout_s": 1, "offset_m": [300, 20, 0]},
         formation={"shape": "custom", "slots_m": {2: [-40, -40, 0]}},
         safety={"avoidance": {"enabled": False}},
     )

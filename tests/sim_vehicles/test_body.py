@@ -11,6 +11,7 @@ from formation_scenario.start_states_and_end_times import StartState
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.hovering import HoveringBody
+from sim_vehicles.airframe.motion import Approach
 from sim_vehicles.config import Pitot, VehicleConfig
 
 LOOP_S = 0.02
@@ -48,6 +49,51 @@ def test_without_an_airframe_a_vehicle_flies_by_equation_7():
     for values in flown[1:]:
         advance(expected, made.model, 24.0, 1.0, 110.0, LOOP_S)
         assert values.tolist() == list(expected.values())
+
+
+@pytest.mark.parametrize(
+    ("wind_mps", "ground_mps"),
+    [((0.0, 0.0), 12.0), ((-4.0, 0.0), 8.0), ((4.0, 0.0), 16.0), ((0.0, 7.2), 9.6), ((-15.0, 0.0), 0.0)],
+)
+def test_a_glide_slope_ends_before_home_by_what_the_speed_over_ground_takes_to_brake(wind_mps, ground_mps):
+    """v^2 / 2a and v times the height's lag, of v over ground: in 7.2 m/s across, (12^2 - 7.2^2)^1/2 = 9.6 m/s."""
+    crab_rad = -math.asin(wind_mps[1] / 12.0)
+    over_mps = 12.0 * math.cos(crab_rad) + wind_mps[0], 12.0 * math.sin(crab_rad) + wind_mps[1]
+    made = reported(body())
+    made.fly()
+    motion = made.motion
+    motion.north_m, motion.east_m, motion.airspeed_mps, motion.heading_rad = -500.0, 0.0, 12.0, crab_rad
+    motion.velocity_north_mps, motion.velocity_east_mps = over_mps
+    lead_m = ground_mps**2 / (2.0 * 0.5) + ground_mps * 3.0
+    course_rad, height_m = Approach(0.0, 0.0, 0.0, 1000.0, 50.0, 12.0, 0.5, 3.0).guide(motion)
+    assert height_m == pytest.approx(50.0 * (500.0 - lead_m) / 1000.0)
+    assert course_rad == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("wind_mps", [(-4.0, 0.0, 0.0), (4.0, 0.0, 0.0), (0.0, 5.0, 0.0)])
+def test_what_touches_down_rolls_on_as_it_came_over_the_ground_and_is_carried_no_farther(wind_mps):
+    """Its nose turns to its course. It used to roll where its nose pointed, at its airspeed, from that instant on."""
+    made = reported(body(wind_mps=wind_mps))
+    made.fly()
+    north_mps, east_mps, _ = made.ground_velocity()
+    assert (north_mps, east_mps) == pytest.approx((22.0 + wind_mps[0], wind_mps[1]), abs=0.05)
+    made.steering.stopped, made.steering.airborne = True, False
+    made.fly()
+    rolls_mps = made.state.airspeed_mps
+    assert rolls_mps == pytest.approx(math.hypot(north_mps, east_mps), abs=0.1)
+    assert made.ground_velocity()[:2] == pytest.approx(
+        (rolls_mps * math.cos(made.state.heading_rad), rolls_mps * math.sin(made.state.heading_rad))
+    )
+    assert made.state.heading_rad == pytest.approx(math.atan2(east_mps, north_mps), abs=0.01)
+
+
+def test_what_falls_to_the_ground_lies_there_in_any_wind():
+    made = reported(body(wind_mps=(3.0, -8.0, 0.0)))
+    made.fly()
+    made.ground()
+    made.steering.stopped, made.steering.airborne = True, False
+    made.fly()
+    assert made.ground_velocity() == pytest.approx((0.0, 0.0, 0.0))
 
 
 def test_what_flies_by_its_sensor_flies_faster_in_thin_air_and_where_the_sensor_reads_low():

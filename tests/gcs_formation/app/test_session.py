@@ -20,7 +20,7 @@ from gcs_formation.app.fly import clock_behind, resolve_peers
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import summary_text
-from gcs_formation.app.run import over
+from gcs_formation.app.run import in_memory, over
 from gcs_formation.app.session import Session
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.identify import identify
@@ -55,6 +55,26 @@ def test_where_nothing_is_injected_here_the_delay_of_others_links_is_unknown(
     assert (link["injected_delay_ms"], link["injected_loss"], link["injected_loss_up"]) == (delay, delay, delay)
     injected_s = read_parquet(tmp_path / TIMESERIES)["injected_delay_s"]
     assert np.isnan(injected_s).all() if delay is None else not injected_s.any()
+
+
+def test_a_run_that_raises_leaves_no_file_of_its_record_open(tmp_path: Path) -> None:
+    planned = load_scenario(scenario(duration_s=1, vehicles={"count": 2}))
+
+    def opened() -> list[str]:
+        links = [each for each in Path("/proc/self/fd").iterdir() if each.is_symlink()]
+        return [str(each.readlink()) for each in links if str(each.readlink()).startswith(str(tmp_path))]
+
+    def flown(session: Session) -> None:
+        assert opened()
+        raise ZeroDivisionError(str(session.clock.now()))
+
+    with (
+        pytest.raises(ZeroDivisionError) as raised,
+        in_memory(planned, RunOptions(tmp_path, "virtual"), Progress(), Interrupts()) as (session, _),
+    ):
+        flown(session)
+    assert opened() == []
+    assert str(raised.value) == "0"
 
 
 def test_a_vehicle_that_is_sent_to_by_name_is_known_by_the_number_that_it_answers_from(tmp_path: Path) -> None:

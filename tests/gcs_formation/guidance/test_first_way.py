@@ -39,6 +39,15 @@ def test_one_that_must_fly_back_flies_back_no_farther_than_it_must() -> None:
     assert straight_m == pytest.approx(0.5 * SETTLE_S * SPEED)
 
 
+@pytest.mark.parametrize(("frame", "spacing_m", "longer"), [("leader_heading", 22, 1), ("follower_heading", 22, 8 / 3)])
+def test_the_straight_is_longer_where_heading_loops_are_slower(frame: str, spacing_m: float, longer: float) -> None:
+    """At the side by 1 s of flight a heading loop has 0.6 / (0.6 + 1) of its bandwidth, in the follower's own frame."""
+    keys = {"formation": {"shape": "line", "spacing_m": spacing_m, "frame": frame}, "vehicles": {"count": 2}}
+    leads = from_scenario.leader_guidance(load_scenario(scenario(start={"in_air": False}, **keys)))
+    assert leads.speed_mps == SPEED
+    assert leads.first_straight_s == pytest.approx(0.5 * SETTLE_S * longer)
+
+
 def test_it_is_as_high_as_its_path_before_the_straight() -> None:
     """From 55 m below it at 2.1 m/s."""
     way_m, _ = set_out(-900.0, 300.0, 45.0)
@@ -67,6 +76,13 @@ def test_one_that_hovers_waits_before_its_path_until_the_others_are_there() -> N
     assert leads.started
     state.north_m = 3.0
     assert leads.steer(state, HOVERING, assembled=False).speed_mps == pytest.approx(5.0), "it has begun"
+
+
+@pytest.mark.parametrize(("north_m", "stops"), [(-13.1, False), (-12.9, True)])
+def test_one_that_waits_stops_far_enough_before_its_path_to_begin_it_at_its_speed(north_m: float, stops: bool) -> None:
+    """At 5 m/s and 2.5 m/s^2: 5 m to stop, 3 m by its time constant of 0.6 s, and 5 m to have its speed again."""
+    leads, state = hovering(north_m)
+    assert leads.steer(state, HOVERING, assembled=False).speed_mps == (0.0 if stops else pytest.approx(5.0))
 
 
 def test_an_order_of_speed_is_flown_after_the_wait() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import struct
 from collections import Counter
 from pathlib import Path
@@ -85,6 +86,13 @@ def test_percentiles_are_those_of_the_distribution(surveyed: Surveyed, system: i
         expected_ms = 1e3 * (planned.delay_s + planned.jitter_s * QUANTILE[like](share))
         assert delay[name] == pytest.approx(expected_ms, rel=0.05)
     assert delay["like"] == like
+
+
+def test_of_jitter_one_delay_tells_nothing_of_the_next_one(surveyed: Surveyed) -> None:
+    for system in (1, 2):
+        assert abs(surveyed.vehicle(system)["delay_ms"]["down"]["correlation"]) < 0.1
+    slow = np.array([0.1 + 0.05 * math.sin(0.2 * number) for number in range(400)])
+    assert report._spread(slow)["correlation"] == pytest.approx(math.cos(0.2), abs=0.01)
 
 
 def test_a_link_without_delay_has_none_though_its_vehicle_answers_in_a_loop(surveyed: Surveyed) -> None:
