@@ -166,7 +166,7 @@ class Driver:
             if index in self._held:
                 more = True
                 continue
-            taken = self._transports[index].take(index, BATCH)
+            taken = self._transports[index].drain(index, BATCH)
             more = more or len(taken) == BATCH
             taken = self._read(taken)
             if index in self._others:

@@ -160,10 +160,10 @@ class Relay:
             for delivery in deliveries:
                 self.under_way.push(delivery, sent.item)
 
-    def forget(self, remote: int) -> None:
+    def disconnect(self, remote: int) -> None:
         """Remove a remote, whose number isn't used again; its statistics are kept."""
         if self.radio is not None:
-            self.radio.forget(_vehicle(remote))
+            self.radio.remove(_vehicle(remote))
         self._altered.pop(remote, None)
         self._late.drop(lambda _, passage: passage[0] == remote)
         for way, total in self._forgotten.items():
@@ -276,7 +276,7 @@ class Proxy:
         if opened is None:  # removed after the selector reported its datagrams
             return
         endpoint = self._listen if number == LISTENING else self._target
-        for datagram in opened.take(0, DRAIN_LIMIT):
+        for datagram in opened.drain(0, DRAIN_LIMIT):
             if endpoint.kind == "udpout" and datagram.peer != endpoint.address:
                 continue  # a stranger's
             for data in self._cut(number, endpoint, datagram):
@@ -291,7 +291,7 @@ class Proxy:
     def _ways(self, number: int, peer: Address) -> list[tuple[int, Direction]]:
         """Return over which links something goes that a peer has sent to one end."""
         if number == SHARED:
-            self._hear_at_target(peer)
+            self._receive_at_target(peer)
             return [(remote, Direction.UPLINK) for remote in self._remotes.values()]
         if number != LISTENING:
             return [(number, Direction.UPLINK)]
@@ -304,7 +304,7 @@ class Proxy:
         except PortError:  # no socket is left: lost, as in any network
             return []
 
-    def _hear_at_target(self, peer: Address) -> None:
+    def _receive_at_target(self, peer: Address) -> None:
         self._targets.pop(peer, None)
         self._targets[peer] = None
         if len(self._targets) > MAX_REMOTES:
@@ -330,7 +330,7 @@ class Proxy:
             for key in [each for each in self._selector.get_map().values() if each.data == remote]:
                 self._selector.unregister(key.fileobj)
             opened.close()
-        self._relay.forget(remote)
+        self._relay.disconnect(remote)
 
     def _send(self, remote: int, direction: Direction, data: bytes) -> None:
         if remote not in self._peers:

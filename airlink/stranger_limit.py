@@ -38,7 +38,7 @@ class Share:
         self._refilled_ns = now_ns
         return self._left > 0.0
 
-    def take(self, octets: int) -> None:
+    def spend(self, octets: int) -> None:
         """Count bytes that are read."""
         self._left -= octets
 
@@ -60,6 +60,6 @@ class StrangerLimit:
             share = self._each[peer] = Share(EACH_BYTES_PER_S, EACH_BYTES_PER_S, now_ns)
         if not (share.has(now_ns) and self._all.has(now_ns)):
             return False
-        share.take(size + OVERHEAD_BYTES)
-        self._all.take(size + OVERHEAD_BYTES)
+        share.spend(size + OVERHEAD_BYTES)
+        self._all.spend(size + OVERHEAD_BYTES)
         return True

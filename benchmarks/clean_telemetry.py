@@ -18,7 +18,7 @@ import numpy as np
 from gcs_formation import run
 
 DURATION_S: Final = 60.0
-LAGS: Final = {
+TAUS: Final = {
     "plane": {"tau_v_s": 4.0, "tau_psi_s": 1.5, "tau_ha_s": 1.0, "tau_hb_s": 3.0},
     "copter": {"tau_v_s": 0.6, "tau_ha_s": 0.6, "tau_hb_s": 0.6},
 }
@@ -52,8 +52,8 @@ def scenario(seed: int) -> dict[str, Any]:
         "links": {"default": _link(rng)},
         "finish": {"loiter_s": 1.0},
     }
-    most_mps = 6.0 if family == "plane" else 3.0
-    keys["wind"] = {"velocity_mps": [*rng.uniform(-most_mps, most_mps, 2).tolist(), 0.0]}
+    max_mps = 6.0 if family == "plane" else 3.0
+    keys["wind"] = {"velocity_mps": [*rng.uniform(-max_mps, max_mps, 2).tolist(), 0.0]}
     if rng.random() < 0.6:
         keys["disturbances"] = [{"at_s": 5.0, "kind": "dryden", "wind_6m_mps": float(rng.uniform(3.0, 10.0))}]
         keys["disturbances"].append({"at_s": 25.0, "velocity_mps": rng.uniform(-3.0, 3.0, 3).tolist()})
@@ -65,7 +65,7 @@ def scenario(seed: int) -> dict[str, Any]:
 
 def _vehicle(rng: np.random.Generator, number: int, family: str) -> dict[str, Any]:
     keys: dict[str, Any] = {"id": number, "role": "follower" if number > 1 else "leader"}
-    off = {name: value * float(rng.uniform(1.0 - OFF, 1.0 + OFF)) for name, value in LAGS[family].items()}
+    off = {name: value * float(rng.uniform(1.0 - OFF, 1.0 + OFF)) for name, value in TAUS[family].items()}
     if family == "copter":
         return keys | {"autopilot": "arducopter", "model": "arducopter"}
     if rng.random() < 0.5:

@@ -27,7 +27,7 @@ from flight_model.gain_design import UNMODELLED
 from flight_model.slot import Triple
 from formation_scenario import Scenario
 from gcs_formation.control import follower, laws
-from gcs_formation.control.follower import Pair
+from gcs_formation.control.follower import LawInput
 from gcs_formation.control.setpoint import Target
 from gcs_formation.estimation import estimator
 from gcs_formation.record.figures_of_merit import setpoint_steps
@@ -50,7 +50,7 @@ class Differences(follower.FollowerController):
 
     _before: Triple | None = None
 
-    def _slopes(self, pair: Pair, axis_rad: float, target: Target, forward: Triple, dt_s: float) -> Triple:  # noqa: ARG002
+    def _slopes(self, pair: LawInput, axis_rad: float, target: Target, forward: Triple, dt_s: float) -> Triple:  # noqa: ARG002
         before, self._before = self._before or self.mixed, self.mixed
         speed, heading, height = ((now - then) / dt_s for now, then in zip(self.mixed, before, strict=True))
         return speed, heading, height

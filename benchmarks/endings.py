@@ -9,7 +9,7 @@ from gcs_formation.studies.dataset import markdown
 
 END_S, BEGINS_S, FOR_S = 10.0, 9.5, 10.0
 GEOMETRIES: dict[str, dict[str, Any]] = {
-    "beside: 2 at (−5, 20), 3 at (−30, −30) m": {"shape": "custom", "slots_m": {2: [-5, 20, 0], 3: [-30, -30, 0]}},
+    "abreast: 2 at (−5, 20), 3 at (−30, −30) m": {"shape": "custom", "slots_m": {2: [-5, 20, 0], 3: [-30, -30, 0]}},
     "line, 15 m": {"shape": "line", "spacing_m": 15},
     "square, 20 m": {"shape": "square", "spacing_m": 20},
     "line, 30 m": {"shape": "line", "spacing_m": 30},

@@ -53,13 +53,13 @@ def rows(vehicles: int, first: int, count: int) -> Array:
         np.where(np.arange(vehicles), -30.0 * row, np.nan),
         np.where(np.arange(vehicles), 30.0 * column, np.nan),
     )
-    ahead, aside = -30.0 * row + error, 30.0 * column - error
+    ahead, right = -30.0 * row + error, 30.0 * column - error
     found |= {
         "phase": np.full((count, vehicles), float(PHASES.index("flying"))),
         "t_s": np.broadcast_to(t_s, (count, vehicles)),
         "mission_time_s": np.broadcast_to(t_s, (count, vehicles)),
-        "north_m": 2000 * np.sin(turn) + ahead * cos - aside * sin,
-        "east_m": 2000 * (1 - np.cos(turn)) + ahead * sin + aside * cos,
+        "north_m": 2000 * np.sin(turn) + ahead * cos - right * sin,
+        "east_m": 2000 * (1 - np.cos(turn)) + ahead * sin + right * cos,
         "height_m": 100.0 + 5.0 * np.sin(0.05 * t_s + np.arange(vehicles)),
         "airspeed_mps": np.full((count, vehicles), 20.0),
         "heading_rad": heading,

@@ -191,7 +191,7 @@ class SocketsAlone(Loop):
 
     def _take(self, place: int) -> None:
         if self._raw:
-            self.frames += len(self._inbox.take(self._links[place].port))
+            self.frames += len(self._inbox.drain(self._links[place].port))
         else:
             super()._take(place)
 

@@ -58,9 +58,9 @@ class Aircraft:
         now = self.velocity()
         self.place += STEP_S / 2.0 * (now + self.before)
         self.before, self.number = now, self.number + 1
-        told = self.place + self.wander + self.sigma_m * self.rng.standard_normal(2)
+        measured = self.place + self.wander + self.sigma_m * self.rng.standard_normal(2)
         velocity = now + self.sigma_mps * self.rng.standard_normal(2)
-        return 1 + round(self.number * STEP_S * 1e9), told.tolist(), velocity.tolist(), (now - self.gust).tolist()
+        return 1 + round(self.number * STEP_S * 1e9), measured.tolist(), velocity.tolist(), (now - self.gust).tolist()
 
 
 def false_alarms(scale: float, hours: float) -> float:

@@ -31,7 +31,7 @@ def within(value: Array, low: Array | float, high: Array | float) -> Array:
     return np.minimum(np.maximum(value, low), high)
 
 
-def beside(
+def offset_points(
     north_m: Array | float,
     east_m: Array | float,
     axis_rad: Array | float,

@@ -20,9 +20,9 @@ from flight_model.decay import EARLY, LATE, MIDDLE, Decay, GaussDecay
 OUTER: Final = 0.2777777777777778
 INNER: Final = 0.4444444444444444
 """Weights of a time interval's Gauss points: the first and the last, and the middle one."""
-BESIDE_RAD: Final = 0.02
+TRIM_RAD: Final = 0.02
 """Cosine and sine of an angle that differs by less are computed from the other's by series, exact to rounding."""
-LEAST_CRABBING_MPS: Final = 1.0
+MIN_CRABBING_MPS: Final = 1.0
 """Lower bound of airspeeds that a crosswind is divided by."""
 NO_LIMIT: Final = math.inf
 
@@ -58,7 +58,7 @@ class AutopilotModel:
         turn_rate_max_rps: float,
         climb_max_mps: float,
     ) -> None:
-        """Take the lags of airspeed and heading, both of height, and the limits."""
+        """Take the time constants of airspeed and heading, both of height, and the limits."""
         self.tau_v_s = tau_v_s
         self.tau_psi_s = tau_psi_s
         self.tau_ha_s = tau_ha_s
@@ -74,7 +74,7 @@ class AutopilotModel:
         self._held_for = (0.0, 0.0, 0.0, 0.0, 0.0)
 
     def decay(self, time_s: float) -> Decay:
-        """Return the decay over a time, from the last call if that was for the same time and lags."""
+        """Return the decay over a time, from the last call if that was for the same time and constants."""
         tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s = self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
         kept = self._responds
         if kept is None:
@@ -94,8 +94,8 @@ class AutopilotModel:
         return kept
 
     @property
-    def may_stand(self) -> bool:
-        """Whether it may be commanded to stand: only multirotors may."""
+    def may_hover(self) -> bool:
+        """Whether it may be commanded to hover: only multirotors may."""
         return self.speed_min_mps == 0.0
 
     def values(self) -> tuple[float, float, float, float, float, float, float, float, float]:
@@ -113,15 +113,16 @@ class AutopilotModel:
         )
 
     def held(self, time_s: float) -> AutopilotModel:
-        """Return the model whose (setpoint - initial value) / lag is the mean rate while a setpoint is held for a time.
+        """Return the model whose (setpoint - initial value) / tau is the mean rate while a setpoint is held for a time.
 
-        The initial rate is larger than that mean. Only the lags of speed and heading differ, and the rate limits aren't
-        considered. The result is read-only: it is kept until a lag or the range of airspeeds changes.
+        The initial rate is larger than that mean. Only the time constants of speed and heading differ, and the rate
+        limits aren't considered. The result is read-only: it is kept until a time constant or the range of airspeeds
+        changes.
         """
-        lags_s = time_s, self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
+        taus_s = time_s, self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s
         kept = self._held
-        if kept is None or self._held_for != lags_s:
-            kept, self._held_for = self._hold(time_s), lags_s
+        if kept is None or self._held_for != taus_s:
+            kept, self._held_for = self._hold(time_s), taus_s
             self._held = kept
         return kept
 
@@ -268,8 +269,8 @@ def rotated(axis_rad: float, north: float, east: float) -> tuple[float, float]:
 
 def crab_rad(state: FlightState, course_rad: float) -> float:
     """Return the crab angle: how far left of the course the heading must point to cancel the crosswind."""
-    _, aside_mps = rotated(course_rad, state.wind_north_mps, state.wind_east_mps)
-    return math.asin(within(aside_mps / max(state.airspeed_mps, LEAST_CRABBING_MPS), -1.0, 1.0))
+    _, crosswind_mps = rotated(course_rad, state.wind_north_mps, state.wind_east_mps)
+    return math.asin(within(crosswind_mps / max(state.airspeed_mps, MIN_CRABBING_MPS), -1.0, 1.0))
 
 
 def squared(value: float) -> float:
@@ -378,7 +379,7 @@ def _remaining(
 def _cos_sin_of(cos: float, sin: float, angle_rad: float, other_rad: float) -> tuple[float, float]:
     """Return cosine and sine of `other_rad`, given those of `angle_rad`."""
     apart = other_rad - angle_rad
-    if abs(apart) > BESIDE_RAD:
+    if abs(apart) > TRIM_RAD:
         return math.cos(other_rad), math.sin(other_rad)
     square = apart * apart
     along = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0))
@@ -430,7 +431,7 @@ def _climb(state: FlightState, model: AutopilotModel, height_m: float, time_s: f
 
 
 def climbed(
-    now_m: float, now_mps: float, most_mps: float, height_m: float, time_s: float, left: Decay
+    now_m: float, now_mps: float, max_mps: float, height_m: float, time_s: float, left: Decay
 ) -> tuple[float, float]:
     """Return height and climb rate after a time; `left`: the decay over it."""
     slow_s, fast_s, slow_left, fast_left, climb_s = left.slow_s, left.fast_s, left.slow, left.fast, left.climb_s
@@ -438,9 +439,9 @@ def climbed(
     push_mps = now_mps + error_m / slow_s
     left_m = slow_left * error_m + climb_s * push_mps
     climb_mps = fast_left * push_mps - left_m / slow_s
-    most_m = most_mps * time_s
-    beyond_mps = abs(now_mps) - most_mps
+    max_m = max_mps * time_s
+    beyond_mps = abs(now_mps) - max_mps
     if beyond_mps > 0.0:
-        most_mps += beyond_mps * fast_left
-        most_m += beyond_mps * fast_s * (1.0 - fast_left)
-    return now_m + within(left_m - error_m, -most_m, most_m), within(climb_mps, -most_mps, most_mps)
+        max_mps += beyond_mps * fast_left
+        max_m += beyond_mps * fast_s * (1.0 - fast_left)
+    return now_m + within(left_m - error_m, -max_m, max_m), within(climb_mps, -max_mps, max_mps)

@@ -81,7 +81,7 @@ class PathPoint:
             self.course_rad,
         )
 
-    def lifted(self, height_m: float, slope: float, slope_rate_1pm: float) -> PathPoint:
+    def raised(self, height_m: float, slope: float, slope_rate_1pm: float) -> PathPoint:
         """Return the point raised by a lift of this height, slope and slope rate."""
         return PathPoint(
             self.north_m,

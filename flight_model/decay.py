@@ -1,4 +1,4 @@
-"""Decay factors of an autopilot's lags over a time step; kept for reuse, since most steps have the same few lengths."""
+"""Decay factors of time constants over a step; kept for reuse, since most steps have the same few lengths."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ def between(apart: float, slow_left: float, fast_left: float) -> float:
 
 
 def of_climb(time_s: float, slow_s: float, fast_s: float, slow_left: float, fast_left: float) -> float:
-    """Return the height error after a time that a climb rate of 1 m/s leads to, by the height's two lags.
+    """Return the height error after a time that a climb rate of 1 m/s leads to, by the height's two time constants.
 
-    With equal lags `between` gives the solution for a double pole.
+    With equal time constants `between` gives the solution for a double pole.
     """
     return time_s * between(time_s / slow_s - time_s / fast_s, slow_left, fast_left)
 
 
 class Decay:
-    """Decay factors of the lags of airspeed, heading and height over a time."""
+    """Decay factors of the time constants of airspeed, heading and height over a time."""
 
     __slots__ = (
         "_tau_ha_s",
@@ -54,14 +54,14 @@ class Decay:
         self._time_s = self._tau_v_s = self._tau_psi_s = self._tau_ha_s = self._tau_hb_s = math.nan
         self.speed = self.heading = 1.0
         self.slow = self.fast = 1.0
-        """Decay factors of the height's slower and faster lag."""
+        """Decay factors of the height's slower and faster time constant."""
         self.slow_s = self.fast_s = 0.0
-        """The slower and the faster of those lags, s."""
+        """The slower and the faster of those time constants, s."""
         self.climb_s = 0.0
         """Result of `of_climb`."""
 
     def holds(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> bool:
-        """Return whether the factors are for this time and these lags, s."""
+        """Return whether the factors are for this time and these time constants, s."""
         return (
             self._time_s == time_s
             and self._tau_v_s == tau_v_s
@@ -71,7 +71,7 @@ class Decay:
         )
 
     def compute(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> None:
-        """Compute the factors for this time and these lags, s."""
+        """Compute the factors for this time and these time constants, s."""
         self._time_s, self._tau_v_s, self._tau_psi_s = time_s, tau_v_s, tau_psi_s
         self._tau_ha_s, self._tau_hb_s = tau_ha_s, tau_hb_s
         self.slow_s, self.fast_s = max(tau_ha_s, tau_hb_s), min(tau_ha_s, tau_hb_s)
@@ -92,7 +92,7 @@ class GaussDecay(Decay):
         self.early_heading = self.middle_heading = self.late_heading = 1.0
 
     def compute(self, time_s: float, tau_v_s: float, tau_psi_s: float, tau_ha_s: float, tau_hb_s: float) -> None:
-        """Compute the factors for this time, its Gauss points and these lags, s."""
+        """Compute the factors for this time, its Gauss points and these time constants, s."""
         super().compute(time_s, tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s)
         early_s, between_s = EARLY * time_s, (MIDDLE - EARLY) * time_s
         self.early_speed, between = math.exp(-early_s / tau_v_s), math.exp(-between_s / tau_v_s)

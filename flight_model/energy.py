@@ -27,9 +27,9 @@ CYCLE_S: Final = 0.02
 CYCLES: Final = 5
 """Cycles in one period of the energy controller."""
 ENERGY_S: Final = CYCLE_S * CYCLES
-ACCELERATION_LAG_S: Final = 0.04
+ACCELERATION_TAU_S: Final = 0.04
 """Lag of the measured acceleration: half of a moving average over five cycles."""
-THROTTLE_LAG_S: Final = 0.5
+THROTTLE_TAU_S: Final = 0.5
 """Lag of the energy rate's error, which damps the throttle."""
 GAIN_SHARE: Final = 0.5
 LOSS_SHARE: Final = 0.9
@@ -37,7 +37,7 @@ LOSS_SHARE: Final = 0.9
 OVERSHOOT: Final = 0.1
 """How far the throttle's integral may take it beyond its limits, as a share of the range."""
 PITCH_OVERSHOOT_RAD: Final = math.radians(5.0)
-LEAST_MPS: Final = 5.0
+MIN_MPS: Final = 5.0
 """Lower bound of airspeeds in divisions."""
 ROLLING_PER_S: Final = 0.3
 """Deceleration on the ground per airspeed, as in ArduPilot's simulator."""
@@ -148,7 +148,7 @@ QUANTITIES: Final = tuple(each.name for each in fields(Aircraft))
 
 def trim(a: Aircraft, p: AirframeParameters) -> None:
     """Set the state of steady straight and level flight at the present height and speed."""
-    speed = max(a.speed_mps, LEAST_MPS)
+    speed = max(a.speed_mps, MIN_MPS)
     a.bank = a.bank_rate = a.pitch_rate = a.estimate_trend = a.acceleration = a.slow_acceleration = 0.0
     a.slow_speed_rate = a.power_error = a.kinetic_integral = a.throttle_clip = a.balance_clip = 0.0
     a.throttle = a.throttle_wanted = _drag(speed, 1.0, p) / p.thrust_mps2
@@ -166,7 +166,7 @@ def cycle(a: Aircraft, commanded: Commanded, p: AirframeParameters, gust_mps: fl
     `gust_mps` is the noise of the airspeed sensor.
     """
     _attitude(a, commanded, p)
-    speed = max(a.speed_mps, LEAST_MPS)
+    speed = max(a.speed_mps, MIN_MPS)
     load = 1.0 / math.cos(a.bank)
     sin_path = math.sin(a.pitch - _incidence(speed, load, p))
     push = a.throttle * p.thrust_mps2 - _drag(speed, load, p) - GRAVITY_MPS2 * sin_path
@@ -174,7 +174,7 @@ def cycle(a: Aircraft, commanded: Commanded, p: AirframeParameters, gust_mps: fl
     a.climb_mps = a.speed_mps * sin_path
     a.height_m += a.climb_mps * CYCLE_S
     a.heading_rad += GRAVITY_MPS2 * math.tan(a.bank) / speed * CYCLE_S
-    a.acceleration += (push - a.acceleration) * (CYCLE_S / ACCELERATION_LAG_S)
+    a.acceleration += (push - a.acceleration) * (CYCLE_S / ACCELERATION_TAU_S)
     _estimate_speed(a, a.speed_mps + gust_mps, p)
 
 
@@ -211,7 +211,7 @@ def climb_out(a: Aircraft, throttle: float, p: AirframeParameters) -> None:
 
     Source: take-offs of ArduPlane 4.7's simulated plane, which pitches up to 48 degrees and later down to 27.
     """
-    speed = max(a.speed_mps, LEAST_MPS)
+    speed = max(a.speed_mps, MIN_MPS)
     gained = (CLIMB_OUT_SHARE * p.airspeed_cruise_mps - speed) / CLIMB_OUT_S
     excess = throttle * p.thrust_mps2 - _drag(speed, 1.0, p)
     gained = min(gained, max(excess - GRAVITY_MPS2 * p.climb_max_mps / speed, 0.0))
@@ -231,14 +231,14 @@ def level_out(a: Aircraft) -> None:
 
 def _attitude(a: Aircraft, commanded: Commanded, p: AirframeParameters) -> None:
     """Bank in proportion to the heading error, and follow the wanted pitch and throttle."""
-    most = min(commanded.bank_max_rad, p.bank_max_rad)
-    bank = within(p.heading_gain * wrap(commanded.heading_rad - a.heading_rad), -most, most)
+    maximum = min(commanded.bank_max_rad, p.bank_max_rad)
+    bank = within(p.heading_gain * wrap(commanded.heading_rad - a.heading_rad), -maximum, maximum)
     a.bank_rate += ((bank - a.bank) / p.bank_lag_s - a.bank_rate) * (CYCLE_S / p.rate_lag_s)
     a.bank += a.bank_rate * CYCLE_S
     a.pitch_rate += ((a.pitch_wanted - a.pitch) / p.pitch_lag_s - a.pitch_rate) * (CYCLE_S / p.rate_lag_s)
     a.pitch += a.pitch_rate * CYCLE_S
-    most_step = p.throttle_slew_per_s * CYCLE_S
-    a.throttle += within(a.throttle_wanted - a.throttle, -most_step, most_step)
+    max_step = p.throttle_slew_per_s * CYCLE_S
+    a.throttle += within(a.throttle_wanted - a.throttle, -max_step, max_step)
 
 
 def _estimate_speed(a: Aircraft, measured_mps: float, p: AirframeParameters) -> None:
@@ -247,7 +247,7 @@ def _estimate_speed(a: Aircraft, measured_mps: float, p: AirframeParameters) -> 
     error, omega = a.sensed - a.estimate, p.speed_filter_radps
     a.estimate_trend += error * omega * omega * CYCLE_S
     rate = a.estimate_trend + a.acceleration + math.sqrt(2.0) * omega * error
-    a.estimate = max(a.estimate + rate * CYCLE_S, LEAST_MPS)
+    a.estimate = max(a.estimate + rate * CYCLE_S, MIN_MPS)
     a.slow_acceleration += (a.acceleration - a.slow_acceleration) * (CYCLE_S / (CYCLE_S + p.time_constant_s))
 
 
@@ -282,20 +282,20 @@ def control(a: Aircraft, commanded: Commanded, p: AirframeParameters) -> None:
 
 def _speed_demand(a: Aircraft, commanded: Commanded, p: AirframeParameters, speed_min: float) -> float:
     """Move the airspeed demand as fast as the energy rates allow; return its rate, which is fed to the throttle."""
-    speed, most = a.estimate, a.speed_max
+    speed, maximum = a.estimate, a.speed_max
     full_mps2 = GRAVITY_MPS2 * p.climb_max_mps * a.climb_share / max(speed, p.airspeed_min_mps)
     if a.throttle_clip > 0.0:
-        most -= ENERGY_S * GAIN_SHARE * GRAVITY_MPS2 * p.sink_min_mps / speed
-        most = max(most, p.airspeed_cruise_mps)
+        maximum -= ENERGY_S * GAIN_SHARE * GRAVITY_MPS2 * p.sink_min_mps / speed
+        maximum = max(maximum, p.airspeed_cruise_mps)
     else:
-        most += ENERGY_S * GAIN_SHARE * full_mps2
-    a.speed_max = most = max(min(most, p.airspeed_max_mps), speed_min)
-    share = within((most - speed) / max(most - p.airspeed_cruise_mps, 0.1), 0.0, 1.0)
-    sink = p.sink_max_mps / most + share * (p.sink_min_mps / p.airspeed_cruise_mps - p.sink_max_mps / most)
+        maximum += ENERGY_S * GAIN_SHARE * full_mps2
+    a.speed_max = maximum = max(min(maximum, p.airspeed_max_mps), speed_min)
+    share = within((maximum - speed) / max(maximum - p.airspeed_cruise_mps, 0.1), 0.0, 1.0)
+    sink = p.sink_max_mps / maximum + share * (p.sink_min_mps / p.airspeed_cruise_mps - p.sink_max_mps / maximum)
     up = min(GAIN_SHARE * full_mps2, commanded.accel_mps2)
     down = min(LOSS_SHARE * GRAVITY_MPS2 * sink, commanded.accel_mps2)
-    rate = within((within(commanded.speed_mps, speed_min, most) - a.speed_demand) / ENERGY_S, -down, up)
-    a.speed_demand = within(a.speed_demand + rate * ENERGY_S, speed_min, most)
+    rate = within((within(commanded.speed_mps, speed_min, maximum) - a.speed_demand) / ENERGY_S, -down, up)
+    a.speed_demand = within(a.speed_demand + rate * ENERGY_S, speed_min, maximum)
     a.slow_speed_rate += (rate - a.slow_speed_rate) * (ENERGY_S / (ENERGY_S + p.time_constant_s))
     return rate
 
@@ -338,10 +338,10 @@ def _pitch(a: Aircraft, demand: _Demand, p: AirframeParameters) -> None:
     else:
         balance = a.balance_integral + grown
         kinetic = a.kinetic_integral - demand.kinetic_error * of_speed * ENERGY_S / p.time_constant_s
-    least_rad, most_rad = p.pitch_min_rad - PITCH_OVERSHOOT_RAD, p.pitch_max_rad + PITCH_OVERSHOOT_RAD
-    most = 0.25 * (p.pitch_max_rad - p.pitch_min_rad) * gain
-    a.balance_integral = within(balance, gain * least_rad - total, gain * most_rad - total)
-    a.kinetic_integral = within(kinetic, -most, most)
+    min_rad, max_rad = p.pitch_min_rad - PITCH_OVERSHOOT_RAD, p.pitch_max_rad + PITCH_OVERSHOOT_RAD
+    maximum = 0.25 * (p.pitch_max_rad - p.pitch_min_rad) * gain
+    a.balance_integral = within(balance, gain * min_rad - total, gain * max_rad - total)
+    a.kinetic_integral = within(kinetic, -maximum, maximum)
     a.pitch_free = (total + a.balance_integral + a.kinetic_integral) / gain
     step = ENERGY_S * p.vertical_accel_max_mps2 / a.estimate
     before = a.pitch_before
@@ -350,13 +350,13 @@ def _pitch(a: Aircraft, demand: _Demand, p: AirframeParameters) -> None:
 
 
 def _throttle(a: Aircraft, demand: _Demand, p: AirframeParameters, speed_min: float) -> None:
-    most = max(demand.kinetic - 0.5 * speed_min * speed_min, 0.0)
-    least = min(demand.kinetic - 0.5 * a.speed_max * a.speed_max, 0.0)
-    error = within(demand.potential_error, least, most) + demand.kinetic_error
+    maximum = max(demand.kinetic - 0.5 * speed_min * speed_min, 0.0)
+    minimum = min(demand.kinetic - 0.5 * a.speed_max * a.speed_max, 0.0)
+    error = within(demand.potential_error, minimum, maximum) + demand.kinetic_error
     high, low = GRAVITY_MPS2 * p.climb_max_mps * a.climb_share, -GRAVITY_MPS2 * p.sink_min_mps
     power = within(demand.potential_error / p.time_constant_s + demand.kinetic_rate_demand, low, high)
     power_error = power - a.climb_mps * GRAVITY_MPS2 - demand.kinetic_rate
-    a.power_error += (power_error - a.power_error) * (ENERGY_S / THROTTLE_LAG_S)
+    a.power_error += (power_error - a.power_error) * (ENERGY_S / THROTTLE_TAU_S)
     per_throttle = high - low
     gain = 1.0 / (p.time_constant_s * per_throttle)
     cos_bank = math.cos(a.bank)
@@ -364,9 +364,9 @@ def _throttle(a: Aircraft, demand: _Demand, p: AirframeParameters, speed_min: fl
     ahead = p.throttle_cruise + (power + turning) / per_throttle
     wanted = (error + p.throttle_damping * a.power_error) * gain + ahead
     integral = a.throttle_integral + error * p.integral_gain * ENERGY_S * gain
-    least = within(-OVERSHOOT - wanted, -INTEGRAL_MAX, INTEGRAL_MAX)
-    most = within(1.0 + OVERSHOOT - wanted, -INTEGRAL_MAX, INTEGRAL_MAX)
-    a.throttle_integral = within(integral, least, most)
+    minimum = within(-OVERSHOOT - wanted, -INTEGRAL_MAX, INTEGRAL_MAX)
+    maximum = within(1.0 + OVERSHOOT - wanted, -INTEGRAL_MAX, INTEGRAL_MAX)
+    a.throttle_integral = within(integral, minimum, maximum)
     step = p.throttle_slew_per_s * ENERGY_S
     a.throttle_before += within(wanted - a.throttle_before, -step, step)
     total = a.throttle_before + a.throttle_integral

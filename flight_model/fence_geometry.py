@@ -1,7 +1,7 @@
-"""The geometry of a fence: distances inside it, and the room that turns away from it, and laps, leave to it.
+"""The geometry of a fence: distances inside it, and the room that turns and holding patterns leave to it.
 
 A fence is polygons and circles, to stay in (inclusion) or out of (exclusion). `FenceAreas.inside_m` is the signed
-distance by which paths, slots, laps, setpoints and flown tracks are judged.
+distance by which paths, slots, holding patterns, setpoints and flown tracks are judged.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from flight_model.arrays import Array, beside, within
+from flight_model.arrays import Array, offset_points, within
 from flight_model.curve import PathPoint
 from flight_model.path import Route
 
@@ -23,11 +23,12 @@ REACT_S = 2.0
 TURN_SHARE = 0.7
 """Share of the largest turn rate that such a turn is planned with."""
 CHECKED_M = 25.0
-"""Room that paths, laps and slots must leave; a vehicle that has been turned away is released with as much."""
-LEAST_MPS = 1.0
+"""Room that paths, holding patterns and slots must leave; a vehicle that has been turned away is released with as
+much."""
+MIN_MPS = 1.0
 """Lower bound of airspeeds that are divided by."""
 STEP_M = 20.0
-"""Interval of the points at which a lap is checked."""
+"""Interval of the points at which a holding pattern is checked."""
 EDGE_POINTS = 121
 """Number of points by which a circle is drawn."""
 Way = TypeVar("Way", bound=Route)
@@ -210,10 +211,12 @@ def room_m(areas: FenceAreas, place_m: Array, velocity_mps: Array, through_air_m
 def places_along(way: tuple[Array, Array, Array], flyers: Flyers, drift: Drift) -> Array:
     """Return all vehicles' positions along the leader's way, (F, S, 2); arguments as of `room_along_m`."""
     north_m, east_m, course_rad = way
-    aside_mps = drift.east_mps * np.cos(course_rad) - drift.north_mps * np.sin(course_rad)
-    heading_rad = course_rad - np.arcsin(within(aside_mps / max(drift.speed_mps, LEAST_MPS), -1.0, 1.0))
+    crosswind_mps = drift.east_mps * np.cos(course_rad) - drift.north_mps * np.sin(course_rad)
+    heading_rad = course_rad - np.arcsin(within(crosswind_mps / max(drift.speed_mps, MIN_MPS), -1.0, 1.0))
     axis_rad = heading_rad if flyers.slots_turn else np.zeros_like(heading_rad)
-    return np.stack(beside(north_m, east_m, axis_rad, flyers.forward_m[:, None], flyers.right_m[:, None]), axis=-1)
+    return np.stack(
+        offset_points(north_m, east_m, axis_rad, flyers.forward_m[:, None], flyers.right_m[:, None]), axis=-1
+    )
 
 
 def room_along_m(
@@ -231,8 +234,11 @@ def room_along_m(
     """
     course_rad = way[2]
     cos, sin = np.cos(course_rad), np.sin(course_rad)
-    along_mps, aside_mps = drift.north_mps * cos + drift.east_mps * sin, drift.east_mps * cos - drift.north_mps * sin
-    ground_mps = np.sqrt(np.maximum(drift.speed_mps**2 - aside_mps**2, 0.0)) + along_mps
+    along_mps, crosswind_mps = (
+        drift.north_mps * cos + drift.east_mps * sin,
+        drift.east_mps * cos - drift.north_mps * sin,
+    )
+    ground_mps = np.sqrt(np.maximum(drift.speed_mps**2 - crosswind_mps**2, 0.0)) + along_mps
     places, turn_rps = places_along(way, flyers, drift), flyers.turn_rps[:, None]
     velocity = np.stack((ground_mps * cos, ground_mps * sin), axis=-1)
     shape = places.shape[:-1]
@@ -242,7 +248,7 @@ def room_along_m(
 
 @dataclass(frozen=True)
 class LapFence:
-    """The fence, the path's start, and the vehicles that fly a lap before it."""
+    """The fence, the path's start, and the vehicles that fly a holding pattern before it."""
 
     areas: FenceAreas
     start: PathPoint

@@ -23,7 +23,7 @@ MISMATCH = 0.3
 ROUNDING = 1e-6
 SLOW_RADPS = 0.15
 """Turns and climbs of a formation's path change no faster than this."""
-LEAST_LAG_S = 0.2
+MIN_TAU_S = 0.2
 HEIGHT, SPEED, HEADING = (energy.QUANTITIES.index(name) for name in ("height_m", "speed_mps", "heading_rad"))
 SMALL = np.array([1e-2, 1e-3, 1e-3, 1e-4])
 """Perturbations of height (m), climb and airspeed (m/s) and heading (rad), far inside every limit."""
@@ -41,7 +41,7 @@ class Responses:
     height: Complex
 
 
-def lag_responses(tau_v_s: float, tau_psi_s: float, heights_s: tuple[float, float]) -> Responses:
+def tau_responses(tau_v_s: float, tau_psi_s: float, heights_s: tuple[float, float]) -> Responses:
     """Return the responses of equation (7) at `FREQUENCIES`."""
     s = (1j * FREQUENCIES).astype(np.complex128)
     first, second = heights_s
@@ -66,11 +66,11 @@ def airframe_responses(frequency_radps: Array, airframe: AirframeParameters, spe
     return Responses(speed=states[:, SPEED, 0], heading=states[:, HEADING, 1], height=states[:, HEIGHT, 2])
 
 
-def slow_lags_s(airframe: AirframeParameters, speed_mps: float) -> tuple[float, float, float]:
+def slow_taus_s(airframe: AirframeParameters, speed_mps: float) -> tuple[float, float, float]:
     """Return by how much speed, heading and height lag behind setpoints that change slowly, at `SLOW_RADPS`."""
     at = airframe_responses(np.array([SLOW_RADPS]), airframe, speed_mps)
     speed, heading, height = (
-        max(LEAST_LAG_S, -float(np.angle(each[0])) / SLOW_RADPS) for each in (at.speed, at.heading, at.height)
+        max(MIN_TAU_S, -float(np.angle(each[0])) / SLOW_RADPS) for each in (at.speed, at.heading, at.height)
     )
     return speed, heading, height
 

@@ -9,13 +9,13 @@ another loop around the airspeed: deviations of an aircraft from its model look 
 bandwidth is the largest that leaves the airspeed loop enough delay margin. Source: S. Skogestad and I. Postlethwaite,
 "Multivariable Feedback Control", 2nd ed., 2.4 and 2.6; K. J. Astrom and T. Hagglund, "Advanced PID Control", 4.5.
 
-The consensus protocol (3) is designed likewise. A graph's mode of eigenvalue lambda closes the loop
-tau (lambda (k1/s + k2) + k3 - 1/tau) P(s), along the heading and across it: P is the aircraft's response to its
-setpoint, and tau the lag of model (7) that converts (3) into setpoints. The common motion is the mode of eigenvalue 0.
-Under total-energy control, airspeed responds to quick changes of its setpoint with several times their size, so
-velocities can't be fed back along the heading: k2 is 0, and k3 is 1/tau_v, the damping that airspeed has by itself.
-Across the heading, where lags are longer, this k3 adds damping. k1 is the largest at which every mode keeps the bounds.
-Peaks assume states predicted over the links' delay; for the delay margin all of the delay counts as uncompensated.
+The consensus protocol (3) is designed likewise. A graph's mode of eigenvalue lambda closes the loop tau (lambda (k1/s +
+k2) + k3 - 1/tau) P(s), along the heading and across it: P is the aircraft's response to its setpoint, and tau the lag
+of model (7) that converts (3) into setpoints. The common motion is the mode of eigenvalue 0. Under total-energy
+control, airspeed responds to quick changes of its setpoint with several times their size, so velocities can't be fed
+back along the heading: k2 is 0, and k3 is 1/tau_v, the damping that airspeed has by itself. Across the heading, where
+time constants are longer, this k3 adds damping. k1 is the largest at which every mode keeps the bounds. Peaks assume
+states predicted over the links' delay; for the delay margin all of the delay counts as uncompensated.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from flight_model.slot import Triple
 
 BANDWIDTHS = np.geomspace(1.5, 0.03, 60)
 """Bandwidths that are tried, rad/s, the fastest first."""
-LAG_SHARES = (1.0, 0.5, 0.0)
+TAU_SHARES = (1.0, 0.5, 0.0)
 """Shares of the lag that the derivative (for heights, the proportional gain) may compensate."""
 INTEGRAL_SHARE = 0.125
 """Corner frequency of the integral, as a share of the bandwidth."""
@@ -118,7 +118,9 @@ def design(
         telemetry: delay and noise.
     """
     loops = _loops(vehicles, speed_mps, weights, telemetry)
-    channels = {name: _channel(each, telemetry, most) for (name, each), most in zip(loops.items(), STEPS, strict=True)}
+    channels = {
+        name: _channel(each, telemetry, maximum) for (name, each), maximum in zip(loops.items(), STEPS, strict=True)
+    }
     speed, tried = channels["speed"], OBSERVERS_RADPS.tolist()
     good = (r for r in tried if all(_observer_leaves_margin(r, each, speed, weights, telemetry) for each in vehicles))
     integral_s = max(each.kp / each.ki for each in channels.values() if each.ki > 0)
@@ -212,12 +214,12 @@ def _observer_leaves_margin(
     return math.isfinite(sensitivity_peak(observed)) and delay_margin_s(observed) >= enough_s
 
 
-def _channel(loops: _Loops, telemetry: DelayAndNoise, most: float) -> DesignedChannel:
+def _channel(loops: _Loops, telemetry: DelayAndNoise, maximum: float) -> DesignedChannel:
     """Return the fastest channel that keeps the bounds, or the slowest one tried if none does."""
-    tried = ((bandwidth, share) for bandwidth in BANDWIDTHS.tolist() for share in LAG_SHARES)
+    tried = ((bandwidth, share) for bandwidth in BANDWIDTHS.tolist() for share in TAU_SHARES)
     for bandwidth, share in tried:
         gains = loops.gains(bandwidth, share)
-        if loops.step_sigma(gains, telemetry.law_dt_s) > most:
+        if loops.step_sigma(gains, telemetry.law_dt_s) > maximum:
             continue
         controller = _controller(gains) * delay_response(telemetry.delay_s)
         if max(sensitivity_peak(controller * plant) for plant in loops.plants) > PEAK:
@@ -324,26 +326,26 @@ def consensus_gains(
     dampings = sorted({1.0 / along.lag_s for along, _ in vehicles}, reverse=True)
     tried = [(float(k) / largest, k3) for k in BANDWIDTHS if k <= quiet for k3 in dampings]
     tried.append((float(BANDWIDTHS[-1]) / largest, dampings[0]))
-    least_s = DELAY_MARGIN_S + links_s
+    min_s = DELAY_MARGIN_S + links_s
     loops = [(axis, mode) for mode in modes for axis in axes]
-    holds = (gains for gains in tried if all(_holds(*gains, *loop, sampling_s, least_s) for loop in loops))
+    holds = (gains for gains in tried if all(_holds(*gains, *loop, sampling_s, min_s) for loop in loops))
     k1, k3 = next(holds, tried[-1])
     return k1, 0.0, k3
 
 
-def _holds(k1: float, k3: float, axis: Axis, mode: complex, sampling_s: float, least_s: float) -> bool:
+def _holds(k1: float, k3: float, axis: Axis, mode: complex, sampling_s: float, min_s: float) -> bool:
     """Return whether a mode's loop on an axis keeps the bounds, also around mismatched responses.
 
-    `least_s`: least delay up to which the loop with the known response must be stable.
+    `min_s`: least delay up to which the loop with the known response must be stable.
     """
     s = 1j * FREQUENCIES
     controller = (axis.lag_s * (mode * k1 / s + k3) - 1.0) * delay_response(sampling_s)
     integrators = 1 if mode else 0
-    if not _within_bounds(controller * axis.response, integrators, PEAK, least_s):
+    if not _within_bounds(controller * axis.response, integrators, PEAK, min_s):
         return False
     return all(_within_bounds(loop, integrators, MISMATCH_PEAK, 0.0) for loop in mismatched(controller, axis.response))
 
 
-def _within_bounds(loop: Complex, integrators: int, peak: float, least_s: float) -> bool:
+def _within_bounds(loop: Complex, integrators: int, peak: float, min_s: float) -> bool:
     margin_s = stable_delay_s(loop, integrators)
-    return margin_s > 0.0 and margin_s >= least_s and float(np.max(1.0 / np.abs(1.0 + loop))) <= peak
+    return margin_s > 0.0 and margin_s >= min_s and float(np.max(1.0 / np.abs(1.0 + loop))) <= peak

@@ -18,7 +18,7 @@ import numpy as np
 
 from flight_model.arrays import Array, Indices, T
 from flight_model.curve import PathPoint
-from flight_model.lift_curve import STEP_M, LiftCurve
+from flight_model.offset_curve import STEP_M, OffsetCurve
 from flight_model.path import FlightPath
 
 SAMPLES = 4
@@ -46,7 +46,7 @@ class Bounds(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Lift:
+class ClearanceOffset:
     """Metres above a path as a function of the distance along it: a spline with `STEP_M` between its knots."""
 
     start_m: float
@@ -56,9 +56,9 @@ class Lift:
     """Largest shortfall: how much of the required lift the bounds don't allow."""
 
     @cached_property
-    def curve(self) -> LiftCurve:
+    def curve(self) -> OffsetCurve:
         """The lift on plain numbers, which are faster one at a time."""
-        return LiftCurve(self.control_m.tolist())
+        return OffsetCurve(self.control_m.tolist())
 
     def at_one(self, distance_m: float) -> tuple[float, float, float]:
         """Return the same as `at`, for one distance."""
@@ -72,7 +72,7 @@ class Lift:
 
 
 def blend(control: Sequence[Array], u: Array) -> tuple[Array, Array, Array]:
-    """Return the same as `LiftCurve.at`, at u, 0 to 1, within a step, from the step's four control points."""
+    """Return the same as `OffsetCurve.at`, at u, 0 to 1, within a step, from the step's four control points."""
     c0, c1, c2, c3 = control
     second = c0 + u * (c1 - c0) - 2.0 * (c1 + u * (c2 - c1)) + c2 + u * (c3 - c2)
     rest = 1.0 - u
@@ -87,7 +87,7 @@ def sample_places(start_m: float, steps: int) -> Array:
     return start_m + SAMPLE_M * np.arange(steps * SAMPLES + 1, dtype=np.float64)
 
 
-def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> Lift:
+def min_offset(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> ClearanceOffset:
     """Return the lift of the least area. It is never negative, unless it begins below 0 and rises from there.
 
     Args:
@@ -101,7 +101,7 @@ def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, be
     count = (needed_m.size - 1) // SAMPLES + 3
     needed = np.flatnonzero(needed_m > TRIFLE_M)
     if not needed.size and not begun_m.any():
-        return Lift(start_m, np.zeros(count))
+        return ClearanceOffset(start_m, np.zeros(count))
     rows, limits = _programme(needed, needed_m, slope[SAMPLES // 2 :: SAMPLES], bounds, begun_m)
     below = count if begun_m.min(initial=0.0) < 0.0 else 0
     if below:  # a depth below 0 costs as much as a lift above
@@ -114,9 +114,9 @@ def least_lift(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, be
     if found is None:
         # No continuation is within the bounds: hold the last value, and report all that is missing.
         held = np.concatenate((begun_m, np.full(free, begun_m[-1])))
-        return Lift(start_m, held, float(np.nanmax(needed_m)))
+        return ClearanceOffset(start_m, held, float(np.nanmax(needed_m)))
     control_m, short_m, _ = np.split(found, [count, count + needed.size])
-    return Lift(start_m, control_m, float(short_m.max(initial=0.0)))
+    return ClearanceOffset(start_m, control_m, float(short_m.max(initial=0.0)))
 
 
 def _minimum(cost: Array, rows: Any, limits: Array, least: Array, most: Array) -> Array | None:  # noqa: ANN401 - see `_sparse`
@@ -188,7 +188,7 @@ def _begun(begun_m: Array, up: Array, down: Array, curved: Array) -> tuple[Array
 
 
 def _sparse() -> Any:  # noqa: ANN401 - scipy's sparse arrays are typed in part only
-    import scipy  # noqa: PLC0415 - as in `least_lift`
+    import scipy  # noqa: PLC0415 - as in `min_offset`
 
     return scipy.sparse
 
@@ -230,7 +230,7 @@ class DisplacedPath:
         over_m: float,
         right_m: float,
         above: Rise,
-        lift: Lift | None = None,
+        offset: ClearanceOffset | None = None,
         *,
         right_slope: float = 0.0,
     ) -> None:
@@ -238,12 +238,17 @@ class DisplacedPath:
         self.path = path
         self.length_m = path.length_m
         self._from_m, self._over_m = from_m, over_m
-        self._right_m, self._right_slope, self._above, self._lift = right_m, right_slope, above, lift
+        self._right_m, self._right_slope, self._above, self._offset = (
+            right_m,
+            right_slope,
+            above,
+            offset,
+        )
 
     def at(self, distance_m: float) -> PathPoint:
         """Return the point at a distance along the path."""
         point = self._beside(distance_m)
-        return point if self._lift is None else point.lifted(*self._lift.at_one(distance_m))
+        return point if self._offset is None else point.raised(*self._offset.at_one(distance_m))
 
     def _beside(self, distance_m: float) -> PathPoint:
         point = self.path.at(distance_m)

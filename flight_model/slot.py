@@ -13,7 +13,7 @@ Triple = tuple[float, float, float]
 """Values for forward, right and up, or for the channels."""
 UNKNOWN: Triple = (math.nan, math.nan, math.nan)
 """An unknown value, or a setpoint that wasn't sent."""
-STANDS_MPS: Final = 0.3
+HOVER_MPS: Final = 0.3
 """Ground speed at which course and heading have equal weight."""
 LEADS_FROM_MPS: Final = 2.0
 """Ground speed of a leader from which its course is its slots' axis; below, its heading gains weight."""
@@ -75,7 +75,7 @@ class Slot:
         )
 
 
-def hovering_course(yaw_rad: float, north_mps: float, east_mps: float, nose_mps: float = STANDS_MPS) -> float:
+def hovering_course(yaw_rad: float, north_mps: float, east_mps: float, nose_mps: float = HOVER_MPS) -> float:
     """Return a hovering vehicle's direction: its course, with the heading weighted as a ground speed of `nose_mps`."""
     return math.atan2(east_mps + nose_mps * math.sin(yaw_rad), north_mps + nose_mps * math.cos(yaw_rad))
 
@@ -87,4 +87,4 @@ def slot_axis(yaw_rad: float, north_mps: float, east_mps: float) -> float:
     backwards doesn't reverse the axis.
     """
     slow_mps = max(0.0, LEADS_FROM_MPS - math.hypot(north_mps, east_mps))
-    return hovering_course(yaw_rad, north_mps, east_mps, STANDS_MPS + NOSE_SHARE * slow_mps)
+    return hovering_course(yaw_rad, north_mps, east_mps, HOVER_MPS + NOSE_SHARE * slow_mps)

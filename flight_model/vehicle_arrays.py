@@ -45,7 +45,7 @@ class Columns:
         made.table = table
         return made
 
-    def take(self, which: Indices) -> Self:
+    def select(self, which: Indices) -> Self:
         """Return the columns at `which`, repeated as often as they occur there."""
         return self.of(self.table[:, which])
 
@@ -157,7 +157,7 @@ class AutopilotModels(Columns):
     accel_max_mps2 = Row(6)
     turn_rate_max_rps = Row(7)
     climb_max_mps = Row(8)
-    air_lags_s = Row(slice(0, 2))
+    air_taus_s = Row(slice(0, 2))
     """Lags of airspeed and heading, (2, N)."""
     air_rates_max = Row(slice(6, 8))
     """Rate limits of airspeed and heading, (2, N)."""
@@ -169,7 +169,7 @@ class AutopilotModels(Columns):
 
     def remaining(self, error: Array, time_s: Array) -> Array:
         """Return what first-order lags with limited rates leave of errors in speed and heading after `time_s`."""
-        return _remaining(error, time_s, self.air_lags_s, self.air_rates_max)
+        return _remaining(error, time_s, self.air_taus_s, self.air_rates_max)
 
 
 def _remaining(error: Array, time_s: Array, tau_s: Array, rate_max: Array) -> Array:
@@ -287,9 +287,9 @@ class HeightSteps(NamedTuple):
     fast_left: Array
     between_s: Array
     """(K, N)."""
-    most_m: Array
+    max_m: Array
     """Largest climb in each step by the climb limit, (K, N)."""
-    least_m: Array
+    min_m: Array
     """Largest descent likewise, (K, N), negative."""
 
     @classmethod
@@ -301,9 +301,9 @@ class HeightSteps(NamedTuple):
         slow, fast = np.maximum(model.tau_ha_s, model.tau_hb_s), np.minimum(model.tau_ha_s, model.tau_hb_s)
         slow_left = np.exp(-time_s / slow)
         between_s = time_s * slow_left * _exprel(time_s / slow - time_s / fast)
-        most_m = model.climb_max_mps * time_s
+        max_m = model.climb_max_mps * time_s
         fast_left = np.exp(-time_s / fast)
-        return cls(slow, slow + fast, model.climb_max_mps, slow_left, fast_left, between_s, most_m, -most_m)
+        return cls(slow, slow + fast, model.climb_max_mps, slow_left, fast_left, between_s, max_m, -max_m)
 
     def commanded_m(self, height: Height, setpoint_m: Array, lifted_m: Array) -> Array:
         """Return height setpoints (N,); NaN is replaced by one that levels off a vehicle lifted by `lifted_m`."""
@@ -316,8 +316,8 @@ class HeightSteps(NamedTuple):
         push_mps = height.climb_mps + error / self.slow_s
         left_m = self.slow_left[step] * error + self.between_s[step] * push_mps
         climb_mps = self.fast_left[step] * push_mps - left_m / self.slow_s
-        climbed_m, most_mps = within(left_m - error, self.least_m[step], self.most_m[step]), self.climb_max_mps
-        return Height(height.height_m + climbed_m, within(climb_mps, -most_mps, most_mps))
+        climbed_m, max_mps = within(left_m - error, self.min_m[step], self.max_m[step]), self.climb_max_mps
+        return Height(height.height_m + climbed_m, within(climb_mps, -max_mps, max_mps))
 
 
 def _exprel(value: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Reads a file that somebody named, in bounded time and memory: a device, a pipe nobody writes to or a huge file ends.
+"""Reads a file that somebody named, in bounded time and memory: a device, a pipe no one writes to or a huge file ends.
 
 Process substitution works: it is a pipe that somebody writes to.
 """
@@ -22,15 +22,15 @@ CHUNK: Final = 1 << 16
 MEGABYTE: Final = 1e6
 
 
-def read_bounded(path: Path, most_bytes: int) -> bytes:
+def read_bounded(path: Path, max_bytes: int) -> bytes:
     """Return a file's bytes.
 
     Raises:
-        OSError: it can't be read, is a device, is longer than `most_bytes`, or is a pipe in which nothing comes.
+        OSError: it can't be read, is a device, is longer than `max_bytes`, or is a pipe in which nothing comes.
     """
     handle = os.open(place_of(path), os.O_RDONLY | os.O_NONBLOCK)
     try:
-        return _read(handle, most_bytes)
+        return _read(handle, max_bytes)
     finally:
         os.close(handle)
 
@@ -48,7 +48,7 @@ def require_file(path: Path) -> None:
         raise OSError(0, "is a device or a pipe; allowed: a file")
 
 
-def _read(handle: int, most_bytes: int) -> bytes:
+def _read(handle: int, max_bytes: int) -> bytes:
     mode = os.fstat(handle).st_mode
     if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
         raise OSError(0, "is a device; allowed: a file, or a pipe that is written to")
@@ -56,7 +56,7 @@ def _read(handle: int, most_bytes: int) -> bytes:
     ready = select.poll()
     ready.register(handle, select.POLLIN)
     parts, size, ends_s = list[bytes](), 0, time.monotonic() + WAIT_S
-    while size <= most_bytes:
+    while size <= max_bytes:
         if not stat.S_ISREG(mode) and not ready.poll(max(0, math.ceil(1e3 * (ends_s - time.monotonic())))):
             what = f"has given {size} bytes and no end" if size else "in which nothing has come"
             raise OSError(0, f"is a pipe {what} for {WAIT_S:.0f} s")
@@ -65,4 +65,4 @@ def _read(handle: int, most_bytes: int) -> bytes:
             return b"".join(parts)
         parts.append(part)
         size += len(part)
-    raise OSError(0, f"is longer than {most_bytes / MEGABYTE:g} MB, the most that is read")
+    raise OSError(0, f"is longer than {max_bytes / MEGABYTE:g} MB, the most that is read")

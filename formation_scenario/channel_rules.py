@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from airlink.endpoint import VehicleId
-from formation_scenario.links import least_mean_burst
+from formation_scenario.links import min_mean_burst
 from formation_scenario.model import Scenario
 from formation_scenario.source import Finding
 from formation_scenario.vehicle_rules import one_vehicle
@@ -18,7 +18,7 @@ def channels(scenario: Scenario) -> Iterator[Finding]:
         key = ("links", "channels", index)
         if channel.rate_kbps is None and channel.profile is None:
             yield key, "found a channel without a data rate", "rate_kbps or profile"
-        min_burst = least_mean_burst(channel.loss or 0.0)
+        min_burst = min_mean_burst(channel.loss or 0.0)
         if channel.mean_burst is not None and channel.mean_burst < min_burst:
             allowed = f"{min_burst:g} or more with that loss" if min_burst < math.inf else "a loss below 1 beside it"
             found = f"found {channel.mean_burst:g} with a loss of {channel.loss:g}"

@@ -195,7 +195,7 @@ class VehicleFile(Keys):
     schema_: Literal[1] = Field(default=1, alias="schema", description="version of these keys")
     name: Name = key("vehicle", "of the kind of aircraft", "skywalker")
     source: str = key("", "where the model comes from", "runs/steps, vehicle 2")
-    model: VehicleModel = key(..., "its autopilot's lags, its limits and its airframe")
+    model: VehicleModel = key(..., "its autopilot's time constants, its limits and its airframe")
     fit: Mapping[str, Number] = key({}, "how well it was found, written by `identify`")
 
 
@@ -336,9 +336,9 @@ def read_model(name: str, directory: Path, at: Source, path: KeyPath, own: Seque
         raise ScenarioError(problems_of(error, VehicleFile, source)) from error
     model = source.data["model"]
     if isinstance(model, dict) and "aircraft" not in model and isinstance(file := model.get(PARAMETERS), str):
-        beside = _directory(source)
-        of_parameters = read_parameter_model(file, beside, source, ("model", PARAMETERS))
-        model = _over(of_parameters, model | {PARAMETERS: str((beside / file).absolute())})
+        directory = _directory(source)
+        of_parameters = read_parameter_model(file, directory, source, ("model", PARAMETERS))
+        model = _over(of_parameters, model | {PARAMETERS: str((directory / file).absolute())})
     return plain_mapping(model) if isinstance(model, dict) else {}
 
 

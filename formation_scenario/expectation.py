@@ -142,16 +142,16 @@ def stays_broken(metric: str, value: float | None, below: float | None, above: f
     """
     if value is None:
         return False
-    least, most = -math.inf, math.inf
+    minimum, maximum = -math.inf, math.inf
     if metric in _GROWING or metric.endswith(("_m.max", "_m.steady_max")):
-        least = value
+        minimum = value
     elif metric.endswith("_m.rms"):
-        least = value * math.sqrt(share)
+        minimum = value * math.sqrt(share)
     elif metric == "in_slot_share":
-        least, most = value * share, value * share + 1.0 - share
+        minimum, maximum = value * share, value * share + 1.0 - share
     elif metric.startswith("min_"):
-        most = value
-    return (below is not None and least >= below) or (above is not None and most <= above)
+        maximum = value
+    return (below is not None and minimum >= below) or (above is not None and maximum <= above)
 
 
 def bounds_text(below: float | None, above: float | None) -> str:
@@ -162,10 +162,10 @@ def bounds_text(below: float | None, above: float | None) -> str:
 
 def range_text(metric: str) -> str:
     """Return the possible values of a figure in words."""
-    least, most = RANGES.get(metric, (0.0, math.inf) if metric in METRICS else ANY)
-    if math.isinf(most):
-        return "any number" if math.isinf(least) else f"{least:g} or more"
-    return f"from {least:g} to {most:g}"
+    minimum, maximum = RANGES.get(metric, (0.0, math.inf) if metric in METRICS else ANY)
+    if math.isinf(maximum):
+        return "any number" if math.isinf(minimum) else f"{minimum:g} or more"
+    return f"from {minimum:g} to {maximum:g}"
 
 
 def pointless(metric: str, below: float | None, above: float | None) -> Iterator[tuple[str, str, str]]:
@@ -173,11 +173,11 @@ def pointless(metric: str, below: float | None, above: float | None) -> Iterator
 
     Exempt is `below` at a figure's least value: it is always broken, and the verdict shows that.
     """
-    least, most = RANGES.get(metric, (0.0, math.inf) if metric in METRICS else ANY)
+    minimum, maximum = RANGES.get(metric, (0.0, math.inf) if metric in METRICS else ANY)
     for name, bound in (("below", below), ("above", above)):
-        if bound is not None and not least <= bound <= most:
+        if bound is not None and not minimum <= bound <= maximum:
             yield name, f"found {bound:g} for {metric}", range_text(metric)
-        elif name == "above" and bound == most:
+        elif name == "above" and bound == maximum:
             found = f"found {bound:g} for {metric}, above which it never is"
             yield name, found, f"{range_text(metric)}, {bound:g} itself excluded"
 

@@ -258,10 +258,12 @@ def load_extensions(plugins: Files | Registry = ()) -> Registry:
     return Registry(unique.values())
 
 
-def missing(name: str, beside: Path | None) -> str:
+def missing(name: str, directory: Path | None) -> str:
     """Return how the extension of a recorded run, beside whose run.yaml this is, can be named; "" if it isn't one."""
     try:
-        flown: list[dict[str, Any]] = json.loads((beside / RECORD).read_text("utf-8")) if beside is not None else []
+        flown: list[dict[str, Any]] = (
+            json.loads((directory / RECORD).read_text("utf-8")) if directory is not None else []
+        )
         found = [_how(each) for each in flown if each["name"] == name]
     except (OSError, ValueError, KeyError, TypeError):
         return ""

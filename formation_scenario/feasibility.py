@@ -56,8 +56,8 @@ def check_ahead(scenario: Scenario, step: SlotStep, path: FlightPath, from_m: fl
 
 def slots_without_room(scenario: Scenario, room_m: float) -> Iterator[str]:
     """Yield slots whose separation exceeds the limit by less than `room_m`, the margin for errors, with their key."""
-    least_m = scenario.safety.separation_m + room_m
-    for path, found in _near(scenario, slot_schedule(scenario), _keys(scenario), least_m):
+    min_m = scenario.safety.separation_m + room_m
+    for path, found in _near(scenario, slot_schedule(scenario), _keys(scenario), min_m):
         yield f"{dotted(path)}: {found}"
 
 
@@ -124,8 +124,8 @@ def _standing(
     scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath], from_m: float
 ) -> list[Violation]:
     """Return what can't be flown from `from_m` on while the slots don't change."""
-    least_m = scenario.safety.separation_m
-    near, allowed = _near(scenario, steps, keys, least_m * (1.0 - TOLERANCE)), f"{least_m:g} m or more"
+    min_m = scenario.safety.separation_m
+    near, allowed = _near(scenario, steps, keys, min_m * (1.0 - TOLERANCE)), f"{min_m:g} m or more"
     return [
         *excesses(scenario, SampledPath.along(path, from_m), steps),
         *(Violation(key, found, f"{allowed} (safety.separation_m)", "separation") for key, found in near),
@@ -186,9 +186,9 @@ def _ways(
 
 
 def _near(
-    scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath], least_m: float
+    scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath], min_m: float
 ) -> Iterator[tuple[KeyPath, str]]:
-    """Yield the two nearest slots of each step if they are nearer than `least_m`, with the key that places them."""
+    """Yield the two nearest slots of each step if they are nearer than `min_m`, with the key that places them."""
     everyone = column_names(scenario)
     for path, step in zip(keys, steps, strict=True):
         places = step.places_m
@@ -196,11 +196,11 @@ def _near(
         distances[np.tril_indices(len(places))] = np.inf
         one, other = np.unravel_index(int(np.argmin(distances)), distances.shape)
         nearest = float(distances[one, other])
-        if nearest < least_m:
+        if nearest < min_m:
             leader = step.arrangement.leader
             pair = " and ".join("the leader" if each == leader else everyone[each] for each in (one, other))
             key = "slots_m" if step.shape == "custom" else "spacing_m"
-            yield (*path, key), f"found slots of {pair} {distinct_texts(nearest, least_m)[0]} m apart in {step.shape}"
+            yield (*path, key), f"found slots of {pair} {distinct_texts(nearest, min_m)[0]} m apart in {step.shape}"
 
 
 def _ahead_of_leader(scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath]) -> Iterator[Violation]:

@@ -34,7 +34,7 @@ SHAPE_NAMES: Final = (*(mark.name for mark in marks_of(shapes)), CUSTOM)
 ShapeName = Annotated[str, Open(", ".join(SHAPE_NAMES), SHAPE_NAMES)]
 Slots = Mapping[VehicleRef, Offset]
 Spacing = Annotated[Positive, Field(le=MAX_NEAR_M)]
-MOST_MPS, MOST_DEG, MOST_M = 5.0, 45.0, 50.0
+MAX_MPS, MAX_DEG, MAX_M = 5.0, 45.0, 50.0
 
 
 class FormationChange(Keys):
@@ -73,7 +73,7 @@ class Formation(Keys):
         {2: [-30, 30, 0], 3: [-30, -30, 0], 4: [-60, 0, 5]},
     )
     succession: Literal["nearest", "none"] = key(
-        "nearest", "who leads when the leader is lost: of the followers near it the one with the best link, or nobody"
+        "nearest", "who leads when the leader is lost: of the followers near it the one with the best link, or none"
     )
     changes: AtMost[Later[FormationChange]] = key(
         (),
@@ -93,9 +93,9 @@ class Step(Keys):
     at_s: NonNegative = key(..., "when it begins, s", 20)
     for_s: Positive = key(..., "how long it lasts, s", 10)
     ramp_s: NonNegative = key(0.0, "duration of the ramp at its beginning, and again at its end, s", 5)
-    speed_mps: Annotated[Number, Field(ge=-MOST_MPS, le=MOST_MPS)] = key(0.0, "added airspeed, m/s", 2)
-    heading_deg: Annotated[Number, Field(ge=-MOST_DEG, le=MOST_DEG)] = key(0.0, "added heading, degrees", 15)
-    height_m: Annotated[Number, Field(ge=-MOST_M, le=MOST_M)] = key(0.0, "added height, m", 8)
+    speed_mps: Annotated[Number, Field(ge=-MAX_MPS, le=MAX_MPS)] = key(0.0, "added airspeed, m/s", 2)
+    heading_deg: Annotated[Number, Field(ge=-MAX_DEG, le=MAX_DEG)] = key(0.0, "added heading, degrees", 15)
+    height_m: Annotated[Number, Field(ge=-MAX_M, le=MAX_M)] = key(0.0, "added height, m", 8)
 
 
 def added(steps: Sequence[Step], mission_time_s: float) -> tuple[float, float, float]:

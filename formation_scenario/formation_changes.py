@@ -9,7 +9,7 @@ from math import cbrt, ceil, sqrt
 import numpy as np
 
 from flight_model.arrays import Array, Mask
-from flight_model.lift_curve import STEP_M
+from flight_model.offset_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints, Route
 from flight_model.path_lift_and_displacement import (
     PEAK_CHANGE,
@@ -19,7 +19,7 @@ from flight_model.path_lift_and_displacement import (
     SLOPE_JERK,
     DisplacedPath,
     Rise,
-    least_lift,
+    min_offset,
     sample_places,
 )
 from formation_scenario.model import Scenario
@@ -43,7 +43,7 @@ ACCELERATION_SHARE = 0.5
 changes its speed too."""
 CLIMB_SHARE = 0.3
 """Share of the climb limit that a new leader uses on its way up or down to the path."""
-LEAST_S, LEAST_MPS = 10.0, 1.0
+LEAST_S, MIN_MPS = 10.0, 1.0
 WORTH_WAITING = 1.25
 """A gathering waits for the leader's straight and level flight if it is this many times as fast there."""
 NEAR_M = 20.0
@@ -154,7 +154,7 @@ def take_over(
     Its turns are gentle enough for slots up to `reach_m` away to keep up. It continues the vehicle's climb, and its
     lateral motion: `right_slope` to the right for each metre along the path. A given ground is cleared by a lift.
     """
-    speed, models = max(scenario.path.begin_mps, LEAST_MPS), column_models(scenario)
+    speed, models = max(scenario.path.begin_mps, MIN_MPS), column_models(scenario)
     reach_m = reach_m if scenario.formation.slots_turn else 0.0
     turn_rps = TURN_SHARE * keepable_turn_rps(scenario, reach_m)
     slot_mps2 = ACCELERATION_SHARE * min(model.accel_max_mps2 for model in models)
@@ -175,8 +175,8 @@ def take_over(
     points = PathPoints(*np.array([way.at(distance).values() for distance in places.tolist()]).T)
     needed_m = ground.height(points.north_m, points.east_m) + scenario.terrain.clearance_m - points.height_m
     bounds = scenario.rise_bounds(LEADER_SHARE)
-    lift = least_lift(from_m, needed_m, points.slope, bounds, np.zeros(3))
-    return DisplacedPath(*begin, lift, right_slope=right_slope)
+    clearance_offset = min_offset(from_m, needed_m, points.slope, bounds, np.zeros(3))
+    return DisplacedPath(*begin, clearance_offset, right_slope=right_slope)
 
 
 def keepable_turn_rps(scenario: Scenario, reach_m: float) -> float:

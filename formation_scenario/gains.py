@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flight_model.frequency_response import FREQUENCIES, Responses, airframe_responses, lag_responses
+from flight_model.frequency_response import FREQUENCIES, Responses, airframe_responses, tau_responses
 from flight_model.gain_design import (
     UNMODELLED,
     Axis,
@@ -64,7 +64,7 @@ WEIGHTS = {"k_v": 0.0, "k_x": 1.0, "k_psi": 0.1, "k_y": 0.05, "k_z": 1.0}
 SENSORS = 0.02, 0.03, 0.002
 """Least telemetry noise to design for, in position (m), airspeed (m/s) and heading (rad): the messages' resolution, and
 the noise of an airspeed sensor."""
-LEAST = 0.001
+MINIMUM = 0.001
 """Lower bound of declared noise, m, m/s and rad."""
 
 
@@ -148,7 +148,7 @@ def _known(scenario: Scenario) -> tuple[list[Responses], float]:
 
 def _responses(model: VehicleModel, speed_mps: float) -> Responses:
     if model.airframe is None:
-        return lag_responses(model.tau_v_s, model.tau_psi_s, (model.tau_ha_s, model.tau_hb_s))
+        return tau_responses(model.tau_v_s, model.tau_psi_s, (model.tau_ha_s, model.tau_hb_s))
     return airframe_responses(FREQUENCIES, model.airframe.parameters(), speed_mps)
 
 
@@ -184,10 +184,10 @@ def _filtered_noise(
     keys: NoisyNavigation, model: VehicleModel, speed_mps: float, sample_s: float
 ) -> tuple[float, float, float]:
     """Return the noise that remains of the declared noise after the station's filter, in the order of `SENSORS`."""
-    round_rad = max(math.radians(keys.heading_sigma_deg), LEAST)
-    place_m, velocity_mps = max(keys.position_sigma_m, LEAST), max(keys.velocity_sigma_mps, LEAST)
+    round_rad = max(math.radians(keys.heading_sigma_deg), MINIMUM)
+    place_m, velocity_mps = max(keys.position_sigma_m, MINIMUM), max(keys.velocity_sigma_mps, MINIMUM)
     _, speed_walk, heading_walk = UNMODELLED
-    along = place_m, velocity_mps, max(keys.airspeed_sigma_mps, LEAST)
+    along = place_m, velocity_mps, max(keys.airspeed_sigma_mps, MINIMUM)
     across = place_m, velocity_mps, speed_mps * round_rad
     along_m, airspeed_mps = left_by_filter(along, speed_walk, model.tau_v_s, sample_s)
     across_m, swing_mps = left_by_filter(across, speed_mps * heading_walk, model.tau_psi_s, sample_s)

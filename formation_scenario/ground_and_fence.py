@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.arrays import Array, beside
+from flight_model.arrays import Array, offset_points
 from flight_model.fence_geometry import CHECKED_M, Drift, FenceAreas, Flyers, places_along, room_along_m
-from flight_model.lift_curve import STEP_M
+from flight_model.offset_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints
 from flight_model.path_lift_and_displacement import SAMPLE_M, sample_places
 from formation_scenario.formation import added
@@ -23,7 +23,7 @@ from formation_scenario.slot_frame import axis_rad
 from formation_scenario.source import KeyPath, dotted
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m, start_states
 from formation_scenario.surroundings import Terrain
-from formation_scenario.terrain import LEADER_SHARE, Ground, LiftedPath
+from formation_scenario.terrain import LEADER_SHARE, ClearPath, Ground
 from formation_scenario.vehicles import Vehicle
 from formation_scenario.violations import Move, Violation
 
@@ -80,7 +80,7 @@ def _unknown_ground(scenario: Scenario, ground: Ground, places: Array, points: P
             slots.setdefault((forward, right, up), f"{who} in shape {step.shape}")
     axis = axis_rad(scenario.formation.frame, points.course_rad, points.course_rad)
     for slot, who in slots.items():
-        north, east = beside(points.north_m, points.east_m, axis, slot[0], slot[1])
+        north, east = offset_points(points.north_m, points.east_m, axis, slot[0], slot[1])
         void = np.flatnonzero(np.isnan(ground.height(north, east)))
         if void.size:
             first = int(void[0])
@@ -148,12 +148,12 @@ def _nearest(scenario: Scenario, places: Array) -> tuple[float, str]:
 def _start_in_fence(fence: Geofence | None, places: Array, who: list[str]) -> Iterator[Violation]:
     if fence is None:
         return
-    lowest, highest, (least_m, most_m) = int(places[:, 2].argmin()), int(places[:, 2].argmax()), fence.heights_m
+    lowest, highest, (least_m, max_m) = int(places[:, 2].argmin()), int(places[:, 2].argmax()), fence.heights_m
     if places[lowest, 2] < least_m - OFF_M:
         allowed = f"{least_m:g} m or more (safety.fence.height_min_m)"
         yield Violation(OFFSET, f"{who[lowest]} begins at {places[lowest, 2]:.1f} m", allowed, "start")
-    if places[highest, 2] > most_m + OFF_M:
-        allowed = f"{most_m:g} m or less (safety.fence.height_max_m)"
+    if places[highest, 2] > max_m + OFF_M:
+        allowed = f"{max_m:g} m or less (safety.fence.height_max_m)"
         yield Violation(OFFSET, f"{who[highest]} begins at {places[highest, 2]:.1f} m", allowed, "start")
     if fence.sides is not None:
         within_m = fence.sides.inside_m(places[:, :2])
@@ -234,14 +234,14 @@ def _run_in(terrain: Terrain, places: Array, points: PathPoints, height_m: Array
         found = f"{place_of(points, worst)}: {clearance[worst]:.1f} m above the ground at {where}"
         lack_m = terrain.clearance_m - float(clearance[worst])
         moves = {0: (0.0, 0.0, lack_m)}
-        yield Violation((*WAYPOINTS, 0), found, _least(terrain), "clearance", lack_m / 10.0, 0.0, 0, moves)
+        yield Violation((*WAYPOINTS, 0), found, _min(terrain), "clearance", lack_m / 10.0, 0.0, 0, moves)
 
 
 def _clearance(scenario: Scenario, terrain: Terrain, ground: Ground) -> Iterator[Violation]:
     """Yield the lowest clearances of a path that can't be lifted sufficiently."""
     path = scenario.leader_path
-    assert isinstance(path, LiftedPath)
-    if path.lift.short_m <= OFF_M:
+    assert isinstance(path, ClearPath)
+    if path.clearance_offset.short_m <= OFF_M:
         return
     sampled = SampledPath.along(path)
     points, places = sampled.points, sampled.places_m
@@ -256,12 +256,12 @@ def _clearance(scenario: Scenario, terrain: Terrain, ground: Ground) -> Iterator
             f"path at {places[worst]:.0f} m ({place_of(points, worst)}): {clearance[worst]:.1f} m above the ground, "
             f"{lack_m[worst]:.1f} m too low, with climbs of {climb_mps:.3g} m/s from its start on"
         )
-        allowed, waypoint = f"{_least(terrain)}, or a higher start", int(sampled.waypoints[worst])
+        allowed, waypoint = f"{_min(terrain)}, or a higher start", int(sampled.waypoints[worst])
         excess, moves = float(lack_m[worst]) / 10.0, {0: (0.0, 0.0, float(lack_m[worst]))}
         yield Violation(WAYPOINTS, found, allowed, "clearance", excess, float(places[worst]), waypoint, moves)
 
 
-def _least(terrain: Terrain) -> str:
+def _min(terrain: Terrain) -> str:
     return f"{terrain.clearance_m:g} m or more (terrain.clearance_m)"
 
 
@@ -387,15 +387,15 @@ def fence_distances(scenario: Scenario) -> list[FenceDistance]:
     found = list[FenceDistance]()
     for row, (who, _) in enumerate(flyers.values()):
         height_m, area = points.height_m + up_m[row], ""
-        least = math.inf, math.inf, math.inf, math.inf
+        minimum = math.inf, math.inf, math.inf, math.inf
         if fence.sides is not None:
             within_m = fence.sides.inside_m(places[row])
             index = int(within_m.argmin())
             north_m, east_m = places[row, index].tolist()
-            least = float(within_m[index]), float(sampled.places_m[index]), north_m, east_m
+            minimum = float(within_m[index]), float(sampled.places_m[index]), north_m, east_m
             area = fence.sides.nearest(places[row, index]).key
         room_m = float(min(height_m.min() - lowest_m, highest_m - height_m.max()))
-        found.append(FenceDistance(who, *least, room_m, area))
+        found.append(FenceDistance(who, *minimum, room_m, area))
     return sorted(found, key=lambda each: min(each.least_m, each.height_m))
 
 

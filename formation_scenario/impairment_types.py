@@ -8,9 +8,9 @@ from pydantic import Field
 
 from formation_scenario.fields import NonNegative, Number
 
-MOST_MS: Final = 600_000.0
+MAX_MS: Final = 600_000.0
 MIN_KBPS: Final = 1e-3
 """One bit a second, at which the longest UDP datagram takes six days."""
 Distribution = Literal["normal", "uniform", "pareto"]
 Burst = Annotated[Number, Field(ge=1.0, le=1e6)]
-Milliseconds = Annotated[NonNegative, Field(le=MOST_MS)]
+Milliseconds = Annotated[NonNegative, Field(le=MAX_MS)]

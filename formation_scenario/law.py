@@ -103,8 +103,8 @@ class Consensus(Keys):
     k3: NonNegative = _of_the_protocol(K3, "gain on the formation's velocity; 1/tau of it is the autopilot's, 1/s", 0.5)
     graph: Graph = key(
         "star",
-        "who hears whom: a name, each undirected (in a star all hear the leader, and it all), or weights [p][q] > 0 "
-        "where vehicle p hears q",
+        "who receives from whom: a name, each undirected (in a star all receive from the leader, and it from all), "
+        "or weights [p][q] > 0 where vehicle p receives from q",
         "ring",
     )
 

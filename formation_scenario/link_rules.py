@@ -13,7 +13,7 @@ from formation_scenario.links import (
     ImpairmentPatch,
     LinkChange,
     Links,
-    least_mean_burst,
+    min_mean_burst,
 )
 from formation_scenario.model import Scenario
 from formation_scenario.orders import read_order
@@ -22,9 +22,9 @@ from formation_scenario.traces.keys import Trace
 from formation_scenario.traces.reading import ALLOWED
 from formation_scenario.vehicles import Vehicle
 
-MOST_LINK_STATES = 400_000
+MAX_LINK_STATES = 400_000
 """Changes of links times vehicles: `check` takes some 5 s for as many."""
-MOST_SLOT_CHANGES = 10_000
+MAX_SLOT_CHANGES = 10_000
 """Changes of the formation, also by orders, times vehicles and `PLANNING_VEHICLES`: the same, on `USUAL_PATH_M`."""
 USUAL_PATH_M = 50e3
 """Each slot is checked all along the path."""
@@ -75,12 +75,14 @@ def bursts(scenario: Scenario) -> Iterator[Finding]:
         steps = scenario.own_link_steps(vehicle, number)
         for path, step in zip(_step_places(scenario, vehicle, number), steps, strict=True):
             for way, link in (("uplink", step.uplink), ("downlink", step.downlink)):
-                least = least_mean_burst(link.loss)
-                if link.mean_burst is not None and link.mean_burst < least and path not in refused:
+                minimum = min_mean_burst(link.loss)
+                if link.mean_burst is not None and link.mean_burst < minimum and path not in refused:
                     refused.add(path)
                     whose = f"{way} of vehicle {vehicle.vehicle_id}"
                     found = f"found {link.mean_burst:g} with a loss of {link.loss:g} ({whose})"
-                    allowed = f"{least:g} or more with that loss" if least < math.inf else "a loss below 1 beside it"
+                    allowed = (
+                        f"{minimum:g} or more with that loss" if minimum < math.inf else "a loss below 1 beside it"
+                    )
                     yield (*path, "mean_burst"), found, allowed
 
 
@@ -109,13 +111,13 @@ def sizes(scenario: Scenario) -> Iterator[Finding]:
     whose, planned = f"with {count} vehicles", len(scenario.formation.changes)
     ordered = sum(read_order(each.order).change is not None for _, each in scenario.timed_orders)
     longer = max(1.0, length_m / USUAL_PATH_M)
-    most = int(MOST_SLOT_CHANGES / longer / (count + PLANNING_VEHICLES))
+    maximum = int(MAX_SLOT_CHANGES / longer / (count + PLANNING_VEHICLES))
     there = whose if longer == 1.0 else f"{whose} on a path of {length_m / 1e3:.0f} km"
-    beside = f" beside {planned} changes" if planned else ""
+    further = f" beside {planned} changes" if planned else ""
     for path, found, what, allowed, more in (
-        (("links", "changes"), len(scenario.links.changes), f"changes {whose}", MOST_LINK_STATES // count, ""),
-        (("formation", "changes"), planned, f"changes {there}", most, ""),
-        (("orders",), ordered, f"orders that change the formation {there}", max(most - planned, 0), beside),
+        (("links", "changes"), len(scenario.links.changes), f"changes {whose}", MAX_LINK_STATES // count, ""),
+        (("formation", "changes"), planned, f"changes {there}", maximum, ""),
+        (("orders",), ordered, f"orders that change the formation {there}", max(maximum - planned, 0), further),
     ):
         if found > allowed:
             yield path, f"found {found} {what}", f"up to {allowed} with so many{more}"

@@ -32,7 +32,7 @@ from formation_scenario.impairment_types import MIN_KBPS, Burst, Distribution, M
 from formation_scenario.signing import Signing
 from formation_scenario.traces.keys import Trace
 
-MOST_CHANGES: Final = 5000
+MAX_CHANGES: Final = 5000
 """Of links in a flight."""
 
 
@@ -167,7 +167,7 @@ class Links(Keys):
         "radios that several vehicles share, whose datagrams pass them before their own links",
         [{"vehicles": "all", "rate_kbps": 57.6, "duplex": "half", "turnaround_ms": 5}],
     )
-    changes: Annotated[tuple[Later[LinkChange], ...], Field(max_length=MOST_CHANGES)] = key(
+    changes: Annotated[tuple[Later[LinkChange], ...], Field(max_length=MAX_CHANGES)] = key(
         (),
         "changes in flight",
         [
@@ -186,7 +186,7 @@ class LinkStep(NamedTuple):
     downlink: Impairment
 
 
-def least_mean_burst(loss: float) -> float:
+def min_mean_burst(loss: float) -> float:
     """Return the shortest mean burst possible with `loss` (0 to 1): a single arrival between any two bursts."""
     return max(1.0, loss / (1.0 - loss)) if loss < 1.0 else math.inf
 

@@ -17,12 +17,12 @@ End = Literal["loiter", "rtl", "land"]
 ENDS: tuple[End, ...] = get_args(End)
 ALLOWED = "shape NAME [SPACING_M], spacing SPACING_M, speed MPS, heading DEG, leader ID, loiter, rtl, land"
 EXAMPLES = (*(f"shape {shape}" for shape in SHAPE_NAMES), "spacing 40", "speed 24", "heading 90", "leader 2", *ENDS)
-MOST_LETTERS = 100
+MAX_LETTERS = 100
 UNKNOWN_SHAPE = "found shape '"
 """How the answer to an order begins whose shape isn't known."""
 FACES_RAD = math.radians(15.0)
 """Largest angle between a hovering formation's heading and its path when it sets out."""
-LEAST, MOST_MPS = math.ulp(0.0), 1000.0
+MINIMUM, MAX_MPS = math.ulp(0.0), 1000.0
 """Least number above 0; highest speed."""
 
 
@@ -60,9 +60,9 @@ def read_order(text: str, also: tuple[str, ...] = ()) -> Order:
     Raises:
         OrderError: the text isn't an order.
     """
-    said = " ".join(text[: MOST_LETTERS + 1].split())
-    if len(text) > MOST_LETTERS:
-        raise OrderError(f"found '{said} …'; allowed: up to {MOST_LETTERS} letters")
+    said = " ".join(text[: MAX_LETTERS + 1].split())
+    if len(text) > MAX_LETTERS:
+        raise OrderError(f"found '{said} …'; allowed: up to {MAX_LETTERS} letters")
     word, *rest = said.split() or [""]
     if word in ENDS and not rest:
         return Order(said, end=word)
@@ -99,13 +99,15 @@ def not_standing(speed_mps: float) -> str:
 
 
 def _spacing(given: list[str]) -> float | None:
-    return _number(given[0], LEAST, MAX_NEAR_M, f"a number of m, more than 0, up to {MAX_NEAR_M:g}") if given else None
+    return (
+        _number(given[0], MINIMUM, MAX_NEAR_M, f"a number of m, more than 0, up to {MAX_NEAR_M:g}") if given else None
+    )
 
 
 def _speed(text: str) -> float:
     """Return a speed; 0, which multirotors can fly, may be written in any way."""
     nought = text.startswith("0") and text.removeprefix("0").removeprefix(".").strip("0") == ""
-    return 0.0 if nought else _number(text, LEAST, MOST_MPS, f"a number from 0 to {MOST_MPS:g} m/s")
+    return 0.0 if nought else _number(text, MINIMUM, MAX_MPS, f"a number from 0 to {MAX_MPS:g} m/s")
 
 
 def _number(text: str, low: float, high: float, allowed: str) -> float:

@@ -30,7 +30,7 @@ BACK = 4.0
 """Multiple of the turn rate from which on a bend counts as a reversal."""
 ROUND_M = 100.0
 """Distance from a reversal within which what slots would need is no matter of its own."""
-LEAST_OVER_GROUND_MPS = 1.0
+MIN_OVER_GROUND_MPS = 1.0
 """Least ground speed along a path: with less, a gust decides whether a flight reaches its end."""
 SETPOINT = "setpoint"
 _KINDS: Mapping[str, Kind] = {
@@ -49,13 +49,13 @@ class _Demand(NamedTuple):
     figure: Array
     bound: Array
     step: SlotStep | None
-    least: bool = False
+    is_lower_bound: bool = False
     """Whether the bound is the lowest figure allowed."""
 
     @property
     def share(self) -> Array:
         """(K, N) the share of the limit that is needed, excessive above 1."""
-        return self.bound / np.maximum(self.figure, TOLERANCE) if self.least else self.figure / self.bound
+        return self.bound / np.maximum(self.figure, TOLERANCE) if self.is_lower_bound else self.figure / self.bound
 
 
 def excesses(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> list[Violation]:
@@ -85,17 +85,17 @@ def climbs(scenario: Scenario, sampled: SampledPath) -> Iterator[Violation]:
     steep = written.steep if isinstance(written, LegsPath) else dict[int, Steep]()
     yield from _steep_legs(scenario, steep)
     weakest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.climb_max_mps)
-    most_mps = weakest.model.climb_max_mps
+    max_mps = weakest.model.climb_max_mps
     climb_mps = over_ground_mps(scenario, sampled.points.course_rad, scenario.speeds.at_each(sampled.places_m))
     climb_mps = climb_mps * sampled.points.slope
     leg = np.searchsorted(written.waypoints_at_m, sampled.places_m)
-    over = (np.abs(climb_mps) > most_mps * (1.0 + TOLERANCE)) & ~np.isin(leg, list(steep))
+    over = (np.abs(climb_mps) > max_mps * (1.0 + TOLERANCE)) & ~np.isin(leg, list(steep))
     for stretch in sampled.stretches(over):
         index = stretch.start + int(np.argmax(np.abs(climb_mps[stretch])))
-        figure, most = distinct_texts(abs(float(climb_mps[index])), most_mps)
+        figure, most = distinct_texts(abs(float(climb_mps[index])), max_mps)
         found = f"{'climbs' if climb_mps[index] > 0 else 'descends'} {figure} m/s"
         allowed = f"up to {most} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
-        yield sampled.violation(index, found, allowed, "climb", abs(float(climb_mps[index])) / most_mps - 1.0)
+        yield sampled.violation(index, found, allowed, "climb", abs(float(climb_mps[index])) / max_mps - 1.0)
 
 
 def _crowded(scenario: Scenario) -> Iterator[Violation]:
@@ -150,10 +150,12 @@ def _speed(scenario: Scenario) -> Iterator[Violation]:
         slowest, fastest = scenario.speeds_mps(vehicle)
         if not slowest <= speed <= fastest:
             who = "leader" if vehicle is scenario.leader else "vehicle"
-            thin = ", in air as thin as at origin.alt_m" if slowest > vehicle.model.speed_min_mps else ""
-            found, least = distinct_texts(speed, slowest, 4)
+            density_altitude = (
+                ", in air of the density at origin.alt_m" if slowest > vehicle.model.speed_min_mps else ""
+            )
+            found, lowest = distinct_texts(speed, slowest, 4)
             found, most = distinct_texts(speed, fastest, 4) if speed > fastest else (found, f"{fastest:.4g}")
-            allowed = f"{least} to {most} m/s, {who} {vehicle.vehicle_id}'s limits{thin}"
+            allowed = f"{lowest} to {most} m/s, {who} {vehicle.vehicle_id}'s limits{density_altitude}"
             excess = max(slowest / speed, speed / fastest) - 1.0 if speed > 0.0 else 1.0
             yield Violation(("path", "speed_mps"), f"found {found} m/s", allowed, "path speed", excess)
             return
@@ -170,10 +172,10 @@ def _into_wind(scenario: Scenario, sampled: SampledPath) -> Iterator[Violation]:
         index = int(np.argmax(across_mps >= across_mps.max() * (1.0 - EQUAL)))
         found = f"the wind blows {across_mps[index]:.3g} m/s across it"
         yield sampled.violation(index, f"{found}, {flown}", f"less than {speed:g} m/s (path.speed_mps)", "wind")
-    elif over_mps.min() < LEAST_OVER_GROUND_MPS * (1.0 - TOLERANCE):
+    elif over_mps.min() < MIN_OVER_GROUND_MPS * (1.0 - TOLERANCE):
         index = int(np.argmax(over_mps <= over_mps.min() + EQUAL))
         found = f"{over_mps[index]:.2g} m/s over the ground is left"
-        yield sampled.violation(index, f"{found}, {flown}", f"{LEAST_OVER_GROUND_MPS:g} m/s or more", "wind")
+        yield sampled.violation(index, f"{found}, {flown}", f"{MIN_OVER_GROUND_MPS:g} m/s or more", "wind")
 
 
 def _bends(
@@ -244,10 +246,10 @@ def _leader_named(who: Vehicle) -> str:
 
 def _reversal(sampled: SampledPath, index: int, who: Vehicle, speed_mps: float) -> Violation:
     """Return the violation of a bend that no aircraft flies: the path turns back, or round a point."""
-    radius_m, least_m = 1.0 / abs(float(sampled.points.curvature_1pm[index])), speed_mps / who.model.turn_rate_max_rps
+    radius_m, min_m = 1.0 / abs(float(sampled.points.curvature_1pm[index])), speed_mps / who.model.turn_rate_max_rps
     found = f"turns back, or sharply, in a radius of {radius_m:.2g} m"
-    allowed = f"{least_m:.0f} m or more, {_leader_named(who)}'s turn_rate_max_rps of {who.model.turn_rate_max_rps:g}"
-    return sampled.violation(index, found, f"{allowed} rad/s at {speed_mps:g} m/s", "turn", least_m / radius_m - 1.0)
+    allowed = f"{min_m:.0f} m or more, {_leader_named(who)}'s turn_rate_max_rps of {who.model.turn_rate_max_rps:g}"
+    return sampled.violation(index, found, f"{allowed} rad/s at {speed_mps:g} m/s", "turn", min_m / radius_m - 1.0)
 
 
 def _over(demands: Iterable[_Demand]) -> Mask:
@@ -277,17 +279,17 @@ def _followers(
     leader, at_mps = step.arrangement.leader, scenario.path.begin_mps
     models = [None if who is None or column == leader else who.model for column, who in enumerate(everyone)]
     slowest, fastest = np.array([(0.0, np.inf) if each is None else each.soon_mps(at_mps) for each in models]).T
-    turn_most = np.array([np.inf if each is None or each.hovers else each.turn_rate_max_rps for each in models])
-    accel_most = np.array([np.inf if each is None else each.accel_max_mps2 for each in models])
+    turn_max = np.array([np.inf if each is None or each.hovers else each.turn_rate_max_rps for each in models])
+    accel_max = np.array([np.inf if each is None else each.accel_max_mps2 for each in models])
     yield _Demand("speed", "m/s", speed, fastest, step)
-    yield _Demand("speed", "m/s", speed, slowest, step, least=True)
-    yield _Demand("turn", "rad/s of turn", turn, turn_most, step)
-    yield _Demand("accel", "m/s² of acceleration", accel, accel_most, step)
+    yield _Demand("speed", "m/s", speed, slowest, step, is_lower_bound=True)
+    yield _Demand("turn", "rad/s of turn", turn, turn_max, step)
+    yield _Demand("accel", "m/s² of acceleration", accel, accel_max, step)
     # By (7) an acceleration takes a setpoint that leads the speed by the lag, and setpoints are limited as speeds are.
-    lags_s = np.array([0.0 if each is None else each.tau_v_s for each in models])
-    commanded = speed + lags_s * (accel if scenario.hovers else needs.accel_mps2)
+    taus_s = np.array([0.0 if each is None else each.tau_v_s for each in models])
+    commanded = speed + taus_s * (accel if scenario.hovers else needs.accel_mps2)
     yield _Demand(SETPOINT, "m/s of speed setpoint", commanded, fastest, step)
-    yield _Demand(SETPOINT, "m/s of speed setpoint", commanded, slowest, step, least=True)
+    yield _Demand(SETPOINT, "m/s of speed setpoint", commanded, slowest, step, is_lower_bound=True)
 
 
 def _allowed(limit: str, model: VehicleModel, speed_mps: float) -> str:

@@ -19,16 +19,14 @@ from flight_model.path import FlightPath
 from flight_model.stops.path import PathWithStops
 from formation_scenario.geofence import Geofence
 from formation_scenario.path_plan import PathPlan
-from formation_scenario.path_with_stops import path_with_stops, short_legs, timetable
+from formation_scenario.path_with_stops import CHANGE_TAUS, path_with_stops, short_legs, timetable
 from formation_scenario.slot_assignment import Members, SlotStep, column_models, slot_schedule
 from formation_scenario.turn_limits import climb_limits, turn_limits
 
-MOST_ROUNDS = 5
+MAX_ROUNDS = 5
 """How often turns are planned again because legs between them became too short for their speeds."""
 CHANGE_SHARE = 0.3
 """Share of the acceleration that changes of speed use; the law needs the rest to hold the slots."""
-CHANGE_LAGS = 2.0
-"""Shortest duration of a change of speed, in time constants of the slowest vehicle's airspeed."""
 
 
 def path_of_legs(
@@ -58,7 +56,7 @@ def path_of_legs(
     circles = {each.waypoint: Circles(each.turns, each.radius_m) for each in path.circles}
     known = {} if known is None else known
     turns, flown_mps = dict[float, TurnLimits](), [{each} for each in path.legs_mps]
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         for speed_mps in set().union(*flown_mps) - turns.keys():
             turns[speed_mps] = turn_limits(members, steps, speed_mps, wind_mps)
         limits = [_tightest(turns[speed_mps] for speed_mps in each) for each in flown_mps]
@@ -99,7 +97,7 @@ def planned_speeds(
 def _changes(members: Members, wind_mps: float) -> SpeedChanges:
     models = [each.model for each in members.vehicles]
     accel_mps2 = CHANGE_SHARE * min(each.accel_max_mps2 for each in models)
-    return SpeedChanges(accel_mps2, wind_mps, CHANGE_LAGS * max(each.tau_v_s for each in models))
+    return SpeedChanges(accel_mps2, wind_mps, CHANGE_TAUS * max(each.tau_v_s for each in models))
 
 
 def _tightest(limits: Iterable[TurnLimits]) -> TurnLimits:

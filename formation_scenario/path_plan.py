@@ -28,15 +28,15 @@ from formation_scenario.formation import Step
 
 TOLERANCE_M = 10.0
 """Distance within which a recorded track is followed unless the scenario says otherwise: GNSS scatters by metres."""
-MOST_WAYPOINTS: Final = 5000
+MAX_WAYPOINTS: Final = 5000
 Speeds: TypeAlias = Annotated[
     Speed | Annotated[tuple[Speed, ...], Field(min_length=1)],
     Allowed("a number from 0.001 to 1000, or a list of them, one a leg"),
 ]
 Waypoints = Annotated[
     tuple[Vector, ...],
-    Field(min_length=2, max_length=MOST_WAYPOINTS),
-    Allowed(f"a list of 2 to {MOST_WAYPOINTS} [north, east, height]"),
+    Field(min_length=2, max_length=MAX_WAYPOINTS),
+    Allowed(f"a list of 2 to {MAX_WAYPOINTS} [north, east, height]"),
 ]
 
 

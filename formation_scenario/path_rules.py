@@ -29,12 +29,12 @@ def places(scenario: Scenario) -> Iterator[Finding]:
         distance_m = math.hypot(north_m, east_m)
         latitude_deg = origin.lat_deg + math.degrees(north_m / SEMI_MAJOR_M)
         sea_m = abs(height_m + origin.alt_m)
-        for size, most, found, allowed in (
+        for size, maximum, found, allowed in (
             (distance_m, MAX_DISTANCE_M, f"{distance_m:.3g} m from the origin", f"{MAX_DISTANCE_M:g} m"),
             (abs(latitude_deg), MAX_LATITUDE_DEG, f"at latitude {latitude_deg:.1f}°", f"{MAX_LATITUDE_DEG:g}°"),
             (sea_m, MAX_HEIGHT_M, f"{height_m:.3g} m high", f"{MAX_HEIGHT_M:g} m above sea level"),
         ):
-            if size > most:
+            if size > maximum:
                 yield (*WAYPOINTS, index), f"found a waypoint {found}", f"up to {allowed}"
                 return
 
@@ -93,5 +93,5 @@ def path(scenario: Scenario) -> Iterator[Finding]:
         yield (*WAYPOINTS, error.waypoint), str(error), allowed
     else:
         if length_m > MAX_PATH_M:
-            found, most = distinct_texts(length_m, MAX_PATH_M)
-            yield WAYPOINTS, f"found a path of {found} m", f"up to {most} m"
+            found, maximum = distinct_texts(length_m, MAX_PATH_M)
+            yield WAYPOINTS, f"found a path of {found} m", f"up to {maximum} m"

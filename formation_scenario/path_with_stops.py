@@ -25,13 +25,13 @@ from formation_scenario.turn_limits import climb_limits, turn_limits
 
 ACCELERATION_SHARE: Final = 0.5
 """Share of the acceleration that changes of speed use; the law needs the rest to hold the slots."""
-CHANGE_LAGS: Final = 2.0
+CHANGE_TAUS: Final = 2.0
 """Shortest duration of a change of speed, in time constants of the slowest vehicle's speed."""
 CLIMB_SHARE: Final = 0.75
 """Share of the steepest slope that a leg uses which is flown more slowly because it is steep: the rest is rounded."""
 SHORT_SHARE: Final = 0.99
 """Share of a leg's speed below which it isn't reached."""
-LEAST_TURN_RAD: Final = math.radians(0.1)
+MIN_TURN_RAD: Final = math.radians(0.1)
 
 
 def path_with_stops(members: Members, path: PathPlan) -> PathWithStops:
@@ -101,12 +101,12 @@ def rates(members: Members) -> Rates:
     """Return how fast the speed of a formation may change."""
     models = [each.model for each in members.vehicles]
     accel_mps2 = ACCELERATION_SHARE * min(each.accel_max_mps2 for each in models)
-    return Rates(accel_mps2, CHANGE_LAGS * max(each.tau_v_s for each in models))
+    return Rates(accel_mps2, CHANGE_TAUS * max(each.tau_v_s for each in models))
 
 
 def _turn_s(members: Members, by_rad: float) -> float:
     """Return how long a turn in place takes, and until followers have ended theirs; 0 for none."""
-    if abs(by_rad) < LEAST_TURN_RAD:
+    if abs(by_rad) < MIN_TURN_RAD:
         return 0.0
     reach_m = 0.0
     if members.formation.slots_turn:

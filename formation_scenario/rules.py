@@ -25,11 +25,11 @@ from formation_scenario.vehicles import Vehicle
 
 def row(scenario: Scenario) -> Iterator[Finding]:
     """Yield a row in the air, or one with vehicles nearer to each other than the separation limit."""
-    row_m, least_m, path = scenario.start.row_m, scenario.safety.separation_m, ("start", "row_m")
+    row_m, min_m, path = scenario.start.row_m, scenario.safety.separation_m, ("start", "row_m")
     if row_m is not None and scenario.start.in_air:
         yield path, "found a row of vehicles that begin in the air", "none with in_air: true"
-    elif row_m is not None and row_m < least_m:
-        yield path, f"found {row_m:g} m", f"safety.separation_m, {least_m:g} m, or more"
+    elif row_m is not None and row_m < min_m:
+        yield path, f"found {row_m:g} m", f"safety.separation_m, {min_m:g} m, or more"
 
 
 def wind(scenario: Scenario) -> Iterator[Finding]:

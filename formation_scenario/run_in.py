@@ -20,7 +20,8 @@ BETWEEN_M = 5.0
 def run_in_inside_fence_s(scenario: Scenario, path: FlightPath) -> float | None:
     """Return the longest run-in on which every slot has room to turn away from the fence, s.
 
-    `SHORTEST_S` where there is less; None where the usual one has. A formation that isn't assembled then flies laps.
+    `SHORTEST_S` where there is less; None where the usual one has. A formation that isn't assembled then flies holding
+    patterns.
     """
     fence = scenario.fence
     if fence is None or fence.sides is None:

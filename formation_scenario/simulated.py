@@ -154,12 +154,12 @@ class EmulatedVehicle(ABC):
 
     @abstractmethod
     def limit(self, **limits: float) -> None:
-        """Change its lags and limits, the names as in `model`: `speed_max_mps=18`, `tau_v_s=9`; none: as they were.
+        """Change time constants and limits, the names as in `model`: `speed_max_mps=18`, `tau_v_s=9`; none: as before.
 
         Aircraft under total-energy control have limits of speed and of the turn rate alone.
 
         Raises:
-            ValueError: no such lag or limit.
+            ValueError: no such time constant or limit.
         """
 
     @abstractmethod

@@ -209,7 +209,7 @@ def assigned(scenario: Members, arrangement: Arrangement, now_m: Array, present:
     seen = np.ones(len(places), dtype=np.bool_) if present is None else present
     there, away = following[seen[following]], following[~seen[following]]
     free = places[following]
-    import scipy  # noqa: PLC0415 - only changes of the formation assign places anew
+    import scipy  # noqa: PLC0415 - only changes of the formation assign places again
 
     cost = np.square(now_m[there, None] - free[None, : there.size]).sum(axis=2)
     _, chosen = scipy.optimize.linear_sum_assignment(cost)

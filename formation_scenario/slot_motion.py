@@ -107,14 +107,14 @@ class LeaderFlight(NamedTuple):
 
 
 class SlotNeeds(NamedTuple):
-    """The flight that slots require, (K, N) each; `aside_rad` is the heading relative to the leader's."""
+    """The flight that slots require, (K, N) each; `relative_heading_rad` is the heading relative to the leader's."""
 
     speed_mps: Array
     accel_mps2: Array
     turn_rate_rps: Array
     climb_mps: Array
     climb_change_mps2: Array
-    aside_rad: Array
+    relative_heading_rad: Array
 
 
 def slot_needs(flight: LeaderFlight, slots: SlotMotion, frame: Frame) -> SlotNeeds:

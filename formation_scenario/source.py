@@ -36,7 +36,7 @@ _FLOAT = re.compile(
 MOST_DIGITS = 100
 """Limit of a whole number's length. Python refuses to parse or print 5000 digits, and 400 exceed a float."""
 
-MOST_VALUES = 500_000
+MAX_VALUES = 500_000
 """Limit of all values: a few nested aliases could expand to more than any memory holds."""
 ALLOWED_VALUES = f"text, true, false, null, or a number; a whole one of up to {MOST_DIGITS} digits"
 
@@ -120,7 +120,7 @@ def dotted(path: KeyPath) -> str:
     return ".".join(str(key) for key in path)
 
 
-MOST_BYTES = 2_000_000
+MAX_BYTES = 2_000_000
 """Longest file of keys: more takes YAML's reader too long."""
 
 
@@ -131,7 +131,7 @@ def read_file(path: Path, of: str = "scenario") -> Source:
         ScenarioError: the file can't be read, or isn't YAML with a mapping at its top.
     """
     try:
-        text = read_bounded(path, MOST_BYTES).decode("utf-8")
+        text = read_bounded(path, MAX_BYTES).decode("utf-8")
     except IsADirectoryError as error:
         raise refused("", "found a directory", f"a {of} file (*.yaml)", str(path)) from error
     except OSError as error:
@@ -253,8 +253,8 @@ class _Reader:
 
     def _value(self, loader: AnyLoader, node: yaml.Node, path: KeyPath) -> Plain:
         self._count += 1
-        if self._count > MOST_VALUES:
-            raise yaml.MarkedYAMLError(problem=f"found more than {MOST_VALUES} values", problem_mark=node.start_mark)
+        if self._count > MAX_VALUES:
+            raise yaml.MarkedYAMLError(problem=f"found more than {MAX_VALUES} values", problem_mark=node.start_mark)
         if isinstance(node, yaml.ScalarNode):
             return self._scalar(loader, node, path)
         if any(node is each for each in self._within):

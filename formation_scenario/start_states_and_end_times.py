@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from flight_model.arrays import Array, beside
+from flight_model.arrays import Array, offset_points
 from flight_model.stops.timetable import Timetable
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, read_order
@@ -47,7 +47,7 @@ def start_states(scenario: Scenario) -> list[StartState]:
     places[[vehicle.role == "follower" for vehicle in scenario.vehicles]] = slots
     in_row = not in_air and scenario.start.row_m is not None
     axis = leader.course_rad if in_row else axis_rad(scenario.formation.frame, leader.course_rad, leader.course_rad)
-    north_m, east_m = beside(leader.north_m, leader.east_m, axis, places[:, 0], places[:, 1])
+    north_m, east_m = offset_points(leader.north_m, leader.east_m, axis, places[:, 0], places[:, 1])
     height_m = leader.height_m + places[:, 2] if in_air else np.zeros_like(north_m)
     if in_air and scenario.terrain is not None:
         height_m = np.fmax(height_m, scenario.ground.height(north_m, east_m) + scenario.terrain.clearance_m)
@@ -59,8 +59,8 @@ def start_states(scenario: Scenario) -> list[StartState]:
 def _on_ground(scenario: Scenario, slots: Array) -> Array:
     if scenario.start.row_m is None:
         return _spread(slots, scenario.safety.separation_m)
-    aside_m = scenario.start.row_m * np.arange(1.0, len(slots) + 1.0)
-    return np.column_stack((np.zeros(len(slots)), aside_m, np.zeros(len(slots))))
+    lateral_m = scenario.start.row_m * np.arange(1.0, len(slots) + 1.0)
+    return np.column_stack((np.zeros(len(slots)), lateral_m, np.zeros(len(slots))))
 
 
 def _spread(slots: Array, separation_m: float) -> Array:
@@ -87,8 +87,8 @@ def wind_mps(scenario: Scenario, course_rad: Array) -> tuple[Array, Array]:
 
 def over_ground_mps(scenario: Scenario, course_rad: Array, airspeed_mps: float | Array) -> Array:
     """Return the leader's ground speed along courses at airspeeds, m/s, with the crab angle that the wind requires."""
-    along_mps, aside_mps = wind_mps(scenario, course_rad)
-    return np.sqrt(np.maximum(airspeed_mps**2 - aside_mps**2, 0.0)) + along_mps
+    along_mps, crosswind_mps = wind_mps(scenario, course_rad)
+    return np.sqrt(np.maximum(airspeed_mps**2 - crosswind_mps**2, 0.0)) + along_mps
 
 
 def path_end_s(scenario: Scenario) -> float:

@@ -14,9 +14,9 @@ import numpy as np
 from flight_model.arrays import Array
 from flight_model.curve import PathPoint
 from flight_model.earth import GeodeticOrigin
-from flight_model.lift_curve import STEP_M
+from flight_model.offset_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints
-from flight_model.path_lift_and_displacement import Bounds, Lift, least_lift, sample_places
+from flight_model.path_lift_and_displacement import Bounds, ClearanceOffset, min_offset, sample_places
 from formation_scenario.bounded_read import read_bounded, require_file
 from formation_scenario.fields import FileError
 from formation_scenario.named_files import place_of
@@ -24,7 +24,7 @@ from formation_scenario.surroundings import Hill, Terrain
 
 HGT_NAME = re.compile(r"^([NS])(\d{2})([EW])(\d{3})$", re.IGNORECASE)
 HGT_VOID = -32768
-MOST_HGT_BYTES = 100_000_000
+MAX_HGT_BYTES = 100_000_000
 """Nearly four times a tile of one arc-second."""
 MARGIN_M = 10_000.0
 """Distance around the waypoints for which a file is read."""
@@ -106,7 +106,7 @@ def read_elevation(path: Path, origin: GeodeticOrigin, around_m: Array) -> Eleva
 def _read_hgt(path: Path, origin: GeodeticOrigin) -> ElevationGrid:
     """Return an SRTM tile: a square of big-endian 16-bit metres, named by its south-west corner."""
     try:
-        raw = read_bounded(path, MOST_HGT_BYTES)
+        raw = read_bounded(path, MAX_HGT_BYTES)
         values = np.frombuffer(raw[: len(raw) // 2 * 2], dtype=">i2").astype(np.float64)
     except OSError as error:
         raise FileError(f"found {path}: {error.strerror}") from error
@@ -215,13 +215,13 @@ def ground_of(terrain: Terrain | None, origin: GeodeticOrigin, waypoints_m: Arra
     return read_elevation(Path(terrain.file), origin, waypoints_m[:, :2])
 
 
-class LiftedPath(FlightPath):
+class ClearPath(FlightPath):
     """A path with a lift, which is 0 at the path's start; the straight run-in before it is level."""
 
-    def __init__(self, written: FlightPath, lift: Lift) -> None:
+    def __init__(self, written: FlightPath, clearance_offset: ClearanceOffset) -> None:
         """Take the path as written, and the lift from 0 to its length."""
         vars(self).update(vars(written))  # the same curve, without fitting it again
-        self.lift = lift
+        self.clearance_offset = clearance_offset
 
     @overload
     def at(self, s: float) -> PathPoint: ...
@@ -230,10 +230,10 @@ class LiftedPath(FlightPath):
     def at(self, s: float | Array) -> PathPoint | PathPoints:
         """Return the lifted path at an arc length in m, or at an array of them."""
         if not isinstance(s, np.ndarray):
-            up_m, *changes = self.lift.at_one(min(max(s, 0.0), self.length_m))
-            return super().at(s).lifted(up_m, *(changes if 0.0 <= s <= self.length_m else (0.0, 0.0)))
+            up_m, *changes = self.clearance_offset.at_one(min(max(s, 0.0), self.length_m))
+            return super().at(s).raised(up_m, *(changes if 0.0 <= s <= self.length_m else (0.0, 0.0)))
         inside, points = np.clip(s, 0.0, self.length_m), super().at(s)
-        lift_m, slope, curvature = self.lift.at(inside)
+        lift_m, slope, curvature = self.clearance_offset.at(inside)
         on_path = s == inside
         return points._replace(
             height_m=points.height_m + lift_m,
@@ -242,9 +242,9 @@ class LiftedPath(FlightPath):
         )
 
 
-def lifted(written: FlightPath, ground: Ground, clearance_m: float, bounds: Bounds) -> LiftedPath:
+def lifted(written: FlightPath, ground: Ground, clearance_m: float, bounds: Bounds) -> ClearPath:
     """Return a path lifted to `clearance_m` above the ground, as far as `bounds` allow."""
     places = sample_places(0.0, max(1, int(np.ceil(written.length_m / STEP_M))))
     points = written.at(places)
     needed = ground.height(points.north_m, points.east_m) + clearance_m - points.height_m
-    return LiftedPath(written, least_lift(0.0, needed, points.slope, bounds, np.zeros(3)))
+    return ClearPath(written, min_offset(0.0, needed, points.slope, bounds, np.zeros(3)))

@@ -23,7 +23,7 @@ from formation_scenario.vehicles import VehicleModel
 
 MEAN_SPEED_MPS = 2.0
 """Mean speed of the slot that moves farthest, unless that takes longer than `USUAL_S`."""
-LEAST_S, USUAL_S, MOST_S = 8.0, 30.0, 240.0
+LEAST_S, USUAL_S, MAX_S = 8.0, 30.0, 240.0
 STRETCH = 1.12
 """Factor by which the duration grows from one attempt to the next."""
 SAMPLES = 101
@@ -46,7 +46,7 @@ class NotFlyableError(Exception):
 
 
 class Limits(NamedTuple):
-    """Limits of N vehicles in a transition, and their lags, (N,) each."""
+    """Limits of N vehicles in a transition, and their time constants, (N,) each."""
 
     ceilings: tuple[Array, Array, Array, Array, Array]
     """Limits of speed, minus speed, acceleration, turn rate and climb, as `_demands` returns them."""
@@ -95,7 +95,7 @@ def plan_transition(start: SlotMotion, goal_m: Array, at_s: float, conditions: C
     """Return the shortest transition from `start` to `goal_m` (N, 3) that keeps to all limits.
 
     Raises:
-        NotFlyableError: there is none of at most `MOST_S`.
+        NotFlyableError: there is none of at most `MAX_S`.
     """
     farthest_m = float(np.linalg.norm(goal_m - start.position_m, axis=1)[conditions.present].max(initial=0.0))
     duration_s = min(max(farthest_m / MEAN_SPEED_MPS, LEAST_S), USUAL_S)
@@ -106,7 +106,7 @@ def plan_transition(start: SlotMotion, goal_m: Array, at_s: float, conditions: C
             return _checked(level, apart_m, conditions)
         except NotFlyableError:
             duration_s *= STRETCH
-            if duration_s > MOST_S:
+            if duration_s > MAX_S:
                 raise
 
 
@@ -132,10 +132,10 @@ def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Trans
     if not near.size:
         return replace(level, apart_m=_by_columns(apart.min(axis=0), conditions))
     lift_m = _lifts_m(level, _levels(near, conditions), max(apart_m, conditions.lift_m))
-    lifted = _lift(level, lift_m, flight, conditions)
-    apart = _distances_m(lifted, flight, moments_s, conditions)
+    raised = _lift(level, lift_m, flight, conditions)
+    apart = _distances_m(raised, flight, moments_s, conditions)
     _refuse_near(apart, apart_m, moments_s, conditions)
-    return replace(lifted, apart_m=_by_columns(apart.min(axis=0), conditions))
+    return replace(raised, apart_m=_by_columns(apart.min(axis=0), conditions))
 
 
 def _refuse_beyond(
@@ -143,8 +143,8 @@ def _refuse_beyond(
 ) -> None:
     """Raise `NotFlyableError` if the slots require more than the limits.
 
-    The limits apply to setpoints, which lead the autopilot's lags, not just to the flight itself. If a slot at rest
-    already requires more than a transition may use, that much is allowed.
+    The limits apply to setpoints, which lead the autopilot's time constants, not just to the flight itself. If a slot
+    at rest already requires more than a transition may use, that much is allowed.
     """
     still = [
         slot_needs(flight, SlotMotion.at_rest(places), conditions.frame)
@@ -181,7 +181,7 @@ def _distances_m(way: Transition, flight: LeaderFlight, moments_s: Array, condit
     needs, places = slot_needs(flight, slots, conditions.frame), slots.position_m
     _refuse_beyond(way, needs, flight, moments_s, conditions)
     if conditions.frame == "follower_heading":
-        cos, sin = np.cos(needs.aside_rad), np.sin(needs.aside_rad)
+        cos, sin = np.cos(needs.relative_heading_rad), np.sin(needs.relative_heading_rad)
         forward, right = places[..., 0], places[..., 1]
         places = np.stack((forward * cos - right * sin, forward * sin + right * cos, places[..., 2]), axis=-1)
     return _pair_distances_m(places[:, conditions.present])
@@ -201,9 +201,9 @@ def segment_distances_m(begin_m: Array, way_m: Array) -> Array:
     da, ea = (np.einsum("pi,pi->p", each, apart) for each in (d, e))
     # The point of the first that is nearest to the second's line, then the second's nearest to that, and the first's.
     along = np.clip(_ratio(de * ea - ee * da, dd * ee - de * de), 0.0, 1.0)
-    aside = np.clip(_ratio(de * along + ea, ee), 0.0, 1.0)
-    along = np.clip(_ratio(de * aside - da, dd), 0.0, 1.0)
-    return np.linalg.norm(apart + along[:, None] * d - aside[:, None] * e, axis=1)
+    along_other = np.clip(_ratio(de * along + ea, ee), 0.0, 1.0)
+    along = np.clip(_ratio(de * along_other - da, dd), 0.0, 1.0)
+    return np.linalg.norm(apart + along[:, None] * d - along_other[:, None] * e, axis=1)
 
 
 def _ratio(over: Array, under: Array) -> Array:

@@ -34,7 +34,7 @@ SHORTEST_S, LONGEST_S = 1.0, 60.0
 WIDEST = 4.0
 """Multiple of the radius that single vehicles turn with, beyond which a formation turns badly."""
 TRIED = 240
-LEAST_MPS = 1.0
+MIN_MPS = 1.0
 
 
 def turn_limits(members: Members, steps: Sequence[SlotStep], speed_mps: float, wind_mps: float) -> TurnLimits:
@@ -46,12 +46,12 @@ def turn_limits(members: Members, steps: Sequence[SlotStep], speed_mps: float, w
         speed_mps: the leader's airspeed.
         wind_mps: of the wind that drifts the vehicles.
     """
-    speed_mps, models, frame = max(speed_mps, LEAST_MPS), column_models(members), members.formation.frame
-    most_rps = TURN_SHARE * min(each.turn_rate_max_rps for each in models)
+    speed_mps, models, frame = max(speed_mps, MIN_MPS), column_models(members), members.formation.frame
+    max_rps = TURN_SHARE * min(each.turn_rate_max_rps for each in models)
     if any(each.hovers for each in models):
         accel_mps2 = min(each.accel_max_mps2 for each in models if each.hovers)
-        most_rps = min(most_rps, ACCELERATION_SHARE * accel_mps2 / speed_mps)
-    turn_rps = np.geomspace(GENTLEST, 1.0, TRIED) * most_rps
+        max_rps = min(max_rps, ACCELERATION_SHARE * accel_mps2 / speed_mps)
+    turn_rps = np.geomspace(GENTLEST, 1.0, TRIED) * max_rps
     kept = np.ones(TRIED, dtype=np.bool_)
     for step in steps:
         for side in (1.0, -1.0):
@@ -64,8 +64,8 @@ def turn_limits(members: Members, steps: Sequence[SlotStep], speed_mps: float, w
 
 def turns_well(members: Members, steps: Sequence[SlotStep], speed_mps: float, wind_mps: float) -> bool:
     """Return whether slots leave the formation turns that are at most `WIDEST` times as wide as the vehicles' own."""
-    most_rps = TURN_SHARE * min(each.turn_rate_max_rps for each in column_models(members))
-    own_1pm = most_rps / (max(speed_mps, LEAST_MPS) + wind_mps)
+    max_rps = TURN_SHARE * min(each.turn_rate_max_rps for each in column_models(members))
+    own_1pm = max_rps / (max(speed_mps, MIN_MPS) + wind_mps)
     return WIDEST * turn_limits(members, steps, speed_mps, wind_mps).curvature_1pm >= own_1pm
 
 
@@ -118,7 +118,7 @@ def climb_limits(members: Members, speed_mps: float, wind_mps: float) -> Climbs:
 
     The climb rate may change by its limit within twice the sum of the height's time constants in (7).
     """
-    models, speed_mps = [vehicle.model for vehicle in members.vehicles], max(speed_mps, LEAST_MPS)
+    models, speed_mps = [vehicle.model for vehicle in members.vehicles], max(speed_mps, MIN_MPS)
     climb_mps = min(model.climb_max_mps for model in models)
     lag_s = max(model.tau_ha_s + model.tau_hb_s for model in models)
     return Climbs(climb_mps / speed_mps, climb_mps / (2.0 * lag_s) / (speed_mps + wind_mps) ** 2)

@@ -22,7 +22,7 @@ from formation_scenario.slot_assignment import arrangements, shape_slots
 from formation_scenario.source import Finding, KeyPath, show
 from formation_scenario.vehicles import Vehicle, VehicleModel, family_of, reads_equivalent_airspeed
 
-LEAST_FLYING_MPS = 1e-3
+MIN_FLYING_MPS = 1e-3
 
 
 def identities(scenario: Scenario) -> Iterator[Finding]:
@@ -87,10 +87,14 @@ def several_links(scenario: Scenario) -> Iterator[Finding]:
         if isinstance(place, int) and text in vehicle.endpoints[:place]:
             yield path, f"found {text} twice", "another endpoint for each link of a vehicle"
     for index, change in enumerate(scenario.links.changes):
-        most = max((len(each.endpoints) for each in scenario.selected(change.vehicles)), default=1)
-        if change.link is not None and change.link > most:
-            found = f"found {change.link}, where its vehicles have {most} link{'s' * (most > 1)} at most"
-            yield ("links", "changes", index, "link"), found, f"1 to {most}, the place in the vehicle's list `endpoint`"
+        maximum = max((len(each.endpoints) for each in scenario.selected(change.vehicles)), default=1)
+        if change.link is not None and change.link > maximum:
+            found = f"found {change.link}, where its vehicles have {maximum} link{'s' * (maximum > 1)} at most"
+            yield (
+                ("links", "changes", index, "link"),
+                found,
+                f"1 to {maximum}, the place in the vehicle's list `endpoint`",
+            )
 
 
 def signing(scenario: Scenario) -> Iterator[Finding]:
@@ -132,13 +136,13 @@ def climbing(scenario: Scenario) -> Iterator[Finding]:
         for name, model in (("model", vehicle.model), ("true_model", vehicle.true_model)):
             if model is None or model.airframe is None or model in refused:
                 continue
-            most_mps = steepest_climb_mps(model.airframe.parameters())
+            max_mps = steepest_climb_mps(model.airframe.parameters())
             for keys, climb_mps in (((), model.climb_max_mps), (("airframe",), model.airframe.climb_max_mps)):
-                if climb_mps > most_mps:
+                if climb_mps > max_mps:
                     refused.add(model)
                     path: KeyPath = ("vehicles", index, name, *keys, "climb_max_mps")
                     why = "what the airframe's thrust leaves at its cruising airspeed"
-                    yield path, f"found {climb_mps:g}", f"up to {max(most_mps, 0.0):.3g} m/s, {why}"
+                    yield path, f"found {climb_mps:g}", f"up to {max(max_mps, 0.0):.3g} m/s, {why}"
 
 
 def hovering(scenario: Scenario) -> Iterator[Finding]:
@@ -180,13 +184,13 @@ def _of_its_kind(vehicle: Vehicle, model: VehicleModel, at: KeyPath) -> Iterator
         allowed = "1; less of what hovers, and of a PX4"
         yield (*at, "prompt_share"), f"found {model.prompt_share:g} of an ArduPlane", allowed
     elif model.prompt_share < 1.0 and model.airframe is not None:
-        found = f"found {model.prompt_share:g} beside an airframe, which has lags of its own"
+        found = f"found {model.prompt_share:g} beside an airframe, which has time constants of its own"
         yield (*at, "prompt_share"), found, "1"
-    elif not model.hovers and model.speed_min_mps < LEAST_FLYING_MPS:
+    elif not model.hovers and model.speed_min_mps < MIN_FLYING_MPS:
         found = f"found {model.speed_min_mps:g} of a vehicle that doesn't hover"
-        yield (*at, "speed_min_mps"), found, f"{LEAST_FLYING_MPS:g} m/s or more"
+        yield (*at, "speed_min_mps"), found, f"{MIN_FLYING_MPS:g} m/s or more"
     elif model.hovers and model.speed_min_mps > 0.0:
-        yield (*at, "speed_min_mps"), f"found {model.speed_min_mps:g} of a vehicle that hovers", "0: it can stand"
+        yield (*at, "speed_min_mps"), f"found {model.speed_min_mps:g} of a vehicle that hovers", "0: it can hover"
     elif model.airframe and model.airframe.airspeed_scale != 1.0 and not reads_equivalent_airspeed(vehicle):
         found = f"found {model.airframe.airspeed_scale:g} of a vehicle whose model has no airframe: no sensor is read"
         yield (*at, "airframe", "airspeed_scale"), found, "1, or an airframe in its model too"
@@ -264,15 +268,15 @@ def consensus(scenario: Scenario) -> Iterator[Finding]:
         found = f"found {len(graph)} rows of {', '.join(str(len(row)) for row in graph)}"
         yield path, found, f"{count} rows of {count} weights, one for each vehicle"
     elif any(graph[index][index] for index in range(count)):
-        yield path, "found a weight on the diagonal", "0 there: no vehicle hears itself"
-    elif not all_hear_one(np.array(graph)):
-        allowed = "a vehicle that all hear, directly or through others (a spanning tree)"
-        yield path, "found nobody whom all hear", allowed
+        yield path, "found a weight on the diagonal", "0 there: no vehicle receives from itself"
+    elif not all_receive_one(np.array(graph)):
+        allowed = "a vehicle from which all receive, directly or through others (a spanning tree)"
+        yield path, "found none from which all receive", allowed
 
 
-def all_hear_one(weights: Array) -> bool:
+def all_receive_one(weights: Array) -> bool:
     """Return whether all hear one vehicle, directly or through others, by weights [p, q] > 0: p hears q."""
-    hears: Array = np.sign(weights + np.eye(len(weights)))
+    receives: Array = np.sign(weights + np.eye(len(weights)))
     for _ in range(len(weights).bit_length()):
-        hears = np.sign(hears @ hears)  # each squaring doubles the number of vehicles in between
-    return bool(hears.all(axis=0).any())
+        receives = np.sign(receives @ receives)  # each squaring doubles the number of vehicles in between
+    return bool(receives.all(axis=0).any())

@@ -39,7 +39,7 @@ from formation_scenario.landing import StoredLanding
 from formation_scenario.navigation import Navigation, TrueNavigation
 from formation_scenario.signing import Signing
 
-Lag = Annotated[Positive, Field(ge=0.04, le=100.0)]
+ResponseTime = Annotated[Positive, Field(ge=0.04, le=100.0)]
 DeadTime = Annotated[NonNegative, Field(le=2.0)]
 Angle = Annotated[Number, Field(ge=-85.0, le=85.0)]
 LeastSpeed = Annotated[Number, Field(ge=0.0, le=1e3)]
@@ -73,9 +73,9 @@ class EnergyAirframe(Keys):
     induced_drag_mps2: NonNegative = key(0.065, "the same by lift's own drag in level flight, m/s²", 0.5)
     lift_mps2_per_rad: Positive = key(460.0, "acceleration by lift at 22 m/s for a radian of incidence, m/s²", 300)
     throttle_slew_per_s: Positive = key(1.0, "fastest change of throttle (THR_SLEWRATE), 1/s", 0.5)
-    bank_lag_s: Lag = key(0.5, "time constant of bank (RLL2SRV_TCONST), s", 0.4)
-    pitch_lag_s: Lag = key(0.5, "time constant of pitch (PTCH2SRV_TCONST), s", 0.4)
-    rate_lag_s: Lag = key(0.1, "time constant of roll and pitch rates, s", 0.2)
+    bank_lag_s: ResponseTime = key(0.5, "time constant of bank (RLL2SRV_TCONST), s", 0.4)
+    pitch_lag_s: ResponseTime = key(0.5, "time constant of pitch (PTCH2SRV_TCONST), s", 0.4)
+    rate_lag_s: ResponseTime = key(0.1, "time constant of roll and pitch rates, s", 0.2)
     bank_max_deg: Annotated[Positive, Field(le=85.0)] = key(65.0, "largest bank (ROLL_LIMIT_DEG), degrees", 45)
     heading_gain: Positive = key(math.radians(50.0), "bank for an error of heading (GUIDED_P), rad/rad", 1.2)
     pitch_max_deg: Angle = key(15.0, "largest pitch (TECS_PITCH_MAX), degrees", 20)
@@ -87,8 +87,8 @@ class EnergyAirframe(Keys):
     climb_max_mps: Speed = key(5.0, "climb at full throttle as assumed by the autopilot (TECS_CLMB_MAX), m/s", 4)
     sink_min_mps: Speed = key(2.0, "sink without throttle as assumed by the autopilot (TECS_SINK_MIN), m/s", 1.5)
     sink_max_mps: Speed = key(5.0, "fastest sink (TECS_SINK_MAX), m/s", 4)
-    time_constant_s: Lag = key(5.0, "time constant of the energy control (TECS_TIME_CONST), s", 3)
-    height_lag_s: Lag = key(3.0, "lag of the demanded height (TECS_HDEM_TCONST), s", 2)
+    time_constant_s: ResponseTime = key(5.0, "time constant of the energy control (TECS_TIME_CONST), s", 3)
+    height_lag_s: ResponseTime = key(3.0, "time constant of the demanded height (TECS_HDEM_TCONST), s", 2)
     throttle_damping: NonNegative = key(
         0.5, "gain from errors of the energy's rate to throttle (TECS_THR_DAMP), s", 0.7
     )
@@ -102,7 +102,7 @@ class EnergyAirframe(Keys):
     bank_to_throttle: NonNegative = key(10.0, "compensation of a bank's drag by throttle (TECS_RLL2THR), m²/s³", 15)
     vertical_accel_max_mps2: Positive = key(7.0, "largest vertical acceleration (TECS_VERT_ACC), m/s²", 5)
     speed_filter_radps: Positive = key(2.0, "bandwidth of its airspeed estimate (TECS_SPD_OMEGA), rad/s", 1.5)
-    airspeed_lag_s: Lag = key(0.28, "lag of the airspeed's measurement, s", 0.1)
+    airspeed_lag_s: ResponseTime = key(0.28, "time constant of the airspeed's measurement, s", 0.1)
     airspeed_rate_hz: Annotated[Positive, Field(ge=1.0, le=50.0)] = key(
         10.0, "new airspeeds a second in telemetry, Hz", 20
     )
@@ -116,7 +116,7 @@ class EnergyAirframe(Keys):
     dead_time_s: DeadTime = key(0.1, "time from a setpoint's arrival until it acts, s", 0.2)
     spread: Annotated[NonNegative, Field(le=0.3)] = key(
         0.02,
-        "standard deviation of differences between aircraft (thrust, drag, lift, lags), "
+        "standard deviation of differences between aircraft (thrust, drag, lift, time constants), "
         "as a share; drawn by the scenario's seed",
         0.05,
     )
@@ -135,7 +135,7 @@ ModelParameters: TypeAlias = Annotated[
 
 
 class VehicleModel(Keys):
-    """Autopilot lags (equation 7) and the limits of flight; defaults: a fixed wing that cruises at 22 m/s."""
+    """Autopilot time constants (equation 7) and the limits of flight; defaults: a fixed wing that cruises at 22 m/s."""
 
     tau_v_s: TimeConstant = key(4.0, "time constant of airspeed, s", 5)
     tau_psi_s: TimeConstant = key(1.5, "time constant of heading, s", 3.4)
@@ -155,16 +155,16 @@ class VehicleModel(Keys):
     hovers: Flag = key(
         False,
         "whether it is a multirotor: it flies the commanded velocity over ground, down to 0, in any "
-        "direction; tau_v_s is its lag in each, and airspeeds above are ground speeds",
+        "direction; tau_v_s is its time constant in each, and airspeeds above are ground speeds",
         True,
     )
     prompt_share: Annotated[Positive, Field(ge=0.2, le=1.0)] = key(
         1.0,
-        "vehicles that hover, and PX4s: share of a change of commanded speed that is flown with the lag tau_v_s; "
-        "the rest follows as the integrator compensates drag",
+        "vehicles that hover, and PX4s: share of a change of commanded speed that is flown with the time constant "
+        "tau_v_s; the rest follows as the integrator compensates drag",
         0.7,
     )
-    rest_s: Lag = key(5.0, "time constant of that rest, s", 9)
+    rest_s: ResponseTime = key(5.0, "time constant of that rest, s", 9)
     firmware: Literal["ardupilot", "px4"] = key("ardupilot", "emulators: the autopilot that is emulated", "px4")
     airframe: Later[EnergyAirframe] | None = key(
         None,
@@ -179,7 +179,7 @@ class VehicleModel(Keys):
     )
 
     def autopilot(self) -> AutopilotModel:
-        """Return equation (7) with these lags and limits, as a new object: its lags may be learnt in flight."""
+        """Return equation (7) with these keys, as a new object: its time constants may be estimated in flight."""
         limits = self.speed_min_mps, self.speed_max_mps, self.accel_max_mps2, self.turn_rate_max_rps, self.climb_max_mps
         return AutopilotModel(self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s, *limits)
 
@@ -250,18 +250,19 @@ class VehicleCommon(Keys):
     parameters: OwnKeys = key(None, f"beside autopilot: {OF_AN_EXTENSION}", {})
     model: Model = key(
         VehicleModel(),
-        "its autopilot's lags, and its limits: keys, a vehicle file, or a shipped one by its name",
+        "its autopilot's time constants, and its limits: keys, a vehicle file, or a shipped one by its name",
         derived="the keys' own; with any `autopilot` but `emulator`, the shipped file of that name",
     )
     true_model: Model | None = key(
         None,
-        "emulators only: its lags and limits in truth, where they differ from `model`, which the station believes",
+        "emulators only: its time constants and limits in truth, where they differ from `model`, "
+        "by which the station goes",
         derived="the keys of `model`",
     )
     navigation: Navigation = key(TrueNavigation(), "how well its telemetry knows its state")
     true_navigation: Navigation | None = key(
         None,
-        "emulators only: its true errors of telemetry, where they differ from `navigation`, which the station believes",
+        "emulators only: its true errors of telemetry, where they differ from `navigation`, by which the station goes",
         derived="as `navigation`",
     )
     clock: VehicleClock = VehicleClock()

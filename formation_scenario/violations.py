@@ -35,7 +35,7 @@ Kind: TypeAlias = Literal[
     "change",
 ]
 """What limits: the kinds of violations that `check` tells apart."""
-MOST_PLACES = 10
+MAX_PLACES = 10
 """Largest number of places of one kind that are reported individually."""
 Move: TypeAlias = tuple[float, float, float]
 """Of a waypoint: north, east and up, m."""
@@ -67,7 +67,7 @@ class Violation(NamedTuple):
 def reported(
     violations: Iterable[Violation], would_do: Callable[[Violation], str] = lambda _: ""
 ) -> Iterator[tuple[KeyPath, str, str, str]]:
-    """Yield what is said of violations: of each kind up to `MOST_PLACES` places, and how many more there are.
+    """Yield what is said of violations: of each kind up to `MAX_PLACES` places, and how many more there are.
 
     The key, what was found, what is allowed, and what would do.
     """
@@ -75,6 +75,6 @@ def reported(
     for violation in violations:
         kinds.setdefault(violation.kind, []).append(violation)
     for kind, each in kinds.items():
-        yield from ((*violation.finding, would_do(violation)) for violation in each[:MOST_PLACES])
-        if len(each) > MOST_PLACES:
-            yield each[0].key[:2], f"found {len(each) - MOST_PLACES} more places like these ({kind})", "", ""
+        yield from ((*violation.finding, would_do(violation)) for violation in each[:MAX_PLACES])
+        if len(each) > MAX_PLACES:
+            yield each[0].key[:2], f"found {len(each) - MAX_PLACES} more places like these ({kind})", "", ""

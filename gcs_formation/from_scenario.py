@@ -67,8 +67,8 @@ def as_known(scenario: Scenario) -> Scenario:
     """Return a scenario without what a station of real vehicles can't know, so that none of its parts uses that.
 
     It knows neither the air, nor what will happen to vehicles and links, nor how they differ in truth from what their
-    models and navigation say; the wind, delays, noise, lags and clocks are measured. Gains by design are for the delay
-    that the scenario's links have, as one that it states (`law.design_delay_ms`).
+    models and navigation say; the wind, delays, noise, time constants and clocks are measured. Gains by design are for
+    the delay that the scenario's links have, as one that it states (`law.design_delay_ms`).
     """
     law = scenario.law
     if law.gains == AUTO:
@@ -85,7 +85,7 @@ def projection(scenario: Scenario, history: SetpointHistory, models: list[Autopi
     """Return the projection from measured states to those that the law acts on."""
     if scenario.law.delay_compensation:
         return _predictor(scenario, history, models)
-    return Pairing(scenario.law.rate_hz).take if law_kind(scenario).mutual else lambda measured: measured
+    return Pairing(scenario.law.rate_hz).align if law_kind(scenario).mutual else lambda measured: measured
 
 
 def _predictor(scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> Projection:
@@ -93,8 +93,8 @@ def _predictor(scenario: Scenario, history: SetpointHistory, models: list[Autopi
     chosen = scenario.law.predictor
     entry = None if chosen is None else scenario.registered.get(chosen.type, PREDICTOR)
     if chosen is None or entry is None:
-        return Prediction(history, models, scenario.telemetry.rate_hz).take
-    return OwnPrediction(entry, chosen.parameters or {}, scenario, history, models).take
+        return Prediction(history, models, scenario.telemetry.rate_hz).predict
+    return OwnPrediction(entry, chosen.parameters or {}, scenario, history, models).predict
 
 
 def declared_noise(scenario: Scenario) -> list[VehicleNoise]:
@@ -104,7 +104,7 @@ def declared_noise(scenario: Scenario) -> list[VehicleNoise]:
     Correlated errors (`correlation_s`) aren't reduced by averaging over the time for which model (7) can be trusted in
     gusts. They count in full: a filter that trusted the model for longer would lose the vehicle.
     """
-    sigma, least = np.tile(RESOLUTION, (2, 1 + len(scenario.followers), 1))
+    sigma, minimum = np.tile(RESOLUTION, (2, 1 + len(scenario.followers), 1))
     first = 0 if scenario.leader else 1
     vehicles = [vehicle for vehicle in (scenario.leader, *scenario.followers) if vehicle is not None]
     for column, vehicle in enumerate(vehicles, first):
@@ -112,11 +112,11 @@ def declared_noise(scenario: Scenario) -> list[VehicleNoise]:
             white, repeated = _noise(vehicle.navigation), _repeated(vehicle.navigation, scenario.telemetry.rate_hz)
             seen = repeated == 1.0 and vehicle.navigation.correlation_s == 0.0
             sigma[column] = np.maximum(repeated * white, RESOLUTION)
-            least[column] = np.maximum(sigma[column] * (MIN_OF_DECLARED if seen else 1.0), RESOLUTION)
+            minimum[column] = np.maximum(sigma[column] * (MIN_OF_DECLARED if seen else 1.0), RESOLUTION)
         elif vehicle.autopilot != "emulator":
             sigma[column] = UNDECLARED
     stated = [False] * first + [isinstance(vehicle.navigation, NoisyNavigation) for vehicle in vehicles]
-    each = zip(sigma.tolist(), least.tolist(), stated, strict=True)
+    each = zip(sigma.tolist(), minimum.tolist(), stated, strict=True)
     return [VehicleNoise(tuple(declared), tuple(lowest), stated=says) for declared, lowest, says in each]
 
 
@@ -155,7 +155,7 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
         settle_s=settle_s(scenario),
         hovers=scenario.hovers,
-        fence=_lap_fence(scenario),
+        fence=_pattern_fence(scenario),
         dt_s=1.0 / scenario.law.rate_hz,
     )
 
@@ -202,8 +202,8 @@ def settle_s(scenario: Scenario) -> float:
     return 2.0 * SETTLE_S if own_frame and by_energy else SETTLE_S
 
 
-def _lap_fence(scenario: Scenario) -> LapFence | None:
-    """Return the fence within which the formation's laps before the path must stay, None without one."""
+def _pattern_fence(scenario: Scenario) -> LapFence | None:
+    """Return the fence within which the formation's holding patterns before the path must stay, None without one."""
     sides = None if scenario.fence is None else scenario.fence.sides
     if sides is None:
         return None
@@ -228,7 +228,7 @@ def hold_turn_rps(scenario: Scenario) -> float:
         needs = slot_needs(LeaderFlight(speed, way * turn_rps, still, still, still), slots, scenario.formation.frame)
         fast = needs.speed_mps - speed > share * (high - speed)
         slow = speed - needs.speed_mps > share * (speed - low)
-        kept &= ~(fast | slow | (np.abs(needs.aside_rad) > SWING_RAD)).any(axis=1)
+        kept &= ~(fast | slow | (np.abs(needs.relative_heading_rad) > SWING_RAD)).any(axis=1)
     return float(turn_rps[max(int(np.argmin(np.append(kept, False))) - 1, 0)])
 
 

@@ -24,7 +24,7 @@ from gcs_formation.report.page import PLATES
 from gcs_formation.report.style import FOLLOWERS, GREY, INK, evenly, new_figure, print_style
 
 HEIGHT_CM = 9.0
-MOST_POINTS = 1000
+MAX_POINTS = 1000
 """Of each vehicle's line: what more there is can't be seen."""
 SCREEN_DPI = 110
 
@@ -126,14 +126,14 @@ class FlightFigure:
         """Yield a flight's ticks, and show the figure every `every_s` of it, and when it is over."""
         show, due_s = self._show or _in_place(), -math.inf
         for tick in ticks:
-            self.take(tick)
+            self.append(tick)
             if tick.time_s >= due_s:
                 due_s = tick.time_s + every_s
                 show(self)
             yield tick
         show(self)
 
-    def take(self, tick: Tick) -> None:
+    def append(self, tick: Tick) -> None:
         """Add a tick."""
         self._head = f"{tick.time_s:.0f} s, {tick.phase}"
         for ref, vehicle in tick.vehicles.items():
@@ -168,9 +168,9 @@ class FlightFigure:
 
 
 def _thinned(points: list[tuple[float, float]]) -> Array:
-    """Return points (n, 2), at most `MOST_POINTS` of them."""
+    """Return points (n, 2), at most `MAX_POINTS` of them."""
     every = np.array(points, dtype=np.float64).reshape(-1, 2)
-    return every[evenly(len(every), MOST_POINTS)]
+    return every[evenly(len(every), MAX_POINTS)]
 
 
 def _in_place() -> Show:

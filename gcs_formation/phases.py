@@ -31,8 +31,8 @@ class Cause(Enum):
     """Causes of a transition."""
 
     REHEARSED = "everything but commands has been done"
-    CALLED_OFF = "ended before anybody was commanded"
-    NOT_BEGUN = "the run can't go on, and nobody was commanded"
+    CALLED_OFF = "ended before any vehicle was commanded"
+    NOT_BEGUN = "the run can't go on, and no vehicle was commanded"
     LEADER_READY = "the leader follows setpoints"
     PATH_BEGUN = "the leader has passed the start of its path"
     PATH_ENDED = "the path or the time is at its end"
@@ -49,7 +49,7 @@ class Cause(Enum):
     NOT_ALL_LANDED = (
         "not every vehicle has landed, or has acknowledged what it was commanded, and the time for that is over"
     )
-    GIVEN_UP = "the run can't go on, and vehicles were told to loiter"
+    GIVEN_UP = "the run can't go on, and vehicles were commanded to loiter"
 
 
 TRANSITIONS: dict[tuple[Phase, Cause], Phase] = {
@@ -93,7 +93,7 @@ NOT_ALL_ENDED: Final[dict[End, Cause]] = {
 """Cause of a run's end by the way it was to end: all vehicles do so, or the time for that is over."""
 BEFORE_COMMANDS: Final = {Cause.STOP: Cause.CALLED_OFF, Cause.ORDERED: Cause.CALLED_OFF, Cause.FAILURE: Cause.NOT_BEGUN}
 """Replacement of a cause before vehicles may be commanded: they are left as found."""
-NOBODY_COMMANDED: Final = (Cause.REHEARSED, *BEFORE_COMMANDS.values())
+NONE_COMMANDED: Final = (Cause.REHEARSED, *BEFORE_COMMANDS.values())
 """Causes of an end before any vehicle was commanded."""
 COMMANDED: Final = (Phase.ASSEMBLING, Phase.FLYING, Phase.ENDING)
 """Phases in which the law and the separation rule command the formation."""
@@ -151,7 +151,7 @@ class Assembly:
         self._tolerance_m, self._dt_s = scenario.start.tolerance_m, 1.0 / scenario.law.rate_hz
         self._identities = column_ids(scenario)
         self._in_slots_s = 0.0
-        self._laps = 0
+        self._patterns = 0
         self._below_m = 0.0
         """How far the leader was below its path."""
         self._missed: int | None = None
@@ -168,16 +168,16 @@ class Assembly:
         """Forget what was seen: there is no leader to follow."""
         self._in_slots_s = 0.0
 
-    def judge(self, tick: Tick, guidance: LeaderGuidance, *, slots_rest: bool) -> None:
-        """Judge a tick, and report a lap that its leader has just begun; `slots_rest`: the slots keep their places."""
-        if guidance.rounds > self._laps:
-            self._laps = guidance.rounds
-            self._report_lap(tick)
-        most_m = self._tolerance_m * (HYSTERESIS if guidance.on_path and self.complete else 1.0)
-        within = self._at_height(most_m, tick, guidance) and slots_rest and self._all_within(most_m, tick)
+    def assess(self, tick: Tick, guidance: LeaderGuidance, *, slots_rest: bool) -> None:
+        """Judge a tick, and report a holding pattern that has just begun; `slots_rest`: slots keep their places."""
+        if guidance.rounds > self._patterns:
+            self._patterns = guidance.rounds
+            self._report_pattern(tick)
+        max_m = self._tolerance_m * (HYSTERESIS if guidance.on_path and self.complete else 1.0)
+        within = self._at_height(max_m, tick, guidance) and slots_rest and self._all_within(max_m, tick)
         self._in_slots_s = self._in_slots_s + self._dt_s if within else 0.0
 
-    def _report_lap(self, tick: Tick) -> None:
+    def _report_pattern(self, tick: Tick) -> None:
         vehicle, ago_s = None, seconds_between(self._missed_at, tick.now)
         why = f"its followers have not kept their slots for {ASSEMBLED_S:g} s yet"
         if self._below_m > self._tolerance_m:
@@ -187,19 +187,19 @@ class Assembly:
             off = "was no member" if math.isnan(self._missed_m) else f"was {self._missed_m:.1f} m from its slot"
             why = f"vehicle {vehicle} {off} {ago_s:.1f} s ago; allowed: {self._tolerance_m:g} m (start.tolerance_m)"
         text = f"the leader flies a holding pattern: {why}"
-        tick.events.append(Event(tick.now, "lap", text, vehicle, {"laps": self._laps}))
+        tick.events.append(Event(tick.now, "lap", text, vehicle, {"laps": self._patterns}))
 
-    def _at_height(self, most_m: float, tick: Tick, guidance: LeaderGuidance) -> bool:
+    def _at_height(self, max_m: float, tick: Tick, guidance: LeaderGuidance) -> bool:
         """Return whether the leader isn't below its path still, as after a take-off that led it there too soon."""
         leader, route = tick.virtual_leader or tick.state[tick.leader], guidance.route
         height_m = leader.height_m if route is None else route.at(guidance.distance_m).height_m
         self._below_m = height_m - leader.height_m
-        return self._below_m < most_m
+        return self._below_m < max_m
 
-    def _all_within(self, most_m: float, tick: Tick) -> bool:
+    def _all_within(self, max_m: float, tick: Tick) -> bool:
         for column in range(len(self._identities)):
             x_m, y_m, z_m = tick.error_of(column)
-            if column != tick.leader and not (abs(x_m) < most_m and abs(y_m) < most_m and abs(z_m) < most_m):
+            if column != tick.leader and not (abs(x_m) < max_m and abs(y_m) < max_m and abs(z_m) < max_m):
                 self._missed, self._missed_m, self._missed_at = column, max(abs(x_m), abs(y_m), abs(z_m)), tick.now
                 return False
         return True

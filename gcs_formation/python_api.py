@@ -88,8 +88,8 @@ class Summary(RecordedSummary):
         parts.append(f"{found['duration_s']:.1f} s")
         for follower, each in found["followers"].items():
             rms = [each[f"error_{axis}_m"]["rms"] for axis in "xyz"]
-            told = " / ".join("-" if value is None else f"{value:.2f}" for value in rms)
-            parts.append(f"{follower}: {told} m RMS")
+            figures = " / ".join("-" if value is None else f"{value:.2f}" for value in rms)
+            parts.append(f"{follower}: {figures} m RMS")
         return f"Summary({', '.join(parts)})"
 
 
@@ -133,13 +133,13 @@ def run(  # noqa: PLR0913 - options by name, as the command's
     given = {"clock": clock, "speedup": speedup, "until_s": until, "overwrite": overwrite}
     loaded, options = flown_by(scenario, dict(overrides or {}) | keys, out, given, plugins)
     with Interrupts() as interrupts:
-        summary = run_scenario(loaded, options, Progress() if progress is None else _Told(progress), interrupts)
+        summary = run_scenario(loaded, options, Progress() if progress is None else _Callback(progress), interrupts)
     if interrupts.count:
         raise KeyboardInterrupt
     return summary_of(summary, options.out)
 
 
-class _Told(Progress):
+class _Callback(Progress):
     """Passes the progress on to a function."""
 
     def __init__(self, tell: Callable[[float, float], None]) -> None:

@@ -14,7 +14,7 @@ from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import FlightState
 from flight_model.slot import UNKNOWN, Triple
 from gcs_formation.control.setpoint import AS_DECIDED, Replaced
-from gcs_formation.control.situation import Decided
+from gcs_formation.control.situation import LawOutput
 from gcs_formation.vehicle.vehicle import Vehicle
 
 Detail = str | int | float | bool | None
@@ -58,7 +58,7 @@ class VehicleLink:
         self.heard: int = now
         """Until when it is known to have heard commands."""
         self.disobeying = False
-        """Whether it seems not to fly as commanded although it hears."""
+        """Whether it seems not to fly as commanded although it receives."""
         self.stands_after_s, self.returns_after_s = math.inf, 0.0
         """Time from the last setpoint heard until it hovers, infinite if it flies on; and time from that setpoint until
         its failsafe has sent it home, 0 without such a failsafe."""
@@ -133,7 +133,7 @@ class Tick:
         """Forward, right and up; NaN for the leader."""
         self.slots_left = False
         """Whether heights of the end are flown, so that there are no slots."""
-        self.decided: list[Decided | None] = [None] * count
+        self.decided: list[LawOutput | None] = [None] * count
         """Decision, mixed errors and gains of the law; None for the leader and columns not commanded."""
         self.events: list[Event] = []
         """Events on beginning and end of replacements."""

@@ -74,7 +74,7 @@ class Station(Engine):
         """Names of the features that it flies with."""
         self.gate.checks += [each.before_take_off for each in loaded.values() if each.before_take_off]
         take_endings(self.cycle)
-        core = core_stages(parts, until_s, self._watch_strangers, self._note_link)
+        core = core_stages(parts, until_s, self._watch_strangers, self._log_link)
         brought = [stage for each in loaded.values() for stage in each.stages(self.cycle)]
         self.cycle.order(ordered(core, brought))
         if resumed is not None:
@@ -124,7 +124,7 @@ class Station(Engine):
         return self._senders.peers(self._next_tick)
 
     def left_unread(self, octets: int) -> None:
-        """Count what strangers sent and nobody read."""
+        """Count what strangers sent and no one read."""
         self._flood.unread_bytes += octets
 
     def receive(self, datagrams: list[Datagram], now: Instant) -> None:
@@ -166,9 +166,9 @@ class Station(Engine):
         self.cycle.run(now, second=self._heartbeats.heartbeat_due(now))
 
     def _watch_strangers(self, now: Instant) -> None:
-        self.signatures.watch(now)
+        self.signatures.report(now)
         self._out += self._greetings(now)
-        self._flood.watch(now, self.received(), self.refused())
+        self._flood.compare(now, self.received(), self.refused())
 
     def _was_away(self, now: Instant) -> bool:
         late = now - AWAY_NS
@@ -219,10 +219,10 @@ class Station(Engine):
         """Record an event of a vehicle or the run: the `Note` of all parts of the station."""
         self._recorder.event(Event(now, kind, text, vehicle.identity if vehicle else None, details or {}))
 
-    def _note_link(self, vehicle: Vehicle, now: Instant) -> None:
+    def _log_link(self, vehicle: Vehicle, now: Instant) -> None:
         link = vehicle.connection
         if vehicle.links is not None:
-            self._several_links.note_state(vehicle, link, now)
+            self._several_links.log_state(vehicle, link, now)
             return
         self._note(now, "link", link.state.value, vehicle, {"peer": str(link.peer)})
 
@@ -239,25 +239,25 @@ class Station(Engine):
         message = frame.message
         if isinstance(message, (Heartbeat, Statustext, Timesync)):
             self._take_word(vehicle, frame, now, timed)
-        elif vehicle.take(frame, now, timed=timed):
-            self._note_link(vehicle, now)
+        elif vehicle.receive(frame, now, timed=timed):
+            self._log_link(vehicle, now)
         if isinstance(message, ParamValue):
-            self.gate.take(vehicle, message, now)
-            self.cycle.beginning.take(vehicle, message, now)
+            self.gate.receive_parameter(vehicle, message, now)
+            self.cycle.beginning.receive_parameter(vehicle, message, now)
         elif isinstance(message, (MissionCount, MissionItemInt)):
             self.gate.take_item(vehicle, message, now)
 
     def _take_other(self, frame: Frame, datagram: Datagram, now: Instant) -> None:
         """Take a frame that is no vehicle's."""
-        if not self.radio_reports.take(frame, datagram, now):
+        if not self.radio_reports.receive(frame, datagram, now):
             self.frames_refused += 1
 
     def _take_word(self, vehicle: Vehicle, frame: Frame, now: Instant, timed: bool) -> None:
         """Take a frame that may show another mode, a text or a restart, and record the change."""
         seen = vehicle.telemetry
         mode, texts = seen.custom_mode, seen.texts_reported
-        if vehicle.take(frame, now, timed=timed):
-            self._note_link(vehicle, now)
+        if vehicle.receive(frame, now, timed=timed):
+            self._log_link(vehicle, now)
         if seen.custom_mode != mode:
             self._note(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
         if seen.texts_reported != texts:

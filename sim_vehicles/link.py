@@ -148,7 +148,7 @@ class Link:
         asked = frame.message
         if not isinstance(asked, Timesync) or asked.tc1_ns:
             return None
-        if self.signed is not None and self.signed.authentication.judge(frame.raw, now) is not Verdict.AUTHENTIC:
+        if self.signed is not None and self.signed.authentication.verify(frame.raw, now) is not Verdict.AUTHENTIC:
             return None  # read, and counted, in the next cycle
         self._now = now
         peer.heard = now

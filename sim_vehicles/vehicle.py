@@ -60,8 +60,8 @@ class Vehicle(Autopilot):
         if self._tells_time_at_once and not (self._frozen or self.pilot.crashed):
             asked = self.link.time_asked(datagram, now)
             if asked is not None:
-                told_ns = self.clock.nanoseconds(now) // 1000 * 1000
-                answer = Timesync(told_ns, asked.ts1_ns, asked.target_system, asked.target_component)
+                commanded_ns = self.clock.nanoseconds(now) // 1000 * 1000
+                answer = Timesync(commanded_ns, asked.ts1_ns, asked.target_system, asked.target_component)
                 self.link.answer(datagram.peer, answer)
                 return
         self.link.receive(datagram, now)
@@ -80,7 +80,7 @@ class Vehicle(Autopilot):
             self._come_up(self.ground_mode)
         if self.link.next_arrival <= now:
             for sender, frame in self.link.frames(now):
-                self._messages.take(sender, frame)
+                self._messages.handle(sender, frame)
         if self.reboots:
             self.restart()
         if self.pilot.under_way and self.pilot.progress(self.body.motion):

@@ -137,7 +137,7 @@ class Console:
     def __init__(self, relay: Relay) -> None:
         self._relay, self._begun = relay, b""
 
-    def take(self, data: bytes) -> None:
+    def feed(self, data: bytes) -> None:
         """Apply the lines that `data` completes; empty `data` is the end of input and completes the last one."""
         *lines, begun = (self._begun + (data or b"\n")).split(b"\n")
         self._begun = begun[-LONGEST_LINE:]
@@ -276,7 +276,7 @@ def main(
         with Proxy(listen, to, relay) as proxy, _recording(relay, recorded):
             click.echo(f"{listen} -> {to}\n{settings(relay)}", err=True)
             if sys.stdin is not None:  # None where it was closed from the start
-                proxy.watch(sys.stdin.fileno(), Console(relay).take)
+                proxy.watch(sys.stdin.fileno(), Console(relay).feed)
             proxy.run(lambda: False)
     except EndpointError as error:
         raise click.UsageError(f"--to: {error}") from error

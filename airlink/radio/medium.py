@@ -133,7 +133,7 @@ class Lane(Generic[T]):
             self._index[sender] = index
         return self.ends[index]
 
-    def forget(self, sender: Hashable) -> None:
+    def remove(self, sender: Hashable) -> None:
         """Drop what waits at a sender's end, whose place a later sender may take."""
         index = self._index.pop(sender, None)
         if index is not None:
@@ -204,9 +204,9 @@ class Medium(Generic[T]):
         """Take a datagram at `now`, after `departed` of `now`; return False if the buffer is full: it is dropped."""
         return self.lanes[direction].offer(self.end(direction, vehicle), size_bytes, item, now)
 
-    def forget(self, vehicle: Hashable) -> None:
+    def remove(self, vehicle: Hashable) -> None:
         """Forget a vehicle's end; what waits there is dropped."""
-        self.lanes[Direction.DOWNLINK].forget(vehicle)
+        self.lanes[Direction.DOWNLINK].remove(vehicle)
 
     def departed(self, now: Instant) -> list[Departure[T]]:
         """Remove and return what has been sent by now, in the order of time."""

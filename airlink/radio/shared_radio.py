@@ -105,9 +105,9 @@ class SharedRadio(Generic[T]):
         key = vehicle, direction
         self._errors[key] = self._errors.get(key, 0) + 1
 
-    def forget(self, vehicle: Vehicle) -> None:
+    def remove(self, vehicle: Vehicle) -> None:
         """Forget a vehicle, whose buffered datagrams are dropped."""
-        self.medium.forget(vehicle)
+        self.medium.remove(vehicle)
         self._writers.pop(vehicle, None)
         for direction in Direction:
             self._air.pop((vehicle, direction), None)

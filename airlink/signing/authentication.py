@@ -70,7 +70,7 @@ class Authentication:
         self.timestamp = min(max(self.timestamp + 1, self._clock(now)), MAX_TIMESTAMP)
         return signed(raw, self._key, link_id, self.timestamp)
 
-    def judge(self, raw: bytes, now: Instant) -> Verdict:
+    def verify(self, raw: bytes, now: Instant) -> Verdict:
         """Return the verdict on a frame with a valid checksum, and remember it if it is authentic.
 
         A frame that isn't authentic changes nothing: not even the timestamp that it claims is looked at before its

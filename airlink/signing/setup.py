@@ -117,7 +117,7 @@ class KeySetup(Engine):
         vehicle.signs = is_signed(frame.raw)
         authentic = vehicle.signs and is_authentic(frame.raw, vehicle.asked.key.octets)
         if authentic:
-            vehicle.authentication.judge(frame.raw, now)  # so that our timestamps are ahead of its
+            vehicle.authentication.verify(frame.raw, now)  # so that our timestamps are ahead of its
         if isinstance(frame.message, Heartbeat):
             vehicle.done = not vehicle.signs if self._remove else authentic
 

@@ -82,7 +82,7 @@ class SignedLink:
         return _kept(frame, lambda each: self._admits(each, peer, now))
 
     def _admits(self, frame: Frame, peer: Address, now: Instant) -> bool:
-        verdict = self.authentication.judge(frame.raw, now)
+        verdict = self.authentication.verify(frame.raw, now)
         if verdict is Verdict.AUTHENTIC:
             return True
         if verdict is Verdict.UNSIGNED and frame.message_id in OF_RADIOS and frame.component != AUTOPILOT:

@@ -49,7 +49,7 @@ class Multicast(Transport):
         """Let the selector wait for datagrams."""
         selector.register(self._hearing, selectors.EVENT_READ, index)
 
-    def take(self, index: int, max_datagrams: int) -> list[Datagram]:
+    def drain(self, index: int, max_datagrams: int) -> list[Datagram]:
         """Return what others have sent: of one peer, the group, to which every answer goes."""
         found = list[Datagram]()
         for _ in range(max_datagrams):

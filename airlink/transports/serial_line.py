@@ -54,7 +54,7 @@ class SerialLine(Transport):
         if self._line is not None:
             selector.register(self._line.fileno(), selectors.EVENT_READ, index)
 
-    def take(self, index: int, max_datagrams: int) -> list[Datagram]:  # noqa: ARG002 - a stream has no datagrams to count
+    def drain(self, index: int, max_datagrams: int) -> list[Datagram]:  # noqa: ARG002 - a stream has no datagrams to count
         """Return the bytes that have arrived."""
         if self._line is None:
             return []

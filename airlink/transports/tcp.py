@@ -32,7 +32,7 @@ class Stream:
         self.socket, self.peer, self.lost = connected, peer, False
         self._backlog = Backlog(BACKLOG_BYTES)
 
-    def take(self, index: int, found: list[Datagram]) -> None:
+    def drain(self, index: int, found: list[Datagram]) -> None:
         """Append what has arrived; note the end of the connection."""
         try:
             data = self.socket.recv(READ_BYTES)
@@ -70,7 +70,7 @@ class TcpClient(Transport):
     """Connects to a listener, and again whenever the connection is lost; until then what is sent is lost."""
 
     def __init__(self, endpoint: Endpoint) -> None:
-        """Begin to connect; whether anybody listens shows later."""
+        """Begin to connect; whether a peer listens shows later."""
         self._peer = endpoint.address
         self._connecting: socket.socket | None = None
         self._stream: Stream | None = None
@@ -81,11 +81,11 @@ class TcpClient(Transport):
         """Let the selector wait for data whenever it is connected."""
         self._selector, self._index = selector, index
 
-    def take(self, index: int, max_datagrams: int) -> list[Datagram]:  # noqa: ARG002 - a stream has no datagrams to count
+    def drain(self, index: int, max_datagrams: int) -> list[Datagram]:  # noqa: ARG002 - a stream has no datagrams to count
         """Return a piece of the stream."""
         found = list[Datagram]()
         if self._stream is not None:
-            self._stream.take(index, found)
+            self._stream.drain(index, found)
         return found
 
     def send(self, data: bytes, peer: Address) -> None:  # noqa: ARG002 - there is one
@@ -170,12 +170,12 @@ class TcpListener(Transport):
         self._selector, self._index = selector, index
         selector.register(self._listening, selectors.EVENT_READ, index)
 
-    def take(self, index: int, max_datagrams: int) -> list[Datagram]:  # noqa: ARG002 - as above
+    def drain(self, index: int, max_datagrams: int) -> list[Datagram]:  # noqa: ARG002 - as above
         """Return a piece of each client's stream; take new clients."""
         self._accept()
         found = list[Datagram]()
         for each in self._clients.values():
-            each.take(index, found)
+            each.drain(index, found)
         self._drop_lost()
         return found
 

@@ -31,7 +31,7 @@ class Transport(ABC):
         """Let a selector wait for what arrives, now and after each reconnection, with `index` as the key's data."""
 
     @abstractmethod
-    def take(self, index: int, max_datagrams: int) -> list[Datagram]:
+    def drain(self, index: int, max_datagrams: int) -> list[Datagram]:
         """Return what has arrived, for an engine's socket `index`, about `max_datagrams` datagrams."""
 
     @abstractmethod

@@ -116,7 +116,7 @@ class Inbox:
             room[header : header + MMSGHDR_BYTES] = struct.pack("=8Q", *fields)
         self._headers = begin + HEADERS_AT
 
-    def take(self, opened: socket.socket, index: int = 0, max_datagrams: int = DRAIN_LIMIT) -> list[Datagram]:
+    def drain(self, opened: socket.socket, index: int = 0, max_datagrams: int = DRAIN_LIMIT) -> list[Datagram]:
         """Return arrived datagrams for an engine's socket `index`, about `max_datagrams` of them (whole batches)."""
         found: list[Datagram] = []
         if self._receive is None or opened.family != socket.AF_INET:
@@ -179,9 +179,9 @@ class UdpTransport(Transport):
         """Let the selector wait for datagrams."""
         selector.register(self._socket, selectors.EVENT_READ, index)
 
-    def take(self, index: int, max_datagrams: int) -> list[Datagram]:
+    def drain(self, index: int, max_datagrams: int) -> list[Datagram]:
         """Return arrived datagrams."""
-        return self._inbox.take(self._socket, index, max_datagrams)
+        return self._inbox.drain(self._socket, index, max_datagrams)
 
     def send(self, data: bytes, peer: Address) -> None:
         """Send a datagram; a full buffer or an unreachable peer loses it, as any network may."""

@@ -16,7 +16,7 @@ class Chase(FormationLaw):
 
         along_radps: float = Field(default=0.3, gt=0.0, le=1.0)
         across_rad_per_m: float = Field(default=0.02, gt=0.0, le=0.1)
-        aside_max_rad: float = Field(default=0.8, gt=0.0, le=1.0)
+        intercept_max_rad: float = Field(default=0.8, gt=0.0, le=1.0)
 
     def setpoints(self, followers: Sequence[FollowerSlot], dt_s: float) -> Mapping[int | str, Sequence[float]]:
         """Return speed m/s, heading rad and height m by follower."""
@@ -26,9 +26,9 @@ class Chase(FormationLaw):
         found = dict[int | str, Sequence[float]]()
         for each in followers:
             along_m, across_m, below_m = each.error_m
-            aside_rad = max(
-                -self.keys.aside_max_rad, min(self.keys.aside_max_rad, self.keys.across_rad_per_m * across_m)
+            intercept_rad = max(
+                -self.keys.intercept_max_rad, min(self.keys.intercept_max_rad, self.keys.across_rad_per_m * across_m)
             )
             speed_mps = each.leader.airspeed_mps + share * self.keys.along_radps * along_m
-            found[each.id] = speed_mps, each.leader.heading_rad + aside_rad, each.state.height_m + below_m
+            found[each.id] = speed_mps, each.leader.heading_rad + intercept_rad, each.state.height_m + below_m
         return found

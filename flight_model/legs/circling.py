@@ -116,10 +116,10 @@ def _course_rad(waypoints: Complex, chosen: Mapping[int, Circling], leg: int) ->
     ends = chosen.get(leg), chosen.get(leg + 1)
     before_m, after_m = (0.0 if each is None else each.side * each.away_m for each in ends)
     between = complex(waypoints[leg + 1] - waypoints[leg])
-    aside_m = after_m - before_m
-    if abs(aside_m) >= abs(between):
+    offset_m = after_m - before_m
+    if abs(offset_m) >= abs(between):
         return None
     needed_m = sum(each.lead_m for each in ends if each is not None)
-    if math.sqrt(abs(between) ** 2 - aside_m**2) < needed_m:
+    if math.sqrt(abs(between) ** 2 - offset_m**2) < needed_m:
         return None
-    return math.atan2(between.imag, between.real) - math.asin(aside_m / abs(between))
+    return math.atan2(between.imag, between.real) - math.asin(offset_m / abs(between))

@@ -19,12 +19,12 @@ from flight_model.legs.turn import NEGLIGIBLE_M, Stretch, TurnLimits, turn_lengt
 
 ANGLES = 120
 """Number of angles of a turn that are tried; courses of the straight between turns are tried at twice as many."""
-MOST_MINIMA = 8
+MAX_MINIMA = 8
 STEPS = 9
 CLOSED_M = 1e-7
 """Largest gap between a way's end and the straight that it leads to."""
 DIFFERENCE_RAD = 1e-6
-MOST_STEP_RAD = 0.1
+MAX_STEP_RAD = 0.1
 FULL_RAD = 1e-7
 """A turn by less than a full one by this is none: rounding may not add a circle."""
 NEAR = 2.5
@@ -133,7 +133,7 @@ class Detours:
             if np.abs(off).max() < CLOSED_M / 10.0:
                 break
             rate = (later - off) / DIFFERENCE_RAD
-            course = course - np.clip(off / np.where(rate == 0.0, 1.0, rate), -MOST_STEP_RAD, MOST_STEP_RAD)
+            course = course - np.clip(off / np.where(rate == 0.0, 1.0, rate), -MAX_STEP_RAD, MAX_STEP_RAD)
         left, begun, ended = missed(course)
         closed = (np.abs(left.imag) < CLOSED_M) & (left.real > -CLOSED_M)
         straight = np.maximum(left.real, 0.0)
@@ -156,7 +156,7 @@ class Detours:
         """Yield the ways near the local minima of the gaps (ANGLES, ANGLES) that close."""
         around = [np.roll(gap, shift, axis) for axis in (0, 1) for shift in (1, -1)]
         rows, columns = np.nonzero(np.all([gap <= each for each in around], axis=0))
-        nearest = np.argsort(gap[rows, columns])[:MOST_MINIMA]
+        nearest = np.argsort(gap[rows, columns])[:MAX_MINIMA]
         small, last = (each.ravel() for each in np.meshgrid(SMALL_RAD, SMALL_RAD))
         first = np.concatenate((grid[rows[nearest]], small))
         second = np.concatenate((grid[columns[nearest]], (small + last - side * angle_rad) % TURN))
@@ -177,8 +177,8 @@ class Detours:
             area = np.where(np.abs(area) < PARALLEL, 1.0, area)
             one = (value.real * by_second.imag - value.imag * by_second.real) / area
             other = (by_first.real * value.imag - by_first.imag * value.real) / area
-            first = np.maximum(root / 2.0 - np.clip(one, -MOST_STEP_RAD, MOST_STEP_RAD), 1e-4) ** 2
-            second = second - np.clip(other, -MOST_STEP_RAD, MOST_STEP_RAD)
+            first = np.maximum(root / 2.0 - np.clip(one, -MAX_STEP_RAD, MAX_STEP_RAD), 1e-4) ** 2
+            second = second - np.clip(other, -MAX_STEP_RAD, MAX_STEP_RAD)
         value, last = off(first, second)
         closed = (first > 0.0) & (first < TURN) & (second > 0.0) & (second < TURN) & (np.abs(value) < CLOSED_M)
         turns = np.stack((side * first, -side * second, last), axis=1)

@@ -13,7 +13,7 @@ from flight_model.legs.path import LegsPath
 from flight_model.path import FlightPath
 
 SAMPLE_M = 5.0
-LEAST_M = 1e-6
+MIN_M = 1e-6
 """Length of a leg between both tangents of whole circles, which is none."""
 AROUND = 2
 """Legs before and after the nearest waypoint's whose distance is measured."""
@@ -61,7 +61,7 @@ def _off_legs_m(path: FlightPath, waypoints: Array, at_m: Array, place: Complex)
     for other in range(-AROUND, AROUND + 1):
         each = np.clip(leg + other, 0, last)
         begin, way = flat[each], flat[each + 1] - flat[each]
-        squared = np.maximum(np.abs(way) ** 2, LEAST_M**2)
+        squared = np.maximum(np.abs(way) ** 2, MIN_M**2)
         share = np.clip(((place - begin) * np.conj(way)).real / squared, 0.0, 1.0)
         off_m = np.minimum(off_m, np.abs(place - begin - share * way))
     for begin_m, end_m in path.circling_m if isinstance(path, LegsPath) else ():

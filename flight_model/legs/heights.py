@@ -19,7 +19,7 @@ from flight_model.legs.turn import STEEPEST
 
 LEVEL = 1e-9
 """Slopes below this are none."""
-LEAST_M = 1e-3
+MIN_M = 1e-3
 TIGHTER = (1.0, 2.0, 4.0)
 """Multiples of the preferred change of slope that are tried where there is no room for it."""
 
@@ -100,7 +100,7 @@ def profile(distance_m: Array, height_m: Array, climbs: list[Climbs]) -> tuple[H
     others passes within one of `LEFT_OUT_M`: the first one that helps, with all within `KEPT_WITHIN_M`.
 
     Args:
-        distance_m: (n,) along the way; two of them at least `LEAST_M` apart.
+        distance_m: (n,) along the way; two of them at least `MIN_M` apart.
         height_m: (n,) heights.
         climbs: limits for each of the n - 1 intervals.
     """
@@ -189,7 +189,7 @@ def _pieces(
         (length_m - sum(changes_m), slope, slope),
         (changes_m[1], slope, b),
     ):
-        if piece_m > LEAST_M:
+        if piece_m > MIN_M:
             found.append((at_m, height_m, one, other))
         at_m, height_m = at_m + max(piece_m, 0.0), height_m + (one + other) / 2.0 * max(piece_m, 0.0)
     return found

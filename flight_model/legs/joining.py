@@ -38,7 +38,7 @@ REVERSAL_RAD = math.radians(150.0)
 
 @dataclass(frozen=True)
 class TurnRules:
-    """How waypoints are passed: within `most_m` of the turn (fly-by), or over them, in turns within the limits.
+    """How waypoints are passed: within `max_m` of the turn (fly-by), or over them, in turns within the limits.
 
     `limits` are those of each leg (n - 1,), which differ with its speed; a joint is flown at that of the leg before.
     Of detours that have room the shortest is flown, or with `near` the one that stays nearest to the legs.
@@ -46,7 +46,7 @@ class TurnRules:
     """
 
     limits: Sequence[TurnLimits]
-    most_m: float
+    max_m: float
     over: bool = False
     lack: Lack | None = None
     known: dict[TurnLimits, Detours] = field(default_factory=dict[TurnLimits, Detours])
@@ -100,7 +100,7 @@ class Joiner:
         if index in self._given:
             return Placed(index, index + 1, self._given[index])
         corner, limits = self._corner(index, index), self._limits(index)
-        joint = fly_over(corner, limits) if self._rules.over else fly_by(corner, limits, self._rules.most_m)
+        joint = fly_over(corner, limits) if self._rules.over else fly_by(corner, limits, self._rules.max_m)
         if joint is not None:
             return Placed(index, index, joint)
         sharp = abs(corner.angle_rad) > REVERSAL_RAD
@@ -111,7 +111,7 @@ class Joiner:
         wide = fly_by(corner, limits, math.inf) if best.lack_m > 0.0 else None
         if wide is None:
             return best
-        missed_m = float(distances_m(corner, wide).max()) - self._rules.most_m
+        missed_m = float(distances_m(corner, wide).max()) - self._rules.max_m
         lack_m = self._lack_m(corner, wide.stretches, wide.before_m)
         return min(best, Placed(index, index, wide, lack_m, missed_m), key=lambda each: each.lack_m)
 
@@ -123,7 +123,7 @@ class Joiner:
         if self._rules.over:
             return []
         corner, limits = self._corner(index, index), self._limits(index)
-        found = self._overshoots.setdefault(limits, Overshoots(limits, self._rules.most_m))
+        found = self._overshoots.setdefault(limits, Overshoots(limits, self._rules.max_m))
         joints = found.at(corner.angle_rad, before_m, after_m)
         placed = [Placed(index, index, each, self._lack_m(corner, each.stretches, each.before_m)) for each in joints]
         return sorted(placed, key=lambda each: each.lack_m)
@@ -184,7 +184,7 @@ class Joiner:
             yield from self._pairs(found, at)
             return
         leg_m, limits, corner = self._lengths_m[one.last], self._limits(one.first), self._corner(one.first, other.last)
-        if not self._rules.over and (joint := fly_by(corner, limits, self._rules.most_m)) is not None:
+        if not self._rules.over and (joint := fly_by(corner, limits, self._rules.max_m)) is not None:
             yield [Placed(one.first, other.last, joint)]
         # Lanes, and legs nearer to each other than a turn back is wide, are joined by one way from one to the other.
         width_m = abs(complex(turned_m(np.asarray(math.pi), limits)))
@@ -192,8 +192,8 @@ class Joiner:
         if leg_m < width_m or abs(corner.angle_rad) > REVERSAL_RAD or other.last - one.first > 1:
             yield [merged]
             # A detour over one waypoint turns by half a circle or more.
-            least_m = leg_m + math.pi / limits.curvature_1pm + min(one.joint.longer_m, other.joint.longer_m, 0.0)
-            if merged.lack_m == merged.missed_m == 0.0 and (self._rules.near or merged.joint.longer_m < least_m):
+            min_m = leg_m + math.pi / limits.curvature_1pm + min(one.joint.longer_m, other.joint.longer_m, 0.0)
+            if merged.lack_m == merged.missed_m == 0.0 and (self._rules.near or merged.joint.longer_m < min_m):
                 return
             yield from self._pairs(found, at, overshooting=merged.lack_m > 0.0)
         else:
@@ -222,7 +222,7 @@ class Joiner:
             self._rules.known[limits] = Detours(limits)
         detours = self._rules.known[limits]
         ways = detours.between(corner.end.real, corner.end.imag, corner.angle_rad)
-        best, least = None, (math.inf, math.inf)
+        best, minimum = None, (math.inf, math.inf)
         longest_m = ways[0].length_m + LONGER_CIRCLES * TURN / limits.curvature_1pm
         for way in ways:
             if way.length_m > longest_m:  # to where lines meet that are almost parallel, anywhere
@@ -230,10 +230,10 @@ class Joiner:
             joint = Joint(0.0, 0.0, way.stretches(limits), "detour")
             lack_m, missed_m = self._lack_m(corner, joint.stretches), self._missed_m(corner, joint)
             off_m, lack_m = off_legs_m(corner, joint) if self._rules.near else 0.0, lack_m + missed_m
-            nearer = lack_m <= least[0] and off_m < least[1] - NEARER_M
-            if lack_m < least[0] - ENOUGH_M or nearer:
-                best, least = Placed(first, last, joint, lack_m - missed_m, missed_m, off_m), (lack_m, off_m)
-            if least[0] == 0.0 and not self._rules.near:
+            nearer = lack_m <= minimum[0] and off_m < minimum[1] - NEARER_M
+            if lack_m < minimum[0] - ENOUGH_M or nearer:
+                best, minimum = Placed(first, last, joint, lack_m - missed_m, missed_m, off_m), (lack_m, off_m)
+            if minimum[0] == 0.0 and not self._rules.near:
                 break
         assert best is not None, "there is always a way with three turns, or turns with a straight between"
         return best
@@ -242,7 +242,7 @@ class Joiner:
         """Return by how much more than allowed a detour passes from a waypoint between its ends."""
         if len(corner.waypoints) == 2 or not joint.stretches:
             return 0.0
-        return max(float(distances_m(corner, joint).max()) - self._rules.most_m, 0.0)
+        return max(float(distances_m(corner, joint).max()) - self._rules.max_m, 0.0)
 
     def _lack_m(self, corner: Corner, stretches: tuple[Stretch, ...], before_m: float = 0.0) -> float:
         length_m = sum(each.length_m for each in stretches)

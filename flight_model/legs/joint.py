@@ -15,7 +15,7 @@ from flight_model.legs.turn import Stretch, TurnLimits, tangent_m, turn_length_m
 
 STRAIGHT_RAD = 1e-9
 """A waypoint whose legs differ by less is passed straight on."""
-MOST_FLY_BY_RAD = math.radians(175.0)
+MAX_FLY_BY_RAD = math.radians(175.0)
 SAMPLES = 48
 """Number of points of a turn at which its distance from waypoints is measured."""
 OFF_SAMPLES = 150
@@ -23,7 +23,7 @@ OFF_SAMPLES = 150
 FAR_M = 1e5
 """Length of the legs before and after a corner, from which that distance is measured."""
 INTERCEPTS = 180
-MOST_INTERCEPT_RAD = math.radians(90.0)
+MAX_INTERCEPT_RAD = math.radians(90.0)
 
 
 class Corner(NamedTuple):
@@ -66,12 +66,12 @@ class Joint(NamedTuple):
         return self.length_m - self.before_m - self.after_m
 
 
-def fly_by(corner: Corner, limits: TurnLimits, most_m: float) -> Joint | None:
-    """Return the tightest turn inside a corner; None if it would pass more than `most_m` from a waypoint."""
+def fly_by(corner: Corner, limits: TurnLimits, max_m: float) -> Joint | None:
+    """Return the tightest turn inside a corner; None if it would pass more than `max_m` from a waypoint."""
     angle = corner.angle_rad
     if abs(angle) < STRAIGHT_RAD and len(corner.waypoints) == 1:
         return Joint(0.0, 0.0, ())
-    if not STRAIGHT_RAD <= abs(angle) <= MOST_FLY_BY_RAD:
+    if not STRAIGHT_RAD <= abs(angle) <= MAX_FLY_BY_RAD:
         return None
     to_m, from_m = tangent_m(angle, limits), tangent_m(angle, limits)
     if len(corner.waypoints) > 1:
@@ -79,7 +79,7 @@ def fly_by(corner: Corner, limits: TurnLimits, most_m: float) -> Joint | None:
         past_m = end.real - end.imag / math.tan(angle)  # from the first waypoint to where both legs' lines meet
         to_m, from_m = to_m - past_m, from_m - end.imag / math.sin(angle)
     found = Joint(to_m, from_m, turn_stretches(angle, limits))
-    return found if distances_m(corner, found).max() <= most_m else None
+    return found if distances_m(corner, found).max() <= max_m else None
 
 
 def distances_m(corner: Corner, joint: Joint) -> Array:
@@ -137,7 +137,7 @@ def fly_over(corner: Corner, limits: TurnLimits) -> Joint | None:
     if abs(angle) < STRAIGHT_RAD:
         return Joint(0.0, 0.0, (), "over")
     side = math.copysign(1.0, angle)
-    intercept = side * MOST_INTERCEPT_RAD * np.arange(1, INTERCEPTS + 1) / INTERCEPTS
+    intercept = side * MAX_INTERCEPT_RAD * np.arange(1, INTERCEPTS + 1) / INTERCEPTS
     begun = turned_m(angle + intercept, limits) * cmath.exp(-1j * angle)
     ended = np.exp(1j * intercept) * turned_m(-intercept, limits)
     straight_m = -(begun + ended).imag / np.sin(intercept)

@@ -24,7 +24,7 @@ BEGINS = 25
 """Number of distances before the waypoint at which the first turn is tried to begin."""
 SHARPEST_RAD = math.radians(150.0)
 """Corner for which the earliest begin of the first turn is that of a turn inside it; sharper ones have none."""
-LEAST_RAD = math.radians(1.0)
+MIN_RAD = math.radians(1.0)
 KEPT = 4
 """Number of turns of either kind that are compared by their room to a fence, each with another begin."""
 PLACES = 9
@@ -44,9 +44,9 @@ class _Tried(NamedTuple):
 class Overshoots:
     """Finds such turns within limits, near enough to their waypoint; those at corners of one angle are tried once."""
 
-    def __init__(self, limits: TurnLimits, most_m: float) -> None:
-        """Begin without any; `most_m` is the largest distance from the waypoint, m."""
-        self._limits, self._most_m = limits, most_m
+    def __init__(self, limits: TurnLimits, max_m: float) -> None:
+        """Begin without any; `max_m` is the largest distance from the waypoint, m."""
+        self._limits, self._max_m = limits, max_m
         self._known = dict[float, _Tried]()
 
     def at(self, angle_rad: float, before_m: float, after_m: float) -> list[Joint]:
@@ -55,7 +55,7 @@ class Overshoots:
         Of those that begin at the same distance before the waypoint, only the shortest.
         """
         size = round(abs(angle_rad), PLACES)
-        if size < LEAST_RAD:
+        if size < MIN_RAD:
             return []
         if size not in self._known:
             self._known[size] = self._tried(size)
@@ -80,7 +80,7 @@ class Overshoots:
     def _tried(self, angle_rad: float) -> _Tried:
         """Return turns to the right that cross the next leg and come back onto it."""
         limits = self._limits
-        earliest_m = max(self._most_m, tangent_m(min(angle_rad, SHARPEST_RAD), limits))
+        earliest_m = max(self._max_m, tangent_m(min(angle_rad, SHARPEST_RAD), limits))
         begin_m: Array = np.linspace(0.0, earliest_m, BEGINS)[:, None]
         first, back = turned_m(angle_rad + BACK_RAD, limits), turned_m(-BACK_RAD, limits)
         # Along the next leg, and to the right of it, from the waypoint.
@@ -89,7 +89,7 @@ class Overshoots:
         end_m = crossed.real + straight_m * np.cos(BACK_RAD)
         length_m = turn_length_m(angle_rad + BACK_RAD, limits) + turn_length_m(BACK_RAD, limits) + straight_m
         passed_m = np.abs(_first_turns(angle_rad, limits) - begin_m[:, :, None]).min(axis=2)
-        near = (straight_m >= 0.0) & (end_m >= 0.0) & (np.minimum(passed_m, begin_m) <= self._most_m)
+        near = (straight_m >= 0.0) & (end_m >= 0.0) & (np.minimum(passed_m, begin_m) <= self._max_m)
         return _Tried(begin_m, end_m, straight_m, length_m, near)
 
 

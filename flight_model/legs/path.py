@@ -22,12 +22,12 @@ MIN_LEG_M = 1.0
 PIECE_RAD = 0.1
 """Largest angle of a curved piece; the error of its quintic is far below a millimetre."""
 PIECE_M = 2000.0
-LEAST_CURVED = 4
+MIN_CURVED = 4
 APART_M = 0.5
 """Nodes for heights are moved to others that are nearer than this, so that no piece is tiny."""
 TINY_M = 1.0
 """Length of pieces below which they are cubics."""
-MOST_CIRCLES = 200
+MAX_CIRCLES = 200
 BETWEEN_SHARE = 0.5
 """Share of the leg between two waypoints by which the places are apart at least where one turn passes both."""
 _ABSCISSAE, _WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -171,7 +171,7 @@ class _Line:
         if around.turns:
             self._due(waypoint, begin_m)
         rise_m, climbs = self._wanted_m[waypoint] - self.heights_m[-1], self._plan.climbs[waypoint - 1]
-        for more in range(MOST_CIRCLES):
+        for more in range(MAX_CIRCLES):
             joint = _around(angle_rad + math.copysign(more * TURN, angle_rad), around)
             whole_m = begin_m - self.knots_m[-1] + joint.length_m
             if around.turns or eased(whole_m, rise_m, (0.0, 0.0), climbs) is not None:
@@ -245,7 +245,7 @@ class _Line:
             return ()
         if asked.turns:
             return self._to_side(waypoint, asked, limits, length_m - forward_m)
-        for count in range(MOST_CIRCLES):
+        for count in range(MAX_CIRCLES):
             whole_m = self.length_m - self.knots_m[-1] + length_m + due_m
             if count:
                 whole_m += float(turn_length_m(np.asarray(count * TURN), limits)) - forward_m
@@ -296,7 +296,7 @@ def _curve(start: complex, course_rad: float, stretches: list[Stretch], heights:
     ends = np.concatenate((np.zeros(1), np.cumsum(lengths)))
     angle = np.maximum(np.abs(begun), np.abs(ended)) * lengths
     bent = angle > 0.0
-    counts = np.where(bent, np.maximum(np.ceil(angle / PIECE_RAD), LEAST_CURVED), np.ceil(lengths / PIECE_M))
+    counts = np.where(bent, np.maximum(np.ceil(angle / PIECE_RAD), MIN_CURVED), np.ceil(lengths / PIECE_M))
     within = [np.linspace(a, b, int(n), endpoint=False) for a, b, n in zip(ends, ends[1:], counts, strict=False)]
     nodes = np.append(np.concatenate(within), ends[-1])
     nodes = _with_nodes(nodes, heights.begin_m)

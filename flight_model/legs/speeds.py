@@ -18,7 +18,7 @@ from flight_model.legs.turn import STEEPEST
 
 STEP_S = 0.5
 """Step by which distances are integrated while speeds change."""
-LEAST_MPS = 1e-3
+MIN_MPS = 1e-3
 
 
 class Change(NamedTuple):
@@ -31,19 +31,19 @@ class Change(NamedTuple):
 
 
 class SpeedChanges(NamedTuple):
-    """How fast the airspeed may change: acceleration, the wind that may add to it over the ground, and the lag.
+    """How fast the airspeed may change: acceleration, the wind that may add to it over ground, and time constant.
 
-    A change takes at least `least_s`, some time constants: setpoints lead the speed by one.
+    A change takes at least `min_s`, some time constants: setpoints lead the speed by one.
     """
 
     accel_mps2: float
     wind_mps: float
-    least_s: float
+    min_s: float
 
     def length_m(self, from_mps: float, to_mps: float) -> float:
         """Return the length of the way that a change takes."""
         over_ground_mps = max(from_mps, to_mps) + self.wind_mps
-        takes_s = max(STEEPEST * abs(to_mps - from_mps) / self.accel_mps2, self.least_s)
+        takes_s = max(STEEPEST * abs(to_mps - from_mps) / self.accel_mps2, self.min_s)
         return over_ground_mps * takes_s if to_mps != from_mps else 0.0
 
 
@@ -144,4 +144,4 @@ def _reached(from_mps: float, to_mps: float, room_m: float, limits: SpeedChanges
         middle = (low + high) / 2.0
         fits = limits.length_m(from_mps, from_mps + middle * (to_mps - from_mps)) <= room_m
         low, high = (middle, high) if fits else (low, middle)
-    return from_mps + low * (to_mps - from_mps) if low > LEAST_MPS else from_mps
+    return from_mps + low * (to_mps - from_mps) if low > MIN_MPS else from_mps

@@ -1,4 +1,4 @@
-"""Turns whose curvature is continuous, and so is its rate: nothing jumps for the vehicle, nor for slots far aside.
+"""Turns whose curvature is continuous, and so is its rate: nothing jumps for the vehicle, nor for slots far to a side.
 
 The curvature rises from 0 to its peak as Bloss's transition curve, k(u) = k (3 u^2 - 2 u^3) over a length L, is
 constant on an arc, and falls alike (A. E. Bloss, Organ fuer die Fortschritte des Eisenbahnwesens 73, 1936; compared

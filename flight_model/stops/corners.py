@@ -41,7 +41,7 @@ class Corners:
         legs_mps: Sequence[float],
         limits_at: Callable[[float], TurnLimits],
         rates: Rates,
-        most_m: float,
+        max_m: float,
     ) -> None:
         """Take what corners depend on.
 
@@ -50,10 +50,10 @@ class Corners:
             legs_mps: (n - 1,) wanted speeds of the legs.
             limits_at: the tightest turn at a speed.
             rates: of the changes of speed.
-            most_m: farthest that a turn may pass from its waypoint.
+            max_m: farthest that a turn may pass from its waypoint.
         """
         self._waypoints, self._legs_mps, self._limits_at = waypoints, legs_mps, limits_at
-        self._rates, self._most_m = rates, most_m
+        self._rates, self._max_m = rates, max_m
         self._courses: list[float] = np.angle(np.diff(waypoints)).tolist()
         self._lengths_m: list[float] = np.abs(np.diff(waypoints)).tolist()
 
@@ -90,7 +90,7 @@ class Corners:
             if speed_mps < min(SLOWEST_MPS, leg_mps):
                 break
             limits = self._limits_at(speed_mps)
-            joint = fly_by(corner, limits, self._most_m)
+            joint = fly_by(corner, limits, self._max_m)
             if joint is not None and joint.before_m <= self._room_m(index, speed_mps, stops):
                 return Pass(leg_mps if abs(corner.angle_rad) < STRAIGHT_RAD else speed_mps, limits, joint.before_m)
         return Pass(0.0)

@@ -20,12 +20,12 @@ class Rates(NamedTuple):
     """How fast a speed may change: the largest acceleration, and the shortest duration of a change."""
 
     accel_mps2: float
-    least_s: float
+    min_s: float
 
     def duration_s(self, from_mps: float, to_mps: float) -> float:
         """Return how long a change takes."""
         by_mps = abs(to_mps - from_mps)
-        return max(STEEPEST * by_mps / self.accel_mps2, self.least_s) if by_mps > NO_CHANGE_MPS else 0.0
+        return max(STEEPEST * by_mps / self.accel_mps2, self.min_s) if by_mps > NO_CHANGE_MPS else 0.0
 
     def length_m(self, from_mps: float, to_mps: float) -> float:
         """Return the length of the way that a change takes: its mean speed is that of both ends."""

@@ -28,7 +28,7 @@ class StopPlan(NamedTuple):
     """Limits of each leg."""
     limits: Sequence[TurnLimits]
     """The tightest turn at each leg's speed, for circles."""
-    most_m: float
+    max_m: float
     circles: Mapping[int, Circles] = MappingProxyType({})
 
 
@@ -93,4 +93,4 @@ def _legs(plan: StopPlan, first: int, last: int) -> LegPlan:
     """Return the plan of the legs from one waypoint to another: each leg has the limits of the corner at its end."""
     limits = [(plan.passes[leg].limits if leg < last - 1 else None) or plan.limits[leg] for leg in range(first, last)]
     circles = {index - first: each for index, each in plan.circles.items() if first < index <= last}
-    return LegPlan(TurnRules(limits, plan.most_m), plan.climbs[first:last], circles=circles)
+    return LegPlan(TurnRules(limits, plan.max_m), plan.climbs[first:last], circles=circles)

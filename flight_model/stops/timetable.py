@@ -22,7 +22,7 @@ NEWTON_STEPS = 30
 ALMOST_S = 1e-9
 LEAST_S = 1e-6
 """Pieces shorter than this are none."""
-STANDS_MPS = 1e-3
+HOVER_MPS = 1e-3
 """Below this a speed has no derivative by the distance that means anything."""
 
 
@@ -31,7 +31,7 @@ class Passage(NamedTuple):
 
     begin_m: float
     end_m: float
-    most_mps: float
+    max_mps: float
     hold_s: float = 0.0
     """Of a stop: how long it stands before it turns."""
     turn_s: float = 0.0
@@ -44,7 +44,7 @@ class Passage(NamedTuple):
     @property
     def stops(self) -> bool:
         """Whether it is a stop."""
-        return self.most_mps == 0.0
+        return self.max_mps == 0.0
 
     @property
     def pause_s(self) -> float:
@@ -101,8 +101,8 @@ class Timetable(SpeedProfile):
         ends_m = [0.0, *(each.end_m for each in passages)]
         begins_m = [*(each.begin_m for each in passages), length_m]
         straights_m = [max(begin - end, 0.0) for end, begin in zip(ends_m, begins_m, strict=True)]
-        most_mps = [min(each.most_mps, *legs_mps[index : index + 2]) for index, each in enumerate(passages)]
-        speeds = attainable([begin_mps, *most_mps, legs_mps[-1]], straights_m, rates)
+        max_mps = [min(each.max_mps, *legs_mps[index : index + 2]) for index, each in enumerate(passages)]
+        speeds = attainable([begin_mps, *max_mps, legs_mps[-1]], straights_m, rates)
         self.lacks_m = max(rates.length_m(begin_mps, speeds[1]) - straights_m[0], 0.0)
         """How much longer the first straight would have to be to brake from the speed at which the path is begun."""
         self._rates, self._pieces, self.pauses = rates, list[Piece](), list[Pause]()
@@ -180,7 +180,7 @@ class Timetable(SpeedProfile):
         if distance_m <= 0.0 or not self.pieces:
             return distance_m / self.begin_mps
         if distance_m >= self._length_m:
-            return self.end_s + (distance_m - self._length_m) / max(self.end_mps, STANDS_MPS)
+            return self.end_s + (distance_m - self._length_m) / max(self.end_mps, HOVER_MPS)
         index = max(bisect_right(self._starts_m, distance_m) - 1, 0)
         while index > 0 and self.pieces[index].begin_m >= distance_m - ALMOST_S:
             index -= 1
@@ -194,7 +194,7 @@ class Timetable(SpeedProfile):
     def at(self, distance_m: float) -> tuple[float, float]:
         """Return the airspeed at a distance, and its derivative by the distance, 1/s; at a stop 0."""
         _, speed_mps, accel_mps2 = self.after(self.when_s(distance_m))
-        return speed_mps, accel_mps2 / speed_mps if speed_mps > STANDS_MPS else 0.0
+        return speed_mps, accel_mps2 / speed_mps if speed_mps > HOVER_MPS else 0.0
 
     def at_each(self, distance_m: Array) -> Array:
         """Return the airspeeds at distances (K,), m/s."""
@@ -214,7 +214,7 @@ class Timetable(SpeedProfile):
     @property
     def speeds_mps(self) -> tuple[float, ...]:
         """The distinct speeds at which straights and corners are planned to be flown, the first one's first."""
-        corners = [each.most_mps for each in self.passages if not each.stops]
+        corners = [each.max_mps for each in self.passages if not each.stops]
         return tuple(dict.fromkeys([self.begin_mps, *self.legs_mps, *corners]))
 
     def near(self, distance_m: Array, speed_mps: float) -> Mask:
@@ -226,6 +226,6 @@ class Timetable(SpeedProfile):
             if leg_mps == speed_mps:
                 found |= (distance_m >= begin_m) & (distance_m <= end_m)
         for each in self.passages:
-            if each.most_mps == speed_mps:
+            if each.max_mps == speed_mps:
                 found |= (distance_m >= each.begin_m) & (distance_m <= each.end_m)
         return found

@@ -25,7 +25,7 @@ def turn_s(by_rad: float, reach_m: float, speed_mps: float, accel_mps2: float) -
         accel_mps2: largest acceleration of the weakest one.
     """
     size_rad, reach_m = abs(by_rad), max(reach_m, 1.0)
-    most_radps = min(NOSE_RADPS, SHARE * speed_mps / reach_m, math.sqrt(SHARE * accel_mps2 / reach_m))
+    max_radps = min(NOSE_RADPS, SHARE * speed_mps / reach_m, math.sqrt(SHARE * accel_mps2 / reach_m))
     return max(
-        LEAST_S, PEAK_RATE * size_rad / most_radps, math.sqrt(PEAK_CHANGE * size_rad * reach_m / SHARE / accel_mps2)
+        LEAST_S, PEAK_RATE * size_rad / max_radps, math.sqrt(PEAK_CHANGE * size_rad * reach_m / SHARE / accel_mps2)
     )

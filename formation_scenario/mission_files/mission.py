@@ -115,9 +115,9 @@ def degrees(text: object, where: str, what: Literal["latitude", "longitude"]) ->
     Raises:
         MissionFileError: no number, or one outside the range.
     """
-    value, most = number(text, where, what), 90.0 if what == "latitude" else 180.0
-    if not abs(value) <= most:
-        raise MissionFileError(f"{where}: found {what} {value:g}; allowed: -{most:g} to {most:g} degrees")
+    value, maximum = number(text, where, what), 90.0 if what == "latitude" else 180.0
+    if not abs(value) <= maximum:
+        raise MissionFileError(f"{where}: found {what} {value:g}; allowed: -{maximum:g} to {maximum:g} degrees")
     return value
 
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from flight_model.energy import GRAVITY_MPS2, REFERENCE_MPS
-from flight_model.frequency_response import slow_lags_s
+from flight_model.frequency_response import slow_taus_s
 from formation_scenario.parameter_files.taking import Taking, Wanted, wanted
 from formation_scenario.source import Key, Plain
 from formation_scenario.vehicles import EnergyAirframe
@@ -63,7 +63,7 @@ GAIN_SHARE, LOSS_SHARE = 0.45, 1.1
 """Accelerations as shares of what climb and sink leave; the shipped aircraft's, 1 m/s², is 0.9 of TECS' own half."""
 THRUST_SHARE: Final = 1.15
 """Thrust over what the greatest airspeed, and the steepest climb, take; aircraft differ by some percent."""
-LEAST_RANGE_MPS: Final = 1.0
+MIN_RANGE_MPS: Final = 1.0
 
 
 def arduplane_model(take: Taking, aircraft: Mapping[str, float]) -> dict[Key, Plain]:
@@ -74,14 +74,14 @@ def arduplane_model(take: Taking, aircraft: Mapping[str, float]) -> dict[Key, Pl
     """
     slowest, fastest = take.value(AIRSPEED_MIN, "speed_min_mps"), take.value(AIRSPEED_MAX, "speed_max_mps")
     cruise = take.value(AIRSPEED_CRUISE, "airframe.airspeed_cruise_mps")
-    if fastest - slowest < LEAST_RANGE_MPS:
+    if fastest - slowest < MIN_RANGE_MPS:
         name = next(each.name for each in AIRSPEED_MAX.names + AIRSPEED_MIN.names if each.name in take.file.parameters)
         raise take.file.refused(name, f"airspeeds of which the greatest ({fastest:g}) is above the least ({slowest:g})")
     cruise = min(max(cruise, slowest), fastest)
     climb, sink = take.value(CLIMB_MAX, "climb_max_mps"), take.value(SINK_MAX, "climb_max_mps")
     bank_deg = take.value(ROLL_LIMIT, "turn_rate_max_rps")
     tecs_s = take.value(TIME_CONSTANT, "airframe.time_constant_s")
-    least_sink = take.value(SINK_MIN, "airframe.sink_min_mps")
+    min_sink = take.value(SINK_MIN, "airframe.sink_min_mps")
     gain = GUIDED_SHARE * math.radians(CM * take.value(GUIDED_P, "airframe.heading_gain"))
     turn_rps = GRAVITY_MPS2 * math.tan(math.radians(bank_deg)) / fastest
     airframe: dict[Key, Plain] = {key: take.value(each, f"airframe.{key}") for key, each in AIRFRAME.items()}
@@ -89,17 +89,17 @@ def arduplane_model(take: Taking, aircraft: Mapping[str, float]) -> dict[Key, Pl
         "heading_gain": gain,
         "bank_max_deg": bank_deg,
         "pitch_max_deg": _pitch_max_deg(take),
-        "throttle_slew_per_s": take.value(SLEW, "airframe.throttle_slew_per_s") or SLEW.most,
+        "throttle_slew_per_s": take.value(SLEW, "airframe.throttle_slew_per_s") or SLEW.maximum,
         "airspeed_min_mps": slowest,
         "airspeed_cruise_mps": cruise,
         "airspeed_max_mps": fastest,
         "climb_max_mps": climb,
-        "sink_min_mps": least_sink,
+        "sink_min_mps": min_sink,
         "sink_max_mps": sink,
         "time_constant_s": tecs_s,
         **_as_large(cruise, fastest, climb, aircraft),
     }
-    speed_s, heading_s, height_s = slow_lags_s(EnergyAirframe.model_validate(airframe).parameters(), cruise)
+    speed_s, heading_s, height_s = slow_taus_s(EnergyAirframe.model_validate(airframe).parameters(), cruise)
     return {
         "tau_v_s": speed_s,
         "tau_psi_s": heading_s,
@@ -107,7 +107,7 @@ def arduplane_model(take: Taking, aircraft: Mapping[str, float]) -> dict[Key, Pl
         "tau_hb_s": height_s / 2.0,
         "speed_min_mps": slowest,
         "speed_max_mps": fastest,
-        "accel_max_mps2": min(GAIN_SHARE * climb, LOSS_SHARE * least_sink) * GRAVITY_MPS2 / cruise,
+        "accel_max_mps2": min(GAIN_SHARE * climb, LOSS_SHARE * min_sink) * GRAVITY_MPS2 / cruise,
         "turn_rate_max_rps": min(turn_rps, LEAD_RAD / heading_s),
         "climb_max_mps": min(climb, sink),
         "airframe": airframe,

@@ -1,4 +1,4 @@
-"""A vehicle's model from a fixed-wing PX4's parameters: the lags and limits of equation (7), which its emulator flies.
+"""A vehicle's model from a fixed-wing PX4's parameters: the time constants and limits of equation (7).
 
 Lags are the shipped PX4's, in proportion to the time constants of its controllers. Names since 1.14, and older ones.
 Source: PX4 user guide, "Parameter Reference" of 1.15 and 1.10.
@@ -28,8 +28,8 @@ PERIOD = wanted(10.0, 1.0, 100.0, "NPFG_PERIOD", "FW_L1_PERIOD")
 AIRSPEEDS: Final = AIRSPEED_MIN, AIRSPEED_MAX
 CONCERN_FLIGHT: Final = ("FW_", "NPFG_")
 TIME_S, PERIOD_S = 5.0, 10.0
-"""Of the shipped lags."""
-LEAST_RANGE_MPS: Final = 1.0
+"""Of the shipped time constants."""
+MIN_RANGE_MPS: Final = 1.0
 
 
 def px4_model(take: Taking, shipped: Mapping[str, float]) -> dict[Key, Plain]:
@@ -39,7 +39,7 @@ def px4_model(take: Taking, shipped: Mapping[str, float]) -> dict[Key, Plain]:
         ParameterFileError: a value is out of range, or the airspeeds contradict each other.
     """
     slowest, fastest = take.value(AIRSPEED_MIN, "speed_min_mps"), take.value(AIRSPEED_MAX, "speed_max_mps")
-    if fastest - slowest < LEAST_RANGE_MPS:
+    if fastest - slowest < MIN_RANGE_MPS:
         name = next(each.name for each in AIRSPEED_MAX.names + AIRSPEED_MIN.names if each.name in take.file.parameters)
         raise take.file.refused(name, f"airspeeds of which the greatest ({fastest:g}) is above the least ({slowest:g})")
     take.value(AIRSPEED_TRIM, "the airspeed at which its emulator circles")

@@ -21,8 +21,8 @@ class Wanted:
 
     names: tuple[Name, ...]
     default: float
-    least: float
-    most: float
+    minimum: float
+    maximum: float
 
 
 @dataclass
@@ -50,15 +50,15 @@ class Taking:
             if found is None:
                 continue
             value = found.value * unit
-            if not wanted.least <= value <= wanted.most:
-                raise self.file.refused(name, f"{wanted.least / unit:g} to {wanted.most / unit:g}")
+            if not wanted.minimum <= value <= wanted.maximum:
+                raise self.file.refused(name, f"{wanted.minimum / unit:g} to {wanted.maximum / unit:g}")
             self.taken[name] = key
             return value
         self.defaults[wanted.names[0].name] = wanted.default / wanted.names[0].unit
         return wanted.default
 
 
-def wanted(default: float, least: float, most: float, *names: str | tuple[str, float]) -> Wanted:
+def wanted(default: float, minimum: float, maximum: float, *names: str | tuple[str, float]) -> Wanted:
     """Return a parameter by its names, newest first, each with its unit if that isn't the default's."""
     each = (Name(name) if isinstance(name, str) else Name(*name) for name in names)
-    return Wanted(tuple(each), default, least, most)
+    return Wanted(tuple(each), default, minimum, maximum)

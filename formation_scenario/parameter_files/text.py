@@ -22,7 +22,7 @@ MAX_BYTES: Final = 2_000_000
 MAX_PARAMETERS: Final = 10_000
 """Real autopilots have up to 2,000."""
 NAME: Final = re.compile(r"[A-Z][A-Z0-9_]{0,39}")
-MOST_LETTERS: Final = 16
+MAX_LETTERS: Final = 16
 """Of a name in MAVLink; a longer one, mostly a mistake, is no parameter of any autopilot."""
 SEPARATORS: Final = re.compile(r"[\s,=]+")
 MAX_VALUE: Final = 3.5e38
@@ -85,7 +85,7 @@ def parse(text: str, file: str) -> ParameterFile:
             directives.append(f"line {line}: {' '.join(cells)[:60]}")
             continue
         name, parameter = _parameter(cells, f"{file}: line {line}", line)
-        if len(name) > MOST_LETTERS:
+        if len(name) > MAX_LETTERS:
             directives.append(f"line {line}: {name}, longer than a parameter's name")
             continue
         found[name] = parameter

@@ -21,7 +21,7 @@ from formation_scenario.sampled_path import WAYPOINTS
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, show
 from formation_scenario.violations import Violation
 
-MOST_EXCESS = 10.0
+MAX_EXCESS = 10.0
 """Excess from which on a violation isn't counted as worse."""
 SAME_M = 0.006
 OF_WAYPOINT_M = 200.0
@@ -94,7 +94,7 @@ class Draft:
             found = self.violations
         except ScenarioError:
             return math.inf
-        return sum(1.0 + min(max(each.excess, 0.0), MOST_EXCESS) for each in found if not kinds or each.kind in kinds)
+        return sum(1.0 + min(max(each.excess, 0.0), MAX_EXCESS) for each in found if not kinds or each.kind in kinds)
 
     @property
     def judged(self) -> bool:

@@ -14,7 +14,7 @@ MISSED = 100.0
 """How much worse a metre of rise beyond what is allowed is than a metre by which a height is changed."""
 
 
-def least_changes(wanted_m: Array, within_m: tuple[Array, Array], rises_m: Array) -> Array | None:
+def min_changes(wanted_m: Array, within_m: tuple[Array, Array], rises_m: Array) -> Array | None:
     """Return the heights (n,) nearest to wanted ones by the sum of all changes; None if they have no room.
 
     Args:
@@ -40,10 +40,10 @@ def least_changes(wanted_m: Array, within_m: tuple[Array, Array], rises_m: Array
     )
     places = np.concatenate((every, every)), np.concatenate((every, every + count))
     each = csr_array((np.concatenate((unit, -unit)), places), shape=(count, size))
-    rise_m, most_m = np.diff(wanted_m)[legs], rises_m[legs]
+    rise_m, max_m = np.diff(wanted_m)[legs], rises_m[legs]
     bounds = [
-        LinearConstraint(falls, -most_m - rise_m, np.inf),
-        LinearConstraint(climbs, -np.inf, most_m - rise_m),
+        LinearConstraint(falls, -max_m - rise_m, np.inf),
+        LinearConstraint(climbs, -np.inf, max_m - rise_m),
         LinearConstraint(each, lowest, highest),
     ]
     cost = np.concatenate((np.ones(2 * count), np.full(legs.size, MISSED)))

@@ -3,7 +3,7 @@
 Each round takes what `check` found:
 
 - waypoints less than a metre apart: the second one is left out;
-- too low, or too high for the fence: such waypoints get bounds, and `heights.least_changes` the rest;
+- too low, or too high for the fence: such waypoints get bounds, and `heights.min_changes` the rest;
 - too steep: the rise of that leg is bounded, likewise;
 - outside the fence: the nearest waypoints move inwards by as much;
 - a spline's bend that is too tight: the points of a turn that all slots can fly, as of a path of legs, take the place
@@ -22,7 +22,7 @@ from flight_model.legs.path import LegsPath, Passed
 from formation_scenario.model import Scenario
 from formation_scenario.path_of_legs import path_of_legs
 from formation_scenario.repair.draft import Draft, Waypoint
-from formation_scenario.repair.heights import least_changes
+from formation_scenario.repair.heights import min_changes
 from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.turn_limits import climb_limits, turns_well
 from formation_scenario.violations import Violation
@@ -30,8 +30,8 @@ from formation_scenario.violations import Violation
 BENDS = ("turn", "slot turn", "slot speed", "slot acceleration", "slot setpoint")
 HELPED = ("waypoints", "climb", "clearance", "fence", "fence height", "circles", *BENDS)
 """Kinds of violations against which points may help."""
-MOST_ROUNDS = 14
-MOST_ADDED = 12
+MAX_ROUNDS = 14
+MAX_ADDED = 12
 """Number of points that are added to a spline before other means are tried: legs turn by themselves."""
 MARGIN_M = 0.02
 """By so much more than lacks waypoints are raised: they are rounded to centimetres."""
@@ -64,7 +64,7 @@ class Points:
     def drafts(self) -> Iterator[Draft]:
         """Yield drafts, each with what was found in the one before repaired; ends when that isn't possible."""
         draft = self._draft
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MAX_ROUNDS):
             self._learn(draft)
             found = self._built()
             if found is None or found.source.data == draft.source.data:
@@ -129,8 +129,8 @@ class Points:
             else:
                 # A detour between two legs is flown level: a leg has no more room than between its own waypoints.
                 leg_m = float(np.hypot(*(self._flat[leg + 1] - self._flat[leg])))
-                most_m = _flown_m(draft.scenario, end, min(leg_m, float(at_m[end] - at_m[begin])))
-                self._rises[leg] = min(most_m, rise_m)
+                max_m = _flown_m(draft.scenario, end, min(leg_m, float(at_m[end] - at_m[begin])))
+                self._rises[leg] = min(max_m, rise_m)
 
     def _built(self) -> Draft | None:
         """Return the draft with all that is known, None if heights contradict each other."""
@@ -139,7 +139,7 @@ class Points:
             rises_m = np.array([self._rises[a:b].min() for a, b in pairwise(kept.tolist())])
             low = np.maximum(self._low, heights_m - self._move_max_m)[kept]
             high = np.minimum(self._high, heights_m + self._move_max_m)[kept]
-            found = least_changes(heights_m[kept], (np.minimum(low, high), high), rises_m)
+            found = min_changes(heights_m[kept], (np.minimum(low, high), high), rises_m)
             if found is None:
                 return None
             heights_m[kept] = found
@@ -166,7 +166,7 @@ class Points:
             found += turn
             base += [kept[min(inside, key=lambda each: math.dist(points[each][:2], point[:2]))] for point in turn]
             at = passed.last + 1
-        if len(found) + len(points) - at > len(points) + MOST_ADDED and not self._far:
+        if len(found) + len(points) - at > len(points) + MAX_ADDED and not self._far:
             return draft
         found, self._base = found + points[at:], base + kept[at:]
         return self._draft.with_waypoints(found, self._origins(found))

@@ -126,7 +126,7 @@ def repair(
     source: str | Path | dict[Any, Any],
     overrides: tuple[str, ...] = (),
     plugins: Files = (),
-    most_m: float = math.inf,
+    max_m: float = math.inf,
 ) -> Repair:
     """Return the nearest scenario that flies, or the best that was found.
 
@@ -134,7 +134,7 @@ def repair(
         source: a scenario's file or mapping.
         overrides: `dotted.key=value` settings.
         plugins: files whose extensions it may use.
-        most_m: the length of paths that are checked altogether, after which the search ends.
+        max_m: the length of paths that are checked altogether, after which the search ends.
 
     Raises:
         ScenarioError: values that aren't allowed, or contradict each other, which isn't a matter of flying.
@@ -142,19 +142,19 @@ def repair(
     registry = load_extensions(plugins)
     draft = Draft(read_scenario(source, overrides, registry), registry, ())
     given = replace(draft, origins=tuple(range(len(draft.scenario.path.waypoints_m))))
-    return _Search(given, most_m).repair()
+    return _Search(given, max_m).repair()
 
 
-def repair_refused(error: UnflyableError, most_m: float = math.inf) -> Repair:
+def repair_refused(error: UnflyableError, max_m: float = math.inf) -> Repair:
     """Return the same for a scenario that `load_scenario` refused."""
-    return _Search(Draft.of_refused(error), most_m).repair()
+    return _Search(Draft.of_refused(error), max_m).repair()
 
 
 class _Search:
     """The search for one scenario, and how much of it is left, by the length of the paths that are checked."""
 
-    def __init__(self, given: Draft, most_m: float) -> None:
-        self._given, self._left_m = given, most_m
+    def __init__(self, given: Draft, max_m: float) -> None:
+        self._given, self._left_m = given, max_m
         self._plan = given.scenario.repair or RepairPlan()
 
     def repair(self) -> Repair:
@@ -175,13 +175,13 @@ class _Search:
 
     def _by(self, means: str, draft: Draft, move_max_m: float, kinds: Collection[str] = ()) -> Draft:
         """Return the best draft by one means, or the present one, judged by some kinds of violations or by all."""
-        best, least = draft, self._judge(draft, kinds)
-        for each in self._drafts(means, draft, move_max_m, kinds) if least > 0.0 else ():
+        best, minimum = draft, self._judge(draft, kinds)
+        for each in self._drafts(means, draft, move_max_m, kinds) if minimum > 0.0 else ():
             if self._left_m <= 0.0:
                 break
             badness = self._judge(each, kinds)
-            if badness < least - BETTER or badness == least == 0.0:
-                best, least = each, badness
+            if badness < minimum - BETTER or badness == minimum == 0.0:
+                best, minimum = each, badness
         return best
 
     def _drafts(self, means: str, draft: Draft, move_max_m: float, kinds: Collection[str]) -> Iterator[Draft]:

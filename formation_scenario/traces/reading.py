@@ -8,14 +8,14 @@ from typing import Final
 
 from formation_scenario.bounded_read import read_bounded
 from formation_scenario.fields import FileError
-from formation_scenario.impairment_types import MOST_MS
+from formation_scenario.impairment_types import MAX_MS
 from formation_scenario.traces import ping, table
 from formation_scenario.traces.keys import Trace
 from formation_scenario.traces.recorded import RecordedDelays, Sample, recorded
 
-MOST_BYTES: Final = 16_000_000
+MAX_BYTES: Final = 16_000_000
 ALLOWED: Final = (
-    f"the output of ping, a table with named columns, or a number on each line: delays from 0 to {MOST_MS:.0f} ms"
+    f"the output of ping, a table with named columns, or a number on each line: delays from 0 to {MAX_MS:.0f} ms"
 )
 
 
@@ -45,7 +45,7 @@ def read_trace(trace: Trace) -> RecordedDelays:
 
 def _lines(path: Path) -> list[str]:
     try:
-        return read_bounded(path, MOST_BYTES).decode("utf-8-sig").splitlines()
+        return read_bounded(path, MAX_BYTES).decode("utf-8-sig").splitlines()
     except OSError as error:
         raise FileError(f"found {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:

@@ -8,7 +8,7 @@ from statistics import fmean, median
 from typing import Final, NamedTuple
 
 from formation_scenario.fields import FileError
-from formation_scenario.impairment_types import MOST_MS
+from formation_scenario.impairment_types import MAX_MS
 
 STEADY: Final = 0.75
 """Share of the intervals that have to be about as long as usual, so that longer ones show missing samples."""
@@ -72,7 +72,7 @@ def recorded(name: str, samples: list[Sample], *, round_trip: bool, period_s: fl
         FileError: nothing arrived, a delay is out of range, or times go back.
     """
     for line, _, delay_ms in samples:
-        if not math.isnan(delay_ms) and not 0.0 <= delay_ms <= MOST_MS:
+        if not math.isnan(delay_ms) and not 0.0 <= delay_ms <= MAX_MS:
             raise FileError(f"found a delay of {delay_ms:g} ms at {name}:{line}")
     if all(math.isnan(each.delay_ms) for each in samples):
         raise FileError(f"found {name} without a delay in it")
@@ -95,7 +95,7 @@ def _spread(name: str, samples: list[Sample]) -> tuple[float, ...]:
         if samples[index].time_s > samples[index - 1].time_s:
             starts.append(index)
     if len(starts) == 1 and len(samples) > 1:
-        raise FileError(f"found {name}, in which time stands still")
+        raise FileError(f"found {name}, in which time doesn't advance")
     times_s = list[float]()
     for index, start in enumerate(starts):
         following = starts[index + 1] if index + 1 < len(starts) else len(samples)

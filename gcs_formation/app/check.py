@@ -40,14 +40,14 @@ from gcs_formation.stability import (
     law_margins,
     law_usages,
 )
-from gcs_formation.stability.mismatch import LAGS_OFF, NEAR, STEP_S, lag_margin, mismatch_margin_with_lags_off
+from gcs_formation.stability.mismatch import NEAR, STEP_S, TAUS_OFF, mismatch_margin_with_taus_off, tau_margin
 from gcs_formation.stability.stated import stated_margins
 
 if TYPE_CHECKING:
     from formation_scenario.repair import Repair
     from gcs_formation.app.rehearsal.rehearsal import Rehearsal
 
-MOST_HZ = 1000.0
+MAX_HZ = 1000.0
 """Largest allowed law.rate_hz."""
 STEEP_DEG = 65.0
 """Steepest bank that raises no doubt: the highest FW_R_LIM that PX4 takes; ArduPlane's ROLL_LIMIT_DEG is 45."""
@@ -55,7 +55,7 @@ NO_MARGIN = "# delay margin: – (this law states none; docs/own-law.md)"
 ROOM_M = 2 * SETTLED_M
 """Distance beyond the required separation that two slots need: each vehicle counts as settled within `SETTLED_M`."""
 
-MOST_REPAIR_M = 500e3
+MAX_REPAIR_M = 500e3
 """Length of paths that are checked while what would do is searched without `--repair`: some 2 s."""
 SAME_S = 1e-3
 """Differences of the planned end below which a path isn't said to end early, s: a derived `duration_s` is rounded."""
@@ -67,14 +67,14 @@ def check_report(scenario: Scenario, flown: Rehearsal | None = None) -> dict[str
     `flown`: what was flown ahead; None if nothing was.
     """
     margins = law_margins(scenario)
-    lags_off, mismatch_lags_off_s = lag_margins(scenario)
+    time_constants_off, mismatch_off_s = tau_margins(scenario)
     return {
         "valid": True,
         "delay_margin_s": _finite(margins.small_signal) or dict.fromkeys("xyz"),
         "delay_margin_worst_s": _finite(margins.worst) or dict.fromkeys("xyz"),
         "mismatch_margin_s": _finite(mismatch_margins_s(scenario)),
-        "lag_margin": _finite(lags_off),
-        "mismatch_margin_lags_off_s": _finite(mismatch_lags_off_s),
+        "lag_margin": _finite(time_constants_off),
+        "mismatch_margin_lags_off_s": _finite(mismatch_off_s),
         **(
             {"design": {n: _finite(vars(each)) for n, each in figures(scenario).items()}} if _designed(scenario) else {}
         ),
@@ -88,7 +88,7 @@ def check_report(scenario: Scenario, flown: Rehearsal | None = None) -> dict[str
         "features": list(feature_names()),
         **({"parameters": files} if (files := check_parameters.parameter_report(scenario)) else {}),
         **({} if flown is None else {"rehearsal": rehearsal_report(flown)}),
-        "warnings": [*warnings(scenario, margins, lags_off), *_foretold(scenario, flown)],
+        "warnings": [*warnings(scenario, margins, time_constants_off), *_foretold(scenario, flown)],
     }
 
 
@@ -115,19 +115,21 @@ def check_text(scenario: Scenario, flown: Rehearsal | None = None) -> str:
     lines = [dump_scenario(scenario).rstrip(), "", *law_text(scenario), *own]
     lines.append(f"# loop delay as configured: {configured_loop_delay_s(scenario):.3f} s (sampling and hold included)")
     stood = ", ".join(f"{loop} {_seconds(margin_s)}" for loop, margin_s in mismatch_margins_s(scenario).items())
-    lags_off, mismatch_lags_off_s = lag_margins(scenario)
+    time_constants_off, mismatch_off_s = tau_margins(scenario)
     if stood:
-        lines.append(f"# mismatch of delay that the predicted loops stand there, s: {stood}")
-    if lags_off:
-        lines.append(f"# with every lag up to {LAGS_OFF:.0%} off: {_listed(mismatch_lags_off_s, '.3f')}")
-        lines.append(f"# by how much every lag may be off its model's there: {_listed(lags_off, '.0%')}")
+        lines.append(f"# mismatch of delay that the predicted loops tolerate there, s: {stood}")
+    if time_constants_off:
+        lines.append(f"# with every time constant up to {TAUS_OFF:.0%} off: {_listed(mismatch_off_s, '.3f')}")
+        lines.append(
+            f"# by how much every time constant may be off its model's there: {_listed(time_constants_off, '.0%')}"
+        )
     lines.extend(_design_text(scenario))
     lines.extend(f"# {line}" for line in (*(() if flown is None else rehearsal_text(flown)), _lap_text(scenario)))
     lines.extend(f"# {line}" for line in check_budget.budget_text(scenario))
     lines.extend(f"# {line}" for line in check_parameters.parameter_text(scenario))
     lines.extend(f"# {line}" for line in (*check_path.path_text(scenario), *common_limits(scenario)))
     lines.append(f"# features: {', '.join(feature_names()) or 'none'}")
-    told = [*warnings(scenario, law_margins(scenario), lags_off), *_foretold(scenario, flown)]
+    told = [*warnings(scenario, law_margins(scenario), time_constants_off), *_foretold(scenario, flown)]
     lines.extend(f"# warning: {warning}" for warning in told)
     return "\n".join(lines)
 
@@ -170,11 +172,11 @@ def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
     return dict(sorted(found.items()))
 
 
-def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
+def tau_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
     """Return how far each predicted loop tolerates lags that differ from its model's, at the longest configured delay.
 
     First: the share by which every lag may be off. Second: the tolerated mismatch of the delay, s, with every lag up to
-    `LAGS_OFF` off. A loop that is unstable without delay tolerates neither. Both are empty without prediction.
+    `TAUS_OFF` off. A loop that is unstable without delay tolerates neither. Both are empty without prediction.
     """
     off, mismatch_s = dict[str, float](), dict[str, float]()
     delay_s = round(configured_loop_delay_s(scenario) / STEP_S) * STEP_S
@@ -183,19 +185,19 @@ def lag_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]
     for axis, loops in {each for axes in predicted for each in axes.items()}:
         for loop in loops:
             unstable |= {axis} if loop.whole_margin_s() <= 0.0 else set()
-            off[axis] = min(lag_margin(loop, delay_s), off.get(axis, np.inf))
-            mismatch_s[axis] = min(mismatch_margin_with_lags_off(loop, delay_s), mismatch_s.get(axis, np.inf))
+            off[axis] = min(tau_margin(loop, delay_s), off.get(axis, np.inf))
+            mismatch_s[axis] = min(mismatch_margin_with_taus_off(loop, delay_s), mismatch_s.get(axis, np.inf))
     off |= {axis: 0.0 for axis in unstable if axis in off}
     mismatch_s |= {axis: min(0.0, mismatch_s[axis]) for axis in unstable if axis in mismatch_s}
     return dict(sorted(off.items())), dict(sorted(mismatch_s.items()))
 
 
-def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:
+def warnings(scenario: Scenario, margins: LawMargins, time_constants_off: Mapping[str, float]) -> Iterator[str]:
     """Yield what a user should know before flying.
 
-    `lags_off`: the share by which every lag may be off its model's, by loop.
+    `time_constants_off`: the share by which every lag may be off its model's, by loop.
     """
-    yield from _unstable_loops(scenario, margins, lags_off)
+    yield from _unstable_loops(scenario, margins, time_constants_off)
     for channel, each in figures(scenario).items() if _designed(scenario) else ():
         if not math.isfinite(each.peak):
             yield f"law.{channel}: unstable around the aircraft of the vehicles' models; law.gains: auto isn't"
@@ -220,8 +222,8 @@ def warnings(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, flo
         check_links.too_old,
         check_links.too_old_after_a_loss,
         check_links.refused_rate,
-        check_links.no_time_for_a_lap,
-        check_links.cramped_lap,
+        check_links.no_time_for_a_pattern,
+        check_links.cramped_pattern,
         check_links.nothing_comes,
     ):
         if text := found(scenario):
@@ -238,7 +240,7 @@ def of_features(scenario: Scenario) -> Iterator[str]:
             yield from warning(scenario)
 
 
-def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[str, float]) -> Iterator[str]:
+def _unstable_loops(scenario: Scenario, margins: LawMargins, time_constants_off: Mapping[str, float]) -> Iterator[str]:
     """Yield loops that are unstable or close to it.
 
     With prediction the margin limits two things only: the mismatch of the predicted delay, and the hold of a setpoint
@@ -260,12 +262,12 @@ def _unstable_loops(scenario: Scenario, margins: LawMargins, lags_off: Mapping[s
         elif hold.mean_s > NEAR * margin_s:
             held = f"{hold}, {hold.mean_s / margin_s:.0%} of its margin {margin_s:.3f} s"
             enough_hz = math.ceil(100.0 * hold.ticks / (NEAR * margin_s)) / 100.0
-            enough = f"law.rate_hz of {enough_hz:g} or more does" if enough_hz <= MOST_HZ else "lower gains do"
+            enough = f"law.rate_hz of {enough_hz:g} or more does" if enough_hz <= MAX_HZ else "lower gains do"
             yield f"loop {loop}: {held}; no prediction makes up for that, {enough}"
-    for loop, share in lags_off.items():
-        if share < LAGS_OFF and margins.small_signal.get(loop, math.inf) > 0.0:
-            stands = f"at {delay_s:.3f} s of delay it is stable with lags up to {share:.0%} off their model's"
-            yield f"loop {loop}: {stands}; {LAGS_OFF:.0%} should be"
+    for loop, share in time_constants_off.items():
+        if share < TAUS_OFF and margins.small_signal.get(loop, math.inf) > 0.0:
+            stands = f"at {delay_s:.3f} s of delay it is stable with time constants up to {share:.0%} off their model's"
+            yield f"loop {loop}: {stands}; {TAUS_OFF:.0%} should be"
 
 
 def steep_turns(scenario: Scenario) -> str | None:
@@ -278,9 +280,9 @@ def steep_turns(scenario: Scenario) -> str | None:
         turn_rps = vehicle.model.turn_rate_max_rps
         bank = math.degrees(math.atan(speed_mps * turn_rps / GRAVITY_MPS2))
         if bank > STEEP_DEG:
-            most_rps = GRAVITY_MPS2 * math.tan(math.radians(STEEP_DEG)) / speed_mps
+            max_rps = GRAVITY_MPS2 * math.tan(math.radians(STEEP_DEG)) / speed_mps
             found = f"vehicle {vehicle.vehicle_id}'s model.turn_rate_max_rps: found {turn_rps:g} rad/s"
-            return f"{found}, a bank of {bank:.0f}° at {speed_mps:g} m/s; {STEEP_DEG:g}° are {most_rps:.2g} rad/s"
+            return f"{found}, a bank of {bank:.0f}° at {speed_mps:g} m/s; {STEEP_DEG:g}° are {max_rps:.2g} rad/s"
     return None
 
 
@@ -326,9 +328,9 @@ def never_reached(scenario: Scenario, until_s: float = math.inf) -> Iterator[str
 
 
 def _followers_text(scenario: Scenario) -> Iterator[str]:
-    followers = ", ".join(str(vehicle.vehicle_id) for vehicle in scenario.followers) or "nobody"
+    followers = ", ".join(str(vehicle.vehicle_id) for vehicle in scenario.followers) or "none"
     leader = f"vehicle {scenario.leader.vehicle_id}" if scenario.leader else "the virtual leader"
-    yield f"# communication graph: star; {leader} is heard by {followers}"
+    yield f"# communication graph: star; {leader} is received by {followers}"
     if not law_kind(scenario).has_margins:
         return
     yield "# delay margins without prediction, s (small signal / worst over the fuzzy range):"
@@ -353,7 +355,7 @@ def _consensus_text(scenario: Scenario) -> Iterator[str]:
     yield f"# communication graph: {graph if isinstance(graph, str) else 'by its weights'}"
     for vehicle, row in zip(scenario.vehicles, scenario.adjacency, strict=True):
         heard = [f"{scenario.vehicles[q].vehicle_id} ({row[q]:g})" for q in np.flatnonzero(row)]
-        yield f"#   vehicle {vehicle.vehicle_id} hears {', '.join(heard) or 'nobody'}"
+        yield f"#   vehicle {vehicle.vehicle_id} receives from {', '.join(heard) or 'none'}"
     if not law_kind(scenario).has_margins:
         return
     along_s, across_s = consensus_margins(scenario)

@@ -15,7 +15,7 @@ from formation_scenario.gains import AUTO, design_delay_s, designed
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.mean_delays import since, ways_s
 from formation_scenario.start_states_and_end_times import planned_end_s
-from gcs_formation.app.check_links import LEAST_M, PLANES_MOST_HZ
+from gcs_formation.app.check_links import MIN_M, PLANES_MAX_HZ
 from gcs_formation.app.loop_delays import message_age
 from gcs_formation.control.laws import law_kind
 from gcs_formation.stability import law_loops
@@ -43,13 +43,13 @@ def ahead_of_virtual(scenario: Scenario) -> str | None:
     ]
     down_s, at_s, vehicle = max(steps, key=lambda step: step[0])
     speed_mps, between_s = scenario.path.begin_mps, 1.0 / scenario.telemetry.rate_hz
-    least_m, most_m = speed_mps * down_s, speed_mps * (down_s + between_s)
-    if most_m < LEAST_M:
+    min_m, max_m = speed_mps * down_s, speed_mps * (down_s + between_s)
+    if max_m < MIN_M:
         return None
     lossy = any(step.downlink.loss for step in scenario.link_steps(vehicle))
     why = f"the delay down its link and up to 1/telemetry.rate_hz{', longer after a loss' if lossy else ''}"
     age = f"{down_s:.3g} to {down_s + between_s:.3g} s old{since(at_s)} ({why})"
-    ahead = f"{least_m:.2g} to {most_m:.2g} m ahead of its slot at {speed_mps:g} m/s"
+    ahead = f"{min_m:.2g} to {max_m:.2g} m ahead of its slot at {speed_mps:g} m/s"
     return (
         "law.delay_compensation: found false, with a virtual leader, whose place is of now; that of vehicle "
         f"{vehicle.vehicle_id} is {age}, so it flies {ahead}: true predicts over that, and a real leader's is as old"
@@ -74,7 +74,7 @@ def of_different_instants(scenario: Scenario) -> str | None:
         return None
     enough_hz = math.ceil(10.0 * speed_mps * periods / UNPAIRED_M) / 10.0
     enough = (
-        f"; telemetry.rate_hz of {enough_hz:g} or more leaves {UNPAIRED_M:g} m" if enough_hz <= PLANES_MOST_HZ else ""
+        f"; telemetry.rate_hz of {enough_hz:g} or more leaves {UNPAIRED_M:g} m" if enough_hz <= PLANES_MAX_HZ else ""
     )
     lossy = ", of which some is lost," if leads + variance > 2.0 * message_age(Impairment())[1] else ""
     return (

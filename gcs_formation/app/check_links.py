@@ -27,9 +27,9 @@ from gcs_formation.guidance.leader_guidance import DECISION_S, LeaderGuidance
 from gcs_formation.guidance.way_to_run_in import JoinRoute
 from gcs_formation.link.utc_slack import UTC_SLACK_S
 
-PLANES_MOST_HZ = 40.0
+PLANES_MAX_HZ = 40.0
 """Four fifths of SCHED_LOOP_RATE; ArduPilot denies MAV_CMD_SET_MESSAGE_INTERVAL beyond that."""
-LEAST_M = 0.05
+MIN_M = 0.05
 """Smallest error that a warning is given for."""
 FRAME_BYTES = 12
 """Size of a MAVLink 2 frame without its payload."""
@@ -38,7 +38,7 @@ GAP = 2.5
 
 
 def split_errors(scenario: Scenario) -> Iterator[str]:
-    """Yield each follower's largest constant error along the path, from `LEAST_M` on."""
+    """Yield each follower's largest constant error along the path, from `MIN_M` on."""
     times_s = sorted({step.at_s for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)})
     leader_s = _early_s(scenario, scenario.leader, times_s)
     for vehicle in scenario.followers:
@@ -46,7 +46,7 @@ def split_errors(scenario: Scenario) -> Iterator[str]:
         errors_m = [scenario.path.begin_mps * (own - leads) for own, leads in zip(early_s, leader_s, strict=True)]
         error_m = max(errors_m, key=abs)
         at_s = times_s[errors_m.index(error_m)]
-        if abs(error_m) >= LEAST_M:
+        if abs(error_m) >= MIN_M:
             leaders = f", the leader's {_split(scenario, scenario.leader, at_s)}," if scenario.leader else ""
             yield (
                 f"vehicle {vehicle.vehicle_id}: {_split(scenario, vehicle, at_s)}{leaders} leave a "
@@ -146,13 +146,13 @@ class Lap(NamedTuple):
 def lap(scenario: Scenario) -> Lap:
     """Return the lap before a scenario's path."""
     leads, speed_mps = leader_guidance(scenario), scenario.path.begin_mps
-    flown, start = _lap(scenario, leads), leads.path.at(0.0)
+    flown, start = _pattern(scenario, leads), leads.path.at(0.0)
     end = flown.at(flown.length_m)
     straight_m = math.hypot(start.north_m - end.north_m, start.east_m - end.east_m)
     return Lap((flown.length_m + straight_m) / speed_mps, _lap_radius_m(scenario, leads))
 
 
-def _lap(scenario: Scenario, leads: LeaderGuidance) -> JoinRoute:
+def _pattern(scenario: Scenario, leads: LeaderGuidance) -> JoinRoute:
     """Return the leader's route from where it turns off before its path to the straight that leads to the path."""
     air = drift(scenario)
     return leads.lap(leads.path.at(-DECISION_S * air.speed_mps), air.north_mps, air.east_mps)
@@ -162,19 +162,19 @@ def _lap_radius_m(scenario: Scenario, leads: LeaderGuidance) -> float:
     return leads.hold_radius_m(*scenario.drift_mps)
 
 
-def cramped_lap(scenario: Scenario) -> str | None:
+def cramped_pattern(scenario: Scenario) -> str | None:
     """Return where the fence leaves too little room for a lap before the path; None if there is enough."""
     leads = leader_guidance(scenario)
     if leads.fence is None:
         return None
-    places, lack_m = leads.fence.lack(_lap(scenario, leads), drift(scenario))
+    places, lack_m = leads.fence.lack(_pattern(scenario, leads), drift(scenario))
     worst = np.unravel_index(int(lack_m.argmax()), lack_m.shape)
     if lack_m[worst] == 0.0:
         return None
     (north_m, east_m), radius_m = places[worst].tolist(), _lap_radius_m(scenario, leads)
     key = leads.fence.areas.nearest(places[worst]).key
     return (
-        f"{key}: found no room for a lap before the path (turns of {radius_m:.0f} m): at "
+        f"{key}: found no room for a holding pattern before the path (turns of {radius_m:.0f} m): at "
         f"north {north_m:.0f}, east {east_m:.0f} vehicles are turned away; {math.ceil(lack_m[worst])} m more are needed"
     )
 
@@ -188,7 +188,7 @@ def nothing_comes(scenario: Scenario) -> str | None:
     return f"links: nothing comes over that of vehicle {', '.join(deaf)} at the start: the formation can't assemble"
 
 
-def no_time_for_a_lap(scenario: Scenario) -> str | None:
+def no_time_for_a_pattern(scenario: Scenario) -> str | None:
     """Return that the start times out before the leader passes the path's start a second time; None if it doesn't.
 
     The leader's first pass is over after its run-in, and a lap follows.
@@ -198,11 +198,11 @@ def no_time_for_a_lap(scenario: Scenario) -> str | None:
     lap_s, run_in_s, found_s = lap(scenario).lap_s, scenario.start.run_in_s, scenario.start.timeout_s
     if found_s >= run_in_s + lap_s or not scenario.followers:
         return None
-    least_s = math.ceil(run_in_s + lap_s)
+    min_s = math.ceil(run_in_s + lap_s)
     return (
-        f"start.timeout_s: found {found_s:g}; the leader's first pass comes {run_in_s:g} s after it sets out, a lap "
-        f"takes {lap_s:.0f} s: that ends before the next pass, so the path then begins whoever is in its slot; "
-        f"{least_s} or more wait"
+        f"start.timeout_s: found {found_s:g}; the leader's first pass comes {run_in_s:g} s after it sets out, a "
+        f"holding pattern takes {lap_s:.0f} s: that ends before the next pass, so the path then begins whether or not "
+        f"all are in their slots; {min_s} or more wait"
     )
 
 
@@ -242,11 +242,11 @@ def too_old_after_a_loss(scenario: Scenario) -> str | None:
     if not lossy or too_old(scenario) is not None:
         return None
     who, share = ", ".join(dict.fromkeys(str(each.vehicle_id) for each, *_ in lossy)), max(each[1] for each in lossy)
-    least_hz = math.ceil(10.0 * GAP / (most_s - max(way_s for *_, way_s in lossy))) / 10.0
+    min_hz = math.ceil(10.0 * GAP / (most_s - max(way_s for *_, way_s in lossy))) / 10.0
     return (
         f"telemetry.rate_hz: found {rate_hz:g}; once a message is lost, as up to {share:.1%} are, what is known of "
-        f"vehicle {who} gets older than law.max_age_s, {most_s:g}: it is told to loiter, among the others; "
-        f"{least_hz:g} Hz or more"
+        f"vehicle {who} gets older than law.max_age_s, {most_s:g}: it is commanded to loiter, among the others; "
+        f"{min_hz:g} Hz or more"
     )
 
 
@@ -254,11 +254,11 @@ def refused_rate(scenario: Scenario) -> str | None:
     """Return that a real ArduPlane with default parameters refuses the telemetry rate; None if it doesn't."""
     planes = [str(each.vehicle_id) for each in scenario.vehicles if each.autopilot == "arduplane"]
     rate_hz = scenario.telemetry.rate_hz
-    if not planes or rate_hz <= PLANES_MOST_HZ:
+    if not planes or rate_hz <= PLANES_MAX_HZ:
         return None
     return (
         f"telemetry.rate_hz: found {rate_hz:g}; a real ArduPlane (vehicle {', '.join(planes)}) refuses more than "
-        f"{PLANES_MOST_HZ:g} with SCHED_LOOP_RATE 50, its default"
+        f"{PLANES_MAX_HZ:g} with SCHED_LOOP_RATE 50, its default"
     )
 
 

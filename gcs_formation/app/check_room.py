@@ -82,8 +82,8 @@ def _left(
         if vehicle is None or column == step.arrangement.leader:
             continue
         whose = f"vehicle {vehicle.vehicle_id}'s slot in shape {step.shape} is flown at"
-        least_mps, most_mps = float(needs_mps[:, column].min()), float(needs_mps[:, column].max())
+        min_mps, max_mps = float(needs_mps[:, column].min()), float(needs_mps[:, column].max())
         slowest_mps, fastest_mps = vehicle.model.soon_mps(speed_mps)
-        below.append((least_mps - slowest_mps, f"{whose} {least_mps:.3g} m/s, and {slowest_mps:.3g} is its least"))
-        above.append((fastest_mps - most_mps, f"{whose} {most_mps:.3g} m/s, and {fastest_mps:.3g} is its most"))
+        below.append((min_mps - slowest_mps, f"{whose} {min_mps:.3g} m/s, and {slowest_mps:.3g} is its least"))
+        above.append((fastest_mps - max_mps, f"{whose} {max_mps:.3g} m/s, and {fastest_mps:.3g} is its most"))
     return below, above

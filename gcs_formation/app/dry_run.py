@@ -9,7 +9,7 @@ from typing import Any
 from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
-from flight_model.arrays import beside
+from flight_model.arrays import offset_points
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import columns, slot_schedule
@@ -57,7 +57,9 @@ def rehearsal_text(report: dict[str, Any]) -> str:
             values = ", ".join(f"{name} {value}" for name, value in given.items())
             what = f"{message['message']} {message['command']}".rstrip()
             lines.append(f"  {when}: {what}: {values or 'all 0'}")
-    return "\n".join([*lines, "nobody was commanded; heartbeats and requests for telemetry and parameters were sent"])
+    return "\n".join(
+        [*lines, "no vehicle was commanded; heartbeats and requests for telemetry and parameters were sent"]
+    )
 
 
 def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, FlightState]]:
@@ -67,7 +69,7 @@ def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, FlightState
     for vehicle, place_m in zip(columns(scenario), slot_schedule(scenario)[0].places_m.tolist(), strict=True):
         if vehicle is not None:
             forward_m, right_m, up_m = place_m
-            north_m, east_m = beside(start.north_m, start.east_m, axis, forward_m, right_m)
+            north_m, east_m = offset_points(start.north_m, start.east_m, axis, forward_m, right_m)
             speed_mps, psi_rad, height_m = scenario.path.begin_mps, start.course_rad, start.height_m + up_m
             where = FlightState(float(north_m), float(east_m), height_m, 0.0, speed_mps, psi_rad, 0.0, 0.0)
             found[str(vehicle.vehicle_id)] = Setpoint(speed_mps, psi_rad, height_m), where

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flight_model.arrays import Array, beside
+from flight_model.arrays import Array, offset_points
 from flight_model.stops.timetable import Timetable
 from formation_scenario import Scenario
 from formation_scenario.fields import VehicleRef
@@ -70,7 +70,7 @@ def _paths(scenario: Scenario) -> dict[str, Array]:
     paths = dict[str, Array]()
     for vehicle, place in zip(columns(scenario), slot_schedule(scenario)[0].places_m, strict=True):
         forward_m, right_m, up_m = place.tolist()
-        north_m, east_m = beside(points.north_m, points.east_m, axis, forward_m, right_m)
+        north_m, east_m = offset_points(points.north_m, points.east_m, axis, forward_m, right_m)
         name = "leader" if vehicle is None else str(vehicle.vehicle_id)
         paths[name] = np.stack((north_m, east_m, points.height_m + up_m), axis=1)
     return paths

@@ -28,7 +28,7 @@ def set_up_keys(scenario: Scenario, only: Collection[int], *, remove: bool, cabl
         scenario: says who they are, and which key each link has.
         only: system ids; all, if empty.
         remove: take it away.
-        cable: whether serial lines are cables, on which nobody listens.
+        cable: whether serial lines are cables, on which no one listens.
 
     Raises:
         ScenarioError: a link without a key, or on which the key would be sent through the air or a network.

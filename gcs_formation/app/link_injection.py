@@ -21,7 +21,7 @@ from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.fields import refused
 from formation_scenario.links import Impairment as PlannedImpairment
-from formation_scenario.links import LinkStep, least_mean_burst
+from formation_scenario.links import LinkStep, min_mean_burst
 from formation_scenario.scripted import ScriptedLink, impaired
 from formation_scenario.traces.keys import Trace as RecordedTrace
 from gcs_formation.app.link_processes import LinkProcesses
@@ -35,7 +35,7 @@ Steps = tuple[LinkStep, ...]
 
 
 class InjectedFaults:
-    """Records each fault when it's due by mission time. The station isn't told: it has to notice."""
+    """Records each fault when it's due by mission time. The station doesn't know: it has to notice."""
 
     def __init__(self, scenario: Scenario, recorder: Recorder) -> None:
         self._recorder = recorder
@@ -210,10 +210,10 @@ def _require_bursts(vehicle: VehicleId, steps: Steps) -> None:
 
 
 def _require_burst(vehicle: VehicleId, link: PlannedImpairment) -> None:
-    least = least_mean_burst(link.loss)
-    if link.mean_burst is not None and link.mean_burst < least:
+    minimum = min_mean_burst(link.loss)
+    if link.mean_burst is not None and link.mean_burst < minimum:
         found = f"found {link.mean_burst:g} with a loss of {link.loss:g} (vehicle {vehicle})"
-        raise refused("mean_burst", found, f"{least:g} or more with that loss")
+        raise refused("mean_burst", found, f"{minimum:g} or more with that loss")
 
 
 def impair(scenario: Scenario, station: Station) -> ImpairedEngine | None:
@@ -279,7 +279,7 @@ class InjectedDelays:
         self._series_s = {vehicle: array("d") for vehicle in vehicles}
         self._ticks = 0
 
-    def begin(self, links: ImpairedEngine) -> None:
+    def attach(self, links: ImpairedEngine) -> None:
         """Read the statistics of links that are impaired from now on."""
         self._links = links
 

@@ -29,8 +29,8 @@ Record = Literal["full", "series", "summary", "none"]
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """SIGHUP: the terminal was closed, or the connection to it was lost."""
 YES = ("y", "yes")
-MOST_BYTES = 1000
-DECLINED = "not confirmed: nobody was commanded"
+MAX_BYTES = 1000
+DECLINED = "not confirmed: no vehicle was commanded"
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,9 @@ class RunOptions:
             raise ValueError(f"until: found {self.until_s!r}; allowed: a number >= 0")
 
 
-def _is_number(found: object, least: float, most: float) -> bool:
+def _is_number(found: object, minimum: float, maximum: float) -> bool:
     """Return whether what a script gave is a number within bounds."""
-    return isinstance(found, Real) and least <= float(found) <= most
+    return isinstance(found, Real) and minimum <= float(found) <= maximum
 
 
 class Interrupts:
@@ -142,12 +142,12 @@ class Confirmation:
             return
         if self._gate.awaits_word and not self._asked:
             self._asked = True
-            while _is_ready(self._terminal) and os.read(self._terminal, MOST_BYTES):
+            while _is_ready(self._terminal) and os.read(self._terminal, MAX_BYTES):
                 pass  # what was typed before the question
             self._recorder.event(Event(now, "confirm", question(self._gate)))
         if self._asked and _is_ready(self._terminal):
-            read = os.read(self._terminal, MOST_BYTES)
-            self._typed = (self._typed + read)[:MOST_BYTES]
+            read = os.read(self._terminal, MAX_BYTES)
+            self._typed = (self._typed + read)[:MAX_BYTES]
             if b"\n" in self._typed or not read:
                 self._answer(self._typed.partition(b"\n")[0].decode(errors="replace").strip().lower(), now)
 

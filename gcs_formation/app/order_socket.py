@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Self
 
 from airlink.host_system import short_path
-from formation_scenario.orders import MOST_LETTERS, Answer
+from formation_scenario.orders import MAX_LETTERS, Answer
 from gcs_formation.errors import NothingRunningError
 
 SOCKET = "orders.sock"
@@ -20,8 +20,8 @@ CHECK = "check"
 """Before an order: asks what the answer would be."""
 LINK = "link"
 """Before JSON with the keys of `links.changes`: impairs links of a `run`."""
-MOST_BYTES = 1000
-MOST_CALLERS = 8
+MAX_BYTES = 1000
+MAX_CALLERS = 8
 """Beyond this the oldest connection is dropped: a caller sends its order at once."""
 ANSWER_S = 10.0
 """Longest wait for an answer; a running flight answers within a tick."""
@@ -50,7 +50,7 @@ class OrderSocket:
             opened.setblocking(False)
             opened.bind(str(path))
             path.chmod(0o600)
-            opened.listen(MOST_CALLERS)
+            opened.listen(MAX_CALLERS)
             self._listening = opened
         return self
 
@@ -66,18 +66,18 @@ class OrderSocket:
             return
         for caller in list(self._callers):
             self._listen_to(caller)
-        with suppress(OSError):  # nobody waits, or too many files are open: try again later
-            for _ in range(MOST_CALLERS):
+        with suppress(OSError):  # no caller waits, or too many files are open: try again later
+            for _ in range(MAX_CALLERS):
                 caller, _ = self._listening.accept()
                 caller.setblocking(False)
-                if len(self._callers) == MOST_CALLERS:
+                if len(self._callers) == MAX_CALLERS:
                     self._drop(next(iter(self._callers)))
                 self._callers[caller] = b""
                 self._listen_to(caller)
 
     def _listen_to(self, caller: socket.socket) -> None:
         try:
-            heard = caller.recv(MOST_BYTES)
+            heard = caller.recv(MAX_BYTES)
         except BlockingIOError:
             return
         except OSError:
@@ -85,7 +85,7 @@ class OrderSocket:
         said = self._callers[caller] + heard
         if b"\n" in said:
             self._answer(caller, said.partition(b"\n")[0])
-        elif heard and len(said) < MOST_BYTES:
+        elif heard and len(said) < MAX_BYTES:
             self._callers[caller] = said
             return
         self._drop(caller)
@@ -106,7 +106,7 @@ def tell(directory: Path, order: str) -> Answer:
     Raises:
         NothingRunningError: no flight answers there.
     """
-    return ask(directory, " ".join(order.split())[: MOST_LETTERS + 1])
+    return ask(directory, " ".join(order.split())[: MAX_LETTERS + 1])
 
 
 def ask(directory: Path, line: str) -> Answer:

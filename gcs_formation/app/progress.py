@@ -1,4 +1,4 @@
-"""Which events a user is told during a flight, and in which words."""
+"""Which events a user is shown during a flight, and in which words."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ QUIET = ("mode", "statustext", "ready")
 """Kinds that every start has many of; they are in events.jsonl only."""
 PASSING = {"link": ("stale",), "parameters": (IN_ORDER,)}
 USUAL = {"link": ("connected",), "member": ("flying in formation", "starting")}
-"""Texts that are told only after another text of the same kind: a link is back, a vehicle rejoined the formation."""
+"""Texts that are shown only after another text of the same kind: a link is back, a vehicle rejoined the formation."""
 
 
 def words(event: Event) -> str:

@@ -21,7 +21,7 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 GAP = "  "
 WIDE = 10**6
-MOST_ROWS = 24
+MAX_ROWS = 24
 WHOLE = 0.995
 """Share of the time from which a follower counts as having followed all of it."""
 WIDTH = 80
@@ -93,7 +93,7 @@ def summary_text(summary: Summary, directory: Path, width: int | None = None) ->
     figures = summary.to_dict()
     words = [_headline(figures), _source(figures)]
     rows = table(_follower_groups(figures), width or WIDTH) if figures["followers"] else []
-    left = len(figures["followers"]) - MOST_ROWS
+    left = len(figures["followers"]) - MAX_ROWS
     after = [f"… and {left} more in summary.json"] if left > 0 else []
     after += [
         *_partly(figures),
@@ -152,12 +152,12 @@ def _wrapped(lines: Sequence[str], width: int | None) -> list[str]:
 
 def _verdicts(summary: Summary) -> list[str]:
     """Return a line for each expectation; if there are many, only those that didn't hold, and a count."""
-    if len(summary.verdicts) <= MOST_ROWS:
+    if len(summary.verdicts) <= MAX_ROWS:
         return [f"expect {verdict}" for verdict in summary.verdicts]
     held, waiting = (sum(verdict.held is state for verdict in summary.verdicts) for state in (True, None))
     others = [f"expect {verdict}" for verdict in summary.verdicts if verdict.held is not True]
     not_judged = f", {waiting} not judged" if waiting else ""
-    return [*others[:MOST_ROWS], f"expect: {held} of {len(summary.verdicts)} held{not_judged}"]
+    return [*others[:MAX_ROWS], f"expect: {held} of {len(summary.verdicts)} held{not_judged}"]
 
 
 def _headline(figures: dict[str, Any]) -> str:
@@ -178,7 +178,7 @@ def _source(figures: dict[str, Any]) -> str:
 
 def _follower_groups(figures: dict[str, Any]) -> list[ColumnGroup]:
     """Return the table's columns. The largest errors are kept longest, then the settling time."""
-    shown = dict(list(figures["followers"].items())[:MOST_ROWS])
+    shown = dict(list(figures["followers"].items())[:MAX_ROWS])
     axes = {vehicle: [follower[f"error_{axis}_m"] for axis in "xyz"] for vehicle, follower in shown.items()}
     links = [figures["links"][vehicle] for vehicle in shown]
     largest = [(vehicle, *(_number(axis["max"]) for axis in own)) for vehicle, own in axes.items()]

@@ -148,7 +148,7 @@ class Script:
 
     def _carry_out(self, act: ScriptedOrder, now: Instant) -> Answer:
         if act.order is not None:
-            return self._station.orders.take(act.order, now)
+            return self._station.orders.execute(act.order, now)
         if act.link is not None:
             schedule, changed = self._links
             if not schedule.change(act.link):

@@ -168,7 +168,7 @@ class Session:
         links = wrapped(self.station, schedule)
         if self._links is None and links is not None and self.replace is not None:
             self._links = self.engine = links
-            self._injected.begin(links)
+            self._injected.attach(links)
             self.replace(links)
 
     def attend(self) -> bool:
@@ -311,7 +311,7 @@ class Session:
             return self.station.orders.consider(text.partition(CHECK)[2].strip(), now)
         if asked == LINK:
             return self._change_links(text.partition(LINK)[2], now)
-        return self.station.orders.take(text, now)
+        return self.station.orders.execute(text, now)
 
     def _change_links(self, text: str, now: Instant) -> Answer:
         """Impair links as JSON says, with the keys of `links.changes`."""

@@ -108,9 +108,9 @@ def open_links(scenario: Scenario) -> Iterator[str]:
         signing = scenario.signing_of(vehicles[0])
         whom = f"vehicle{'s' if len(vehicles) > 1 else ''} {', '.join(str(each.vehicle_id) for each in vehicles)}"
         if signing is None:
-            yield f"{endpoint} isn't signed: whoever can send there can fly {whom} (links.default.signing)"
+            yield f"{endpoint} isn't signed: any sender there can fly {whom} (links.default.signing)"
         elif signing.unsigned == "accept":
-            yield f"{endpoint} takes unsigned frames: whoever can send there can speak for {whom}"
+            yield f"{endpoint} takes unsigned frames: any sender there can speak for {whom}"
 
 
 def is_loopback(endpoint: Endpoint) -> bool:

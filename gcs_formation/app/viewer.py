@@ -1,7 +1,7 @@
 """The viewer of a flight: a process of its own, which reads the record and serves the page.
 
 `run --view` and `fly --view` start it (`Viewing`); it is `python -m gcs_formation.app.viewer`. Nothing passes from it
-to the station but orders, through the run directory's socket. It is told on its standard input where to serve, and
+to the station but orders, through the run directory's socket. It reads from its standard input where to serve, and
 what, and by its end that the station has gone. It stays while a browser looks on.
 """
 
@@ -30,9 +30,9 @@ from gcs_formation.view.listening import listening_socket
 from gcs_formation.view.tiles import Tiles
 
 NICE = 10
-"""The viewer gives way to everything else on the machine: the station's ticks come first."""
+"""The viewer yields to everything else on the machine: the station's ticks come first."""
 ENDS_S = 1.0
-"""How long a viewer may take to end that nobody looks at, s; others go on until their browsers have left."""
+"""How long a viewer may take to end that no one looks at, s; others go on until their browsers have left."""
 NEEDED = ("starlette", "uvicorn")
 LACKS = "found no {}, which the page needs; allowed: pip install 'gcs-formation[view]'"
 
@@ -99,7 +99,7 @@ class Viewing:
                      "tiles": None if tiles is None else tiles.address})  # fmt: skip
         listening.close()
 
-    def begin(self) -> None:
+    def announce(self) -> None:
         """Say that the record is open."""
         self._write({"run": str(self._directory.absolute())})
 
@@ -142,7 +142,7 @@ def main() -> None:
         head, run = json.loads(lines.readline()), lines.readline()
     if not run:
         return  # the flight never began
-    from gcs_formation.view.run import RunRecording  # noqa: PLC0415 - after the first line, so that nobody waits
+    from gcs_formation.view.run import RunRecording  # noqa: PLC0415 - after the first line, so that no caller waits
     from gcs_formation.view.server import Viewer  # noqa: PLC0415
     from gcs_formation.view.serving import serve  # noqa: PLC0415
 

@@ -9,7 +9,7 @@ from gcs_formation.phases import Phase
 from gcs_formation.recorder import Tick
 from gcs_formation.station import Station
 
-MOST_NAMED = 4
+MAX_NAMED = 4
 BEFORE_PATH = (Phase.CONNECTING, Phase.ASSEMBLING)
 
 
@@ -31,18 +31,18 @@ def _starting(station: Station) -> str:
         if not (start_up.finished or start_up.left):
             found.setdefault(start_up.doing, []).append(str(identity))
     each = [
-        f"vehicle {', '.join(who[:MOST_NAMED])}{' …' * (len(who) > MOST_NAMED)}: {what}" for what, who in found.items()
+        f"vehicle {', '.join(who[:MAX_NAMED])}{' …' * (len(who) > MAX_NAMED)}: {what}" for what, who in found.items()
     ]
     return "; ".join(each)
 
 
 def _far_from_slot(station: Station, tick: Tick) -> str:
     """Return which follower is farthest from its slot, if it is farther than `start.tolerance_m`."""
-    identities, most_m, farthest = column_ids(station.scenario), station.scenario.start.tolerance_m, ""
+    identities, max_m, farthest = column_ids(station.scenario), station.scenario.start.tolerance_m, ""
     for column, identity in enumerate(identities):
         off_m = max((abs(error) for error in tick.error_of(column)), default=math.nan)
-        if column != tick.leader and off_m > most_m:
-            most_m, farthest = off_m, f"vehicle {identity} is {off_m:.0f} m from its slot"
+        if column != tick.leader and off_m > max_m:
+            max_m, farthest = off_m, f"vehicle {identity} is {off_m:.0f} m from its slot"
     return farthest
 
 

@@ -11,22 +11,22 @@ class Level(NamedTuple):
     words: str
     """What has changed from the level before."""
     unread_hz: float
-    """Rate of messages that nobody here reads, 0: none."""
+    """Rate of messages that no one here reads, 0: none."""
     telemetry_share: float
-    """Share of the rate of positions, attitudes and airspeeds, down to `LEAST_HZ`."""
+    """Share of the rate of positions, attitudes and airspeeds, down to `MIN_HZ`."""
     setpoint_s: float
     """Shortest time between two setpoints of a quantity; those that stop a failsafe come as often as that needs."""
     probe_s: float
     """Shortest time between two TIMESYNC requests."""
 
 
-LEAST_HZ: Final = 2.0
+MIN_HZ: Final = 2.0
 UNREAD_HZ: Final = 0.1
-"""Rate of messages that nobody here reads: still enough for the log."""
+"""Rate of messages that no one here reads: still enough for the log."""
 LEVELS: Final = (
     Level("everything is sent as often as it is of use", UNREAD_HZ, 1.0, 0.0, 0.0),
     Level(
-        "telemetry comes half as often, and nothing that nobody reads; setpoints go 5 times a second at most",
+        "telemetry comes half as often, and nothing that no one reads; setpoints go 5 times a second at most",
         0.0,
         0.5,
         0.2,

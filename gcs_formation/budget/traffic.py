@@ -13,7 +13,7 @@ from airlink.radio.settings import RadioSettings
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario
 from formation_scenario.channels import Channel
-from gcs_formation.budget.levels import LEAST_HZ, LEVELS, Level
+from gcs_formation.budget.levels import LEVELS, MIN_HZ, Level
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.command_delivery import REPEAT_S
 
@@ -104,7 +104,7 @@ def thinned(autopilot: Autopilot, level: Level, rates_hz: Mapping[int, float]) -
     """Return rates with a level's share of those of motion."""
     fast, share = autopilot.fast_messages, level.telemetry_share
     return {
-        each: max(share * rate_hz, min(rate_hz, LEAST_HZ)) if each in fast else rate_hz
+        each: max(share * rate_hz, min(rate_hz, MIN_HZ)) if each in fast else rate_hz
         for each, rate_hz in rates_hz.items()
     }
 

@@ -64,7 +64,7 @@ def link(
     """Measure the links of all vehicles heard at each ENDPOINT, and say what formation they carry.
 
     Nothing is commanded: it listens, sends heartbeats, and asks for the vehicles' time (TIMESYNC). Exit status 3:
-    nobody answered.
+    none answered.
     """
     if out is not None:
         try:
@@ -81,7 +81,7 @@ def link(
         found = report.figures(survey, now)
         if not any(each.answers for each in survey.links.values()):
             status = Status.INTERRUPTED if interrupted.count else Status.COULD_NOT_GO_ON
-            fail(_nobody(survey), status)
+            fail(_no_vehicle(survey), status)
         with TemporaryDirectory() as scratch:
             directory = out or Path(scratch)
             _write_traces(survey, found, now, directory)
@@ -117,12 +117,12 @@ class _Interrupts:
         return self.count > 0 or (not survey.links and now > UNHEARD_S * NANOSECONDS)
 
 
-def _nobody(survey: LinkSurvey) -> str:
+def _no_vehicle(survey: LinkSurvey) -> str:
     where = ", ".join(str(each) for each in survey.endpoints())
     if not survey.links:
-        return f"found nobody at {where}; allowed: endpoints at which an autopilot's heartbeats arrive"
+        return f"found no autopilot at {where}; allowed: endpoints at which an autopilot's heartbeats arrive"
     who = ", ".join(str(system) for _, system in survey.links)
-    return f"vehicle {who} at {where} answered no TIMESYNC; allowed: vehicles that hear, and answer it"
+    return f"vehicle {who} at {where} answered no TIMESYNC; allowed: vehicles that receive it, and answer"
 
 
 def _write_traces(survey: LinkSurvey, found: dict[str, Any], now: Instant, out: Path) -> None:

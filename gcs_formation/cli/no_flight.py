@@ -183,11 +183,11 @@ def _refuse(error: ScenarioError, as_json: bool, plan: Path | None) -> NoReturn:
     from formation_scenario import ScenarioError  # noqa: PLC0415
     from formation_scenario.load import UnflyableError  # noqa: PLC0415
     from formation_scenario.repair import repair_refused  # noqa: PLC0415 - only of a scenario that is refused
-    from gcs_formation.app.check import MOST_REPAIR_M, refusal_report  # noqa: PLC0415
+    from gcs_formation.app.check import MAX_REPAIR_M, refusal_report  # noqa: PLC0415
 
     hint = ""
     if isinstance(error, UnflyableError):
-        found = repair_refused(error, MOST_REPAIR_M)
+        found = repair_refused(error, MAX_REPAIR_M)
         if plan is not None:
             _draw(plan, error.scenario, error.violations, found if found.flies else None)
         error, hint = ScenarioError(found.problems), "" if found.whole and not found.flies else f"\n{REPAIR_HINT}"

@@ -45,9 +45,9 @@ RUN_EXAMPLES = examples(
 FLY_EXAMPLES = examples(
     "sim-vehicles quickstart.yaml                              vehicles, in another terminal",
     "gcs-formation fly quickstart.yaml --out runs/flown",
-    "gcs-formation fly arduplane.yaml --dry-run                says what it would send, and arms nobody",
+    "gcs-formation fly arduplane.yaml --dry-run                says what it would send, and arms none",
     "gcs-formation fly --resume runs/flown                     takes over what flies of a run that was killed",
-    "gcs-formation fly arduplane.yaml --confirm                asks before anybody is armed",
+    "gcs-formation fly arduplane.yaml --confirm                asks before any vehicle is armed",
     "gcs-formation fly arduplane.yaml --take                   also those that somebody else flies",
 )
 IDENTIFY_EXAMPLES = examples(
@@ -149,7 +149,7 @@ def _with_simulators(sitl: tuple[str, ...], clock: str) -> Fly[Summary]:
 @click.option("--clock", type=CLOCKS, default="real", hidden=True)  # refused with the reason, not as unknown
 @_options
 @click.option("--dry-run", is_flag=True, help="Everything but commands: say what vehicles would be sent.")
-@click.option("--confirm", is_flag=True, help="Ask here before anybody is armed.")
+@click.option("--confirm", is_flag=True, help="Ask here before any vehicle is armed.")
 @click.option("--resume", type=OUT, metavar="RUN_DIR", help="Take over what flies of a run that was killed.")
 @click.option(
     "--take", "--retake", "take", is_flag=True, help="Take over also those that fly under somebody's command."
@@ -162,7 +162,7 @@ def fly(**given: Any) -> None:
             "--clock: found virtual; allowed: real, which vehicles that are up already go by; emulated ones: see `run`"
         )
     if given["confirm"] and given["dry_run"]:
-        fail("--confirm: found beside --dry-run, which arms nobody; allowed: one of them")
+        fail("--confirm: found beside --dry-run, which arms none; allowed: one of them")
     if given["confirm"] and not (sys.stdin is not None and sys.stdin.isatty()):
         fail("--confirm: found no terminal to ask on; allowed: a terminal as standard input, or no --confirm")
     if given["dry_run"]:
@@ -207,7 +207,7 @@ def _done(
         options = _run_options(out or default_directory(loaded.name), given)
         if view is not None:
             viewer = viewing(view, options.out, plugins, orders=view_orders, to_stderr=as_json, tiles=tiles)
-            options = replace(options, recording=stack.enter_context(viewer).begin)
+            options = replace(options, recording=stack.enter_context(viewer).announce)
         for warning in () if quiet else never_reached(loaded, math.inf if options.until_s is None else options.until_s):
             tell(f"warning: {warning}", err=True)
         result = _flown(flown, loaded, options, interrupts, quiet=quiet)
@@ -296,17 +296,17 @@ def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **gi
 
     out, run_dir, overrides, plugins = (given.pop(name) for name in ("out", "run_dir", "overrides", "plugins"))
     recording = source.is_dir() or source.suffix.lower() in LOGS
-    believed = None if recording else _to_be_flown(source, overrides, vehicle, plugins)
-    recorded = source if believed is None else run_dir or default_directory(f"{believed.name}-identify")
+    accepted = None if recording else _to_be_flown(source, overrides, vehicle, plugins)
+    recorded = source if accepted is None else run_dir or default_directory(f"{accepted.name}-identify")
     file = out or (source.parent if recorded.is_file() else recorded) / VEHICLE_FILE
     try:
         identification.require_writable(file, overwrite=given["overwrite"], given=out is not None)
     except RecordError as error:
         fail(str(error))
-    if believed is not None:
-        _record_steps(believed, recorded, quiet=quiet, **given)
+    if accepted is not None:
+        _record_steps(accepted, recorded, quiet=quiet, **given)
     try:
-        found = identification.identify(recorded, file, vehicle, believed, plugins)
+        found = identification.identify(recorded, file, vehicle, accepted, plugins)
     except (RecordError, ScenarioError) as error:
         fail(str(error))
     if found["unfit"]:

@@ -50,7 +50,7 @@ VEHICLES = click.option(
 @signing.command(cls=Command)
 @click.argument("scenario", type=click.Path(path_type=Path))
 @VEHICLES
-@click.option("--cable", is_flag=True, help="Serial lines are cables: nobody listens while the key is sent.")
+@click.option("--cable", is_flag=True, help="Serial lines are cables: no one listens while the key is sent.")
 @OVERRIDES
 @PLUGINS
 def setup(

@@ -205,7 +205,7 @@ def stress(
         with interruptible(), StudyProgress(quiet=False) as progress:
             rows: Iterable[Row] = flights(plan, {}, None, Processes(min(jobs, count)), progress, {})
             if out is not None:  # the one flight, its record kept
-                rows = [fly(refly_task(next(plan.begin()), plan.study, {}, out))]
+                rows = [fly(refly_task(next(plan.first_flights()), plan.study, {}, out))]
             wrong = _name_broken(rows, f"stress{'' if severity == 'usual' else f' --{severity}'}{named}")
     except RunAbortedError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)

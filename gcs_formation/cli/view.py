@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 VIEW_EXAMPLES = examples(
     "gcs-formation view runs/quickstart           a flight that is over, or under way",
-    "gcs-formation view flight.tlog               anybody's MAVLink log",
+    "gcs-formation view flight.tlog               any MAVLink log",
     "gcs-formation view runs/quickstart --address 127.0.0.1:8080",
 )
 LOOPBACK = "127.0.0.1"

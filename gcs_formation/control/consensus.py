@@ -25,7 +25,7 @@ from formation_scenario.slot_frame import axis_rad
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.control.setpoint import Envelope, LeaderMotion, Target, feed_forward, formation_error, slot_target
-from gcs_formation.control.situation import Decided, Law, Situation
+from gcs_formation.control.situation import Law, LawOutput, Situation
 from gcs_formation.estimation.estimator import MIN_AIRSPEED_MPS
 
 _Reference = tuple[LeaderMotion, float]
@@ -93,7 +93,7 @@ class ConsensusLaw(Law):
     def retune(self, parameters: LawParameters) -> None:
         """Do nothing: k1, k2 and k3 don't come from the gain design."""
 
-    def decide(self, situation: Situation, dt_s: float) -> list[Decided]:  # noqa: ARG002 - no memory, no rates
+    def decide(self, situation: Situation, dt_s: float) -> list[LawOutput]:  # noqa: ARG002 - no memory, no rates
         """Return the setpoints of all vehicles; inactive ones are left out of the sums."""
         if situation.lead.leader != self._leader or situation.active != self._active:
             self._connect(situation.lead.leader, situation.active)
@@ -107,7 +107,7 @@ class ConsensusLaw(Law):
         # One share for all vehicles: a different one for each would change the graph's weights.
         share = min(min(situation.bandwidth[p]) for p in self._members)
         return [
-            Decided(
+            LawOutput(
                 p,
                 flown[p],
                 self._setpoint(flown[p], references[p][0], own[p], slots[p], sums[p], share, models[p]),

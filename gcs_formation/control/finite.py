@@ -6,7 +6,7 @@ from typing import Final
 
 from flight_model.autopilot_model import FlightState
 from flight_model.slot import Slot, Triple, all_finite
-from gcs_formation.control.situation import Decided
+from gcs_formation.control.situation import LawOutput
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.projection import States
 from gcs_formation.guidance.tracking import RouteHeading
@@ -97,7 +97,7 @@ def require_slots(slots: list[Slot], active: list[bool]) -> None:
             raise NotFiniteError(GUIDANCE, column, f"slot: {_listed(MOTION, values)}")
 
 
-def require_decision(decided: Decided, leader: int) -> None:
+def require_decision(decided: LawOutput, leader: int) -> None:
     """Raise NotFiniteError if a law's setpoint or, of a follower, its error isn't finite."""
     require_setpoint(LAW, decided.column, decided.setpoint)
     if decided.column != leader and not all_finite(decided.error_m):

@@ -35,22 +35,31 @@ from gcs_formation.control.setpoint import (
 )
 
 SLEW = (1.6, 1.04)
-"""Largest growth rates of the speed and heading corrections, as shares of the acceleration and turn rate limits."""
+"""Largest growth rates of the speed and heading corrections, as shares of the acceleration and turn rate limits. Tuned:
+share of the limit; 0.8 to 2; shown by `python -m benchmarks.effort_grid`."""
 GUST_SIGMAS: Final = 3.0
-"""Changes of the wind estimate within this many standard deviations aren't fed forward."""
+"""Changes of the wind estimate within this many standard deviations aren't fed forward. Tuned: standard deviations; 2
+to 4; shown by `python -m benchmarks.effort_grid`."""
 SWING_S: Final = 0.6
-"""Lateral offset, divided by airspeed, at which the heading loop has half its bandwidth in the follower's own frame."""
+"""Lateral offset, divided by airspeed, at which the heading loop has half its bandwidth in the follower's own frame.
+Tuned: s; 0.3 to 1.2; shown by `python -m benchmarks.gust_swing`."""
 BRAKING_SHARE: Final = 0.5
-"""Share of the acceleration limit that is planned for slowing down to the slot's speed."""
+"""Share of the acceleration limit that is planned for slowing down to the slot's speed. Tuned: share; 0.3 to 0.8; by
+judgement."""
 MIN_CLOSING_MPS: Final = 1.0
-"""Closing speed that is allowed at any distance."""
+"""Closing speed that is allowed at any distance. Tuned: m/s; 0.5 to 2; by judgement."""
 FAR_M: Final = 10.0
-"""A vehicle with a larger forward error, closing or overshooting faster than `SLOW_MPS`, is arriving at its slot."""
+"""A vehicle with a larger forward error, closing or overshooting faster than `SLOW_MPS`, is arriving at its slot.
+Tuned: m; 5 to 20; by judgement."""
 SLOW_MPS: Final = 0.5
+"""Closing speed from which on a far vehicle is arriving, and below which it isn't any more. Tuned: m/s; 0.3 to 1; by
+judgement."""
 SETTLES_S: Final = 5.0
-"""The arrival ends once the vehicle has been slower for so long; until then the speed integral may only shrink."""
+"""The arrival ends once the vehicle has been slower for so long; until then the speed integral may only shrink. Tuned:
+s; 3 to 10; by judgement."""
 CLIMBING: Final = 0.35
-"""Share of the climb limit: a height error that shrinks faster than this isn't integrated."""
+"""Share of the climb limit: a height error that shrinks faster than this isn't integrated. Tuned: share of the climb
+limit; 0.2 to 0.6; by judgement."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +79,7 @@ class LawParameters:
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
-class Pair:
+class LawInput:
     """A follower and its leader at the instant at which the follower's setpoint acts."""
 
     def __init__(
@@ -134,16 +143,16 @@ class Controller(ABC):
         self._right.retune(parameters.heading)
         self._height.retune(parameters.height)
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Reset: the follower isn't commanded, or follows another leader."""
-        self._forward.forget()
-        self._right.forget()
-        self._height.forget()
+        self._forward.reset()
+        self._right.reset()
+        self._height.reset()
         if self.feedback is not None:
             self.feedback.reset()
         self.setpoint = self.error_m = self.mixed = UNKNOWN
 
-    def _output(self, slopes: Triple, right_share: float, pair: Pair, dt_s: float) -> Triple:
+    def _output(self, slopes: Triple, right_share: float, pair: LawInput, dt_s: float) -> Triple:
         """Return the feedback, which is added to the feed-forward; `slopes` are the mixed errors' rates of change.
 
         `right_share` scales the bandwidth of the second loop: rightward velocity, or heading.
@@ -168,7 +177,7 @@ class Controller(ABC):
         return abs(self._height.rate) > maximum and self._height.rate * self.mixed[2] < 0.0
 
     @abstractmethod
-    def decide(self, pair: Pair, dt_s: float) -> None:
+    def decide(self, pair: LawInput, dt_s: float) -> None:
         """Compute the setpoint of this tick, which is `dt_s` after the last one."""
 
 
@@ -187,16 +196,16 @@ class FollowerController(Controller):
         """Rates of the target's speed and heading, m/s² and rad/s, over the tick that ends; NaN at first."""
         self._arriving, self._slow_s = False, 0.0
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Reset: the follower isn't commanded, or follows another leader."""
-        super().forget()
+        super().reset()
         if self._trailing is not None:
-            self._trailing.forget()
+            self._trailing.reset()
         self._drift_north_mps = self._drift_east_mps = math.nan
         self._correction = self._wanted = (math.nan, math.nan)
         self._arriving = False
 
-    def decide(self, pair: Pair, dt_s: float) -> None:
+    def decide(self, pair: LawInput, dt_s: float) -> None:
         """Compute the setpoint of this tick, which is `dt_s` after the last one."""
         leader, state, slot, model = pair.leader, pair.state, pair.slot, pair.model
         axis_rad, turn_rps, bend_rps2 = leader.state.heading_rad, leader.turn_rps, leader.bend_rps2
@@ -219,7 +228,7 @@ class FollowerController(Controller):
         self.setpoint = self._limited(pair, target, forward, output, against_gust, dt_s)
 
     def _target(
-        self, pair: Pair, axis_rad: float, turn_rps: float, across_mps2: float, dt_s: float
+        self, pair: LawInput, axis_rad: float, turn_rps: float, across_mps2: float, dt_s: float
     ) -> tuple[Target, float, float]:
         """Return the slot's target, and the leads of speed and heading beyond the feed-forward.
 
@@ -238,7 +247,7 @@ class FollowerController(Controller):
         target.speed_mps -= slot.right_m * crab_rps
         return target, -pair.model.tau_v_s * slot.right_m * crab_rps2, pair.model.tau_psi_s * crab_rps
 
-    def _errors_to_mix(self, pair: Pair, target: Target) -> Triple:
+    def _errors_to_mix(self, pair: LawInput, target: Target) -> Triple:
         """Return the errors that enter the mixer: `error_m`, corrected for the heading in the follower's own frame.
 
         While the follower's heading differs from its slot's by some angle, the follower's frame swings a slot at the
@@ -252,7 +261,7 @@ class FollowerController(Controller):
         off = math.sin(wrap(pair.state.heading_rad - target.heading_rad))
         return x_m + pair.slot.right_m * off, y_m - _missing_trail_m(target, pair.slot) * off, z_m
 
-    def _slopes(self, pair: Pair, axis_rad: float, target: Target, forward: Triple, dt_s: float) -> Triple:
+    def _slopes(self, pair: LawInput, axis_rad: float, target: Target, forward: Triple, dt_s: float) -> Triple:
         """Return the rates of change of the mixed errors, from the states and not from earlier errors.
 
         The rates of the follower and of its target are means over the tick that ends: a leader whose turn rate begins
@@ -286,7 +295,7 @@ class FollowerController(Controller):
         before, self._wanted = self._wanted, (mps2, rps)
         return self._wanted if math.isnan(before[0]) else before
 
-    def _heading_bandwidth(self, pair: Pair) -> float:
+    def _heading_bandwidth(self, pair: LawInput) -> float:
         """Return the heading loop's share of its design bandwidth: less for a slot at the side.
 
         In the follower's own frame a turn swings such a slot forward at y_rc times the turn rate. The speed loop has
@@ -298,7 +307,7 @@ class FollowerController(Controller):
         return SWING_S / (SWING_S + lateral_s)
 
     def _limited(
-        self, pair: Pair, target: Target, forward: Triple, output: Triple, gust: tuple[float, float], dt_s: float
+        self, pair: LawInput, target: Target, forward: Triple, output: Triple, gust: tuple[float, float], dt_s: float
     ) -> Triple:
         """Return the setpoint within the envelope, and update the integrators by what was limited.
 
@@ -333,7 +342,7 @@ class FollowerController(Controller):
         arrives = self._arrives(pair.state.airspeed_mps - target.speed_mps, dt_s)
         if not replaced[0]:
             max_mps = model.speed_max_mps - model.speed_min_mps
-            self._forward.integrate(self.mixed[0], limited[0] - free[0] - output[0], dt_s, max_mps, gathers=not arrives)
+            self._forward.integrate(self.mixed[0], limited[0] - free[0] - output[0], dt_s, max_mps, grows=not arrives)
         if not replaced[1]:
             self._right.integrate(self.mixed[1], limited[1] - free[1] - output[1], dt_s)
         if not replaced[2] and not self._closes_fast(model):
@@ -363,7 +372,7 @@ class FollowerController(Controller):
             return min(faster_mps, max_mps + max(max_mps - flown_mps, 0.0))
         return max(faster_mps, -max_mps - max(max_mps + flown_mps, 0.0))
 
-    def _gust(self, pair: Pair, axis_rad: float, dt_s: float) -> tuple[float, float]:
+    def _gust(self, pair: LawInput, axis_rad: float, dt_s: float) -> tuple[float, float]:
         """Return the rate of change of the filtered drift (follower's wind minus leader's), along and across, m/s².
 
         The filter's time constant is 1/`gust_radps`. The part of the rate that the wind's variance explains is left
@@ -391,7 +400,7 @@ def _missing_trail_m(target: Target, slot: Slot) -> float:
 
 
 def _limit_growth(wanted: float, before: float, maximum: float) -> float:
-    """Return the correction `wanted`, grown by at most `most` from the one `before`; NaN: no previous correction."""
+    """Return the correction `wanted`, grown by at most `maximum` from the one `before`; NaN: no previous correction."""
     if math.isnan(before):
         return wanted
     return within(wanted, min(before, 0.0) - maximum, max(before, 0.0) + maximum)

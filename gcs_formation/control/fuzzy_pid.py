@@ -198,7 +198,7 @@ class Pid:
         self.rate = 0.0
         """Filtered rate of the error, per second."""
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Reset the integral and the filter."""
         self.integral = self.rate = 0.0
 
@@ -229,17 +229,17 @@ class Pid:
         return self.kp * error + self.integral + self.kd * self.rate
 
     def integrate(
-        self, error: float, excess: float, dt_s: float, maximum: float = math.inf, *, gathers: bool = True
+        self, error: float, excess: float, dt_s: float, maximum: float = math.inf, *, grows: bool = True
     ) -> None:
         """Integrate over `dt_s`; `excess` (limited minus unlimited output) decays with `anti_windup_s` (29c).
 
         This back-calculation discharges the integral at most to 0: a charge of the opposite sign could leave by the
-        integral gain only, which may be 0. `most` bounds the integral where `excess` is small because integral and
-        derivative cancel. Unless it `gathers`, the integral may only shrink.
+        integral gain only, which may be 0. `maximum` bounds the integral where `excess` is small because integral and
+        derivative cancel. Unless it `grows`, the integral may only shrink.
         """
         before = self.integral
         grown = within(before + self.ki * error * dt_s, -maximum, maximum)
-        if gathers:
+        if grows:
             unwound = grown + excess * (dt_s / self._channel.anti_windup_s)
             self.integral = within(unwound, min(grown, 0.0), max(grown, 0.0))
         else:

@@ -16,7 +16,7 @@ from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.control.outside import guarded, made, three_numbers
 from gcs_formation.control.plain_values import FollowerSlot, plain_state, vehicle_name
 from gcs_formation.control.setpoint import Envelope, formation_error
-from gcs_formation.control.situation import Decided, Law, Situation
+from gcs_formation.control.situation import Law, LawOutput, Situation
 from gcs_formation.errors import NotFiniteError
 
 
@@ -37,7 +37,7 @@ class LawOverAll(Law):
     def retune(self, parameters: LawParameters) -> None:
         """Keep its own gains."""
 
-    def decide(self, situation: Situation, dt_s: float) -> list[Decided]:
+    def decide(self, situation: Situation, dt_s: float) -> list[LawOutput]:
         """Return the followers' setpoints.
 
         Raises:
@@ -47,7 +47,7 @@ class LawOverAll(Law):
         if leader != self._leader:
             self._leader = leader
             guarded(self._entry, self._law.reset)
-        decided, seen = list[Decided](), list[FollowerSlot]()
+        decided, seen = list[LawOutput](), list[FollowerSlot]()
         for column, identity in enumerate(self._identities):
             if column != leader and identity is not None:
                 state, led, slot = (
@@ -57,7 +57,7 @@ class LawOverAll(Law):
                 )
                 axis = axis_rad(self._frame, led.heading_rad, state.heading_rad)
                 error_m = formation_error(led, state, slot, axis)
-                decided.append(Decided(column, state, UNKNOWN, error_m, UNKNOWN, NO_GAINS))
+                decided.append(LawOutput(column, state, UNKNOWN, error_m, UNKNOWN, NO_GAINS))
                 if situation.active[column]:
                     speeds_mps = self._models[column].speed_min_mps, self._models[column].speed_max_mps
                     place = slot.forward_m, slot.right_m, slot.up_m

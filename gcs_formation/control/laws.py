@@ -15,15 +15,15 @@ from formation_scenario import Scenario
 from formation_scenario import law as keys
 from formation_scenario.extensions import FORMATION_LAW, LAW, LAW_KINDS
 from gcs_formation.control.consensus import ConsensusLaw
-from gcs_formation.control.follower import BRAKING_SHARE, Controller, FollowerController, LawParameters, Pair
+from gcs_formation.control.follower import BRAKING_SHARE, Controller, FollowerController, LawInput, LawParameters
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, ChannelConstants, FuzzyGainScheduler, GainRange, PidGains
 from gcs_formation.control.law_over_all import LawOverAll
 from gcs_formation.control.outside import Feedback
 from gcs_formation.control.setpoint import LeaderMotion, Mixer, error_rate, formation_error, lead_height
-from gcs_formation.control.situation import Decided, Law, Situation
+from gcs_formation.control.situation import Law, LawOutput, Situation
 from gcs_formation.guidance.leader_commands import LeaderCommand
 
-STANDS_MPS: Final = 0.02
+HOVER_MPS: Final = 0.02
 """Commanded speed below which its course is the leader's heading."""
 MIN_CORRECTION_MPS: Final = 0.5
 """Speed correction, horizontal or vertical, that is allowed at any distance."""
@@ -39,7 +39,7 @@ class VelocityController(Controller):
     leader's frame, which keeps its direction while the leader hovers. Setpoints are a speed and a course.
     """
 
-    def decide(self, pair: Pair, dt_s: float) -> None:
+    def decide(self, pair: LawInput, dt_s: float) -> None:
         """Compute the setpoint of this tick, which is `dt_s` after the last one."""
         leader, state, mixer, axis_rad = pair.leader, pair.state, self._parameters.mixer, pair.leader.state.heading_rad
         self.error_m = formation_error(leader.state, state, pair.slot, axis_rad)
@@ -49,10 +49,10 @@ class VelocityController(Controller):
         output = self._output(slopes, 1.0, pair, dt_s)
         along_mps, across_mps, height_m = self._limited(pair, _feed_forward(pair), output, dt_s)
         speed_mps = math.hypot(along_mps, across_mps)
-        lead_rad = math.atan2(across_mps, along_mps) if speed_mps > STANDS_MPS else 0.0
+        lead_rad = math.atan2(across_mps, along_mps) if speed_mps > HOVER_MPS else 0.0
         self.setpoint = speed_mps, axis_rad + lead_rad, height_m
 
-    def _limited(self, pair: Pair, forward: Triple, output: Triple, dt_s: float) -> Triple:
+    def _limited(self, pair: LawInput, forward: Triple, output: Triple, dt_s: float) -> Triple:
         """Return velocities and height within the limits, and update the integrators by what was limited.
 
         A correction is no faster than the vehicle can brake from before it reaches its slot.
@@ -78,21 +78,21 @@ class VelocityController(Controller):
             self._height.integrate(mixed[2], height_m - forward[2] - output[2], dt_s)
         return along_mps, across_mps, height_m
 
-    def _limited_height(self, pair: Pair, wanted_m: float) -> float:
+    def _limited_height(self, pair: LawInput, wanted_m: float) -> float:
         """Return a height setpoint with which it climbs no faster, beside its slot, than it can brake from.
 
         By (7) a setpoint that is (tau_ha + tau_hb) c above the vehicle is a climb at c.
         """
-        model, state, lags_s = pair.model, pair.state, pair.model.tau_ha_s + pair.model.tau_hb_s
+        model, state, taus_s = pair.model, pair.state, pair.model.tau_ha_s + pair.model.tau_hb_s
         slot_mps = pair.leader.state.climb_mps + pair.slot.up_mps - state.updraught_mps
         max_mps = MIN_CORRECTION_MPS + math.sqrt(2.0 * BRAKING_SHARE * CLIMB_ACCEL_MPS2 * abs(self.error_m[2]))
-        alongside_m = state.height_m + lags_s * slot_mps
-        height_m = within(wanted_m, alongside_m - lags_s * max_mps, alongside_m + lags_s * max_mps)
-        reach_m = model.climb_max_mps * lags_s
+        alongside_m = state.height_m + taus_s * slot_mps
+        height_m = within(wanted_m, alongside_m - taus_s * max_mps, alongside_m + taus_s * max_mps)
+        reach_m = model.climb_max_mps * taus_s
         return within(height_m, state.height_m - reach_m, state.height_m + reach_m)
 
 
-def _feed_forward(pair: Pair) -> Triple:
+def _feed_forward(pair: LawInput) -> Triple:
     """Return the feed-forward: velocities along and across the leader's heading, and height.
 
     The velocity is that of a point in the leader's turning frame, plus its acceleration times the vehicle's time
@@ -148,49 +148,49 @@ class FormationLaw(Law):
         self._leader = leader
         self._followers = [column for column in range(len(self._controllers)) if column != leader]
         for controller in self._controllers:
-            controller.forget()
+            controller.reset()
 
     def retune(self, parameters: LawParameters) -> None:
         """Use other gains from now on; integrals are kept."""
         for controller in self._controllers:
             controller.retune(parameters)
 
-    def decide(self, situation: Situation, dt_s: float) -> list[Decided]:
+    def decide(self, situation: Situation, dt_s: float) -> list[LawOutput]:
         """Return the followers' setpoints; the controllers of inactive ones are reset."""
         if situation.lead.leader != self._leader:
             self._lead_by(situation.lead.leader)
         its_model, states = self._models[self._leader].held(dt_s), situation.states
         # Each stage runs for all followers: its code then stays in the processor's cache, which can't hold all stages.
         flown = [states.of(column, column) for column in self._followers]
-        pairs = list[Pair | None]()
+        pairs = list[LawInput | None]()
         for i, column in enumerate(self._followers):
             active = situation.active[column]
             pairs.append(self._pair(situation, column, flown[i], its_model, dt_s) if active else None)
         for i, pair in enumerate(pairs):
             controller = self._controllers[self._followers[i]]
             if pair is None:
-                controller.forget()
+                controller.reset()
             else:
                 controller.decide(pair, dt_s)
-        decided = list[Decided]()
+        decided = list[LawOutput]()
         for i, column in enumerate(self._followers):
             of = self._controllers[column]
             error_m, pair = of.error_m, pairs[i]
             if self._to_north and pair is not None:
                 error_m = *rotated(-pair.leader.state.heading_rad, error_m[0], error_m[1]), error_m[2]
-            decided.append(Decided(column, flown[i], of.setpoint, error_m, of.mixed, of.gains))
+            decided.append(LawOutput(column, flown[i], of.setpoint, error_m, of.mixed, of.gains))
         return decided
 
     def _pair(
         self, situation: Situation, column: int, state: FlightState, its_model: AutopilotModel, dt_s: float
-    ) -> Pair:
+    ) -> LawInput:
         """Return a follower and its leader when the follower's setpoint acts; `its_model`: the leader's, `held`."""
         leader = situation.states.of(self._leader, column)
         motion = leader_motion(situation.lead.commanded[column], leader, its_model, dt_s)
         slot = situation.slots[column]
         if self._to_north:
             slot = slot.turned(leader.heading_rad, motion.begun_rps, motion.bend_rps2)
-        return Pair(
+        return LawInput(
             motion,
             state,
             slot,

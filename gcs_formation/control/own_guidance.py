@@ -59,7 +59,7 @@ class OwnGuidance:
             raise NotFiniteError(f"{self._entry} ({self._entry.where})", None, f"setpoint: {values}")
         return Commanded(*found)
 
-    def forget(self) -> NotFiniteError | None:
+    def reset(self) -> NotFiniteError | None:
         """Forget what was accumulated, as another vehicle leads; return the error if that fails."""
         try:
             guarded(self._entry, self._own.reset)

@@ -45,13 +45,13 @@ class OwnPrediction(States):
         self._seen: list[MeasuredVehicle] = []
         self._found: dict[tuple[int, int], FlightState] = {}
 
-    def take(self, measured: Measured) -> OwnPrediction:
+    def predict(self, measured: Measured) -> OwnPrediction:
         """Take a tick's states, and show them to the predictor.
 
         Raises:
             NotFiniteError: it raised an error.
         """
-        self._by_model.take(measured)
+        self._by_model.predict(measured)
         self._measured, self._found = measured, {}
         self._seen = [self._vehicle(column, measured) for column in range(len(measured.states))]
         guarded(self._entry, partial(self._own.take, tuple(self._seen)))

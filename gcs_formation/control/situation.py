@@ -78,7 +78,7 @@ class Situation:
 
 
 @mypyc_attr(acyclic=True)
-class Decided:
+class LawOutput:
     """A law's decision for one vehicle, and the quantities behind it."""
 
     def __init__(
@@ -106,7 +106,7 @@ class Law(ABC):
     """A formation law, with its state between ticks."""
 
     @abstractmethod
-    def decide(self, situation: Situation, dt_s: float) -> list[Decided]:
+    def decide(self, situation: Situation, dt_s: float) -> list[LawOutput]:
         """Return the decisions for the vehicles that it commands at this tick, which is `dt_s` after the last one."""
 
     @abstractmethod

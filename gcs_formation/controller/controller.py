@@ -102,7 +102,7 @@ class FormationController:
         """Make another column the leader; its heading is `swing_rad` clockwise of the present leader's."""
         self.plan.hand_over(leader, swing_rad)
         if self._outside is not None:
-            self._outside.forget()
+            self._outside.reset()
         fault = self._steering.hand_over()
         self.fault = self.fault or fault
 
@@ -130,12 +130,12 @@ class FormationController:
         route, begin_m = self.guidance.route, self.guidance.distance_m
         return [(0.0, 0.0)] if route is None else path_ahead(route, begin_m, seconds * self.guidance.speed_mps)
 
-    def take(self, samples: list[Sample | None]) -> None:
+    def update_states(self, samples: list[Sample | None]) -> None:
         """Take the columns' newest samples, (C,); None for a column without a new one."""
         commanded = [False] * self.columns if self.last_tick is None else self.last_tick.active
-        self.estimator.take(samples, self.models, commanded)
+        self.estimator.update_states(samples, self.models, commanded)
 
-    def begin(
+    def begin_tick(
         self, now: Instant, mission_time_s: float, phase: str, links: list[VehicleLink], margin_used: list[float]
     ) -> Tick:
         """Return a tick without setpoints, for the states as they are now.
@@ -156,7 +156,7 @@ class FormationController:
 
     def follow(self, tick: Tick) -> bool:
         """Begin the setpoints of a tick; return whether there is a leader to follow. Without one none is commanded."""
-        self.history.begin(self._acts)
+        self.history.begin_tick(self._acts)
         tick.virtual_leader = None if self._virtual is None else self._virtual.flown_on(tick.now)
         if not tick.active[tick.leader]:
             tick.active = [False] * self.columns
@@ -214,11 +214,11 @@ class FormationController:
     def monitor(self, tick: Tick) -> None:
         """Show a tick to the monitors from outside."""
         if self._outside is not None and self.fault is None:
-            self.fault = self._outside.watch(tick)
+            self.fault = self._outside.show(tick)
 
     def conclude(self, tick: Tick) -> None:
         """Judge whether the formation is assembled, and keep the tick as the last one."""
-        self.assembly.judge(tick, self.guidance, slots_rest=self.plan.settled(tick.now / NANOSECONDS))
+        self.assembly.assess(tick, self.guidance, slots_rest=self.plan.settled(tick.now / NANOSECONDS))
         self.last_tick = tick
 
     def _fly_straight_on(self, tick: Tick, measured: Measured) -> Measured:

@@ -54,13 +54,13 @@ class LeaderSteering:
     def hand_over(self) -> NotFiniteError | None:
         """Forget what was commanded, as another vehicle leads; return why a guidance from outside can't."""
         self.forget_steps()
-        self._commands.forget()
-        return None if self._own_guidance is None else self._own_guidance.forget()
+        self._commands.drop_state()
+        return None if self._own_guidance is None else self._own_guidance.reset()
 
     def forget_steps(self) -> None:
         """Forget the steps added to the leader's setpoints."""
         if self._steps is not None:
-            self._steps.forget()
+            self._steps.drop_state()
 
     def lag_of_turn(self) -> None:
         """Give a leader that turns on the spot the time constant of its yaw, and that of its course back later."""

@@ -17,7 +17,7 @@ class Wanted(Stage):
     when = IN_COMMAND
 
     def __init__(self, orders: Orders) -> None:
-        """Take the orders."""
+        """Work through `orders`, those planned in the scenario and those given in flight."""
         self._orders = orders
 
     def run(self, cycle: Cycle) -> None:
@@ -57,10 +57,10 @@ class Tick(Stage):
     when = IN_COMMAND
 
     def run(self, cycle: Cycle) -> None:
-        """Begin it."""
+        """Set the cycle's phase and its tick, which has states and links, and no setpoints yet."""
         cycle.phase = cycle.flight.phase
         controller, phase = cycle.controller, cycle.phase.value
-        cycle.tick = controller.begin(cycle.now, cycle.mission_s, phase, cycle.links, cycle.findings.margin_used)
+        cycle.tick = controller.begin_tick(cycle.now, cycle.mission_s, phase, cycle.links, cycle.findings.margin_used)
 
 
 class Leader(Stage):
@@ -92,7 +92,7 @@ class OwnFilters(Stage):
     when = LED
 
     def run(self, cycle: Cycle) -> None:
-        """Apply them."""
+        """Change the tick's setpoints by each filter, in the order in which they are named."""
         cycle.controller.filter(cycle.tick)
 
 
@@ -103,7 +103,7 @@ class SetpointsTaken(Stage):
     when = LED
 
     def run(self, cycle: Cycle) -> None:
-        """Take them."""
+        """Add the tick's setpoints to the history by which states are predicted."""
         cycle.controller.take_final(cycle.tick)
 
 
@@ -114,7 +114,7 @@ class OwnMonitors(Stage):
     when = LED
 
     def run(self, cycle: Cycle) -> None:
-        """Show it."""
+        """Show each monitor the tick; one that raises ends the run."""
         cycle.controller.monitor(cycle.tick)
 
 
@@ -125,5 +125,5 @@ class Assembled(Stage):
     when = LED
 
     def run(self, cycle: Cycle) -> None:
-        """Judge it."""
+        """Compare every follower's error with `start.tolerance_m`."""
         cycle.controller.conclude(cycle.tick)

@@ -19,18 +19,18 @@ class Links(Stage):
 
     name = "links"
 
-    def __init__(self, note_link: Callable[[Vehicle, Instant], None], several: SeveralLinks) -> None:
+    def __init__(self, log_link: Callable[[Vehicle, Instant], None], several: SeveralLinks) -> None:
         """Take what records the state of a link, and what chooses between several of a vehicle."""
-        self._note_link, self._several = note_link, several
+        self._log_link, self._several = log_link, several
 
     def run(self, cycle: Cycle) -> None:
         """Check each, and record what has changed."""
         now = cycle.now
-        self._several.watch(now)
+        self._several.choose_link(now)
         for vehicle in cycle.each:
             link = vehicle.connection
             if not link.in_order(now) and link.check(now, vehicle.sequence.loss):
-                self._note_link(vehicle, now)
+                self._log_link(vehicle, now)
 
 
 class Restarts(Stage):
@@ -49,7 +49,7 @@ class Restarts(Stage):
         for place, vehicle in enumerate(cycle.each):
             if vehicle.restarts > self._handled[place]:
                 self._handled[place] = vehicle.restarts
-                cycle.controller.estimator.forget(vehicle.column)
+                cycle.controller.estimator.restart_filter(vehicle.column)
                 cycle.restarted.append(vehicle.column)
                 cycle.note(cycle.now, "restarted", "its clock has begun again", vehicle)
 
@@ -60,14 +60,14 @@ class Start(Stage):
     name = "start"
 
     def __init__(self, gate: Gate, starting: Starting) -> None:
-        """Take both."""
+        """Start vehicles by `starting` once `gate` allows commands."""
         self._gate, self._starting = gate, starting
 
     def run(self, cycle: Cycle) -> None:
         """Do what is due of both."""
         now = cycle.now
         cycle.send(self._gate.requests(now) + cycle.beginning.requests(now), now)
-        self._gate.watch()
+        self._gate.open_if_ready()
         self._starting.advance(now)
         if self._gate.rehearsed:
             cycle.course.end_rehearsal(now)

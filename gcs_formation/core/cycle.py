@@ -63,20 +63,20 @@ class Findings:
         """(C,) share of the delay margin that the loops use; NaN while unknown."""
         self.bandwidth = [[1.0] * len(CHANNELS) for _ in range(count)]
         """(C, 3) share of the full bandwidth that the law's loops should have."""
-        self.lags_off = [[0.0] * count for _ in CHANNELS]
+        self.time_constants_off = [[0.0] * count for _ in CHANNELS]
         """(3, C) relative differences of the time constants of airspeed, heading and height from the models'."""
         self.tuned = scenario
         """The scenario with the gains in force."""
         self.silent_aloft = list[VehicleId]()
         """Silent vehicles that were last heard in the air, if all others are down."""
         self.others_listen = False
-        """Whether a second ground station hears the vehicles, and may read what this one doesn't."""
-        self.wrecks = frozenset[VehicleId]()
+        """Whether a second ground station receives the vehicles, and may read what this one doesn't."""
+        self.crashed = frozenset[VehicleId]()
         """Which of these are known to lie on the ground."""
 
-    def lie(self, wrecks: Collection[VehicleId]) -> None:
+    def lie(self, crashed: Collection[VehicleId]) -> None:
         """Take which of the silent vehicles lie on the ground."""
-        self.wrecks = frozenset(wrecks)
+        self.crashed = frozenset(crashed)
 
 
 class Cycle:

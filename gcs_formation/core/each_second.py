@@ -22,7 +22,7 @@ class OwnParts(Stage):
     when = EACH_SECOND
 
     def run(self, cycle: Cycle) -> None:
-        """Look at each."""
+        """Fail the run by the first error of an extension's part."""
         for each in cycle.each:
             own = each.round_trips.own
             failure = each.autopilot.failure if own is None else own.failure or each.autopilot.failure
@@ -41,7 +41,7 @@ class Strangers(Stage):
         self._watch = watch
 
     def run(self, cycle: Cycle) -> None:
-        """Watch them."""
+        """Report refused senders, and answer those that need a heartbeat."""
         self._watch(cycle.now)
 
 
@@ -59,7 +59,7 @@ class Heartbeats(Stage):
         self._scheduler, self._dispatch = scheduler, dispatch
 
     def run(self, cycle: Cycle) -> None:
-        """Send them."""
+        """Send heartbeats but to vehicles that have had no setpoints for a while, and the mission time to all."""
         now = cycle.now
         unguided = self._dispatch.unguided(now)
         cycle.send(self._scheduler.heartbeats(cycle.flight.mission_time_s(now), unguided, now), now)

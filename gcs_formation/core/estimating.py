@@ -32,8 +32,8 @@ class Estimates(Stage):
     when = IN_COMMAND
 
     def run(self, cycle: Cycle) -> None:
-        """Update the filters."""
-        cycle.controller.take(cycle.samples)
+        """Give each column's filter its newest sample; without one its state is predicted on."""
+        cycle.controller.update_states(cycle.samples)
 
 
 class Members(Stage):
@@ -47,4 +47,4 @@ class Members(Stage):
         if phase is not Phase.LOITERING:
             leader, estimator = cycle.reconfiguration.leader, cycle.controller.estimator
             connecting, beyond = phase is Phase.CONNECTING, cycle.findings.beyond
-            cycle.membership.judge(leader, estimator, cycle.now, connecting=connecting, beyond=beyond)
+            cycle.membership.update(leader, estimator, cycle.now, connecting=connecting, beyond=beyond)

@@ -100,5 +100,5 @@ class Parts:
         self.course.fail(text, now)
 
 
-NoteLink = Callable[[Vehicle, Instant], None]
+LogLink = Callable[[Vehicle, Instant], None]
 """Records the state of a vehicle's link."""

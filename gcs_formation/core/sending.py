@@ -23,7 +23,7 @@ class Setpoints(Stage):
 
     def run(self, cycle: Cycle) -> None:
         """Hand them over; the tick and the predictions have what vehicles hold from then on."""
-        self._dispatch.take(cycle.tick, cycle.hold_s, cycle.now)
+        self._dispatch.accept(cycle.tick, cycle.hold_s, cycle.now)
         cycle.controller.history.note(self._dispatch.held(cycle.tick))
         cycle.last_tick = cycle.tick
 
@@ -35,11 +35,11 @@ class Record(Stage):
     when = IN_COMMAND
 
     def __init__(self, recorder: Recorder) -> None:
-        """Take the record."""
+        """Write to `recorder`."""
         self._recorder = recorder
 
     def run(self, cycle: Cycle) -> None:
-        """Write it."""
+        """Write the tick as a row of the time series for each vehicle."""
         _record(cycle.tick, cycle, self._recorder)
 
 
@@ -50,11 +50,11 @@ class Events(Stage):
     when = IN_COMMAND
 
     def __init__(self, recorder: Recorder) -> None:
-        """Take the record."""
+        """Write to `recorder`."""
         self._recorder = recorder
 
     def run(self, cycle: Cycle) -> None:
-        """Write them."""
+        """Write the tick's events; end the run by the law's error, if there is one."""
         for event in cycle.tick.events:
             self._recorder.event(event)
         cycle.controlled_ticks += 1
@@ -97,7 +97,7 @@ class LookOn(Stage):
         self._orders, self._dispatch, self._recorder = orders, dispatch, recorder
 
     def run(self, cycle: Cycle) -> None:
-        """Record them."""
+        """Write states without setpoints, from the first take-off until the run has ended."""
         if cycle.flight.ended:
             return
         now, controller = cycle.now, cycle.controller
@@ -124,7 +124,7 @@ class StandIns(Stage):
         self._dispatch = dispatch
 
     def run(self, cycle: Cycle) -> None:
-        """Send it."""
+        """Send each its family's stand-in for a setpoint, as PX4 needs before OFFBOARD."""
         cycle.send(self._dispatch.stand_ins(cycle.now), cycle.now)
 
 

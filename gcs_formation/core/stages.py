@@ -25,12 +25,12 @@ from gcs_formation.core.connecting import Begin, Commands, Links, Restarts, Star
 from gcs_formation.core.cycle import Stage
 from gcs_formation.core.each_second import Heartbeats, OwnParts, Strangers
 from gcs_formation.core.estimating import Estimates, Members, Samples
-from gcs_formation.core.parts import NoteLink, Parts
+from gcs_formation.core.parts import LogLink, Parts
 from gcs_formation.core.sending import End, Events, LookOn, Phases, Record, Setpoints, StandIns
 
 
 def core_stages(
-    parts: Parts, until_s: float | None, strangers: Callable[[Instant], None], note_link: NoteLink
+    parts: Parts, until_s: float | None, strangers: Callable[[Instant], None], log_link: LogLink
 ) -> list[Stage]:
     """Return the stages of every flight, in their order.
 
@@ -38,7 +38,7 @@ def core_stages(
         parts: what they work with.
         until_s: mission time at which to end early.
         strangers: watches those whose frames aren't taken.
-        note_link: records the state of a vehicle's link.
+        log_link: records the state of a vehicle's link.
     """
     cycle, dispatch, recorder = parts.cycle, parts.dispatch, parts.recorder
     return [
@@ -47,7 +47,7 @@ def core_stages(
         Strangers(strangers),
         Heartbeats(parts.heartbeats, dispatch),
         # Who is there, and ready.
-        Links(note_link, parts.several_links),
+        Links(log_link, parts.several_links),
         Restarts(cycle),
         Start(parts.gate, parts.starting),
         Begin(parts.gate),

@@ -31,7 +31,7 @@ class Difference:
 class Tolerance:
     """The greatest difference of two numbers that counts as none; None: they must be equal."""
 
-    most: float | None
+    maximum: float | None
 
     def same(self, one: object, other: object) -> bool:
         """Return whether two values count as the same; NaN is the same as NaN."""
@@ -40,7 +40,7 @@ class Tolerance:
         a, b = float(one), float(other)
         if a == b or (math.isnan(a) and math.isnan(b)):
             return True
-        return self.most is not None and abs(a - b) <= self.most
+        return self.maximum is not None and abs(a - b) <= self.maximum
 
 
 def flattened(value: object, above: str = "") -> dict[str, Any]:

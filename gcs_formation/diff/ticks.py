@@ -66,10 +66,10 @@ def _differs(name: str, one: Array, other: Array, allowed: Tolerance) -> Array:
     if one.dtype.kind != "f" or other.dtype.kind != "f":
         return one != other
     same = (one == other) | (np.isnan(one) & np.isnan(other))
-    if allowed.most is None:
+    if allowed.maximum is None:
         return ~same
     with np.errstate(invalid="ignore"):
-        return ~same & ~(_apart(name, one, other) <= allowed.most)
+        return ~same & ~(_apart(name, one, other) <= allowed.maximum)
 
 
 def _apart(name: str, one: Array, other: Array) -> Array:

@@ -45,23 +45,28 @@ MIN_AIRSPEED_MPS: Final = 1.0
 """Lower bound of airspeeds: equations divide by them, and a vehicle that can't hover flies faster."""
 COMMANDED_WALK: Final[tuple[float, float, float]] = UNMODELLED
 UNCOMMANDED_WALK: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
-"""Random walk of climb, airspeed and heading, per square root of a second, of a vehicle we command and of others."""
+"""Random walk of climb, airspeed and heading, per square root of a second, of a vehicle we command and of others.
+Tuned: m/s, m/s, rad, each/√s; 0.5 to 2 times these; by judgement."""
 BEYOND_LIMIT: Final = 1.1
-"""Share of the climb limit above which a climb doesn't follow our setpoints yet: the end of a take-off."""
+"""Share of the climb limit above which a climb doesn't follow our setpoints yet: the end of a take-off. Tuned: share;
+1.05 to 1.3; by judgement."""
 WITHOUT_WIND: Final = 0.1
-"""Random walk of positions, m per square root of a second, where the wind isn't estimated."""
+"""Random walk of positions, m per square root of a second, where the wind isn't estimated. Tuned: m/√s; 0.05 to 0.3; by
+judgement."""
 GUST_RADPS: Final = 1.0
 """Least bandwidth of the wind estimate at which gusts are accepted at once. A lower one is set where airspeed lags or
-is biased, which would look like gusts."""
+is biased, which would look like gusts. Tuned: rad/s; 0.5 to 2; shown by `python -m benchmarks.gust_grid`."""
 GUST_SIGMAS: Final = 4.0
-"""A wind shown by a sample that differs by more standard deviations from the estimate is a gust, accepted at once."""
+"""A wind shown by a sample that differs by more standard deviations from the estimate is a gust, accepted at once.
+Tuned: standard deviations; 3 to 5; shown by `python -m benchmarks.gust_grid`."""
 FIRST_WIND_RADPS: Final = 0.2
 """Initial bandwidth of the wind estimate where a lower one is set: it takes out the noise of the first sample, which
-would otherwise persist as long as the slow estimate does."""
+would otherwise persist as long as the slow estimate does. Tuned: rad/s; 0.1 to 0.5; by judgement."""
 IMPLAUSIBLE_SAMPLES: Final = 5
-"""This many in a row aren't outliers: somebody else flies the vehicle. The filter restarts from the newest sample."""
+"""This many in a row aren't outliers: somebody else flies the vehicle. The filter restarts from the newest sample.
+Tuned: samples; 3 to 10; by judgement."""
 FORGOTTEN_S: Final = 5.0
-"""The filter restarts from a sample if its state is older than this."""
+"""The filter restarts from a sample if its state is older than this. Tuned: s; 2 to 10; by judgement."""
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -165,7 +170,7 @@ class VehicleFilter:
             self.place(state, self.stamp)
         self._airspeed_ratio = ratio
 
-    def begin(self, values: Values, stamp: int) -> None:
+    def initialise(self, values: Values, stamp: int) -> None:
         """Start from a single sample."""
         wind = self._first_wind_variance(values[6])
         self._begin(values, stamp, self._wind_of(values), (wind, wind))
@@ -180,11 +185,11 @@ class VehicleFilter:
         self._jacobian.linearise(self.state)
         self.level = LevelCovariance((noise[0], noise[1], noise[6], noise[7], variances[0], variances[1]))
         self.height = HeightCovariance(noise[2], noise[5])
-        self.updraught.forget()
+        self.updraught.clear()
         self._residual = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         self._implausible = 0
         self.stamp = stamp
-        self.drift.begin(values)
+        self.drift.initialise(values)
 
     def correct(
         self,
@@ -208,13 +213,13 @@ class VehicleFilter:
         jacobian.linearise(predicted)
         difference = innovation(values, predicted, jacobian)
         if self.wind_radps >= GUST_RADPS:
-            self._believe_gust(values, predicted, difference, elapsed_s)
+            self._accept_gust(values, predicted, difference, elapsed_s)
         own = innovation_variances(self.level, self.height, jacobian, variances)
         self.noise.adapt(minus(difference, self._residual), own)
         excess = excesses(difference, own, elapsed_s)
         climb_mps = predicted.climb_mps
         self._move(predicted, jacobian, difference, weighed(variances, own, excess))
-        self.updraught.learn(predicted, predicted.climb_mps - climb_mps, self.noise.values[5], elapsed_s, model)
+        self.updraught.update(predicted, predicted.climb_mps - climb_mps, self.noise.values[5], elapsed_s, model)
         predicted.airspeed_mps = max(predicted.airspeed_mps, _min_mps(model))
         self.state, self.stamp = predicted, stamp
         jacobian.linearise(predicted)
@@ -291,7 +296,7 @@ class VehicleFilter:
         variances = self.noise.values
         return variances[3] + variances[6] + squared(airspeed_mps) * variances[7]
 
-    def _believe_gust(self, values: Values, predicted: FlightState, difference: Values, elapsed_s: float) -> None:
+    def _accept_gust(self, values: Values, predicted: FlightState, difference: Values, elapsed_s: float) -> None:
         """Raise the wind's variance where a sample shows a gust.
 
         One that is too large to be plausible is accepted once the next sample shows it too, has moved with it, and has
@@ -383,13 +388,13 @@ class StateEstimator:
         each = self.filters[column]
         return math.nan if each.state is None else seconds_between(Instant(each.stamp), now)
 
-    def forget(self, column: int) -> None:
+    def restart_filter(self, column: int) -> None:
         """Reset the filter of a vehicle that has restarted."""
         self.filters[column].state = None
-        self.filters[column].noise.begin()
+        self.filters[column].noise.initialise()
         self.filters[column].drift = PositionDrift()
 
-    def take(self, samples: list[Sample | None], models: list[AutopilotModel], commanded: list[bool]) -> None:
+    def update_states(self, samples: list[Sample | None], models: list[AutopilotModel], commanded: list[bool]) -> None:
         """Take the newest samples, None where there is none; `commanded`: who follows our setpoints; (C,) each.
 
         All states are predicted, then all corrected: the code of both steps exceeds the processor's first cache.
@@ -411,7 +416,7 @@ class StateEstimator:
         each.use_airspeed_ratio(sample.airspeed_ratio)
         state = each.state
         if state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
-            each.begin(sample.values(_min_mps(model)), stamp)
+            each.initialise(sample.values(_min_mps(model)), stamp)
             return None
         predicted = state.copy()
         self._history.carry(predicted, each.stamp, max(stamp, each.stamp), column, model)
@@ -420,4 +425,4 @@ class StateEstimator:
 
 def _min_mps(model: AutopilotModel) -> float:
     """Return the lower bound of a vehicle's airspeeds; one that can hover may drift backwards."""
-    return -model.speed_max_mps if model.may_stand else MIN_AIRSPEED_MPS
+    return -model.speed_max_mps if model.may_hover else MIN_AIRSPEED_MPS

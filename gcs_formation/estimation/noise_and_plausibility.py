@@ -27,37 +27,43 @@ QUANTITIES: Final = ("position", "height", "velocity", "climb", "airspeed", "hea
 RESOLUTION = np.array((0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
 """Least standard deviations, m, m/s and rad: rounding by 1e-7 degrees, 1 mm and 1 cm/s; the last two are floats."""
 UNDECLARED = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
-"""Initial standard deviations where none are declared, for a real autopilot's estimates."""
+"""Initial standard deviations where none are declared, for a real autopilot's estimates. Tuned: m, m, m/s, m/s, m/s,
+rad; 0.3 to 3 times these; by judgement."""
 MAX_PLACE: Final = 30.0 * 30.0
-"""Largest variance of positions and heights, m²."""
+"""Largest variance of positions and heights, m². Tuned: m²; 20² to 50²; by judgement."""
 MAX_VELOCITY: Final = 5.0 * 5.0
-"""Largest variance of velocities and climbs, (m/s)²."""
+"""Largest variance of velocities and climbs, (m/s)². Tuned: (m/s)²; 3² to 8²; by judgement."""
 MAX_AIRSPEED: Final = 10.0 * 10.0
-"""Largest variance of airspeeds, (m/s)²."""
+"""Largest variance of airspeeds, (m/s)². Tuned: (m/s)²; 5² to 15²; by judgement."""
 MAX_HEADING: Final = 0.5 * 0.5
-"""Largest variance of headings, rad²."""
+"""Largest variance of headings, rad². Tuned: rad²; 0.3² to 0.8²; by judgement."""
 MEMORY: Final = 100.0
-"""Number of samples in the mean."""
+"""Number of samples in the mean. Tuned: samples; 50 to 300; by judgement."""
 FIRST_MEMORY: Final = 20.0
-"""Initial weight of the declared noise, in samples."""
+"""Initial weight of the declared noise, in samples. Tuned: samples; 10 to 50; by judgement."""
 CLIPPED_AT: Final = 2.0
-"""Standard deviations at which increments are clipped, so that an outlier isn't taken for noise."""
+"""Standard deviations at which increments are clipped, so that an outlier isn't taken for noise. Tuned: standard
+deviations; 1.5 to 3; by judgement."""
 IMPLAUSIBLE_SIGMAS: Final = 3.0
-"""Standard deviations beyond which a sample's value has less weight, by the square of the excess."""
+"""Standard deviations beyond which a sample's value has less weight, by the square of the excess. Tuned: standard
+deviations; 2.5 to 5; by judgement."""
 UNKNOWN_MOTION: Final = 1.0
 """Added to their variance, (m/s)²: motion between two samples that the model doesn't know. For positions and heights it
-is the square of the interval, in m²."""
+is the square of the interval, in m². Tuned: (m/s)²; 0.5 to 3; by judgement."""
 UNKNOWN_TURN: Final = 0.1 * 0.1
-"""The same for headings, rad²."""
+"""The same for headings, rad². Tuned: rad²; 0.05² to 0.2²; by judgement."""
 MAX_DRIFT: Final = 0.05 * 0.05
 """Largest variance per second of the drift of positions from integrated velocities, m²: with it, positions are followed
-anyway."""
+anyway. Tuned: m²/s; 0.02² to 0.1²; by judgement."""
 DRIFT_S: Final = 3.0
-"""Memory of the sum of what positions gain on integrated velocities; an autopilot corrects both more slowly."""
+"""Memory of the sum of what positions gain on integrated velocities; an autopilot corrects both more slowly. Tuned: s;
+2 to 6; by judgement."""
 DRIFT_EXCESS: Final = 4.0
-"""Positions drift where the mean square of that sum exceeds this many times the one that noise gives."""
+"""Positions drift where the mean square of that sum exceeds this many times the one that noise gives. Tuned: a number;
+3 to 8; by judgement."""
 DRIFT_GAP_S: Final = 0.3
-"""After a longer interval between samples velocities can't be integrated accurately."""
+"""After a longer interval between samples velocities can't be integrated accurately. Tuned: s; 0.2 to 0.6; by
+judgement."""
 
 
 class VehicleNoise:
@@ -72,9 +78,9 @@ class VehicleNoise:
             stated: whether the scenario declares them, so that the estimate can be compared with them.
         """
         self._declared, self._minimum, self._stated = declared, _squares(minimum), stated
-        self.begin()
+        self.initialise()
 
-    def begin(self) -> None:
+    def initialise(self) -> None:
         """Start again from what is declared."""
         self.by_quantity = _squares(self._declared)
         self.values: Values = _by_value(self.by_quantity)
@@ -164,7 +170,7 @@ class PositionDrift:
         self.variance = 0.0
         """Variance of the drift per second, m²."""
 
-    def begin(self, values: Values) -> None:
+    def initialise(self, values: Values) -> None:
         """Restart the sums from a sample; the estimated variance is kept."""
         self._values = values
         self._north_m = self._east_m = 0.0
@@ -173,7 +179,7 @@ class PositionDrift:
         """Take the next sample and the variances of its values."""
         before = self._values
         if not 0.0 < elapsed_s < DRIFT_GAP_S:
-            self.begin(values)
+            self.initialise(values)
             return
         half_s = elapsed_s / 2.0 * _arc_ratio(before[3], before[4], values[3], values[4])
         bound_m = CLIPPED_AT * math.sqrt(2.0 * noise[0] + MAX_DRIFT * elapsed_s)

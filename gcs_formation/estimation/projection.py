@@ -18,11 +18,14 @@ from gcs_formation.estimation.setpoint_history import HISTORY_S, SetpointHistory
 HEADING: Final = 5
 """Index of the value of a state that is an angle."""
 MISSED: Final = 2
-"""Telemetry periods between two vehicles' newest samples beyond which a message is missing."""
+"""Telemetry periods between two vehicles' newest samples beyond which a message is missing. Tuned: periods; 1.5 to 4;
+by judgement."""
 FORGOTTEN_AFTER_S: Final = 30.0
-"""A vehicle whose state is older is ignored: nothing is planned around where it may be."""
+"""A vehicle whose state is older is ignored: nothing is planned around where it may be. Tuned: s; 15 to 60; by
+judgement."""
 LOST_NS: Final = 2 * NANOSECONDS
-"""A vehicle that isn't commanded and whose state is older stays where it was last seen, which saves its prediction."""
+"""A vehicle that isn't commanded and whose state is older stays where it was last seen, which saves its prediction.
+Tuned: ns; 1 to 5 s; by judgement."""
 
 
 class States(ABC):
@@ -98,7 +101,7 @@ class Prediction(States):
         self._acts = vec[i64]()
         """When setpoints sent now act, (C,)."""
 
-    def take(self, measured: Measured) -> Prediction:
+    def predict(self, measured: Measured) -> Prediction:
         """Take a tick's states; until the next call this is the prediction to when the tick's setpoints act."""
         stamps, acts = vec[i64]([each for each in measured.stamps]), measured.acts  # noqa: C416 - compiled, no call
         for vehicle in range(len(stamps)):
@@ -174,7 +177,7 @@ class Pairing:
         """Keep `HISTORY_S` of samples, of ticks at `rate_hz`."""
         self._samples: deque[Measured] = deque(maxlen=max(8, int(HISTORY_S * rate_hz)))
 
-    def take(self, measured: Measured) -> Measured:
+    def align(self, measured: Measured) -> Measured:
         """Return the states at the common stamp; an inactive vehicle's stays as measured."""
         self._samples.append(measured)
         stamps = measured.stamps

@@ -21,7 +21,10 @@ from flight_model.autopilot_model import (
 from flight_model.slot import Triple
 
 HISTORY_S: Final = 6.0
+"""How long setpoints are kept. Tuned: s; the largest loop delay and more, 4 to 20; by judgement."""
 RESPOND_NS: Final = 280_000_000
+"""Longest step in which a model answers the mean of the setpoints that act in it. Tuned: ns; 100 to 300 ms; by
+judgement."""
 
 
 class SentSetpoints:
@@ -33,9 +36,9 @@ class SentSetpoints:
         self._speeds_mps, self._headings_rad, self._heights_m = (vec[float]([0.0] * (2 * length)) for _ in range(3))
         self.first: i64 = 0
         self.end: i64 = 0
-        self.begin(LONG_AGO)
+        self.begin_tick(LONG_AGO)
 
-    def begin(self, acts: i64) -> None:
+    def begin_tick(self, acts: i64) -> None:
         """Begin a tick whose setpoint acts at `acts`; it is NaN, for flight straight on, until `note` sets it."""
         length = len(self.acts) // 2
         if self.end - self.first == length:
@@ -110,7 +113,7 @@ class SentSetpoints:
             place = self.later(place, since)
             speed_mps, heading_rad, height_m = self.mean(place, since, since + step)
             speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
-            if model.may_stand:
+            if model.may_hover:
                 respond_hovering(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)
             else:
                 respond(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)
@@ -130,12 +133,12 @@ class SetpointHistory:
         """Whether nothing has been sent yet."""
         return not self._each
 
-    def begin(self, acts: vec[i64]) -> None:
+    def begin_tick(self, acts: vec[i64]) -> None:
         """Begin a tick whose setpoints act at `acts`, (V,)."""
         if not self._each:
             self._each = [SentSetpoints(self.length) for _ in acts]
         for vehicle in range(len(acts)):
-            self._each[vehicle].begin(acts[vehicle])
+            self._each[vehicle].begin_tick(acts[vehicle])
 
     def note(self, setpoints: list[Triple]) -> None:
         """Set the setpoints of the tick that was begun last, (V,), NaN for those that aren't known yet."""
@@ -153,7 +156,7 @@ class SetpointHistory:
     def respond(self, state: FlightState, since: i64, until: i64, vehicle: int, model: AutopilotModel) -> None:
         """Predict airspeed, heading, height and climb rate likewise, but coarsely, and leave the position.
 
-        Each `RESPOND_NS` uses the mean of its setpoints. A vehicle that may stand, a multirotor, follows velocities.
+        Each `RESPOND_NS` uses the mean of its setpoints. A vehicle that may hover, a multirotor, follows velocities.
         """
         if self._each:
             self._each[vehicle].respond(state, since, until, model)

@@ -75,11 +75,11 @@ class OnTicks:
         )
         return speed_mps, heading_rad, height_m
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Forget what the leader was commanded: another vehicle leads."""
         self._leads_by = (None,) * len(CHANNELS)
 
-    def watch(self, tick: Tick) -> NotFiniteError | None:
+    def show(self, tick: Tick) -> NotFiniteError | None:
         """Show a tick to the monitors, as it is commanded in the end; return the error of one that fails."""
         try:
             for entry, each in self._monitors:

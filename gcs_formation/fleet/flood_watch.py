@@ -26,7 +26,7 @@ class FloodWatch:
         self.unread_bytes = 0
         """Bytes of strangers that weren't read, so far."""
 
-    def watch(self, now: Instant, counts: ParserCounts, frames_refused: int) -> None:
+    def compare(self, now: Instant, counts: ParserCounts, frames_refused: int) -> None:
         """Compare the counts since the flight began with those of the last call."""
         garbage, refused = counts.garbage_bytes - self._garbage_bytes, frames_refused - self._refused
         unread = counts.unread_bytes - self._unread_bytes

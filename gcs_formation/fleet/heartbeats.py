@@ -115,7 +115,7 @@ class HeartbeatScheduler:
 
         When a vehicle is due depends on its own link alone, so that a change of one link leaves the others as they are.
         """
-        heard = [each for each in self._vehicles.values() if _is_heard(each)]
+        heard = [each for each in self._vehicles.values() if _is_received(each)]
         asked = [each for each in heard if now >= self._due.get(each.identity, self._next_common)]
         if now >= self._next_common:
             self._next_common = _next_probe(now, PROBE_S)
@@ -147,7 +147,7 @@ class HeartbeatScheduler:
         return self._radios is None or self._radios.of(vehicle.connection, now) is None
 
 
-def _is_heard(vehicle: Vehicle) -> bool:
+def _is_received(vehicle: Vehicle) -> bool:
     """Return whether a vehicle was ever heard, on any link."""
     if vehicle.links is None:
         return vehicle.connection.state is not LinkState.SEARCHING

@@ -21,17 +21,21 @@ from gcs_formation.vehicle.vehicle import Vehicle
 from gcs_formation.vehicle.vehicle_state import UNANSWERED_S
 
 SUCCESSION_S: Final = 3.0
-"""Silence of a leader, or time without its answers, after which it is replaced where another vehicle can lead."""
+"""Silence of a leader, or time without its answers, after which it is replaced where another vehicle can lead. Tuned:
+s; 2 to 6; by judgement."""
 MUTE_S: Final = 1.5
-"""Longest lack of heartbeats beyond what loss explains; after that a vehicle's mode counts as unknown."""
+"""Longest lack of heartbeats beyond what loss explains; after that a vehicle's mode counts as unknown. Tuned: s; 1 to
+3; by judgement."""
 ORDER_COMES_S: Final = 5.0
-"""Time after it was last sent during which a command to loiter may still reach a vehicle."""
+"""Time after it was last sent during which a command to loiter may still reach a vehicle. Tuned: s; 3 to 10; by
+judgement."""
 BACK_S: Final = 3.0
-"""Largest age of telemetry with which a vehicle may return to the formation."""
+"""Largest age of telemetry with which a vehicle may return to the formation. Tuned: s; 1 to 5; by judgement."""
 PARTED: Final = "parted by "
 """Beginning of the text about a vehicle that has left the formation; by whom follows."""
 FAILSAFE_S: Final = 3.0
-"""Time before a failsafe's text, and after it or after a reason for one, in which a new mode may be the failsafe's."""
+"""Time before a failsafe's text, and after it or after a reason for one, in which a new mode may be the failsafe's.
+Tuned: s; 2 to 6; by judgement."""
 
 
 class Membership:
@@ -50,7 +54,7 @@ class Membership:
         self._parted, self._failsafes = dict[VehicleId, Instant](), dict[VehicleId, tuple[Instant, str]]()
         """When each vehicle left without a failsafe's text; time and text of each one's last failsafe."""
 
-    def judge(
+    def update(
         self,
         leader: Vehicle | None,
         estimator: StateEstimator,
@@ -101,11 +105,11 @@ class Membership:
 
     def judge_one(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> None:
         """Decide whether a vehicle flies in the formation; `fresh`: what is known of it is recent enough for that."""
-        if seconds_between(vehicle.round_trips.heard_at(now), now) > UNANSWERED_S:
+        if seconds_between(vehicle.round_trips.received_at(now), now) > UNANSWERED_S:
             vehicle.left_alone(now)
         if fresh and vehicle.member is Member.FLYING and vehicle.follows_setpoints:
             return
-        vehicle.pilots_choice.watch(vehicle.telemetry, waiting=vehicle.commands.outcome is Outcome.WAITING)
+        vehicle.pilots_choice.confirm_mode(vehicle.telemetry, waiting=vehicle.commands.outcome is Outcome.WAITING)
         if vehicle.member is Member.HOLDING:
             self._commanded_to_loiter[vehicle.identity] = now
         member = self._next(vehicle, estimator, now, fresh=fresh)
@@ -117,7 +121,7 @@ class Membership:
 
     def _next(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> Member:
         """Return a vehicle's next membership by what is known of it now."""
-        link = vehicle.connection  # after silence a vehicle gets time to answer: it may have hung, and still hear us
+        link = vehicle.connection  # after silence a vehicle gets time to answer: it may have hung, and still receive us
         heard = link.talks and seconds_between(link.back_at, now) > UNANSWERED_S
         forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
         seen = Seen(
@@ -148,7 +152,7 @@ class Membership:
         if without_heartbeats and (out or link.mute_s(vehicle.sequence.loss) > MUTE_S):
             return False
         limit_s = min(self._max_age_s, BACK_S if out else limit_s)
-        if seconds_between(vehicle.round_trips.heard_at(now), now) > max(limit_s, UNANSWERED_S):
+        if seconds_between(vehicle.round_trips.received_at(now), now) > max(limit_s, UNANSWERED_S):
             return False
         age_s = estimator.age_s(vehicle.column, now)
         return math.isnan(age_s) or age_s <= limit_s
@@ -162,13 +166,13 @@ class Membership:
         autopilot = vehicle.autopilot
         if vehicle.member is Member.HOLDING:
             vehicle.holds_at_m, vehicle.holds_from = self._holding_height_m(vehicle, now), now
-            vehicle.commands.begin(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now, insist=True)
+            vehicle.commands.send(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now, insist=True)
         elif vehicle.member is Member.RETURNING or (vehicle.member is Member.FLYING and revokes):
-            vehicle.commands.begin((autopilot.set_mode(autopilot.guided_mode),), now, insist=True)
+            vehicle.commands.send((autopilot.set_mode(autopilot.guided_mode),), now, insist=True)
         elif vehicle.member is Member.PARTED and vehicle.pilots_choice.mode is not None:
-            vehicle.commands.begin((autopilot.set_mode(vehicle.pilots_choice.mode),), now)
+            vehicle.commands.send((autopilot.set_mode(vehicle.pilots_choice.mode),), now)
         elif vehicle.member is not Member.STARTING:
-            vehicle.commands.begin((), now)
+            vehicle.commands.send((), now)
 
     def _order_may_come(self, vehicle: Vehicle, now: Instant) -> bool:
         """Return whether a recently sent command to loiter may still reach a vehicle."""

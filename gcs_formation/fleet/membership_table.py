@@ -1,9 +1,31 @@
-"""The states of a vehicle's membership in the formation: one table of all transitions, read from top to bottom.
+"""Membership in the formation: who is commanded setpoints, who is left to a pilot, who waits.
 
-Seven things that are known of a vehicle overlap: its start-up, its mode, its pilot's choice, the age of its telemetry,
-whether it is heard, a command on its way to it, and what it did until now. The first row that holds decides. So a
-restart comes before everything, a pilot before silence, and silence before a return: what a vehicle that isn't heard
-does isn't known. docs/membership.md shows the table and its diagram; both are written from here.
+**Problem.** At every tick each vehicle is commanded setpoints, commanded to loiter or to come back, or left alone.
+Seven things that are known of it overlap: its start-up, its mode, its pilot's choice, the age of its telemetry, whether
+frames of it are received, a command on its way to it, and what it did until now. A wrong answer is dangerous in both
+directions: setpoints to a vehicle that a pilot flies by hand, or silence to one that flies on by its last setpoint.
+
+**Method.** One table of transitions, read from top to bottom at every tick; the first row that holds decides
+(`TRANSITIONS`, a decision table with priorities). So a restart comes before everything, a pilot before silence, and
+silence before a return, as what a silent vehicle does isn't known. A mode to which none of our commands leads is a
+pilot's choice, or a failsafe's if the vehicle says so in time. Silence can't be told from a slow link (T. D. Chandra,
+S. Toueg, "Unreliable failure detectors for reliable distributed systems", Journal of the ACM 43(2), 1996): a vehicle
+that is suspected keeps its place in the others' plans. Others keep clear of it for `FORGOTTEN_AFTER_S`, and only then
+is it commanded to loiter, blindly, for until then the command would make it turn off where none expects that. To return
+takes fresher telemetry than to stay (`BACK_S`), so that membership doesn't alternate.
+
+**Why this.** Flags that are set and cleared where something happens had seven owners, and their combinations no test. A
+chart of states with events as arrows needs an arrow for each order in which two events may come; a table of conditions
+doesn't depend on the order, and a lost event can't leave it in a wrong state, for what is known is read again at each
+tick.
+
+**Costs and limits.** At most ten comparisons for each vehicle and tick. A pilot who chooses GUIDED, or LOITER while a
+command of ours to loiter may still be on its way, can't be told from our own command: the first is commanded on, the
+second counts as ours until the next change. No memory of why a vehicle left, but the event.
+
+**Shown by** `tests/gcs_formation/fleet/test_membership_table.py` (every row decides somewhere) and
+`test_membership.py`. docs/membership.md has the table and its diagram, written from here by `python -m
+tests.membership_page`.
 """
 
 from __future__ import annotations
@@ -68,11 +90,11 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
         "it is in a mode to which none of our commands leads",
         lambda seen: not (seen.guided or seen.loiters),
     ),
-    # A silent vehicle may not hear a command to loiter, and flies on by its last setpoint; the others keep clear.
+    # A silent vehicle may not receive a command to loiter, and flies on by its last setpoint; the others keep clear.
     Transition(
         UNCOMMANDED,
         Member.UNHEARD,
-        "it can't be flown by what is known of it, and may not hear that it is to loiter",
+        "it can't be flown by what is known of it, and may not receive the command to loiter",
         lambda seen: not seen.fresh and not seen.loiter_may_be_commanded,
     ),
     Transition(COMMANDABLE, Member.HOLDING, "it can't be flown by what is known of it", lambda seen: not seen.fresh),

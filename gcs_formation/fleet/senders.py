@@ -84,7 +84,7 @@ class Senders:
         socket, message = datagram.socket, frame.message
         vehicle = self._vehicles[socket][frame.system]
         if vehicle is None:
-            self._note_stranger(VehicleId(self._networks[socket], frame.system), frame, datagram, now)
+            self._log_stranger(VehicleId(self._networks[socket], frame.system), frame, datagram, now)
             return None
         if frame.component != AUTOPILOT or (isinstance(message, Heartbeat) and message.autopilot == NO_AUTOPILOT):
             return None  # from a device that isn't an autopilot, such as a companion computer
@@ -101,14 +101,14 @@ class Senders:
             return vehicle
         if history.is_lost_one(frame, now, elsewhere=elsewhere):
             return None
-        admitted, finding = vehicle.source_binding.judge(message, socket, datagram.peer, now)
+        admitted, finding = vehicle.source_binding.rule(message, socket, datagram.peer, now)
         tried = not admitted and self._is_tried(vehicle, datagram, now) if finding is not None else False
         if finding is not None and not tried:
-            self._note_finding(vehicle, finding, datagram, now, admitted=admitted)
+            self._log_finding(vehicle, finding, datagram, now, admitted=admitted)
         if not admitted:
             return None
         follows = follows or vehicle.sequence.is_near(frame.sequence)
-        history.take(frame, now, follows=follows, awaited=vehicle.round_trips.awaits(message))
+        history.record(frame, now, follows=follows, awaited=vehicle.round_trips.awaits(message))
         return vehicle
 
     def _is_tried(self, vehicle: Vehicle, datagram: Datagram, now: Instant) -> bool:
@@ -117,7 +117,7 @@ class Senders:
             return False
         return self._try_port(vehicle, datagram.socket, datagram.peer, now)
 
-    def _note_finding(self, vehicle: Vehicle, text: str, datagram: Datagram, now: Instant, *, admitted: bool) -> None:
+    def _log_finding(self, vehicle: Vehicle, text: str, datagram: Datagram, now: Instant, *, admitted: bool) -> None:
         self._note(now, "address" if admitted else "duplicate", text, vehicle, {"peer": str(datagram.peer)})
         if admitted:
             vehicle.sequence.restart()
@@ -125,12 +125,12 @@ class Senders:
         elif self._flight.phase is Phase.CONNECTING:
             self._give_up(f"vehicle {vehicle.identity}: {text}; allowed: each id once. {IF_ONE}", now)
 
-    def _note_stranger(self, identity: VehicleId, frame: Frame, datagram: Datagram, now: Instant) -> None:
+    def _log_stranger(self, identity: VehicleId, frame: Frame, datagram: Datagram, now: Instant) -> None:
         if not isinstance(frame.message, Heartbeat):
             return
         details = {"peer": str(datagram.peer)}
         if identity.system == self._station.system:
-            self._note_namesake(ComponentId(frame.system, frame.component), details, now)
+            self._log_namesake(ComponentId(frame.system, frame.component), details, now)
         elif identity not in self._strangers:
             self._strangers.add(identity)
             why = (
@@ -140,7 +140,7 @@ class Senders:
             )
             self._note(now, "stranger", f"system {identity} is heard, but {why}", None, details)
 
-    def _note_namesake(self, sender: ComponentId, details: dict[str, str], now: Instant) -> None:
+    def _log_namesake(self, sender: ComponentId, details: dict[str, str], now: Instant) -> None:
         """Report a sender with our system id once, with what it means."""
         if sender in self._namesakes:
             return

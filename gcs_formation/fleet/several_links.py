@@ -18,7 +18,7 @@ from gcs_formation.link.vehicle_links import Links as VehicleLinks
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.vehicle import Vehicle
 
-MOST_LINKS: Final = 4
+MAX_LINKS: Final = 4
 """A vehicle with so many links gets no more by appearing elsewhere."""
 OTHERS: Final = "another sender has its system id there, whose clock is another's; what it sends is ignored"
 
@@ -38,7 +38,7 @@ class SeveralLinks:
 
     def try_port(self, vehicle: Vehicle, socket: int, peer: Address, now: Instant) -> bool:
         """Try whether another sender is the vehicle, by another port; return whether it is tried."""
-        may_be = vehicle.source_binding.may_be_second_port(socket, peer) and len(vehicle.each_link) < MOST_LINKS
+        may_be = vehicle.source_binding.may_be_second_port(socket, peer) and len(vehicle.each_link) < MAX_LINKS
         if may_be:
             vehicle.try_port(socket, peer, now)
             self._take_each()
@@ -64,7 +64,7 @@ class SeveralLinks:
         for vehicle, links in self._each:
             vehicle.see(links.in_use)
 
-    def watch(self, now: Instant) -> None:
+    def choose_link(self, now: Instant) -> None:
         """Note what has become of the links that aren't in use, and choose which one is; called once a tick."""
         for vehicle, links in self._each:
             self._judge_trials(vehicle, links, now)
@@ -82,9 +82,9 @@ class SeveralLinks:
     def _check(self, vehicle: Vehicle, link: Link, now: Instant) -> None:
         connection = link.connection
         if not connection.in_order(now) and connection.check(now, link.sequence.loss):
-            self.note_state(vehicle, connection, now)
+            self.log_state(vehicle, connection, now)
 
-    def note_state(self, vehicle: Vehicle, connection: Connection, now: Instant) -> None:
+    def log_state(self, vehicle: Vehicle, connection: Connection, now: Instant) -> None:
         """Record the state of one of its links."""
         number = next(link.number for link in vehicle.each_link if link.connection is connection)
         text = f"{connection.state.value} (link {number})"

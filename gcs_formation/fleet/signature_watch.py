@@ -46,7 +46,7 @@ class SignatureWatch:
         """Number of frames that were refused."""
         return 0 if self.signing is None else self.signing.frames_refused
 
-    def watch(self, now: Instant) -> None:
+    def report(self, now: Instant) -> None:
         """Report what is new; called once a second."""
         for identity, vehicle in self._vehicles.items():
             if not self.is_signed(identity):
@@ -71,7 +71,7 @@ class SignatureWatch:
         return Judged() if self.signing is None else self.signing.judged(own, identity.system)
 
     def unverified(self, identity: VehicleId) -> int:
-        """Return how many frames with a signature came from a vehicle's address, whoever signed them."""
+        """Return how many frames with a signature came from a vehicle's address, by any signer."""
         connection = self._vehicles[identity].connection
         return self._receiver.counts(connection.socket, connection.peer).signed
 

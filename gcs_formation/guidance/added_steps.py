@@ -16,7 +16,7 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, 
 from formation_scenario.formation import Step, added
 
 OVER_RAD: Final = math.radians(0.5)
-"""A response smaller than this is over."""
+"""A response smaller than this is over. Tuned: rad; 0.2 to 1 degree; by judgement."""
 
 
 class AddedSteps:
@@ -27,7 +27,7 @@ class AddedSteps:
         self._steps, self._dt_s = steps, dt_s
         self._turned_rad = self._right_m = 0.0
 
-    def forget(self) -> None:
+    def drop_state(self) -> None:
         """Reset: something else than the stepped setpoint is flown, or another vehicle leads."""
         self._turned_rad = self._right_m = 0.0
 
@@ -59,6 +59,6 @@ class AddedSteps:
         left_rad = remaining(off_rad, self._dt_s, model.tau_psi_s, model.turn_rate_max_rps, left)
         self._turned_rad = heading_rad - left_rad
         if heading_rad == 0.0 and abs(self._turned_rad) < OVER_RAD:
-            self.forget()
+            self.drop_state()
             return
         self._right_m += state.airspeed_mps * math.sin((before_rad + self._turned_rad) / 2.0) * self._dt_s

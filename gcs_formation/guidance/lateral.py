@@ -25,42 +25,55 @@ from flight_model.slot import Triple
 from gcs_formation.guidance.rough_air import RoughAir
 
 BANDWIDTH_RADPS: Final = 0.65
-"""Highest bandwidth p of the loop without delay."""
+"""Highest bandwidth p of the loop without delay. Tuned: rad/s; 0.4 to 0.8; shown by `python -m
+benchmarks.gust_grid`."""
 DELAYED_RADPS: Final = 0.68
-"""Highest bandwidth with delay, which is made up for by a higher one. At 300 ms, 0.72 would leave the leader of four
-turbulent flights 1.27 m off its path (1.38 m at 0.65), 0.82 1.22 m; but then followers are up to 0.019 m off after a
-step of 0.6 m/s at 500 ms, in place of 0.008 m."""
+"""Highest bandwidth with delay, which is made up for by a higher one. At 300 ms, 0.72 would leave the leader of
+four turbulent flights 1.27 m off its path (1.38 m at 0.65), 0.82 1.22 m; but then followers are up to 0.019 m off
+after a step of 0.6 m/s at 500 ms, in place of 0.008 m. Tuned: rad/s; `BANDWIDTH_RADPS` to 0.8; shown by the flights
+named here."""
 ROUGH_NOISE_RATIO: Final = 3.0
 """The same in rough air, over that in calm air: gusts move setpoints anyway, and while one is being recognised the
-course counts as noisy. In turbulence of a wind of 7 m/s p would fall to 0.48 again and again."""
+course counts as noisy. In turbulence of a wind of 7 m/s p would fall to 0.48 again and again. Tuned: ratio; 2 to 5; by
+judgement."""
 ROUGH_RATIO: Final = 1.25
 """Bandwidth in rough air, where followers' own gusts are larger than what they'd be spared, over that in calm air. In
-turbulence of a wind of 7 m/s a simulated leader at 300 ms is 16 % less off its path; with 1.5 it would be 20 % less."""
+turbulence of a wind of 7 m/s a simulated leader at 300 ms is 16 % less off its path; with 1.5 it would be 20 % less.
+Tuned: ratio; 1 to 1.5; shown by the flights named here."""
 GUST_MPS: Final = 1.0
-"""A gust of this size may use up the change of turn rate that followers can keep up with, and no smaller one."""
+"""A gust of this size may use up the change of turn rate that followers can keep up with, and no smaller one. Tuned:
+m/s; 0.6 to 2; by judgement."""
 ACCELERATION_SHARE: Final = 0.7
-"""Share of the followers' acceleration that a gust may use; the law needs the rest."""
+"""Share of the followers' acceleration that a gust may use; the law needs the rest. Tuned: share; 0.5 to 0.9; by
+judgement."""
 BEND_MAX_RPS2: Final = 0.15
-"""How fast the turn rate of a leader without followers may change, besides the route's own bends."""
+"""How fast the turn rate of a leader without followers may change, besides the route's own bends. Tuned: rad/s²; 0.05
+to 0.3; by judgement."""
 NOISE_RPS2: Final = 3e-4
 """Largest standard deviation that noise of the course, times p^2, may have: followers lead their speed by what it does
-to the turn rate's change. `configs/noise.yaml` has setpoints as quiet as with a third of the bandwidth then."""
+to the turn rate's change. `configs/noise.yaml` has setpoints as quiet as with a third of the bandwidth then. Tuned:
+rad/s²; 1e-4 to 1e-3; shown by `gcs-formation run configs/noise.yaml`."""
 HELD_UP_RADPS4: Final = 2e-3
 """Largest share of time in hold-ups, times p^4. A setpoint that is held up leaves the leader's heading, with which
 slots swing, off by what it would have changed, in proportion to p^2. A loss of 5 % leaves p at 0.44; after a gust of
-0.6 m/s followers are then 0.010 m off across (median of eight flights), and with 3.4e-3 0.012 m."""
+0.6 m/s followers are then 0.010 m off across (median of eight flights), and with 3.4e-3 0.012 m. Tuned: (rad/s)⁴; 1e-3
+to 4e-3; shown by the flights named here."""
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
+"""Largest angle at which the route is intercepted. Tuned: rad; 0.7 to 1.2; by judgement."""
 MIN_MPS: Final = 1.0
-"""Lower bound of a speed that is divided by: a vehicle that can hover may stand."""
+"""Lower bound of a speed that is divided by: a vehicle that can hover may have none."""
 REFERENCE_RADPS: Final = 0.2
 """Rate at which the heading that setpoints lead from follows the predicted one: noise of headings is filtered, and what
-the model doesn't know is forgotten. A vehicle whose time constant is wrong keeps a difference in every turn."""
+the model doesn't know is forgotten. A vehicle whose time constant is wrong keeps a difference in every turn. Tuned:
+rad/s; 0.1 to 0.5; by judgement."""
 TURNS_BACK_SHARE: Final = 0.5
-"""Share of the angle to the route that could just be turned back before the route is crossed."""
+"""Share of the angle to the route that could just be turned back before the route is crossed. Tuned: share; 0.3 to 0.8;
+by judgement."""
 TWO_THIRDS: Final = 2.0 / 3.0
 TINY: Final = 1e-9
 NEAREST_SHARE: Final = 0.2
-"""Lower bound of 1 - curvature × distance: nearer to a bend's centre the route's turn is no longer meaningful."""
+"""Lower bound of 1 - curvature × distance: nearer to a bend's centre the route's turn is no longer meaningful. Tuned:
+share; 0.1 to 0.4; by judgement."""
 atan: Final = math.atan
 
 
@@ -147,10 +160,10 @@ class LateralGuidance:
         self.setpoint_rps = 0.0
         """Rate of the heading setpoint when it acts: by (7), the turn rate plus the time constant times its change."""
 
-    def forget(self) -> None:
+    def drop_state(self) -> None:
         """Reset: another vehicle leads, or the leader hovers or turns on the spot."""
         self._heading_rad = math.nan
-        self._air.forget()
+        self._air.drop_state()
 
     def go_on_from(self, commanded_rad: float, state: FlightState, model: AutopilotModel) -> None:
         """Go on from another heading setpoint than the last one: something else replaced it, and it still acts."""
@@ -167,7 +180,7 @@ class LateralGuidance:
             point: of the route, nearest to the vehicle.
             state: the vehicle's when the setpoint acts.
             model: of its autopilot.
-            speed_mps: airspeed to be flown; a vehicle that is to stand, at 0, faces along its route.
+            speed_mps: airspeed to be flown; a vehicle that is to hover, at 0, faces along its route.
             bounds: of the changes of its turn rate.
         """
         if speed_mps == 0.0:
@@ -186,7 +199,7 @@ class LateralGuidance:
 
     def _stand(self, point: PathPoint, state: FlightState, model: AutopilotModel) -> float:
         """Return the setpoint along the route, and begin again when the vehicle flies on."""
-        self.forget()
+        self.drop_state()
         north_mps, east_mps = state.ground_mps()
         along_mps, _ = rotated(point.course_rad, north_mps, east_mps)
         self.setpoint_rps = point.curvature_1pm * along_mps

@@ -30,7 +30,7 @@ class LeaderCommands:
         self._acts: list[int] = []
         self._commands: list[LeaderCommand] = []
 
-    def forget(self) -> None:
+    def drop_state(self) -> None:
         """Remove all: another vehicle leads."""
         self._acts.clear()
         self._commands.clear()

@@ -207,7 +207,7 @@ class LeaderGuidance:
     def take_over(self, route: Route | None, distance_m: float) -> None:
         """Guide another vehicle from now on, along `route` from `distance_m`; without one, to the path's start."""
         self.route, self.distance_m = route, distance_m
-        self._lateral.forget()
+        self._lateral.drop_state()
         if self.timed is not None:
             self.timed.take_over()
 

@@ -14,11 +14,18 @@ from typing import Final
 
 import numpy as np
 
-from flight_model.arrays import Array, beside
+from flight_model.arrays import Array, offset_points
 from flight_model.autopilot_model import FlightState
-from flight_model.lift_curve import STEP_M, LiftCurve
+from flight_model.offset_curve import STEP_M, OffsetCurve
 from flight_model.path import Route
-from flight_model.path_lift_and_displacement import SAMPLES, TRIFLE_M, Bounds, Lift, least_lift, sample_places
+from flight_model.path_lift_and_displacement import (
+    SAMPLES,
+    TRIFLE_M,
+    Bounds,
+    ClearanceOffset,
+    min_offset,
+    sample_places,
+)
 from flight_model.slot import Slot, Triple
 from formation_scenario.fields import Frame
 from formation_scenario.slot_assignment import Arrangement
@@ -26,18 +33,22 @@ from formation_scenario.slot_frame import axis_rad
 from formation_scenario.terrain import Ground
 
 AHEAD_STEPS: Final = 140
-"""Steps of the offsets' splines."""
+"""Steps of the offsets' splines. Tuned: steps; `MIN_AHEAD_STEPS` to 300; by judgement."""
 MIN_AHEAD_STEPS: Final = 100
-"""Of these, how many must be left: 2 km, on which a climb at the formation's limit gains 190 m."""
+"""Of these, how many must be left: 2 km, on which a climb at the formation's limit gains 190 m. Tuned: steps; 50 to
+200; by judgement."""
 ADVANCE_M: Final = 100.0
-"""Distance that the leader flies before offsets are checked again, and computed again unless they still serve."""
+"""Distance that the leader flies before offsets are checked again, and computed again unless they still serve. Tuned:
+m; 50 to 300; by judgement."""
 SAME_BOUNDS: Final = 0.01
-"""Share by which the bound of slope may differ from that for which offsets were computed."""
+"""Share by which the bound of slope may differ from that for which offsets were computed. Tuned: share; 0.005 to 0.05;
+by judgement."""
 PATH_VALUES: Final = 8
 SLOPE: Final = 6
 """How many values a path's point has, and which of them is its slope (`PathPoint.values`)."""
 KEPT_M: Final = 40.0
-"""Distance around the present position within which an offset isn't changed, since setpoints act at different times."""
+"""Distance around the present position within which an offset isn't changed, since setpoints act at different times.
+Tuned: m; 20 to 80; by judgement."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +83,7 @@ class SlotClearance:
         """The bound of slope for which the offsets were computed."""
         self._first, self._made_at_m = 0, 0.0
         self._control_m = np.zeros((0, 4))
-        self._curves = list[LiftCurve]()
+        self._curves = list[OffsetCurve]()
         self._held = list[Triple]()
         """Each offset of the last tick, its slope and its curvature."""
         self._sampled, self._sampled_first = np.zeros((0, PATH_VALUES)), 0
@@ -104,7 +115,7 @@ class SlotClearance:
             return False
         places = sample_places(first * STEP_M, steps)
         needed = self._needed(outlook, places, self._points(outlook.route, first, places))
-        offsets_m = [Lift(self._first * STEP_M, row).at(places)[0] for row in self._control_m]
+        offsets_m = [ClearanceOffset(self._first * STEP_M, row).at(places)[0] for row in self._control_m]
         short = needed > np.stack(offsets_m) + TRIFLE_M
         short[outlook.leading] = False
         return not short.any()
@@ -122,9 +133,9 @@ class SlotClearance:
         needed = self._needed(outlook, places, points)
         needed[outlook.leading] = 0.0
         bounds, slope = self._bounds(outlook.along_mps), points[:, SLOPE].copy()
-        made = (least_lift(first * STEP_M, row, slope, bounds, own) for row, own in zip(needed, begun, strict=True))
+        made = (min_offset(first * STEP_M, row, slope, bounds, own) for row, own in zip(needed, begun, strict=True))
         self._control_m = np.stack([each.control_m for each in made])
-        self._curves = [LiftCurve(row) for row in self._control_m.tolist()]
+        self._curves = [OffsetCurve(row) for row in self._control_m.tolist()]
         self._route, self._plan = outlook.route, outlook.plan
         self._first, self._slope = first, bounds.slope
 
@@ -181,7 +192,7 @@ class SlotClearance:
         forward, right, up = np.moveaxis(_between(knots), -1, 0)
         own = heading + np.arcsin(np.clip(curvature * forward, -0.99, 0.99))
         axis = axis_rad(self._frame, np.broadcast_to(heading, forward.shape), own)
-        ground_m = self._ground.height(*beside(north, east, axis, forward, right))
+        ground_m = self._ground.height(*offset_points(north, east, axis, forward, right))
         return ground_m + self._clearance_m - (height + up)
 
 

@@ -23,10 +23,11 @@ from gcs_formation.guidance.turn_on_spot import TurnOnSpot
 
 BACK_RADPS: Final = 0.3
 """Gain from the distance to where the leader is due, m, to a speed, m/s: half of the bandwidth that time constants of
-0.6 s, and of 0.2 s that setpoints are held, leave well damped."""
+0.6 s, and of 0.2 s that setpoints are held, leave well damped. Tuned: rad/s; 0.1 to 0.5; by judgement."""
 OFF_M: Final = 5.0
-"""Distance beyond which it is due where it is."""
+"""Distance beyond which it is due where it is. Tuned: m; 2 to 10; by judgement."""
 MAX_TICK_S: Final = 1.0
+"""A longer interval between two ticks counts as this long. Tuned: s; 0.5 to 2; by judgement."""
 ALMOST_S: Final = 1e-6
 
 
@@ -56,7 +57,7 @@ class TimedProgress:
     ordered: bool = False
     """Whether its speed was ordered; stops and corners stay."""
     _hovering: bool = False
-    """Whether it was ordered to stand."""
+    """Whether it was ordered to hover."""
     _time_s: float = math.nan
     """Time on the timetable; NaN: by the leader's place, at the next tick."""
     _passed: int = 0
@@ -68,7 +69,7 @@ class TimedProgress:
 
     @property
     def pauses(self) -> bool:
-        """Whether it is at a stop, and wasn't ordered to stand."""
+        """Whether it is at a stop, and wasn't ordered to hover."""
         return not self._hovering and self._pause() is not None
 
     def _pause(self) -> Pause | None:
@@ -84,7 +85,7 @@ class TimedProgress:
         self._turn = None
 
     def order(self, speed_mps: float) -> None:
-        """Fly at another speed from now on, at most; 0: stand."""
+        """Fly at another speed from now on, at most; 0: hover."""
         self._hovering = speed_mps == 0.0
         if not self._hovering:
             self.timetable, self.ordered = self.timetable.at_speed(speed_mps), True
@@ -98,7 +99,7 @@ class TimedProgress:
         return Part(route, begin_m, end_m)
 
     def advance(self, distance_m: float, at: Instant | None, dt_s: float, turn: TurnOnSpot | None) -> Due | None:
-        """Return what is due a tick later, for a leader at a distance; None if it was ordered to stand.
+        """Return what is due a tick later, for a leader at a distance; None if it was ordered to hover.
 
         Args:
             distance_m: along the path.

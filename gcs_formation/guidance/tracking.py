@@ -18,7 +18,7 @@ MIN_MPS: Final = 1.0
 NEWTON_STEPS: Final = 3
 NEAR_ENOUGH_M: Final = 1e-9
 NEAREST_STEP_M: Final = 10.0
-MAX_ASIDE_RAD: Final = math.radians(30.0)
+INTERCEPT_MAX_RAD: Final = math.radians(30.0)
 """Largest angle to the path at which a way onto it continues a vehicle's own course."""
 
 
@@ -121,7 +121,7 @@ class Abreast(NamedTuple):
             return 0.0
         off_rad = math.remainder(math.atan2(east_mps, north_mps) - self.point.course_rad, math.tau)
         along = 1.0 - self.point.curvature_1pm * self.right_m
-        return along * math.tan(within(off_rad, -MAX_ASIDE_RAD, MAX_ASIDE_RAD))
+        return along * math.tan(within(off_rad, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD))
 
 
 def course_or_heading(state: FlightState) -> float:

@@ -11,7 +11,8 @@ from flight_model.path_lift_and_displacement import minimum_jerk
 from flight_model.stops.turning import LEAST_S, turn_s
 
 NOSE_LAG_S: Final = 0.44
-"""Time by which a multirotor's yaw is behind its setpoint: as observed in ArduCopter's and PX4's simulators."""
+"""Time by which a multirotor's yaw is behind its setpoint: as observed in ArduCopter's and PX4's simulators. Tuned: s;
+0.2 to 0.8; shown by flights of ArduCopter's and PX4's simulators."""
 
 
 @dataclass(frozen=True)

@@ -19,15 +19,15 @@ from formation_scenario.formation import Step
 from formation_scenario.source import Dumper, plain_mapping
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
-from gcs_formation.identify.airframe import AIRFRAME_KEYS, fit_airframe, lags_of
-from gcs_formation.identify.believed import begin_with
+from gcs_formation.identify.airframe import AIRFRAME_KEYS, fit_airframe, time_constants_of
 from gcs_formation.identify.fitting import (
-    LAGS,
     QUANTITIES,
+    TAUS,
     Fit,
     fit,
-    flown_by_lags,
+    flown_by_time_constants,
 )
+from gcs_formation.identify.initial_model import begin_with
 from gcs_formation.identify.output_error import autocovariance
 from gcs_formation.identify.recording import STEP_S, Recording, recordings
 from gcs_formation.identify.run_summary import delays_s, unfit
@@ -42,7 +42,7 @@ any vehicle follows."""
 LEGS = 12
 """Number of waypoints of the straight path."""
 HEIGHT_CM = 14.0
-LEAST_ERROR = 1e-9
+MIN_ERROR = 1e-9
 """Floor of errors: a model that flies its own recording has none, and nothing is better than that."""
 UNITS = ("m/s", "rad", "m")
 EQUATION, AIRFRAME = "equation (7)", "airframe"
@@ -160,20 +160,20 @@ def identify(
     source: Path,
     file: Path,
     vehicle: int | None = None,
-    believed: Scenario | None = None,
+    accepted: Scenario | None = None,
     plugins: Files = (),
 ) -> dict[str, Any]:
     """Fit a model to a recording, write the vehicle file and its figure beside it; return what `--json` prints.
 
     The written model has an airframe if that fits the recording so much better that its parameters are worth it; its
-    lags are then those of slow changes. `flown_rms` has the errors of a flight simulated by the setpoints alone, by the
-    model's name.
+    time constants are then those of slow changes. `flown_rms` has the errors of a flight simulated by the setpoints
+    alone, by the model's name.
 
     Args:
         source: a run directory, or a log of a format in `logs.READERS`.
         file: the vehicle file to write.
         vehicle: system id to use; None: all vehicles, as one kind.
-        believed: the scenario, whose first vehicle's limits are kept; None: the run directory's.
+        accepted: the scenario, whose first vehicle's limits are kept; None: the run directory's.
         plugins: files of extensions that the run directory's scenario names.
 
     Raises:
@@ -182,10 +182,10 @@ def identify(
     """
     directory = source if source.is_dir() else None
     found = _recorded(source, vehicle)
-    if directory is not None and believed is None:
-        believed = load_scenario(directory / SCENARIO, plugins=plugins)
-    begin = begin_with(believed, found)
-    fitted = _nearest(found, begin) if believed is None else fit(found, begin)
+    if directory is not None and accepted is None:
+        accepted = load_scenario(directory / SCENARIO, plugins=plugins)
+    begin = begin_with(accepted, found)
+    fitted = _nearest(found, begin) if accepted is None else fit(found, begin)
     longest = max(found, key=lambda each: each.seen.shape[1])
     model, flown = _chosen(longest, fitted, begin)
     known = [row for row, channel in enumerate(CHANNELS) if channel not in fitted.unidentified]
@@ -240,14 +240,14 @@ def _nearest(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
 
 def _chosen(recording: Recording, fitted: Fit, begin: VehicleModel) -> tuple[VehicleModel, dict[str, Array]]:
     """Return the model that is worth its parameters, and the flight (3, K) by each model, by its name."""
-    flown = {EQUATION: flown_by_lags(recording, fitted.model)}
+    flown = {EQUATION: flown_by_time_constants(recording, fitted.model)}
     if begin.hovers or begin.prompt_share < 1.0 or fitted.unidentified:
         return fitted.model, flown
     airframe, flown[AIRFRAME] = fit_airframe(recording, begin.airframe or EnergyAirframe(), begin.turn_rate_max_rps)
-    by_airframe, by_lags = (flown[name] - recording.seen[:3] for name in (AIRFRAME, EQUATION))
-    if not is_nearer(by_airframe, by_lags, len(AIRFRAME_KEYS) - len(LAGS) - (fitted.model.dead_time_s > 0.0)):
+    by_airframe, by_taus = (flown[name] - recording.seen[:3] for name in (AIRFRAME, EQUATION))
+    if not is_nearer(by_airframe, by_taus, len(AIRFRAME_KEYS) - len(TAUS) - (fitted.model.dead_time_s > 0.0)):
         return fitted.model, flown
-    return lags_of(airframe, fitted.model, float(np.median(recording.seen[0]))), flown
+    return time_constants_of(airframe, fitted.model, float(np.median(recording.seen[0]))), flown
 
 
 def report(found: Mapping[str, Any]) -> str:
@@ -259,7 +259,7 @@ def report(found: Mapping[str, Any]) -> str:
     for name, each in found["lags"].items():
         unit = "" if name == "prompt_share" else "s"
         lines.append(f"  {name:<12} {measured(each['value'], each['sigma'])} {unit}".rstrip())
-    lines += [f"  not identified, {why}; kept as believed" for why in found["unidentified"].values()]
+    lines += [f"  not identified, {why}; kept as declared" for why in found["unidentified"].values()]
     lines.append("errors of its predictions, and what they explain of the change:")
     units = dict(zip(QUANTITIES, UNITS, strict=True))
     for name in found["residual_rms"]:
@@ -270,8 +270,10 @@ def report(found: Mapping[str, Any]) -> str:
         each_error = (f"{error:.3f} {units[quantity]}" for quantity, error in rms.items())
         lines.append(f"  {name:<13} {', '.join(each_error)}")
     if "airframe" in found["model"]:
-        lags = ", ".join(f"{name} {found['model'][name]:g}" for name in found["lags"])
-        lines.append(f"it flies as an aircraft under total-energy control; lags of slow changes, s: {lags}")
+        time_constants = ", ".join(f"{name} {found['model'][name]:g}" for name in found["lags"])
+        lines.append(
+            f"it flies as an aircraft under total-energy control; time constants of slow changes, s: {time_constants}"
+        )
     lines.append(f"wrote {found['file']} and {found['figure']}")
     return "\n".join(lines)
 
@@ -299,7 +301,7 @@ def is_nearer(errors: Array, others: Array, more: int) -> bool:
         more: by how many parameters it exceeds the other model.
     """
     counts = np.minimum(_independent(errors), _independent(others))
-    squares, other_squares = (np.maximum(np.mean(each**2, axis=1), LEAST_ERROR**2) for each in (errors, others))
+    squares, other_squares = (np.maximum(np.mean(each**2, axis=1), MIN_ERROR**2) for each in (errors, others))
     gained = float(counts @ np.log(other_squares / squares))
     return gained > more * math.log(float(counts.sum()))
 
@@ -308,7 +310,7 @@ def _independent(errors: Array) -> Array:
     """Return the number of independent errors among (3, K) in each channel, at least 1."""
     points = errors.shape[1]
     alike = autocovariance(errors, points * STEP_S)
-    together = 1.0 + 2.0 * alike[:, 1:].sum(axis=1) / np.maximum(alike[:, 0], LEAST_ERROR**2 / points)
+    together = 1.0 + 2.0 * alike[:, 1:].sum(axis=1) / np.maximum(alike[:, 0], MIN_ERROR**2 / points)
     return np.clip(points / np.maximum(together, 1.0), 1.0, None)
 
 

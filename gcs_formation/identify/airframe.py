@@ -9,10 +9,10 @@ import numpy as np
 
 from flight_model import energy
 from flight_model.arrays import Array
-from flight_model.frequency_response import slow_lags_s
+from flight_model.frequency_response import slow_taus_s
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
-from gcs_formation.identify.fitting import DEAD, DEAD_MAX_S, LAGS, acting
-from gcs_formation.identify.output_error import RESOLUTION
+from gcs_formation.identify.fitting import DEAD, DEAD_MAX_S, TAUS, acting
+from gcs_formation.identify.output_error import NUDGE, RESOLUTION, STEP_MAX
 from gcs_formation.identify.recording import STEP_S, Recording
 
 AIRFRAME_KEYS = (
@@ -21,10 +21,7 @@ AIRFRAME_KEYS = (
 SPREADS = np.array([0.3, 0.3, 0.3, 0.3, 0.3, 0.1, 0.7])
 """Prior standard deviations of these parameters' logarithms."""
 ITERATIONS = 7
-NUDGE = 0.02
-"""Step of a logarithm for the numerical derivative."""
-STEP_MAX = 0.4
-LEAST_VARIANCE = 1e-9
+MIN_VARIANCE = 1e-9
 LOOP_S = 0.02
 """Least value that a search begins with: a period of the autopilot's main loop, for a dead time of 0."""
 CORRELATED_S = 2.0
@@ -52,7 +49,7 @@ def _nearest(start: Array, errors_of: Callable[[Sequence[Array]], Array], spread
     prior: Array = np.diag(spreads**-2.0)
     for _ in range(ITERATIONS):
         error, slopes, weights = _linear(logs, errors_of)
-        worth = 1.0 / max(float(np.mean((error * weights) ** 2)) * repeated, LEAST_VARIANCE)
+        worth = 1.0 / max(float(np.mean((error * weights) ** 2)) * repeated, MIN_VARIANCE)
         weighed = slopes * weights**2 * worth
         gain = weighed @ error + prior @ (logs - start)
         step = np.linalg.solve(weighed @ slopes.T + prior, gain).astype(np.float64)
@@ -83,15 +80,15 @@ def fit_airframe(recording: Recording, begin: EnergyAirframe, turn_rate_max_rps:
     return best, _flown_by(recording, best, turn_rate_max_rps)
 
 
-def lags_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> VehicleModel:
-    """Return the model with the airframe and its lags for slow changes, its dead time in them, by which the law goes.
+def time_constants_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: float) -> VehicleModel:
+    """Return the model with the airframe and its time constants for slow changes, by which the law goes.
 
     An airframe answers steps more slowly, because its energy rates are limited, and quick changes with a larger
     amplitude: neither is a lag of equation (7).
     """
-    speed_s, heading_s, height_s = slow_lags_s(airframe.parameters(), speed_mps)
-    lags = dict(zip(LAGS, (speed_s, heading_s, height_s / 2, height_s / 2), strict=True))
-    rounded = {name: round(each, 3) for name, each in lags.items()}
+    speed_s, heading_s, height_s = slow_taus_s(airframe.parameters(), speed_mps)
+    time_constants = dict(zip(TAUS, (speed_s, heading_s, height_s / 2, height_s / 2), strict=True))
+    rounded = {name: round(each, 3) for name, each in time_constants.items()}
     return model.model_copy(update=rounded | {"airframe": airframe, DEAD: 0.0})
 
 

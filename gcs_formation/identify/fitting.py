@@ -21,7 +21,7 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify.output_error import Search, simulated
-from gcs_formation.identify.recording import CYCLE_S, LEAST_MOVED, STEP_S, Recording
+from gcs_formation.identify.recording import CYCLE_S, MIN_MOVED, STEP_S, Recording
 
 HORIZON_S = 6.0
 """Length of the predictions that equation (7) is judged by: what the law feeds forward takes as long to arrive."""
@@ -32,15 +32,15 @@ WAIT_SIGMA_S = CYCLE_S / 2.0
 the same place of it in one flight. Half a cycle, the distance from its middle to its end, covers a vehicle that always
 acts at the end."""
 UNKNOWN = 0.5
-"""Prior standard deviation of a lag's logarithm, and of the dead time in seconds."""
+"""Prior standard deviation of a time constant's logarithm, and of the dead time in seconds."""
 QUANTITIES = ("airspeed_mps", "heading_rad", "height_m")
 """Quantities in which recordings and models are compared."""
-LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
-LAGS_OF = {"speed": LAGS[:1], "heading": LAGS[1:2], "height": LAGS[2:]}
-"""The lags of each channel."""
+TAUS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
+TAUS_OF = {"speed": TAUS[:1], "heading": TAUS[1:2], "height": TAUS[2:]}
+"""The time constants of each channel."""
 KNOWN = 0.25
-"""A channel whose lags' sum has a larger standard deviation, relative to it, isn't identified: the search holds it with
-one of 0.35 to 0.5 if nothing is learnt."""
+"""A channel whose time constants' sum has a larger standard deviation, relative to it, isn't identified: the search
+holds it with one of 0.35 to 0.5 if nothing is estimated."""
 DEAD = "dead_time_s"
 """The autopilot's dead time. The search is for it in seconds, for all other parameters in logarithms."""
 DEAD_MAX_S = 2.0
@@ -48,12 +48,12 @@ CLEAR = 1.96
 """A dead time of fewer standard deviations isn't distinguished from none; the others are then fitted without it."""
 REST = ("prompt_share", "rest_s")
 """Also fitted for vehicles believed to leave part of a speed change to an integrator."""
-LEAST_SHARE = 0.2
+MIN_SHARE = 0.2
 QUICK_MPS = 0.2
 """A larger change of a multirotor's velocity setpoint within `STEP_S` isn't gentle."""
 QUICK_S = 5.0
 """Lags aren't fitted to what was measured within this time after such a change."""
-LEAST_KEPT = 0.2
+MIN_KEPT = 0.2
 """Share of a recording that must be left after that."""
 
 
@@ -75,20 +75,20 @@ class Fit:
     explained: dict[str, float]
     """Share of the change over the horizon that the predictions explain."""
     unidentified: dict[str, str] = field(default_factory=dict)
-    """Why a channel isn't identified, by its name; the model has its lags from where the search began."""
+    """Why a channel isn't identified, by its name; the model has its time constants from where the search began."""
 
 
 def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     """Return the model of equation (7) that fits recordings of one kind of vehicle best, and how well it predicts.
 
-    `begin` has the limits, which are kept, and the lags that the search begins with.
+    `begin` has the limits, which are kept, and the time constants that the search begins with.
 
     Raises:
         RecordError: no channel was moved enough in the recordings.
     """
     still = _hardly_moved(recordings)
-    fitted = [name for channel in CHANNELS if channel not in still for name in LAGS_OF[channel]]
-    every = LAGS if begin.prompt_share == 1.0 else (*LAGS, *REST)
+    fitted = [name for channel in CHANNELS if channel not in still for name in TAUS_OF[channel]]
+    every = TAUS if begin.prompt_share == 1.0 else (*TAUS, *REST)
     names = [name for name in every if name in fitted or (name in REST and "speed" not in still)]
     begin = begin.model_copy(update={DEAD: 0.0})
     logs, covariance = _searched(recordings, begin, names, gentle=begin.hovers)
@@ -105,7 +105,7 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     estimates = {
         name: each
         for name, each in estimates.items()
-        if not any(name in LAGS_OF[channel] for channel in unidentified)
+        if not any(name in TAUS_OF[channel] for channel in unidentified)
         and (name not in REST or "speed" not in unidentified)
     }
     model = begin.model_copy(update={name: round(each.value, 3) for name, each in estimates.items()})
@@ -158,12 +158,12 @@ def _searched(
 
 
 def _estimates(names: Sequence[str], logs: Array, covariance: Array) -> dict[str, Estimate]:
-    """Return the parameters, by name: height's lags in order, and the fast fraction within its limits."""
+    """Return the parameters, by name: height's time constants in order, and the fast fraction within its limits."""
     values = _values(names, logs)
-    if LAGS[-1] in values:
-        values |= zip(LAGS_OF["height"], sorted(values[name] for name in LAGS_OF["height"]), strict=True)
+    if TAUS[-1] in values:
+        values |= zip(TAUS_OF["height"], sorted(values[name] for name in TAUS_OF["height"]), strict=True)
     if REST[0] in values:
-        values[REST[0]] = min(max(values[REST[0]], LEAST_SHARE), 1.0)
+        values[REST[0]] = min(max(values[REST[0]], MIN_SHARE), 1.0)
     sigmas = np.sqrt(np.diag(covariance)).tolist()
     each = zip(values.items(), sigmas, strict=True)
     return {name: Estimate(value, sigma if name == DEAD else value * sigma) for (name, value), sigma in each}
@@ -177,10 +177,10 @@ def _values(names: Sequence[str], logs: Array) -> dict[str, float]:
 
 def _judged(recordings: Sequence[Recording], model: VehicleModel) -> tuple[dict[str, float], dict[str, float]]:
     """Return the errors of a model's predictions, RMS, and the share of the changes that these explain, by quantity."""
-    values = np.array([getattr(model, name) for name in (*LAGS, *REST)])
-    fitted = values if model.prompt_share < 1.0 else values[: len(LAGS)]
+    values = np.array([getattr(model, name) for name in (*TAUS, *REST)])
+    fitted = values if model.prompt_share < 1.0 else values[: len(TAUS)]
     windows = [_Windows.of(_later(_with_rest(each, model, fitted), model)) for each in recordings]
-    errors = np.concatenate([each.errors(values[: len(LAGS)], model) for each in windows], axis=2)
+    errors = np.concatenate([each.errors(values[: len(TAUS)], model) for each in windows], axis=2)
     changes = np.concatenate([each.changes() for each in windows], axis=2)
     rms = np.sqrt((errors**2).mean(axis=(1, 2))).tolist()
     explained = 1.0 - (errors**2).mean(axis=(1, 2)) / np.maximum((changes**2).mean(axis=(1, 2)), 1e-12)
@@ -194,19 +194,19 @@ def _hardly_moved(recordings: Sequence[Recording]) -> dict[str, str]:
         RecordError: none can.
     """
     found, moved = dict[str, str](), [each.moved() for each in recordings]
-    for channel, (least, unit) in LEAST_MOVED.items():
+    for channel, (minimum, unit) in MIN_MOVED.items():
         if not all(channel in each for each in moved):
             found[channel] = f"no {channel} setpoints with responses to them"
-        elif (most := max(each[channel] for each in moved)) < least:
+        elif (most := max(each[channel] for each in moved)) < minimum:
             said = f"the {channel} setpoint changed by no more than {most:.2g} {unit}: found too little to learn from"
-            found[channel] = f"{said}; {least:g} {unit} or more would do"
+            found[channel] = f"{said}; {minimum:g} {unit} or more would do"
     if len(found) == len(CHANNELS):
         raise _too_little(found)
     return found
 
 
 def _too_little(unidentified: Mapping[str, str]) -> RecordError:
-    allowed = ", ".join(f"{least:g} {unit} of {channel}" for channel, (least, unit) in LEAST_MOVED.items())
+    allowed = ", ".join(f"{minimum:g} {unit} of {channel}" for channel, (minimum, unit) in MIN_MOVED.items())
     said = "; ".join(unidentified.values())
     return RecordError(
         f"{said}; allowed: steps or ramps of at least one of {allowed}, as `identify SCENARIO` flies them"
@@ -214,12 +214,12 @@ def _too_little(unidentified: Mapping[str, str]) -> RecordError:
 
 
 def _unknown(estimates: Mapping[str, Estimate], covariance: Array) -> dict[str, str]:
-    """Return of which channels too little is known, and why: by the sum of its lags."""
+    """Return of which channels too little is known, and why: by the sum of its time constants."""
     names, found = list(estimates), dict[str, str]()
-    for channel, lags in LAGS_OF.items():
-        if lags[0] in estimates:
-            rows = [names.index(name) for name in lags]
-            values = np.array([estimates[name].value for name in lags])
+    for channel, time_constants in TAUS_OF.items():
+        if time_constants[0] in estimates:
+            rows = [names.index(name) for name in time_constants]
+            values = np.array([estimates[name].value for name in time_constants])
             sigma = math.sqrt(values @ covariance[np.ix_(rows, rows)] @ values) / float(values.sum())
             if sigma > KNOWN:
                 found[channel] = f"{channel}: {sigma:.0%} would be the standard deviation of its time constant"
@@ -241,7 +241,7 @@ def _gentle(recording: Recording) -> Recording:
         before = np.searchsorted(quick, at - late, side="right") - 1
         since = at - late - np.append(quick, -np.inf)[before] if quick.size else np.full(at.shape, np.inf)
         kept = since * STEP_S >= QUICK_S
-        if np.count_nonzero(kept) < LEAST_KEPT * at.size:
+        if np.count_nonzero(kept) < MIN_KEPT * at.size:
             return recording
         samples[channel] = at[kept], value[kept]
     return replace(recording, samples=tuple(samples))
@@ -264,7 +264,7 @@ def _as_flown(
     later_s: float = 0.0,
 ) -> tuple[list[Array], AutopilotModels]:
     """Return the setpoints that act on each vehicle with these parameters, by name, and the model that flies it."""
-    every = LAGS if limits.prompt_share == 1.0 else (*LAGS, *REST)
+    every = TAUS if limits.prompt_share == 1.0 else (*TAUS, *REST)
     found, acting = _values(names, logs), list[Array]()
     values = np.array([found.get(name, getattr(limits, name)) for name in every])
     later_s += found.get(DEAD, limits.dead_time_s)
@@ -287,7 +287,7 @@ def _later(recording: Recording, model: VehicleModel) -> Recording:
 
 
 def _with_rest(recording: Recording, limits: VehicleModel, values: Array) -> Recording:
-    return recording if values.size == len(LAGS) else _aimed(recording, limits, *values[len(LAGS) :])
+    return recording if values.size == len(TAUS) else _aimed(recording, limits, *values[len(TAUS) :])
 
 
 def _aimed(recording: Recording, model: VehicleModel, prompt_share: float, rest_s: float) -> Recording:
@@ -296,7 +296,7 @@ def _aimed(recording: Recording, model: VehicleModel, prompt_share: float, rest_
     With a commanded velocity w it aims at prompt_share w + (1 - prompt_share) m, and m follows w with the lag rest_s.
     For a fixed wing this is its airspeed only.
     """
-    share = min(max(float(prompt_share), LEAST_SHARE), 1.0)
+    share = min(max(float(prompt_share), MIN_SHARE), 1.0)
     speed, heading, height = recording.commanded
     course = heading if model.hovers else np.zeros_like(heading)
     commanded = speed * np.exp(1j * course)
@@ -332,9 +332,9 @@ class _Windows:
         commanded = acting(recording.commanded, recording.delay_s)[:, begins + steps].transpose(1, 0, 2)
         return cls(state, commanded, recording.seen[:3, begins + steps + 1])
 
-    def errors(self, lags: Array, limits: VehicleModel) -> Array:
-        """Return (3, P, W): predicted minus measured, by equation (7) with these lags."""
-        model = _columns(lags, limits, self.commanded.shape[2])
+    def errors(self, time_constants: Array, limits: VehicleModel) -> Array:
+        """Return (3, P, W): predicted minus measured, by equation (7) with these time constants."""
+        model = _columns(time_constants, limits, self.commanded.shape[2])
         state, step_s, ends = self.state, np.full(self.commanded.shape[2], STEP_S), list[Array]()
         for commanded in self.commanded:
             state = advance(state, commanded, step_s, model)
@@ -357,14 +357,14 @@ def acting(commanded: Array, late_s: float) -> Array:
     return (1.0 - part) * commanded[:, newer] + part * commanded[:, older]
 
 
-def _columns(lags: Array, limits: VehicleModel, count: int) -> AutopilotModels:
-    constants = np.array([*lags, *limits.autopilot().values()[len(LAGS) :]])
+def _columns(time_constants: Array, limits: VehicleModel, count: int) -> AutopilotModels:
+    constants = np.array([*time_constants, *limits.autopilot().values()[len(TAUS) :]])
     return AutopilotModels.of(np.repeat(constants[:, None], count, axis=1))
 
 
-def flown_by_lags(recording: Recording, model: VehicleModel) -> Array:
+def flown_by_time_constants(recording: Recording, model: VehicleModel) -> Array:
     """Return airspeed, heading and height (3, K) of a vehicle of equation (7) under the recorded setpoints."""
     if model.prompt_share < 1.0:
         recording = _aimed(recording, model, model.prompt_share, model.rest_s)
-    columns = _columns(np.array([getattr(model, name) for name in LAGS]), model, 1)
+    columns = _columns(np.array([getattr(model, name) for name in TAUS]), model, 1)
     return simulated([_acting_setpoints(recording, model.dead_time_s)], columns, recording.seen[:, :1].T)[0]

@@ -41,14 +41,15 @@ ITERATIONS = 15
 NUDGE = 0.02
 """Step of a parameter's logarithm for the numerical derivative."""
 STEP_MAX = 0.4
+"""Largest change of a parameter's logarithm at a step of the search. Tuned: a number; 0.2 to 0.7; by judgement."""
 CLOSE = 1e-5
 """Change of the logarithms below which the search ends."""
 NEAR_ENOUGH = 1e-3
 """The same where the search only has to show whether a further parameter is worth a full one."""
 TINY = 1e-9
-LEAST_KNOWN = 1e-8
+MIN_KNOWN = 1e-8
 """Directions with less information than this, relative to the largest, count as unknown."""
-LEAST_SPEED_MPS = 1.0
+MIN_SPEED_MPS = 1.0
 """Below this speed no lateral acceleration turns a vehicle."""
 
 LEAST_SQUARE = 1e-4
@@ -174,7 +175,7 @@ class Search:
         self._flown = flown
         moved = sum(each.slopes @ (then.full - each.full) for each, then in zip(points, later, strict=True))
         values, directions = np.linalg.eigh(information)
-        known = values > LEAST_KNOWN * values[-1]  # two equal lags: the flight determines only their sum
+        known = values > MIN_KNOWN * values[-1]  # two equal time constants: the flight determines only their sum
         seen = directions[:, known]
         pulled = seen.T @ (pulls + np.outer(moved, moved)) @ seen + TINY * np.diag(values[known])
         weighed = seen * values[known]
@@ -226,7 +227,7 @@ def widened(covariance: Array, white: Array) -> Array:
     """Return a covariance (P, P) with no standard deviation below that of `white` errors, its correlations kept.
 
     A spectrum that is estimated from the errors left by a fit is too low near 0, where the fit has taken them away: of
-    17 recordings with white noise, 1.96 deviations by it alone held the heights' two lags in 15 and 14.
+    17 recordings with white noise, 1.96 deviations by it alone held the heights' two time constants in 15 and 14.
     """
     more = np.sqrt(np.maximum(np.diag(white) / np.maximum(np.diag(covariance), TINY**2), 1.0))
     return covariance * np.outer(more, more)
@@ -304,7 +305,7 @@ def simulated(commanded: Sequence[Array], models: AutopilotModels, begins: Array
     state, flown = FlightStates(none, none, height, climb, airspeed, heading, none, none), np.empty((3, most, count))
     for point in range(most):
         flown[:, point] = state.airspeed_mps, state.heading_rad, state.height_m
-        lateral_rps = held[3, point] / np.maximum(state.airspeed_mps, LEAST_SPEED_MPS)
+        lateral_rps = held[3, point] / np.maximum(state.airspeed_mps, MIN_SPEED_MPS)
         models.turn_rate_max_rps[:] = np.minimum(turn_rate_max_rps, lateral_rps)
         state = advance(state, held[:3, point], step_s, models)
     return [flown[:, : each.shape[1], place] for place, each in enumerate(commanded)]

@@ -19,7 +19,7 @@ from gcs_formation.identify.logs.telemetry import CYCLE_S
 from gcs_formation.identify.logs.track import HOVERING_SEEN, SEEN, Track
 from gcs_formation.vehicle.command_delivery import REPEAT_S
 
-__all__ = ["CYCLE_S", "LEAST_MOVED", "STEP_S", "Recording", "recordings"]
+__all__ = ["CYCLE_S", "MIN_MOVED", "STEP_S", "Recording", "recordings"]
 
 STEP_S = 0.1
 """Step of the grid."""
@@ -33,7 +33,7 @@ MOVES_MPS = 1.0
 """Below this speed a course isn't used."""
 LEAST_S = 30.0
 """Shorter stretches under setpoints aren't used."""
-LEAST_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, "m")}
+MIN_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, "m")}
 """Least change of each setpoint from which its channel can be identified."""
 FREELY_MPS2 = 1e3
 """Lateral acceleration that doesn't limit turns."""
@@ -84,7 +84,7 @@ class Recording:
 
     def excited(self) -> int:
         """Return of how many channels the setpoints changed enough."""
-        return sum(span >= LEAST_MOVED[name][0] for name, span in self.moved().items())
+        return sum(span >= MIN_MOVED[name][0] for name, span in self.moved().items())
 
     def measured(self) -> tuple[tuple[Array, Array], ...]:
         """Return the times, in steps since the first point, and values of each channel's measurements."""

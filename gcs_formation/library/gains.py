@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from flight_model.frequency_response import FREQUENCIES, Responses, airframe_responses, lag_responses
+from flight_model.frequency_response import FREQUENCIES, Responses, airframe_responses, tau_responses
 from flight_model.gain_design import DelayAndNoise, design
 from formation_scenario.gains import SENSORS, WEIGHTS
 from formation_scenario.vehicles import VehicleModel
@@ -86,5 +86,5 @@ def design_gains(  # noqa: PLR0913 - what a design is for, by name
 def responses(model: VehicleModel, speed_mps: float) -> Responses:
     """Return a vehicle's frequency responses: of its airframe if it has one, else of equation (7)."""
     if model.airframe is None:
-        return lag_responses(model.tau_v_s, model.tau_psi_s, (model.tau_ha_s, model.tau_hb_s))
+        return tau_responses(model.tau_v_s, model.tau_psi_s, (model.tau_ha_s, model.tau_hb_s))
     return airframe_responses(FREQUENCIES, model.airframe.parameters(), speed_mps)

@@ -86,7 +86,7 @@ def project(
         raise ValueError(f"until_s: found {until_s!r}, before measured_s; allowed: {measured_s!r} or later")
     history = SentSetpoints(len(rows) + 1)
     for acts_s, *setpoint in rows:
-        history.begin(Instant(nanoseconds(acts_s)))
+        history.begin_tick(Instant(nanoseconds(acts_s)))
         history.note((setpoint[0], setpoint[1], setpoint[2]))
     since, until = nanoseconds(measured_s), nanoseconds(until_s)
     history.carry(carried, since, until, _fixed_wing(model).autopilot())

@@ -12,11 +12,14 @@ from airlink.clock import NANOSECONDS, Instant, nanoseconds
 from flight_model.autopilot_model import squared
 
 OFFSET_NOISE: Final = 1e-4
+"""Random walk of any clock's offset. Tuned: s/√s; 1e-5 to 1e-3; shown by `python -m benchmarks.clock_limits`."""
 DRIFT_NOISE: Final = 2e-6
-"""Random walk of any clock's offset (s) and drift, per square root of a second."""
+"""Random walk of any clock's drift. Tuned: 1/√s; 1e-7 to 1e-5; shown by `python -m benchmarks.clock_limits`."""
 CRYSTAL_OFFSET_NOISE: Final = 1e-6
+"""Random walk of a crystal's offset. Tuned: s/√s; 1e-7 to 1e-5; shown by `python -m benchmarks.clock_limits`."""
 CRYSTAL_DRIFT_NOISE: Final = 2e-8
-"""The same of a crystal: its drift changes by 0.2 ppm in 100 s, with its temperature."""
+"""Random walk of a crystal's drift: it changes by 0.2 ppm in 100 s, with its temperature. Tuned: 1/√s; 5e-9 to 1e-7;
+shown by `python -m benchmarks.clock_limits`."""
 
 
 class ClockFilter:
@@ -45,7 +48,7 @@ class ClockFilter:
         """Return the offset at an instant, s."""
         return self.offset_s + self.drift * (at - self.reference) / NANOSECONDS
 
-    def begin(self, at: Instant, sample_s: float, variance: float) -> None:
+    def initialise(self, at: Instant, sample_s: float, variance: float) -> None:
         """Restart with a clock's first sample, whose variance is in s²."""
         self.drift, self._p11 = 0.0, squared(self._prior_drift)
         self.step(at, sample_s, variance)

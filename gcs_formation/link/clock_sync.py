@@ -18,38 +18,49 @@ from gcs_formation.link.delay_edges import DelayEdges
 from gcs_formation.link.trip_variance import FEW, TripVariance
 
 WINDOW: Final = 16
-"""Number of recent round trips (4 s) that are kept for the minimum, mean and standard deviation."""
+"""Number of recent round trips (4 s) that are kept for the minimum, mean and standard deviation. Tuned: round trips; 8
+to 40; by judgement."""
 STEPPED: Final = 8
-"""The link's delay has stepped once this many consecutive round trips (2 s) are far (`FAR`) from the earlier ones."""
+"""The link's delay has stepped once this many consecutive round trips (2 s) are far (`FAR`) from the earlier ones.
+Tuned: round trips; 4 to 16; shown by `python -m benchmarks.latency_grid`."""
 ASYMMETRY_S: Final = 30.0
-"""Time constant with which the estimate of the delay's split decays: changes too small or slow to detect add up."""
+"""Time constant with which the estimate of the delay's split decays: changes too small or slow to detect add up. Tuned:
+s; 15 to 120; shown by `python -m benchmarks.latency_grid`."""
 FAR: Final = 4.0
-"""Groups of round trips are far apart if their medians differ by more than this multiple of their summed jitter."""
+"""Groups of round trips are far apart if their medians differ by more than this multiple of their summed jitter. Tuned:
+ratio; 3 to 6; by judgement."""
 NORMAL: Final = 1.4826
 """Ratio of standard deviation to median absolute deviation, for normally distributed noise."""
 CRYSTAL_DRIFT: Final = 5e-5
 """Standard deviation of an unknown clock's drift if a crystal drives it: autopilots' and computers' are specified to 10
-to 50 ppm each."""
+to 50 ppm each. Tuned: a number; 2e-5 to 1e-4; by judgement."""
 INITIAL_DRIFT: Final = 0.02
-"""The same without that assumption: a PX4 simulator's clock runs 1.5 % off."""
+"""The same without that assumption: a PX4 simulator's clock runs 1.5 % off. Tuned: a number; 0.01 to 0.05; by
+judgement."""
 MAX_LOG_RATIO: Final = math.log(100.0)
 """Log-likelihood ratio above which the crystal hypothesis is rejected."""
 REMEMBERED_LOG_RATIO: Final = 2.0 * MAX_LOG_RATIO
 """Bound of the ratio, both ways: hours of a steady clock don't outweigh a minute in which it no longer is."""
 WIDE_S: Final = 2e-3
-"""Standard deviation of both delays from which on their edges count."""
+"""Standard deviation of both delays from which on their edges count. Tuned: s; 1e-3 to 5e-3; shown by `python -m
+benchmarks.clock_limits`."""
 BETTER: Final = 0.7
-"""They count where their deviation is below this multiple of the mean's."""
+"""They count where their deviation is below this multiple of the mean's. Tuned: ratio; 0.5 to 0.9; shown by `python -m
+benchmarks.clock_limits`."""
 GATE: Final = 5.0
-"""And where they differ from the mean by less than this multiple of its deviation."""
+"""And where they differ from the mean by less than this multiple of its deviation. Tuned: standard deviations; 4 to 6;
+shown by `python -m benchmarks.clock_limits`."""
 MIN_VARIANCE: Final = 1e-12
 """Lower bound of round trips' variance, s², that is divided by."""
 JITTERY_S: Final = 5e-3
-"""Standard deviation of round trips, beyond that of the wait, from which on jitter keeps the clock from being known."""
+"""Standard deviation of round trips, beyond that of the wait, from which on jitter keeps the clock from being known.
+Tuned: s; 2e-3 to 10e-3; by judgement."""
 UNCERTAIN_S: Final = 0.25e-3
-"""Deviation of the clock's offset that is good enough: 0.8 cm at 22 m/s between two vehicles."""
+"""Deviation of the clock's offset that is good enough: 0.8 cm at 22 m/s between two vehicles. Tuned: s; 0.1e-3 to 1e-3;
+by judgement."""
 STEP_S: Final = 1.0
-"""A sample that is off by more than its uncertainty plus this shows that the clock has stepped or restarted."""
+"""A sample that is off by more than its uncertainty plus this shows that the clock has stepped or restarted. Tuned: s;
+0.5 to 5; by judgement."""
 
 
 class ClockSync:
@@ -269,8 +280,8 @@ class ClockSync:
 
     def _begin(self, at: Instant, sample_s: float, variance: float) -> None:
         """Begin with the first sample of a clock."""
-        self._crystal.begin(at, sample_s, variance)
-        self._any_drift.begin(at, sample_s, variance)
+        self._crystal.initialise(at, sample_s, variance)
+        self._any_drift.initialise(at, sample_s, variance)
         self._log_ratio, self._used, self.asymmetry_s = 0.0, self._crystal, 0.0
         self._base_s = self._farthest_s = sample_s
         self._farthest_at = at
@@ -308,7 +319,7 @@ class ClockSync:
         down_s = (received + base_ns - vehicle_time_ns) / NANOSECONDS
         edges, crystal = self._edges, self._crystal
         wide_s2 = max(squared(WIDE_S), self._variance.wait_s2)  # a wait of as much blurs the edges
-        due = edges.take(sent / NANOSECONDS, up_s, down_s) and self._variance.jitter_s2 > wide_s2
+        due = edges.add(sent / NANOSECONDS, up_s, down_s) and self._variance.jitter_s2 > wide_s2
         if not due or not edges.find(crystal.drift):
             return
         offset_s = self._base_s + edges.offset_s + edges.drift * (crystal.reference - sent) / NANOSECONDS

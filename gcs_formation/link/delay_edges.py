@@ -18,23 +18,34 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 CAPACITY: Final = 2048
-"""Round trips kept; when they are full the older half goes."""
+"""Round trips kept; when they are full the older half goes. Tuned: round trips; 1024 to 8192; shown by `python -m
+benchmarks.clock_limits`."""
 FEWEST: Final = 64
+"""Fewest round trips of which edges are found. Tuned: round trips; 32 to 128; shown by `python -m
+benchmarks.clock_limits`."""
 NEW: Final = 32
-"""The edges are found again after so small a share more of round trips."""
+"""The edges are found again after so small a share more of round trips. Tuned: 1/share; 16 to 64; by judgement."""
 BLOCK: Final = 16
-"""Of so many consecutive delays one can lie on an edge."""
+"""Of so many consecutive delays one can lie on an edge. Tuned: delays; 8 to 32; shown by `python -m
+benchmarks.clock_limits`."""
 SHARP: Final = 2.8
 """Of delays with a sharp bound a quarter lies within four times the distance from it within which a sixteenth does; of
-normal ones within 1.5 to 1.8 times the distance from the smallest."""
+normal ones within 1.5 to 1.8 times the distance from the smallest. Tuned: ratio; 2.4 to 3.4; shown by `python -m
+benchmarks.clock_limits`."""
 PROMISING: Final = 2.2
-"""The same by a line along the means, which blurs the edges, or of the longest where the shortest are sharp."""
+"""The same by a line along the means, which blurs the edges, or of the longest where the shortest are sharp. Tuned:
+ratio; 1.9 to below `SHARP`; shown by `python -m benchmarks.clock_limits`."""
 MAX_DRIFT: Final = 3e-4
+"""Largest drift of a clock against the filter's, for which edges are searched. Tuned: a number; 1e-4 to 1e-3; by
+judgement."""
 ITERATIONS: Final = 28
 GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 LEVER: Final = 3.6
+"""How much less certain the end of a line along the lower edges is than an edge of known slope. Tuned: ratio; 3 to 5;
+shown by `python -m benchmarks.clock_limits`."""
 LEVER_BOTH: Final = 2.0
-"""The end of a line along the lower edges, or along both, is this much less certain than an edge of known slope."""
+"""The end of a line along the lower edges, or along both, is this much less certain than an edge of known slope. Tuned:
+ratio; 1.5 to 3; shown by `python -m benchmarks.clock_limits`."""
 
 
 class _Edge:
@@ -94,7 +105,7 @@ class DelayEdges:
         """Forget all: the link, or the clock, is another."""
         self._count = self._new = 0
 
-    def take(self, at_s: float, up_s: float, down_s: float) -> bool:
+    def add(self, at_s: float, up_s: float, down_s: float) -> bool:
         """Take when a request was sent, the vehicle's clock minus that, and the arrival minus the vehicle's clock.
 
         Return whether it is time to find the edges again.

@@ -12,13 +12,15 @@ from gcs_formation.link.clock_filter import ClockFilter
 from gcs_formation.link.trip_variance import RESOLUTION_S
 
 DRIFT = 1e-4
-"""Standard deviation of an unknown crystal's drift."""
+"""Standard deviation of an unknown crystal's drift. Tuned: a number; 5e-5 to 2e-4; by judgement."""
 OFFSET_NOISE, DRIFT_NOISE = 1e-5, 2e-8
 """Random walk of offset (s) and drift, per square root of a second."""
 FEWEST = 8
-"""Number of round trips after which the split is known."""
+"""Number of round trips after which the split is known. Tuned: round trips; 4 to 16; shown by `python -m
+benchmarks.gnss_grid`."""
 WINDOW = 12
-"""Number of round trips (3 s) over which a step is tested, by the median of their innovations."""
+"""Number of round trips (3 s) over which a step is tested, by the median of their innovations. Tuned: round trips; 8 to
+20; shown by `python -m benchmarks.gnss_grid`."""
 PRIOR_JITTER_S, PRIOR_WEIGHT = 0.02, 4.0
 """Prior standard deviation of round trips, and the number of samples that it weighs, until `WINDOW` are known. Without
 it, two round trips that agree by chance would fix the first estimate for minutes."""
@@ -33,12 +35,13 @@ OLDEST_UNIX_S = 1.5e9
 """Times before July 2017 mean that UTC hasn't been set."""
 EPOCH_YEAR, YEAR_S = 1970, 365.2425 * 86400.0
 JUMP_S = 0.01
+"""Step of UTC against the vehicle's clock from which on it is a jump. Tuned: s; 5e-3 to 50e-3; by judgement."""
 UNKNOWN_DRIFT_S = 0.01
-"""Largest error by drift with which UTC is used, s."""
+"""Largest error by drift with which UTC is used, s. Tuned: s; 5e-3 to 20e-3; by judgement."""
 SIGMAS = 3.0
-"""Number of standard deviations of the drift taken as its bounds."""
+"""Number of standard deviations of the drift taken as its bounds. Tuned: standard deviations; 2 to 4; by judgement."""
 IN_USE = 2.0
-"""UTC that is already in use is kept up to this multiple of `UNKNOWN_DRIFT_S`."""
+"""UTC that is already in use is kept up to this multiple of `UNKNOWN_DRIFT_S`. Tuned: ratio; 1.5 to 3; by judgement."""
 
 
 class GnssClock:
@@ -116,7 +119,7 @@ class GnssClock:
         sample_s = (vehicle_time_ns - middle) / NANOSECONDS - wait_s / 2
         self.samples += 1
         if self.samples == 1:
-            self._filter.begin(middle, sample_s, variance)
+            self._filter.initialise(middle, sample_s, variance)
             self._spans.append((trip_s, 0.0))
             return
         self._filter.advance(middle)

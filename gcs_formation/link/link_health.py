@@ -18,23 +18,28 @@ ANY: Final = -1
 LATE: Final = MODULUS // 2
 """A number up to this far behind the newest is a late or repeated frame's; any other is ahead of it."""
 SKIPPED: Final = 8
-"""A gap of more numbers than this, shortly before a restart is known, is due to the restart; a smaller one to loss."""
+"""A gap of more numbers than this, shortly before a restart is known, is due to the restart; a smaller one to loss.
+Tuned: numbers; 4 to 32; by judgement."""
 NEAR: Final = 16
-"""Numbers by which copies may displace the newest."""
+"""Numbers by which copies may displace the newest. Tuned: numbers; 8 to 64; by judgement."""
 SHARE: Final = 1 / 16
-"""Weight of each new difference in the running mean."""
+"""Weight of each new difference in the running mean. Tuned: share; 1/64 to 1/8; by judgement."""
 STALE_AFTER_S: Final = 1.5
+"""Silence after which a link is stale. Tuned: s; 1 to 3; by judgement."""
 LOST_AFTER_S: Final = 5.0
+"""Silence after which a link is lost. Tuned: s; 3 to 10; by judgement."""
 MUTE_AFTER_S: Final = 3.5
-"""Three and a half heartbeat periods, as is usual in ground stations."""
+"""Three and a half heartbeat periods, as is usual in ground stations. Tuned: s; 2.5 to 5; by judgement."""
 STALE_AFTER_NS: Final = round(STALE_AFTER_S * NANOSECONDS)
 MUTE_AFTER_NS: Final = round(MUTE_AFTER_S * NANOSECONDS)
 ALL_LOST: Final = 1e-6
-"""On a lossy link the limit is longer: until the probability that all due heartbeats were lost is below this."""
+"""On a lossy link the limit is longer: until the probability that all due heartbeats were lost is below this. Tuned:
+probability; 1e-9 to 1e-4; by judgement."""
 RARELY: Final = 1e-3
-"""Probability that the link at its usual loss loses a longer run of frames than `Silence.run`."""
+"""Probability that the link at its usual loss loses a longer run of frames than `Silence.run`. Tuned: probability; 1e-4
+to 1e-2; by judgement."""
 RATE_SHARE: Final = 0.02
-"""Relative uncertainty of frame rates."""
+"""Relative uncertainty of frame rates. Tuned: share; 0.01 to 0.05; by judgement."""
 
 
 def run_length(loss: float, probability: float) -> float:
@@ -342,7 +347,7 @@ class JitterMeter:
         self._sent_s, self._arrived = math.nan, Instant(0)
         """Stamp and arrival of the last sample; NaN before the first."""
 
-    def forget(self) -> None:
+    def drop_sample(self) -> None:
         """Start without a sample again: the clock of the stamps is another."""
         self.jitter_s, self._sent_s = math.nan, math.nan
 

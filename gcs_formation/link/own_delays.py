@@ -30,7 +30,7 @@ class OwnDelays:
         self.up_down_s = (math.nan, math.nan)
         """Delays up and down, s; NaN before the first answer."""
 
-    def take(
+    def estimate(
         self, sent: Instant, vehicle_ns: int, now: Instant, loop_s: float, usual_s: tuple[float, float]
     ) -> tuple[float, float]:
         """Take an answered request, with our own delays up and down; return the estimator's, s."""

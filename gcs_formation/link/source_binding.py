@@ -21,17 +21,24 @@ from gcs_formation.link.frame_history import EARLY_S, LONGEST_DELAY_S, TURN_S
 from gcs_formation.link.link_health import Connection, LinkState
 
 BOOT_SLACK_S: Final = 1.0
-"""Tolerance on a new clock's start: it may seem to precede the last stamp of the old clock by this much."""
+"""Tolerance on a new clock's start: it may seem to precede the last stamp of the old clock by this much. Tuned: s; 0.5
+to 3; by judgement."""
 BOTH_TALK_S: Final = 1.0
-"""If a vehicle is still heard this long after another sender started, there are two vehicles, not one that moved."""
+"""If a vehicle is still heard this long after another sender started, there are two vehicles, not one that moved.
+Tuned: s; 0.5 to 3; by judgement."""
 FEWEST_FRAMES: Final = 4
-"""Of so many frames not all are ones that the vehicle's link lost, from a second link that isn't known as one yet."""
+"""Of so many frames not all are ones that the vehicle's link lost, from a second link that isn't known as one yet.
+Tuned: frames; 3 to 10; by judgement."""
 DISBELIEVED_S: Final = 2.0
-"""After this long without a stamp that fits the known clock, an answer with another clock is accepted."""
+"""After this long without a stamp that fits the known clock, an answer with another clock is accepted. Tuned: s; 1 to
+5; by judgement."""
 NOW_S: Final = 3.0
-"""Stamps no older than this, by the vehicle's clock, may be its own by another port."""
+"""Stamps no older than this, by the vehicle's clock, may be its own by another port. Tuned: s; 2 to 10; by
+judgement."""
 FORGOTTEN_S: Final = 60.0
+"""Silence after which a rival sender is forgotten. Tuned: s; 30 to 300; by judgement."""
 MAX_RIVALS: Final = 8
+"""Rival senders that are remembered for one vehicle. Tuned: senders; 4 to 32; by judgement."""
 
 Remote = tuple[int, Address]
 """Socket and address."""
@@ -87,7 +94,7 @@ class SourceBinding:
         self._age_s = math.nan
         """Age of the last judged stamp by the vehicle's clock."""
 
-    def judge(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
+    def rule(self, message: Message | None, socket: int, peer: Address, now: Instant) -> Ruling:
         """Decide on a frame, and bind the vehicle to the frame's address if the evidence supports it."""
         connection, evidence = self._connection, NOTHING
         if message is not None:

@@ -82,7 +82,7 @@ class Load:
         asked = self._steps[self._place].asked
         asked[key] = asked.get(key, 0) + 1
 
-    def take(self, key: tuple[int, int], message: Message | None, now: Instant) -> None:
+    def receive(self, key: tuple[int, int], message: Message | None, now: Instant) -> None:
         """Take a message, which may be an answer."""
         if isinstance(message, Timesync) and message.ts1_ns in self._pending:
             place, sent = self._pending[message.ts1_ns]

@@ -23,7 +23,7 @@ from gcs_formation.python_api import run
 
 ALONE: Final = 4
 """Vehicles of the rehearsal where one was heard."""
-MOST: Final = 12
+MAXIMUM: Final = 12
 """Vehicles of a rehearsal at most: those with the longest delays."""
 RATES_HZ: Final = (10.0, 5.0, 2.0)
 """Rates of setpoints and telemetry that are tried, the highest that the link carries first."""
@@ -42,7 +42,7 @@ def rehearsal(vehicles: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:
     """Return the scenario of a rehearsal as a mapping; traces are files beside it."""
     links = [each for each in vehicles.values() if each["delay_ms"]["round_trip"]["mean"] is not None]
     links.sort(key=lambda each: -each["delay_ms"]["round_trip"]["mean"])
-    links = links[:MOST] if len(links) > 1 else links * ALONE
+    links = links[:MAXIMUM] if len(links) > 1 else links * ALONE
     changes = [{"at_s": 0, "vehicles": [number], **_impaired(each)} for number, each in enumerate(links, 1)]
     return {
         "schema": 1,

@@ -32,7 +32,7 @@ class MeasuredLink:
         planes = heartbeat.autopilot == m.MAV_AUTOPILOT_ARDUPILOTMEGA and heartbeat.type == m.MAV_TYPE_FIXED_WING
         self.answering_s = PLANES_S if planes else ANSWERING_S.get(heartbeat.autopilot, 0.0)
         self.clock, self.sequence, self.jitter = ClockSync(self.answering_s), SequenceTracker(), JitterMeter()
-        self.first_heard = self.last_heard = now
+        self.first_received = self.last_heard = now
         self.restarts = 0
         self.bursts = list[int]()
         """Numbers of frames missing in a row, down."""
@@ -52,7 +52,7 @@ class MeasuredLink:
         self.sequence.asked += 1
         return Timesync(0, now)
 
-    def take(self, frame: Frame, now: Instant) -> None:
+    def receive(self, frame: Frame, now: Instant) -> None:
         """Take a frame of its autopilot."""
         lost = self.sequence.lost
         self.sequence.observe(frame.sequence, now, self.last_heard)
@@ -121,4 +121,4 @@ class MeasuredLink:
 
     def heard_s(self) -> float:
         """Return for how long it has been heard, s."""
-        return seconds_between(self.first_heard, self.last_heard)
+        return seconds_between(self.first_received, self.last_heard)

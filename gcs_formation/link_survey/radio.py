@@ -20,7 +20,7 @@ class RadioReports:
         self._values = {name: list[int]() for name in PLACES}
         self._errors, self._fixed = list[int](), list[int]()
 
-    def take(self, frame: Frame) -> None:
+    def receive(self, frame: Frame) -> None:
         """Take a report; bytes that are cut off at the end are 0."""
         begin = HEADER_V2 if frame.version == 2 else HEADER_V1
         payload = frame.raw[begin : begin + frame.raw[1]][:LENGTH].ljust(LENGTH, b"\0")

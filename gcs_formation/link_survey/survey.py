@@ -112,7 +112,7 @@ class LinkSurvey(Engine):
     def _take(self, frame: Frame, datagram: Datagram, now: Instant) -> None:
         socket, key, message = datagram.socket, (datagram.socket, frame.system), frame.message
         if frame.message_id == m.MAVLINK_MSG_ID_RADIO_STATUS:
-            self.radios[socket].take(frame)
+            self.radios[socket].receive(frame)
         if frame.component != AUTOPILOT or frame.system == SURVEYOR.system:
             return
         link = self.links.get(key)
@@ -124,9 +124,9 @@ class LinkSurvey(Engine):
         self._at[key] = datagram.peer
         self._peers[socket][datagram.peer] = None
         if now <= self.until:
-            link.take(frame, now)
+            link.receive(frame, now)
         elif self.load is not None:
-            self.load.take(key, message, now)
+            self.load.receive(key, message, now)
 
     def _send(self, socket: int, peer: Address, message: Message) -> int:
         """Send a message; return its size, bytes."""

@@ -43,7 +43,7 @@ class Beginning:
         """Return what to ask vehicles now."""
         return []
 
-    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
 
     def may_begin(self, now: Instant) -> bool:  # noqa: ARG002 - as soon as they follow, by default

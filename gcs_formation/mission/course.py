@@ -138,10 +138,10 @@ class Course:
 
     def _fail_to_start(self, gained_m: float, now: Instant) -> None:
         moved = f"{abs(gained_m):.0f} m {'nearer to' if gained_m > 0.0 else 'farther from'}"
-        told = (
+        reached = (
             f"commanded to fly {self._controller.guidance.speed_mps:g} m/s, it is {moved} it than {GETS_ON_S:g} s ago"
         )
-        self.fail(f"the leader does not get to the start of its path: {told}", now)
+        self.fail(f"the leader does not get to the start of its path: {reached}", now)
 
     @property
     def not_landed(self) -> dict[VehicleId, str | None] | None:
@@ -151,7 +151,7 @@ class Course:
         return ending.not_landed() if lands and ending is not None else None
 
     def end_rehearsal(self, now: Instant) -> None:
-        """End a rehearsal, in which nobody is commanded."""
+        """End a rehearsal, in which no one is commanded."""
         self.cut_short = self.move(Cause.REHEARSED, now)
 
     def stop(self, now: Instant) -> None:
@@ -162,7 +162,7 @@ class Course:
             self._ending.hasten()
 
     def go_home_at_once(self, now: Instant) -> bool:
-        """Send vehicles home that were told to stop, however far apart they are; return whether that began."""
+        """Send vehicles home that were commanded to stop, however far apart they are; return whether that began."""
         return self.why_not_end("rtl") is None and self.move(Cause.IMMEDIATE_RETURN, now, "rtl")
 
     def fail(self, text: str, now: Instant, *, begun: bool = True) -> None:
@@ -215,7 +215,7 @@ class Course:
         if self.flight.phase is Phase.LOITERING:
             self._wait_for_loiter(self._ending, now)
         else:
-            self._ending.judge(now)
+            self._ending.command_by_state(now)
 
     def _wait_for_loiter(self, ending: Ending, now: Instant) -> None:
         """Continue until vehicles may be left alone; end the run when all are."""
@@ -243,7 +243,7 @@ class Course:
         """Begin the ending; the formation is commanded meanwhile unless it loiters already."""
         commanded = self.flight.phase is Phase.ENDING
         loiter_s = self._scenario.finish.loiter_s if cause in (Cause.PATH_ENDED, Cause.ORDERED) else 0.0
-        self._ending = ending = self.endings.begin(manner, self._ending, loiter_s, now, commanded=commanded)
+        self._ending = ending = self.endings.start(manner, self._ending, loiter_s, now, commanded=commanded)
         self.opening = ending if commanded else None
         if commanded:
             self.membership.end(ending.circles_m)

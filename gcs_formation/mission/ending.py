@@ -72,10 +72,10 @@ class Ending:
         """Return whether vehicles may circle: the formation needn't be commanded any longer."""
         return True
 
-    def begin(self, now: Instant, loiter_s: float = 0.0) -> None:
+    def start(self, now: Instant, loiter_s: float = 0.0) -> None:
         """Keep vehicles on the ground there, whatever they were doing; the others loiter for `loiter_s` at the end."""
         self._loiter_s = loiter_s
-        self.judge(now)
+        self.command_by_state(now)
 
     def leave(self, now: Instant) -> None:
         """Begin to command vehicles to circle."""
@@ -84,9 +84,9 @@ class Ending:
 
     def advance(self, now: Instant) -> None:
         """Command vehicles that may be in the air and have climbed out."""
-        self.judge(now)
+        self.command_by_state(now)
 
-    def judge(self, now: Instant) -> None:
+    def command_by_state(self, now: Instant) -> None:
         """Command vehicles by their present state; one whose place is unknown counts as flying until it is known."""
         for identity, vehicle in self._ours.items():
             if vehicle.member is Member.PARTED:
@@ -116,17 +116,17 @@ class Ending:
             _keep_down(vehicle, now)
         elif what is EndCommand.HOLD:
             asked = autopilot.requests(vehicle.rates_hz)
-            vehicle.commands.begin((*autopilot.hold(), *asked), now, insist=True)
+            vehicle.commands.send((*autopilot.hold(), *asked), now, insist=True)
         elif what is EndCommand.LEAVE:
             self._send_away(identity, vehicle, now)
         else:
-            vehicle.commands.begin((), now)
+            vehicle.commands.send((), now)
 
     def _send_away(self, identity: VehicleId, vehicle: Vehicle, now: Instant) -> None:  # noqa: ARG002
         """Command a vehicle, whose position is known, to circle."""
         seen = vehicle.telemetry
         assert seen.motion is not None, "`_wanted` has seen it"
-        vehicle.commands.begin(vehicle.autopilot.leave("loiter", seen.motion.height_m, seen), now, insist=True)
+        vehicle.commands.send(vehicle.autopilot.leave("loiter", seen.motion.height_m, seen), now, insist=True)
 
     def hasten(self) -> None:
         """Wait for nothing but acknowledgements."""
@@ -194,7 +194,7 @@ class Endings:
         """Return why a flight can't be ended in a manner, and what is allowed; None if it can."""
         return None if manner == "loiter" else f"found {manner}; allowed: loiter"
 
-    def begin(
+    def start(
         self,
         manner: End,
         earlier: Ending | None,  # noqa: ARG002
@@ -213,7 +213,7 @@ class Endings:
             commanded: whether the formation is still commanded, until `Ending.may_leave`.
         """
         ending = Ending(self._vehicles, manner)
-        ending.begin(now, loiter_s)
+        ending.start(now, loiter_s)
         return ending
 
 
@@ -228,4 +228,4 @@ def _keep_down(vehicle: Vehicle, now: Instant) -> None:
     asked, waiting = vehicle.commands.under_way, vehicle.commands.outcome is Outcome.WAITING
     acts = waiting and asked is not None and asked.command != m.MAV_CMD_SET_MESSAGE_INTERVAL
     unsafe = vehicle.telemetry.armed or acts
-    vehicle.commands.begin(vehicle.autopilot.stand_down() if unsafe else (), now, insist=True)
+    vehicle.commands.send(vehicle.autopilot.stand_down() if unsafe else (), now, insist=True)

@@ -21,7 +21,7 @@ from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 from gcs_formation.vehicle.vehicle import Vehicle
 
 IN_ORDER = "in order"
-STANDS_S = 1.0
+SETTLE_S = 1.0
 """Time between the two positions by which features check what a vehicle reports of its motion, s."""
 TAKE = "; --take takes it over, --confirm asks"
 
@@ -53,10 +53,10 @@ class AsFound:
     """What it is to fly."""
     seen: Telemetry
     """Its newest telemetry, with a position."""
-    least_mps: float
+    min_mps: float
     """The lowest airspeed at which it flies."""
     first: ReportedMotion
-    """The position that it reported when it became ready, `STANDS_S` or more before."""
+    """The position that it reported when it became ready, `SETTLE_S` or more before."""
     flies: bool
     """Whether it's in the air already."""
 
@@ -74,7 +74,7 @@ class Examination(ABC):
         """Return what to ask a vehicle now; judge it once it has answered: `Gate.record`."""
 
     @abstractmethod
-    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
 
     @property
@@ -134,7 +134,7 @@ class Gate:
         self._examinations, self._always = list[Examination](), list[AlwaysExamined]()
         self._examined = [vehicles[each.vehicle_id] for each in scenario.vehicles] if caution.parameters else []
         """Vehicles to look at."""
-        self._least_mps = {each.vehicle_id: each.model.speed_min_mps for each in scenario.vehicles}
+        self._min_mps = {each.vehicle_id: each.model.speed_min_mps for each in scenario.vehicles}
         self._first = dict[VehicleId, ReportedMotion]()
         """Each vehicle's position when it became ready."""
         emulated = (each.vehicle_id for each in scenario.vehicles if each.autopilot == "emulator")
@@ -172,7 +172,7 @@ class Gate:
         """Let vehicles be examined before the first command."""
         self._examinations.append(examination)
 
-    def watch(self) -> None:
+    def open_if_ready(self) -> None:
         """Allow commands, for good, once all vehicles are connected, ready and checked, and the operator confirms."""
         self.passed = self.passed or (
             self._confirmed and self._checked and self._ready and (self._may_take or not self.flown_by_others)
@@ -262,10 +262,10 @@ class Gate:
             return []
         return [f"vehicle {each.identity} {_flies(mode)}{TAKE}" for each, mode in self.flown_by_others]
 
-    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
         for each in self._examinations:
-            each.take(vehicle, message, now)
+            each.receive_parameter(vehicle, message, now)
 
     def _look_at(self, vehicle: Vehicle, now: Instant) -> None:
         """Record what is found of a vehicle once it is ready and so knows its home."""
@@ -278,11 +278,11 @@ class Gate:
             )
             return
         first = self._first.setdefault(vehicle.identity, motion)
-        if self.checks and motion.stamp_s - first.stamp_s < STANDS_S:
+        if self.checks and motion.stamp_s - first.stamp_s < SETTLE_S:
             return
         self._placed.add(vehicle.identity)
-        autopilot, seen, least_mps = vehicle.autopilot, vehicle.telemetry, self._least_mps[vehicle.identity]
-        found = AsFound(autopilot, self._scenario, seen, least_mps, first, vehicle.airborne)
+        autopilot, seen, min_mps = vehicle.autopilot, vehicle.telemetry, self._min_mps[vehicle.identity]
+        found = AsFound(autopilot, self._scenario, seen, min_mps, first, vehicle.airborne)
         findings = [finding for check in self.checks for finding in check(found)]
         findings += [Finding(_flies(mode)) for each, mode in self.flown_by_others if each is vehicle]
         if findings:

@@ -63,12 +63,12 @@ class Orders:
         while self._planned and mission_s >= self._planned[0].at_s:
             planned = self._planned.popleft()
             self._reconfiguration.note_late(mission_s - planned.at_s)
-            answer = self.take(planned.order, now)
+            answer = self.execute(planned.order, now)
             self._ended = self._ended or (answer.accepted and self._flight.phase in OVER)
             if not answer.accepted:
                 self._refused.append(f"order at {planned.at_s:g} s: {answer.text}")
 
-    def take(self, text: str, now: Instant) -> Answer:
+    def execute(self, text: str, now: Instant) -> Answer:
         """Carry out an order, or refuse it with a reason; record both as an event."""
         try:
             refusal = self._carry_out(parse_order(text, shapes=self._shapes), now)

@@ -294,7 +294,7 @@ class Reconfiguration:
         """Return why the formation can't turn on the spot, None if it can."""
         guidance = self._controller.guidance
         if not self._scenario.hovers:
-            return "found vehicles that can't stand; allowed: of vehicles that hover"
+            return "found vehicles that can't hover; allowed: of vehicles that hover"
         if guidance.speed_mps > 0.0 or self._controller.last_tick is None or guidance.route is None:
             return not_standing(guidance.speed_mps)
         if guidance.pauses:

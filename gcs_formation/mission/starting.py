@@ -102,17 +102,17 @@ class Starting:
         if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
             vehicle.leave_to_pilot(now)
             self._note(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
-        vehicle.start_up.watch(vehicle.telemetry, now)
+        vehicle.start_up.note_progress(vehicle.telemetry, now)
         reason = vehicle.start_up.failure(vehicle.commands, now, self._gate.boot_timeout_s)
         if reason:
             answered = f"{_result(vehicle)}{_lacks(vehicle, now)}{vehicle.telemetry.last_words}"
             self._abandon(vehicle, f"vehicle {vehicle.identity}: {reason}{answered}", now)
         elif vehicle.start_up.waited_s(now) > WAITS_S:
-            self._say_what_it_lacks(vehicle, now)
+            self._report_lacks(vehicle, now)
         elif vehicle.start_up.finished:
             self._note(now, "ready", "in the air and following setpoints", vehicle)
 
-    def _say_what_it_lacks(self, vehicle: Vehicle, now: Instant) -> None:
+    def _report_lacks(self, vehicle: Vehicle, now: Instant) -> None:
         """Record what a vehicle is waited for that takes long to get ready, once for each thing."""
         lacks = _lacks(vehicle, now)
         if lacks and lacks != self._lacking.get(vehicle.identity):
@@ -153,9 +153,9 @@ def _lacks(vehicle: Vehicle, now: Instant) -> str:
     unknown = vehicle.sampler.why_unknown(now) if acknowledged else None
     if unknown:
         return f" ({unknown})"
-    untold = [name for name, told in (("position", seen.motion), ("attitude", seen.attitude)) if told is None]
+    untold = [name for name, value in (("position", seen.motion), ("attitude", seen.attitude)) if value is None]
     why = [f": {seen.position_refused}"] if seen.motion is None and seen.position_refused else []
-    return f" (it has told no {' and no '.join(untold)}{''.join(why)})" if untold else ""
+    return f" (it has reported no {' and no '.join(untold)}{''.join(why)})" if untold else ""
 
 
 def _result(vehicle: Vehicle) -> str:

@@ -59,7 +59,7 @@ class LimitSeries:
     separation_m: Array
     """Least distance of any two vehicles in flight until the next instant; infinite with fewer."""
     clearance_m: Array
-    """Least height above the ground; NaN without anybody in flight."""
+    """Least height above the ground; NaN without a vehicle in flight."""
     fence_m: Array
     """How far outside the fence the farthest is that its pilot doesn't fly; 0 if all are inside."""
     farthest: Indices
@@ -138,7 +138,7 @@ def limit_series(
         if fence is not None:
             outside = fence.outside_m(flown, flags(ticks.in_formation), lands)
         theirs = _within(motion.time_s, names, pilots_s)
-        _note_pilots(worst, names, motion.time_s[:count], np.where(theirs, outside, 0.0)[:, :count])
+        _log_pilots(worst, names, motion.time_s[:count], np.where(theirs, outside, 0.0)[:, :count])
         ours = np.where(theirs, 0.0, outside)
         over_ground = np.where(flags(ticks.begun) & ~lands, _clearance_m(scenario, flown), np.nan)
         nearest_m = min_separation_m(motion.time_s, flown), np.fmin.reduce(over_ground)
@@ -199,7 +199,7 @@ def _within(time_s: Array, names: Sequence[VehicleId], intervals: Mapping[str, S
     return found
 
 
-def _note_pilots(
+def _log_pilots(
     worst: dict[VehicleId, PilotOutside], names: Sequence[VehicleId], time_s: Array, outside_m: Array
 ) -> None:
     """Note the instant at which each pilot's vehicle was farthest outside; `outside_m` is (V, N)."""
@@ -235,7 +235,7 @@ def began_s(common: Mapping[str, Any]) -> float:
 
 
 def _unseen_s(time_s: Array, aloft: Mask, ended_s: float) -> list[Interval]:
-    """Return the gaps between instants, from the first at which anybody flew to the flight's end."""
+    """Return the gaps between instants, from the first at which any vehicle flew to the flight's end."""
     begun = time_s[int(aloft.argmax()) :] if aloft.any() else time_s[:0]
     ends_s = [*begun.tolist(), ended_s] if begun.size else []
     return [(one, other) for one, other in pairwise(ends_s) if other - one > STRAIGHT_ON_S]

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Indices, Mask, beside
+from flight_model.arrays import Array, Indices, Mask, offset_points
 from flight_model.path import FlightPath
 from formation_scenario import Scenario
 from formation_scenario.slot_frame import axis_rad
@@ -150,7 +150,7 @@ def centre(scenario: Scenario, vehicles: Mapping[VehicleId, Columns]) -> Array:
         heading_rad = axis_rad(scenario.formation.frame, leader_rad, own[heading_name])
         north_m, east_m, height_m = (own[name] for name in names)
         heading_rad = np.where(leads, 0.0, heading_rad)
-        place = np.stack((*beside(north_m, east_m, heading_rad, -forward_m, -right_m), height_m - up_m))
+        place = np.stack((*offset_points(north_m, east_m, heading_rad, -forward_m, -right_m), height_m - up_m))
         member = (own["active"] > 0) & (own[AIRBORNE] > 0)
         each.append(np.where(member, place, np.nan))
     places = np.stack(each)

@@ -17,7 +17,7 @@ from formation_scenario import Scenario, dump_scenario
 from formation_scenario.extensions import RECORD as EXTENSIONS
 from formation_scenario.used_extensions import used_extensions
 from gcs_formation.errors import RecordError
-from gcs_formation.phases import NOBODY_COMMANDED
+from gcs_formation.phases import NONE_COMMANDED
 from gcs_formation.record.json_shape import INTEGER, NUMBER, TEXT, Maybe, Shape
 from gcs_formation.record.timeseries import SpoolWriter, spools
 from gcs_formation.record.tlog import TlogWriter
@@ -235,7 +235,7 @@ def _commanded_none(path: Path) -> bool:
         causes = [event["cause"] for event in events if event["kind"] == "phase"]
     except (ValueError, KeyError, TypeError):
         return False  # truncated, or another program's
-    return len(causes) == 1 and causes[0] in [cause.value for cause in NOBODY_COMMANDED]
+    return len(causes) == 1 and causes[0] in [cause.value for cause in NONE_COMMANDED]
 
 
 def _clear(path: Path) -> None:

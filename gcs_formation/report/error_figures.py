@@ -54,7 +54,7 @@ LAW_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9",
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1)))
 MIN_SIZE_M = 1e-3
 """Smallest |error| in the comparison of laws, whose scale is logarithmic."""
-LEAST = r"least possible: $|D|\,T + D^2/2a$"
+MINIMUM = r"least possible: $|D|\,T + D^2/2a$"
 GATHERING_M = 1.0
 """Followers that began in the air, and never were farther from their slots than this, had nothing to join up for."""
 ALLOWED = r"held to: $1.5\,(|D|\,T + D^2/2a)$ + 0.05 m"
@@ -122,7 +122,7 @@ def disturbance(run: RunData) -> Figure:
 
 
 def has_followers(run: RunData) -> bool:
-    """Whether anybody followed."""
+    """Whether any vehicle followed."""
     return bool(run.followers)
 
 
@@ -197,7 +197,7 @@ def _after_gusts(axes: Axes, gusted: list[GustError], axis: str) -> None:
         reach = max(begin, error.at_s), min(end, error.to_s)
         if error.axis == axis and reach[0] < reach[1]:
             _both_ways(axes, reach, error.allowed_m, ALLOWED, color=style.INK, ls=(0, (6, 2)))
-            _both_ways(axes, reach, error.min_m, LEAST, color=style.INK, ls=(0, (1, 1.5)))
+            _both_ways(axes, reach, error.min_m, MINIMUM, color=style.INK, ls=(0, (1, 1.5)))
 
 
 def _both_ways(axes: Axes, reach: tuple[float, float], size: float, label: str, **look: Any) -> None:

@@ -18,7 +18,7 @@ LEVEL_PT = 10.0
 MAX_LEVELS = 5
 BETWEEN_PT = 25.0
 """How far a mark's name may reach into the gap to the axes on the right."""
-BESIDE_PT = 1.0
+GAP_PT = 1.0
 """Gap between a mark's line and its name."""
 DARK = "#404040"
 UP = {"arrowstyle": "-", "shrinkA": 0, "shrinkB": 0, "color": style.GREY, "lw": style.THIN}
@@ -126,9 +126,9 @@ def _place(axes: Axes, mark: style.Mark, beyond_pt: float) -> tuple[float, float
     wide_pt = style.CHARACTER_PT * (len(mark.label) + 1)
     last_pt = width_pt + beyond_pt - wide_pt
     if last_pt < at_pt and wide_pt <= at_pt:
-        return at_pt - wide_pt, at_pt, -BESIDE_PT, "right"
+        return at_pt - wide_pt, at_pt, -GAP_PT, "right"
     left_pt = min(at_pt, max(0.0, last_pt))
-    return left_pt, left_pt + wide_pt, left_pt - at_pt + BESIDE_PT, "left"
+    return left_pt, left_pt + wide_pt, left_pt - at_pt + GAP_PT, "left"
 
 
 @dataclass(frozen=True)

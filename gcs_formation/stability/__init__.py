@@ -10,7 +10,7 @@ from operator import itemgetter
 
 from airlink.endpoint import VehicleId
 from flight_model.energy import AirframeParameters
-from flight_model.frequency_response import FREQUENCIES, airframe_responses, lag_responses
+from flight_model.frequency_response import FREQUENCIES, airframe_responses, tau_responses
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import planned_slots
 from formation_scenario.vehicles import VehicleModel
@@ -46,7 +46,7 @@ __all__ = [
     "scenario_delay_margin",
 ]
 
-LAGS = "tau_v_s", "tau_psi_s"
+TAUS = "tau_v_s", "tau_psi_s"
 """Lags of the axes on which the consensus law closes loops: along the heading, and across."""
 Axes = tuple[AircraftResponse, AircraftResponse, AircraftResponse] | tuple[None, None, None]
 
@@ -83,7 +83,7 @@ def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
         return LawMargins(*({name: each[which] for name, each in axes.items()} for which in (0, 1)))
 
     return {
-        identity: _least([margins(model, x_rc_m) for x_rc_m in places_m])
+        identity: _min([margins(model, x_rc_m) for x_rc_m in places_m])
         for identity, model, places_m in _planned(scenario)
     }
 
@@ -111,11 +111,11 @@ def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -
     }
 
 
-def _least(margins: Collection[LawMargins]) -> LawMargins:
-    def least(each: Collection[Mapping[str, float]]) -> dict[str, float]:
+def _min(margins: Collection[LawMargins]) -> LawMargins:
+    def lowest(each: Collection[Mapping[str, float]]) -> dict[str, float]:
         return {axis: min((margin[axis] for margin in each), default=math.inf) for axis in "xyz"}
 
-    return LawMargins(least([each.small_signal for each in margins]), least([each.worst for each in margins]))
+    return LawMargins(lowest([each.small_signal for each in margins]), lowest([each.worst for each in margins]))
 
 
 def stated_as_margins(stated: Stated) -> LawMargins:
@@ -126,8 +126,8 @@ def stated_as_margins(stated: Stated) -> LawMargins:
 def _min_of_all(margins: Collection[LawMargins]) -> LawMargins:
     """Return the least margin of each loop that any vehicle has."""
     loops = dict.fromkeys(loop for each in margins for loop in each.small_signal)
-    least = {loop: min(each.small_signal.get(loop, math.inf) for each in margins) for loop in loops}
-    return LawMargins(least, least)
+    lowest = {loop: min(each.small_signal.get(loop, math.inf) for each in margins) for loop in loops}
+    return LawMargins(lowest, lowest)
 
 
 def _plants(scenario: Scenario, model: VehicleModel, x_rc_m: float) -> tuple[Plant, Plant, Plant]:
@@ -148,7 +148,7 @@ def law_margins(scenario: Scenario) -> LawMargins:
     if law_kind(scenario).mutual:
         margin = {"consensus": min(consensus_margins(scenario))}
         return LawMargins(margin, margin)
-    return _least(follower_margins(scenario).values())
+    return _min(follower_margins(scenario).values())
 
 
 def scenario_delay_margin(scenario: Scenario) -> float:
@@ -173,7 +173,7 @@ def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[Vehicl
     if not law_kind(scenario).mutual:
         loops_of = {identity: _loops(scenario, model, places_m) for identity, model, places_m in _planned(scenario)}
         return loops_of | (leader_loops(scenario) if succession else {})
-    loops = tuple(dict.fromkeys(loop for lag in LAGS for loop in _axis_loops(scenario, lag)))
+    loops = tuple(dict.fromkeys(loop for tau in TAUS for loop in _axis_loops(scenario, tau)))
     return {vehicle.vehicle_id: {"consensus": loops} for vehicle in scenario.vehicles}
 
 
@@ -202,16 +202,20 @@ def consensus_margins(scenario: Scenario) -> tuple[float, float]:
     the loops are closed around its response.
     """
     along, across = (
-        min((loop.delay_margin_s() for loop in _axis_loops(scenario, lag)), default=math.inf) for lag in LAGS
+        min((loop.delay_margin_s() for loop in _axis_loops(scenario, tau)), default=math.inf) for tau in TAUS
     )
     return along, across
 
 
-def _axis_loops(scenario: Scenario, lag: str) -> list[Loop]:
-    """Return the consensus law's loops on the axis that has the autopilot's time constant `lag`."""
+def _axis_loops(scenario: Scenario, tau: str) -> list[Loop]:
+    """Return the consensus law's loops on the axis that has the autopilot's time constant `tau`."""
     keys, weights, speed_mps = scenario.law.consensus, scenario.adjacency, scenario.path.begin_mps
     kinds = dict.fromkeys(
-        (1.0 / float(getattr(model, lag)), aircraft_responses(model, speed_mps)[LAGS.index(lag)], model.dead_time_s)
+        (
+            1.0 / float(getattr(model, tau)),
+            aircraft_responses(model, speed_mps)[TAUS.index(tau)],
+            model.dead_time_s,
+        )
         for model in dict.fromkeys(vehicle.model for vehicle in scenario.vehicles)
     )
     return [
@@ -231,8 +235,14 @@ def aircraft_responses(model: VehicleModel, speed_mps: float) -> Axes:
 
 @cache
 def _responses(
-    airframe: AirframeParameters, speed_mps: float, lags_s: tuple[float, float], heights_s: tuple[float, float]
+    airframe: AirframeParameters,
+    speed_mps: float,
+    taus_s: tuple[float, float],
+    heights_s: tuple[float, float],
 ) -> tuple[AircraftResponse, AircraftResponse, AircraftResponse]:
-    true, model = airframe_responses(FREQUENCIES, airframe, speed_mps), lag_responses(*lags_s, heights_s)
+    true, model = (
+        airframe_responses(FREQUENCIES, airframe, speed_mps),
+        tau_responses(*taus_s, heights_s),
+    )
     speed, heading, height = true.speed / model.speed, true.heading / model.heading, true.height / model.height
     return AircraftResponse(speed), AircraftResponse(heading), AircraftResponse(height)

@@ -31,7 +31,7 @@ class Component(NamedTuple):
     members: Indices
     matrix: Array
     """Rows and columns of the graph's Laplacian that belong to its members."""
-    hears_nobody_outside: bool
+    is_closed: bool
 
 
 def consensus_delay_margin(
@@ -136,11 +136,11 @@ def spanning_components(adjacency: Array) -> list[Component]:
         ValueError: no spanning tree; the message names a vehicle of each group that receives from none outside.
     """
     parts = components(adjacency)
-    roots = [int(part.members[0]) for part in parts if part.hears_nobody_outside]
+    roots = [int(part.members[0]) for part in parts if part.is_closed]
     if len(roots) > 1:
         raise ValueError(
-            "the graph has no spanning tree: one vehicle must be heard, directly or through others, by all, "
-            f"but the vehicles at rows {', '.join(map(str, roots))} hear nobody outside their own groups"
+            "the graph has no spanning tree: all must receive from one vehicle, directly or through others, "
+            f"but the vehicles at rows {', '.join(map(str, roots))} receive from none outside their own groups"
         )
     return parts
 
@@ -158,7 +158,7 @@ def _checked_gains(count: int, k1: float, k2: float, k3: float, h: npt.ArrayLike
 
 
 def _component_margin(part: Component, gains: _Gains) -> float:
-    if part.members.size == 1 and part.hears_nobody_outside:
+    if part.members.size == 1 and part.is_closed:
         return float("inf")
     if gains.k1 == 0.0:
         return 0.0
@@ -171,7 +171,7 @@ def _nonzero_eigenvalues(part: Component) -> Complex:
     matrix = part.matrix
     symmetric = np.array_equal(matrix, matrix.T)
     values = np.asarray(np.linalg.eigvalsh(matrix) if symmetric else np.linalg.eigvals(matrix), np.complex128)
-    return values[np.argsort(np.abs(values))][int(part.hears_nobody_outside) :]
+    return values[np.argsort(np.abs(values))][int(part.is_closed) :]
 
 
 def _crossover(gain: Array | float, k1: float, k2: float, damping: float) -> Array:
@@ -209,7 +209,7 @@ def _crossover_grid(part: Component, gains: _Gains) -> Array:
     norm = float(np.linalg.norm(part.matrix, 2))
     highest = 1.01 * float(_crossover(norm, gains.k1, gains.k2, float(gains.damping.min())))
     lowest = highest / 10.0
-    while np.abs(_loci(lowest, part.matrix, gains)[int(part.hears_nobody_outside)]) < 1.0:
+    while np.abs(_loci(lowest, part.matrix, gains)[int(part.is_closed)]) < 1.0:
         lowest /= 2.0
     return np.geomspace(lowest, highest, _GRID)
 
@@ -241,9 +241,9 @@ def _locus_crossings(part: Component, gains: _Gains) -> Array:
 def _undelayed(part: Component, gains: _Gains) -> Array:
     """System matrix of position and velocity deviations without delay, without the group's neutral common motion."""
     whole = np.eye(len(gains.damping))
-    positions = whole[:, int(part.hears_nobody_outside) :]
+    positions = whole[:, int(part.is_closed) :]
     relative = positions.T.copy()
-    if part.hears_nobody_outside:
+    if part.is_closed:
         relative[:, 0] = -1.0  # deviations from the first vehicle
     damped = -gains.k2 * part.matrix - np.diag(gains.damping)
     return np.block([[np.zeros((len(relative),) * 2), relative], [-gains.k1 * part.matrix @ positions, damped]])

@@ -17,9 +17,9 @@ from flight_model.arrays import Array, Complex
 from gcs_formation.stability.pid_margins import Loop, Plant, stacked
 
 _GRID = 4000
-LAGS_OFF = 0.3
+TAUS_OFF = 0.3
 """Default relative error of every time constant with which mismatch margins of the delay are computed."""
-MOST = 0.95
+MAXIMUM = 0.95
 _STEPS = 10
 _HALVINGS = 5
 _FREQUENCIES = np.geomspace(1e-3, 1e2, 600)
@@ -31,7 +31,7 @@ BANDWIDTHS = tuple(np.geomspace(1.0, 0.1, 33).tolist())
 """Shares to which the bandwidth may be reduced."""
 NEAR: Final = 0.8
 """Share of a delay margin from which it is reported that a loop is near it."""
-LAGS_NOTED: Final = 0.05
+TAUS_OFF_NOTED: Final = 0.05
 """Smaller relative errors of time constants are ignored."""
 TOLERANCE = 4.0 * float(np.finfo(np.float64).eps)
 """Width of a root's final bracket, relative to the root."""
@@ -162,20 +162,20 @@ def _interpolated(x: tuple[float, float, float], f: tuple[float, float, float]) 
 
 
 @cache
-def lag_margin(loop: Loop, delay_s: float) -> float:
-    """Return the relative error, 0 to `MOST`, that all time constants of the autopilot may have at once.
+def tau_margin(loop: Loop, delay_s: float) -> float:
+    """Return the relative error, 0 to `MAXIMUM`, that all time constants of the autopilot may have at once.
 
     The prediction over `delay_s` and the dead time uses the loop's own plant. Every combination of longer and shorter
     time constants is tried, with an error that rises from 0 until one of them is unstable.
     """
 
     def all_stable(shares: Sequence[float]) -> list[bool]:
-        off = [each for share in shares for each in _lags_off(loop, share)]
+        off = [each for share in shares for each in _time_constants_off(loop, share)]
         ways = len(off) // len(shares)
         stable = predicted_are_stable(loop, off, delay_s + loop.dead_time_s)
         return [all(stable[i : i + ways]) for i in range(0, len(stable), ways)]
 
-    shares = np.linspace(0.0, MOST, _STEPS + 1).tolist()
+    shares = np.linspace(0.0, MAXIMUM, _STEPS + 1).tolist()
     most = (*all_stable(shares), False).index(False)
     if most in {0, len(shares)}:
         return (0.0, *shares)[most]
@@ -187,12 +187,12 @@ def lag_margin(loop: Loop, delay_s: float) -> float:
 
 
 @cache
-def mismatch_margin_with_lags_off(loop: Loop, delay_s: float, share: float = LAGS_OFF) -> float:
+def mismatch_margin_with_taus_off(loop: Loop, delay_s: float, share: float = TAUS_OFF) -> float:
     """Return the mismatch of the delay, s, at which the predicted loop is unstable with time constants off by `share`.
 
     It is the least over all combinations of signs; 0 if one is unstable without mismatch of the delay.
     """
-    off, whole_s = _lags_off(loop, share), delay_s + loop.dead_time_s
+    off, whole_s = _time_constants_off(loop, share), delay_s + loop.dead_time_s
     if not all(predicted_are_stable(loop, off, whole_s)):
         return 0.0
     return min(MismatchMargin.of(mismatch_crossings(loop, whole_s, true), whole_s).least() for true in off)
@@ -243,9 +243,9 @@ def _on_grid(loop: Loop, delay_s: float) -> _OnGrid:
     return _OnGrid(w, 1.0 + exact.at(w), late.at(w), np.exp(-s * delay_s), origin)
 
 
-def _lags_off(loop: Loop, share: float) -> list[Loop]:
+def _time_constants_off(loop: Loop, share: float) -> list[Loop]:
     """Return the loops around autopilots with time constants off by `share`, in all combinations of signs."""
-    return [loop.with_lags(*lags) for lags in product((1.0 - share, 1.0 + share), repeat=loop.plant.lags)]
+    return [loop.with_time_constants(*each) for each in product((1.0 - share, 1.0 + share), repeat=loop.plant.taus)]
 
 
 class LoopDelay:
@@ -285,10 +285,10 @@ class Usage:
 
         `off` is the relative error of the model's time constants.
         """
-        if not self._predicted or off < LAGS_NOTED or math.isnan(delay.mean_s):
+        if not self._predicted or off < TAUS_OFF_NOTED or math.isnan(delay.mean_s):
             return 0.0
         delay_s = rounded(delay.mean_s / STEP_S) * STEP_S
-        return _share(off, min((lag_margin(loop, delay_s) for loop in self._loops), default=math.inf))
+        return _share(off, min((tau_margin(loop, delay_s) for loop in self._loops), default=math.inf))
 
     def bandwidth(self, delay: LoopDelay, most: float) -> float:
         """Return the largest of `BANDWIDTHS` at which at most `most` of the margin is used; the smallest if none.

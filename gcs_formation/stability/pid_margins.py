@@ -51,7 +51,7 @@ class Plant(NamedTuple):
         return real_if_exact(numerator), np.array([1.0, -trace, determinant])
 
     @property
-    def lags(self) -> int:
+    def taus(self) -> int:
         """Number of the autopilot's time constants in it: two for the height, else one."""
         return 2 if self._restoring else 1
 
@@ -59,7 +59,7 @@ class Plant(NamedTuple):
     def _restoring(self) -> bool:
         return self.state[0] == (0.0, 1.0) and self.state[1][0] != 0.0
 
-    def with_lags(self, first: float, second: float = 1.0) -> Plant:
+    def with_time_constants(self, first: float, second: float = 1.0) -> Plant:
         """The plant of an autopilot whose time constants are `first` and `second` times as long."""
         if self._restoring:
             product, total = -self.state[1][0], -self.state[1][1]
@@ -124,9 +124,9 @@ class Loop:
         """The loop with gains for a share of its bandwidth."""
         return replace(self, pid=self.pid.slowed(bandwidth))
 
-    def with_lags(self, first: float, second: float = 1.0) -> Loop:
+    def with_time_constants(self, first: float, second: float = 1.0) -> Loop:
         """The loop around an autopilot whose time constants are `first` and `second` times as long."""
-        return replace(self, plant=self.plant.with_lags(first, second))
+        return replace(self, plant=self.plant.with_time_constants(first, second))
 
     def with_output(self, row: tuple[complex, complex]) -> Loop:
         """The loop with another output row: the combination of the plant's states that is fed back."""
@@ -156,7 +156,7 @@ def less_dead_time(margin_s: float, dead_time_s: float) -> float:
 
 def forward_plant(mixer: Mixer, model: VehicleModel) -> Plant:
     """Speed setpoint to mixed speed error: (k_v + k_x/s)/(tau_v s + 1)."""
-    return _lag_and_integral(model.tau_v_s, mixer.k_v, mixer.k_x)
+    return _time_constant_and_integral(model.tau_v_s, mixer.k_v, mixer.k_x)
 
 
 def right_plant(mixer: Mixer, model: VehicleModel, speed_mps: float, x_rc_m: float = 0.0) -> Plant:
@@ -169,7 +169,7 @@ def right_plant(mixer: Mixer, model: VehicleModel, speed_mps: float, x_rc_m: flo
         x_rc_m: how far the leader is ahead of the slot; 0 for slots in the leader's frame, which the
             follower's heading doesn't turn.
     """
-    return _lag_and_integral(model.tau_psi_s, mixer.k_psi + mixer.k_y * x_rc_m, mixer.k_y * speed_mps)
+    return _time_constant_and_integral(model.tau_psi_s, mixer.k_psi + mixer.k_y * x_rc_m, mixer.k_y * speed_mps)
 
 
 def height_plant(mixer: Mixer, model: VehicleModel) -> Plant:
@@ -255,15 +255,15 @@ def worst_loop_margin(
     It is for frozen gains, and says nothing about how fast they may change. As a rule the least is at a corner.
     """
 
-    def least(of: Sequence[Triple]) -> tuple[float, Triple]:
+    def lowest_of(of: Sequence[Triple]) -> tuple[float, Triple]:
         loops = [Loop(gain_range.gains(nominal, outputs), plant, aircraft) for outputs in of]
         return min(zip(_margins_of(loops), of, strict=True))
 
     if gain_range.span == 0.0:
         return loop_margin(nominal, plant, gain_range, MID_RANGE, aircraft)
-    margin_s, outputs = least(list(product(np.linspace(0.0, 1.0, _LEVELS).tolist(), repeat=3)))
+    margin_s, outputs = lowest_of(list(product(np.linspace(0.0, 1.0, _LEVELS).tolist(), repeat=3)))
     for step in _FINER:
-        margin_s, outputs = min((margin_s, outputs), least(_around(outputs, step)))
+        margin_s, outputs = min((margin_s, outputs), lowest_of(_around(outputs, step)))
     return margin_s
 
 
@@ -293,7 +293,7 @@ def loop_delay_s(uplink_s: float, downlink_s: float, telemetry_rate_hz: float, l
     return uplink_s + downlink_s + 0.5 / telemetry_rate_hz + 0.5 / law_rate_hz
 
 
-def _lag_and_integral(tau_s: float, proportional: float, integral: float) -> Plant:
+def _time_constant_and_integral(tau_s: float, proportional: float, integral: float) -> Plant:
     return Plant(((-1.0 / tau_s, 0.0), (1.0, 0.0)), (1.0 / tau_s, 0.0), (proportional, integral))
 
 

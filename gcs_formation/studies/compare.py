@@ -16,7 +16,7 @@ from flight_model.slot import CHANNELS
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.extensions import LAW_KINDS, Registry
 from formation_scenario.fields import did_you_mean
-from gcs_formation.app.check import lag_margins, warnings
+from gcs_formation.app.check import tau_margins, warnings
 from gcs_formation.app.result_text import WHOLE, WIDE, ColumnGroup
 from gcs_formation.app.result_text import table as text_table
 from gcs_formation.control import laws
@@ -210,7 +210,7 @@ def _figures(run: RunData, window_s: tuple[float, float]) -> dict[str, Any]:
         "min_separation_m": minimum(separation_m(run.flown, within)),
         "delay_margin_s": stability["delay_margin_s"],
         "margin_used": stability.get("margin_used"),
-        "warnings": tuple(warnings(scenario, law_margins(scenario), lag_margins(scenario)[0])),
+        "warnings": tuple(warnings(scenario, law_margins(scenario), tau_margins(scenario)[0])),
         "aborted": "",
     }
 

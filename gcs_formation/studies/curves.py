@@ -27,7 +27,7 @@ PANELS = 3
 CELL_CM = 4.6
 SERIES = 6
 """Largest number of a parameter's values with a curve each."""
-LEAST = 4
+MINIMUM = 4
 """Least number of flights with a value for it to have a curve; the band of fewer says nothing."""
 FEW = 2
 """Up to this many different values, flights are counted by value."""
@@ -148,7 +148,7 @@ def split_by(flights: Flights) -> list[str]:
     if flights.chance.exact:
         return []
     sizes = {name: [inside.sum() for inside in flights.groups(name).values()] for name in flights.parameters}
-    return [name for name, each in sizes.items() if 2 <= len(each) <= SERIES and min(each) >= LEAST]
+    return [name for name, each in sizes.items() if 2 <= len(each) <= SERIES and min(each) >= MINIMUM]
 
 
 def has_tail(values: Array) -> bool:

@@ -96,7 +96,7 @@ def _along(axes: Axes, middles: Array, spread: tuple[Array, Array, Array], named
 
 
 def most_influential(flights: Flights, metric: str, maximum: int) -> list[str]:
-    """Return the parameters in their order; of more than `most`, those with the largest effect on a metric.
+    """Return the parameters in their order; of more than `maximum`, those with the largest effect on a metric.
 
     The effect is the share of the variance of the metric's ranks that lies between a parameter's levels or bins.
     """

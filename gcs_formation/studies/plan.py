@@ -127,7 +127,7 @@ class Plan:
         self._each = study.bisect.max_flights if study.bisect else 1
         self._chains: dict[int, list[tuple[float, bool]]] = {}
 
-    def begin(self) -> Iterator[Planned]:
+    def first_flights(self) -> Iterator[Planned]:
         """Yield the flights that don't depend on other flights' results."""
         for chain in range(len(self._samples) * self.study.seeds.count):
             low = {self.study.bisect.parameter: self.study.bisect.low} if self.study.bisect else {}
@@ -149,7 +149,7 @@ class Plan:
         search = self.study.bisect
         if search is None:
             return []
-        return [(first, _crossing(self._chains.get(first.flight // self._each, []))) for first in self.begin()]
+        return [(first, _crossing(self._chains.get(first.flight // self._each, []))) for first in self.first_flights()]
 
     def _planned(self, flight: int, searched: Sample) -> Planned:
         sample, seed = divmod(flight // self._each, self.study.seeds.count)
@@ -192,7 +192,7 @@ def concerns(wanted: Wanted, row: Row) -> bool:
 def replayed(plan: Plan, rows: Iterable[Row]) -> list[Planned]:
     """Return the flights that are still to be flown, given the rows of those that have been."""
     done = {int(row["flight"]): row for row in rows}
-    open_ones = list(plan.begin())
+    open_ones = list(plan.first_flights())
     left: list[Planned] = []
     while open_ones:
         planned = open_ones.pop()

@@ -112,7 +112,7 @@ class FlownFlight:
         self._require(within, f"the flight went to {reached_s:.1f} s, not through {window}")
         self._require_as_planned()
         worst = [each for vehicle in chosen for each in self._worst(vehicle.vehicle_id, axes, from_s, end_s)]
-        self._require(bool(worst), f"none of these followed anybody {window}", [each.vehicle_id for each in chosen])
+        self._require(bool(worst), f"none of these followed {window}", [each.vehicle_id for each in chosen])
         beyond = (each for each in worst if not each[0] <= limit_m)
         broken = sorted(beyond, key=lambda each: math.inf if math.isnan(each[0]) else each[0], reverse=True)
         claim = f"more than {limit_m:g} m from the slot along {', '.join(axes)} {window}"

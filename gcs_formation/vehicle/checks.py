@@ -89,11 +89,11 @@ class Check:
         """The parameter's names in all versions, newest first."""
         return self.names if self.older is None else (*self.names, *self.older.all_names)
 
-    def judge(self, values: Mapping[str, float]) -> Finding | None:
+    def finding(self, values: Mapping[str, float]) -> Finding | None:
         """Return the finding on the parameter among `values`; None if it is allowed, or unknown."""
         found = next(((name, values[name]) for name in self.names if name in values), None)
         if found is None:
-            return None if self.older is None else self.older.judge(values)
+            return None if self.older is None else self.older.finding(values)
         if self.holds(found[1]):
             return None
         return Finding(f"{found[0]}: found {found[1]:g}; allowed: {self.allowed}", self.refuses(found[1]))
@@ -131,8 +131,8 @@ def envelope_checks(
     model: VehicleModel,
     path: PathPlan,
     told_mps: float,
-    least: str,
-    most: str,
+    minimum: str,
+    maximum: str,
     trim: str,
     bank: str,
     beyond: tuple[str, str],
@@ -143,8 +143,8 @@ def envelope_checks(
         model: limits of its setpoints.
         path: the formation's path.
         told_mps: airspeed commanded for the path's true airspeed, m/s; it and the parameters are sensor readings.
-        least: name of the parameter for the lowest airspeed, m/s.
-        most: for the highest airspeed, m/s.
+        minimum: name of the parameter for the lowest airspeed, m/s.
+        maximum: for the highest airspeed, m/s.
         trim: for the airspeed of level flight, m/s.
         bank: for the largest bank angle, degrees.
         beyond: how it treats setpoints below the lowest and above the highest airspeed.
@@ -156,14 +156,14 @@ def envelope_checks(
     bank_deg = math.degrees(math.atan(speed * model.turn_rate_max_rps / GRAVITY_MPS2))
     return [
         Check(
-            (least,),
+            (minimum,),
             f"up to {slowest:g} m/s, its model's speed_min_mps; slower setpoints are {beyond[0]}",
             lambda value: value <= slowest,
             lambda value: value > told_mps,
             bounds=lambda value: ("speed_min_mps", value),
         ),
         Check(
-            (most,),
+            (maximum,),
             f"{fastest:g} m/s or more, its model's speed_max_mps; faster setpoints are {beyond[1]}",
             lambda value: value >= fastest,
             lambda value: value < told_mps,
@@ -210,7 +210,7 @@ class ParameterReader:
             self._tries[name] += 1
         return [ParamRequestRead(self._system, m.MAV_COMP_ID_AUTOPILOT1, name) for name in missing]
 
-    def take(self, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, message: ParamValue, now: Instant) -> None:
         """Take a parameter; ones not requested are ignored. Names not yet tried are requested at once."""
         if message.param_id in self._tries:
             self._values[message.param_id] = self._value_of(message)
@@ -228,7 +228,7 @@ class ParameterReader:
 
     def findings(self) -> list[Finding]:
         """Return what isn't allowed, and what could not be read."""
-        found = [finding for check in self._checks if (finding := check.judge(self._values)) is not None]
+        found = [finding for check in self._checks if (finding := check.finding(self._values)) is not None]
         unread = [" or ".join(check.all_names) for check in self._checks if not self._reported(check)]
         return [*found, *([Finding(f"no answer for {', '.join(unread)}, not checked")] if unread else [])]
 

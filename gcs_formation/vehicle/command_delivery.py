@@ -19,7 +19,7 @@ from gcs_formation.vehicle.startup_step import Command
 from gcs_formation.vehicle.telemetry import Telemetry
 
 RETRY_S: Final = 0.7
-MOST_SPARING: Final = 3
+MAX_SPARING: Final = 3
 """Over a full link an attempt waits for up to 2 to the power of this times `RETRY_S`."""
 RETRY_REFUSED_S: Final = 3.0
 """Interval at which a command sent with `insist` is repeated after a lasting refusal."""
@@ -48,7 +48,7 @@ LOOPS_S: Final = 0.15
 """Time that a setpoint and its answer may wait for the loops at both ends."""
 LOSSY_WAIT_S: Final = 0.05
 """Over a link that loses, the first wait for an acknowledgement: the next tick repeats the setpoint."""
-MOST_DOUBLINGS: Final = 10
+MAX_DOUBLINGS: Final = 10
 SHOWN_WITHIN_S: Final = 2.0
 SHOWN_IN_HEARTBEATS: Final = 2
 """A command has no effect if none is seen within this time and this many heartbeats after its acknowledgement. It has
@@ -97,7 +97,7 @@ class CommandQueue:
     """A command accepted before all of its attempts were answered: its id, the number of answers outstanding, and until
     when they may arrive."""
 
-    def begin(self, commands: tuple[Command, ...], now: Instant, *, insist: bool = False) -> None:
+    def send(self, commands: tuple[Command, ...], now: Instant, *, insist: bool = False) -> None:
         """Start these commands and drop any earlier ones; `insist`: repeat them whatever the vehicle answers."""
         self._waiting, self.insists, self.refusal = deque(commands), insist, None
         self.lists += 1
@@ -113,7 +113,7 @@ class CommandQueue:
         if isinstance(command, CommandLong):
             command = command.but(confirmation=min(self._attempt, MAX_CONFIRMATION))
         self._attempt += 1
-        doublings = min(self._attempt - 1, MOST_SPARING) if self.spares else 0
+        doublings = min(self._attempt - 1, MAX_SPARING) if self.spares else 0
         self._next_attempt = after(now, RETRY_S * 2.0**doublings)
         return command
 
@@ -226,7 +226,7 @@ class EffectWatch:
         self._effect, self._since = effect, now
         self._before, self._heartbeats = effect.shown(seen), seen.heartbeats
 
-    def judge(self, seen: Telemetry, now: Instant) -> None:
+    def update(self, seen: Telemetry, now: Instant) -> None:
         """Update `missing`. A state that is neither the expected nor the earlier one was chosen by the pilot."""
         effect = self._effect
         if effect is None:
@@ -278,7 +278,7 @@ class SetpointChannel:
         if self._waiting == NEVER:
             self._waiting = at
 
-    def forget(self) -> None:
+    def invalidate(self) -> None:
         """Send the next setpoint even if unchanged: the vehicle may have received others meanwhile."""
         if self._refused != NEVER:
             self._waiting = NEVER  # a refusal was an answer
@@ -332,7 +332,7 @@ class SetpointChannel:
             return True
         usual_s = 0.0 if loses and not spares else PATIENCE * self._round_trip_s
         wait_s = usual_s + (LOSSY_WAIT_S if loses else LOOPS_S)
-        return age_s > wait_s * 2.0 ** min(self._resends, MOST_DOUBLINGS)
+        return age_s > wait_s * 2.0 ** min(self._resends, MAX_DOUBLINGS)
 
     def age_s(self, at: Instant) -> float:
         """Return how long ago a setpoint was sent; infinite if the vehicle may hold another."""

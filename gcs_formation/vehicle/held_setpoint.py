@@ -1,9 +1,9 @@
 """The setpoint that a vehicle holds: what it was last sent of each quantity, and when a newer one is news to it.
 
-A setpoint jitters at every tick by what telemetry is rounded to, and a vehicle's lags smooth that: what counts is the
-time for which it is off. So a quantity is sent once the integral of its deviation from what the vehicle holds would
-exceed a tolerance by the next tick (integral send-on-delta sampling: Miskowicz, "Event-based sampling by an integral
-criterion", Sensors 2007). A step is sent at once, a ramp often, and rounding hardly ever.
+A setpoint jitters at every tick by what telemetry is rounded to, and a vehicle's time constants smooth that: what
+counts is the time for which it is off. So a quantity is sent once the integral of its deviation from what the vehicle
+holds would exceed a tolerance by the next tick (integral send-on-delta sampling: Miskowicz, "Event-based sampling by an
+integral criterion", Sensors 2007). A step is sent at once, a ramp often, and rounding hardly ever.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ ALONG_M: Final = 0.002
 ACROSS_M: Final = 0.001
 HEIGHT_M_S: Final = 0.2
 """Tolerances of the integrals: displacement along and across the heading, m, of a vehicle that followed at once, and
-height times time, m s. Followed with lags of 4 s for airspeed and 1 and 3 s for height, these are less. Of the
-quickstart's errors they leave each within 4 mm of what sending everything gives. They bound the steps, too: on a ramp
-of a m/s² airspeed changes by steps of the root of 2 a `ALONG_M`, 6 mm/s at 1 cm/s²."""
+height times time, m s. Followed with time constants of 4 s for airspeed and 1 and 3 s for height, these are less. Of
+the quickstart's errors they leave each within 4 mm of what sending everything gives. They bound the steps, too: on a
+ramp of a m/s² airspeed changes by steps of the root of 2 a `ALONG_M`, 6 mm/s at 1 cm/s²."""
 ENERGY_HEIGHT_M_S: Final = 0.05
 """The height's of an aircraft under total-energy control, which trades its height for airspeed in bends, so that what
 is held too long adds to an error that grows: 0.2 m s cost it 0.1 m there."""
@@ -52,11 +52,11 @@ class HeldSetpoint:
         """The integrals of the deviations since each was sent."""
         self._judged = Instant(0)
 
-    def forget(self) -> None:
+    def invalidate(self) -> None:
         """Take everything for news: the vehicle may hold others' setpoints."""
         self.values = self._said = UNKNOWN
 
-    def judge(self, said: Triple, at: Instant, tolerance: float = 1.0, prompt_share: float = 1.0) -> Which:
+    def news(self, said: Triple, at: Instant, tolerance: float = 1.0, prompt_share: float = 1.0) -> Which:
         """Return which of airspeed, heading and height, as messages say them at an instant, are news.
 
         `tolerance`: multiple of the tolerances; `prompt_share`: of a change of airspeed, what is flown at once.

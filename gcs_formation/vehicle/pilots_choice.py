@@ -24,7 +24,7 @@ class PilotsChoice:
         if mode != guided_mode:
             self.mode, self._heartbeats = mode, seen.heartbeats
 
-    def watch(self, seen: Telemetry, *, waiting: bool) -> None:
+    def confirm_mode(self, seen: Telemetry, *, waiting: bool) -> None:
         """Forget the mode once heartbeats show the result of commanding it; `waiting`: not acknowledged yet."""
         if self.mode is not None and waiting:
             self._heartbeats = seen.heartbeats

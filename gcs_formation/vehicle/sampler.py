@@ -121,7 +121,7 @@ class Sampler:
         seen, stamp_s = self._telemetry, self._source_binding.refused_stamp_s
         if seen.motion is not None and _is_of(now, self._round_trips.stamps.to_instant(seen.motion.stamp_s)):
             if math.isnan(seen.airspeed_mps):
-                return "it has told no airspeed in VFR_HUD"
+                return "it has reported no airspeed in VFR_HUD"
             if seen.not_finite:
                 return f"it tells no attitude: {seen.not_finite}"
             together = seen.attitude is None or seen.of_one_time
@@ -143,12 +143,12 @@ class Sampler:
         scale, check, reading_mps = self._autopilot.airspeed_scale, self.airspeed_check, self._telemetry.airspeed_mps
         if check is not None and flew:
             ratio = self._autopilot.true_airspeed(1.0)
-            if not check.take(motion.stamp_s, motion.north_mps, motion.east_mps, heading_rad, reading_mps, ratio):
+            if not check.accepts(motion.stamp_s, motion.north_mps, motion.east_mps, heading_rad, reading_mps, ratio):
                 return check.synthetic_mps
         if scale is not None and flew:
             velocity_mps = motion.north_mps, motion.east_mps, motion.climb_mps
             above_sea_m = motion.height_m + self._autopilot.origin.alt_m
-            scale.learn(motion.stamp_s, above_sea_m, velocity_mps, reading_mps, heading_rad)
+            scale.update(motion.stamp_s, above_sea_m, velocity_mps, reading_mps, heading_rad)
         return self.airspeed_mps
 
 

@@ -12,7 +12,7 @@ from flight_model.autopilot_model import FlightState, Setpoint, within, wrap
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.command_delivery import REPEAT_S, SetpointChannel
 from gcs_formation.vehicle.held_setpoint import HeldSetpoint, Which
-from gcs_formation.vehicle.velocity_setpoint import says_the_same
+from gcs_formation.vehicle.velocity_setpoint import is_same
 
 LOSSY_S: Final = 10.0
 """Time after a loss for which a link counts as lossy."""
@@ -24,7 +24,7 @@ GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 QUANTITIES: Final = 3
 ALL_AGAIN_S: Final = QUANTITIES * REPEAT_S
 """Time after which every quantity is repeated."""
-MOST_LEAD_RAD: Final = 0.03
+MAX_LEAD_RAD: Final = 0.03
 SLACK_S: Final = 0.01
 """Ticks come a little early or late."""
 STREAM_LOSSES: Final = 5.0
@@ -44,7 +44,7 @@ class SetpointDelivery:
         self.tolerance = 1.0
         """Multiple of the tolerances of news."""
         self.hurries = False
-        """Whether every change is sent on its tick, as while any vehicle gives way."""
+        """Whether every change is sent on its tick, as while any vehicle manoeuvres."""
         self.interval_s, self.spares = 0.0, False
         """Shortest time between two setpoints of a quantity, and whether bytes are spared, as of a full link."""
         self._at, self._heading_rad = LONG_AGO, math.nan
@@ -80,7 +80,7 @@ class SetpointDelivery:
                 self.held.send(wanted, wanted, (True, True, True))
             return messages
         said = self._autopilot.quantities(setpoint, where)
-        news = self.held.judge(said, at, tolerance, self._autopilot.prompt_share)
+        news = self.held.news(said, at, tolerance, self._autopilot.prompt_share)
         which = EVERY if everything and loses and any(news) else self._which(news, at, loses=loses)
         if not (which[0] or which[1] or which[2]):
             self._autopilot.keep_setpoint()
@@ -97,12 +97,12 @@ class SetpointDelivery:
         """Return whether the link counts as lossy at an instant."""
         return seconds_between(self.lost_at, at) < LOSSY_S
 
-    def forget(self) -> None:
+    def invalidate(self) -> None:
         """Send the next setpoint in full: the vehicle may have received others meanwhile."""
-        self.held.forget()
+        self.held.invalidate()
         self._streamed = []
         for channel in self.channels:
-            channel.forget()
+            channel.invalidate()
 
     def channel(self, command: int) -> SetpointChannel | None:
         """Return the channel of a command, None if it carries no setpoint."""
@@ -153,7 +153,7 @@ class SetpointDelivery:
         if not 0.0 < elapsed_s < self.interval_s or math.isnan(turned_rad):
             return setpoint
         lead_rad = (self.interval_s - elapsed_s) / 2.0 / elapsed_s * turned_rad
-        heading_rad = setpoint.heading_rad + within(lead_rad, -MOST_LEAD_RAD, MOST_LEAD_RAD)
+        heading_rad = setpoint.heading_rad + within(lead_rad, -MAX_LEAD_RAD, MAX_LEAD_RAD)
         return Setpoint(setpoint.speed_mps, heading_rad, setpoint.height_m)
 
     def _may(self, quantity: int, at: Instant) -> bool:
@@ -178,7 +178,7 @@ class SetpointDelivery:
         messages, age_s = list(self._autopilot.setpoint(setpoint, where)), seconds_between(self._streamed_at, at)
         same = len(messages) == len(self._streamed)
         for message, held in zip(messages, self._streamed, strict=False):
-            same = same and says_the_same(message, held, tolerance)
+            same = same and is_same(message, held, tolerance)
         early = bool(self._streamed) and age_s < self.interval_s - SLACK_S
         if (same or early) and age_s < again_s and not (loses and not self.spares):
             return [], same

@@ -31,7 +31,7 @@ class TakeOff:
     """Whether it has been seen in the air since it was first found on the ground."""
     _nose_rad: float | None = None
 
-    def watch(self, seen: Telemetry) -> None:
+    def update_position(self, seen: Telemetry) -> None:
         """Update with a new position."""
         motion = seen.motion
         if motion is None or seen.heartbeat is None:
@@ -132,7 +132,7 @@ class StartUp:
         if not self.finished:
             step = self.steps[index]
             needed = step.every_command_acknowledged or not step.done(telemetry)
-            commands.begin(step.commands(telemetry) if needed else (), now)
+            commands.send(step.commands(telemetry) if needed else (), now)
 
     def _undone(self, telemetry: Telemetry) -> int | None:
         """Return the index of the first step that a failsafe has undone; None if there is none."""
@@ -143,7 +143,7 @@ class StartUp:
                 return index
         return None
 
-    def watch(self, telemetry: Telemetry, now: Instant) -> None:
+    def note_progress(self, telemetry: Telemetry, now: Instant) -> None:
         """Note whether the vehicle makes progress in getting ready, or says what it hasn't said before."""
         progress, words = telemetry.progress(), telemetry.last_words
         if progress != self._progress or words not in self._said:

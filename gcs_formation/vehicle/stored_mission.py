@@ -62,7 +62,7 @@ class StoredMission:
             return [MissionRequestList(self._system, m.MAV_COMP_ID_AUTOPILOT1)]
         return [MissionRequestInt(self._system, m.MAV_COMP_ID_AUTOPILOT1, self._missing())]
 
-    def take(self, message: Message, now: Instant) -> None:
+    def handle(self, message: Message, now: Instant) -> None:
         """Take the number of items, or one; the next one is requested at once."""
         before = len(self._items), self._count
         if self.complete:

@@ -128,15 +128,15 @@ class Telemetry:
     _without_airspeed: int = 0
     _without_attitude: int = 0
     """Positions since the last airspeed and attitude that were reported, whose stamps are the next two."""
-    _airspeed_told_s: float = math.nan
-    _attitude_told_s: float = math.nan
+    _airspeed_at_s: float = math.nan
+    _attitude_at_s: float = math.nan
     texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
     texts_reported: int = 0
     """Number of complete texts received."""
     _chunks: tuple[int, str] = (0, "")
     """Id and beginning of an incomplete text."""
 
-    def take(self, message: Message) -> None:
+    def store(self, message: Message) -> None:
         """Store the state in `message`; values that are infinite or implausible are dropped and counted."""
         if isinstance(message, Attitude):
             self.take_attitude(message)
@@ -225,10 +225,10 @@ class Telemetry:
 
     def _fly_without(self, stamp_s: float) -> None:
         """Replace an airspeed or attitude that isn't reported: no airspeed is a reading of 0, as in VFR_HUD."""
-        if self._without_airspeed > ALONE and stamp_s - self._airspeed_told_s > ALONE_S and not self.stands:
+        if self._without_airspeed > ALONE and stamp_s - self._airspeed_at_s > ALONE_S and not self.stands:
             self.airspeed_mps, self.airspeed_stamp_s = 0.0, stamp_s
         known = self._without_airspeed <= ALONE and abs(self.hud_heading_rad) < INFINITE
-        if self._without_attitude > ALONE and stamp_s - self._attitude_told_s > ALONE_S and known:
+        if self._without_attitude > ALONE and stamp_s - self._attitude_at_s > ALONE_S and known:
             self.attitude = Attitude(stamp_s, 0.0, 0.0, self.hud_heading_rad, 0.0, 0.0, 0.0)
 
     def take_attitude(self, message: Attitude) -> None:
@@ -236,14 +236,14 @@ class Telemetry:
         self._without_position += 1
         if _is_attitude(message):
             self.attitude, self.not_finite = message, ""
-            self._without_attitude, self._attitude_told_s = 0, message.time_boot_s
+            self._without_attitude, self._attitude_at_s = 0, message.time_boot_s
             return
         self.implausible += 1
         self.not_finite = _first_not_finite(message) or _first_impossible(message)
         usable = _usable(message, self.hud_heading_rad)
         if usable is not None:
             self.attitude = usable
-            self._without_attitude, self._attitude_told_s = 0, message.time_boot_s
+            self._without_attitude, self._attitude_at_s = 0, message.time_boot_s
 
     def take_airspeed(self, message: VfrHud) -> None:
         """Store an airspeed; a multirotor without a sensor gets its ground speed instead.
@@ -258,7 +258,7 @@ class Telemetry:
             speed_mps = 0.0
         if 0.0 <= speed_mps <= SPEED_LIMIT_MPS:
             self.airspeed_mps = speed_mps
-            self.airspeed_stamp_s = self._airspeed_told_s = self.motion.stamp_s if self.motion else math.nan
+            self.airspeed_stamp_s = self._airspeed_at_s = self.motion.stamp_s if self.motion else math.nan
             self._without_airspeed = 0
         else:
             self.implausible += 1
@@ -274,7 +274,7 @@ class Telemetry:
         self.texts.append(_printable(text.strip()))
         self.texts_reported += 1
 
-    def forget(self) -> None:
+    def invalidate(self) -> None:
         """Forget everything that a restart invalidates."""
         self.displaced_m = (0.0, 0.0, 0.0)
         self.motion = self.attitude = self.heartbeat = self.custom_mode = None
@@ -314,11 +314,11 @@ class Telemetry:
     def lacking(self) -> str:
         """Which quantity isn't reported while the others are: position, attitude or airspeed; empty if all are."""
         position_s = math.nan if self.motion is None else self.motion.stamp_s
-        if self._without_position > ALONE and self._attitude_told_s - position_s > ALONE_S:
+        if self._without_position > ALONE and self._attitude_at_s - position_s > ALONE_S:
             return "position"
-        if self._without_attitude > ALONE and position_s - self._attitude_told_s > ALONE_S:
+        if self._without_attitude > ALONE and position_s - self._attitude_at_s > ALONE_S:
             return "attitude"
-        without = self._without_airspeed > ALONE and position_s - self._airspeed_told_s > ALONE_S
+        without = self._without_airspeed > ALONE and position_s - self._airspeed_at_s > ALONE_S
         return "airspeed" if without and not self.stands else ""
 
     @property
@@ -371,8 +371,8 @@ def _first_not_finite(message: Message) -> str:
     """Return which field of a message isn't finite, and its value; empty if all are."""
     values = message.values().items()
     name, value = next(((name, value) for name, value in values if not math.isfinite(value)), ("", 0.0))
-    told = "NaN" if math.isnan(value) else "infinite"
-    return f"{message.kind().name}'s {name.rpartition('_')[0]} is {told}" if name else ""
+    described = "NaN" if math.isnan(value) else "infinite"
+    return f"{message.kind().name}'s {name.rpartition('_')[0]} is {described}" if name else ""
 
 
 def _first_impossible(message: Attitude) -> str:
@@ -396,8 +396,8 @@ def _why_no_position(message: GlobalPositionInt) -> str:
     ranges = {"lat": QUARTER_RAD, "lon": HALF_TURN_RAD, "alt": ALTITUDE_LIMIT_M}
     name = next((each for each, value in fields.items() if abs(value) > ranges[each]), "relative_alt")
     value = fields.get(name, message.relative_alt_m)
-    told = f"{value:.0f} m" if name.endswith("alt") else f"{math.degrees(value):.0f} degrees"
-    return f"GLOBAL_POSITION_INT's {name} is {told}"
+    described = f"{value:.0f} m" if name.endswith("alt") else f"{math.degrees(value):.0f} degrees"
+    return f"GLOBAL_POSITION_INT's {name} is {described}"
 
 
 def _printable(text: str) -> str:

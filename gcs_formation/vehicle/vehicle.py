@@ -37,7 +37,7 @@ class Vehicle(VehicleState):
 
     def leave_to_pilot(self, now: Instant) -> None:
         """Send nothing more until its pilot has put it into the guided mode."""
-        self.commands.begin((), now)
+        self.commands.send((), now)
         wait = StartUpStep("left it to its pilot", self.autopilot.takes_setpoints, timeout_s=math.inf)
         self.start_up = StartUp((wait,), abandoned=True, left=True)
 
@@ -55,7 +55,7 @@ class Vehicle(VehicleState):
         if seconds_between(heard, at) >= usual_s and self.flew:
             self.sequence.break_off(heard, at)
 
-    def take(self, frame: Frame, now: Instant, *, timed: bool = True) -> bool:
+    def receive(self, frame: Frame, now: Instant, *, timed: bool = True) -> bool:
         """Take a frame of this vehicle's autopilot; return whether the link's state changed.
 
         `timed`: it was read on arrival; a frame that waited in our queue doesn't tell the link's delay.
@@ -87,7 +87,7 @@ class Vehicle(VehicleState):
         elif isinstance(message, Heartbeat):
             self._take_heartbeat(message, now)
         elif message is not None:
-            self.telemetry.take(message)
+            self.telemetry.store(message)
         return changed
 
     def _is_old_or_unproven(self, frame: Frame, links: Links, now: Instant, *, timed: bool) -> bool:
@@ -135,7 +135,7 @@ class Vehicle(VehicleState):
     def forget_setpoints(self) -> None:
         """Send all setpoints again: the vehicle may have received others meanwhile."""
         self.autopilot.forget_setpoints()
-        self.setpoints.forget()
+        self.setpoints.invalidate()
 
     def ask(self, request: Command) -> Command:
         """Return a request whose answer isn't awaited, and count it."""
@@ -163,7 +163,7 @@ class Vehicle(VehicleState):
         self.telemetry.take_position(message)
         if timed:
             self.jitter.observe(message.time_boot_s, now, self.clock.drift)
-            self.take_off.watch(self.telemetry)
+            self.take_off.update_position(self.telemetry)
 
     def _take_utc(self, message: SystemTime) -> None:
         gnss = self.round_trips.gnss
@@ -220,7 +220,7 @@ class Vehicle(VehicleState):
         elif self.source_binding.accepts(answer.tc1_ns / NANOSECONDS, now) and self.round_trips.measure(answer, now):
             self._begin_again()
         elif self.clock.samples == 1 and answer.tc1_ns > TURN_S * NANOSECONDS:
-            self.jitter.forget()  # the first answer shows that earlier stamps had wrapped
+            self.jitter.drop_sample()  # the first answer shows that earlier stamps had wrapped
 
     def _begin_again(self) -> None:
         """Take note that its clock has restarted: each link shows that, the one in use counts."""
@@ -233,7 +233,7 @@ class Vehicle(VehicleState):
         """Start afresh after the vehicle's clock has restarted: earlier knowledge of it is void."""
         self.restarts += 1
         self._flew_before = self.may_fly
-        self.telemetry.forget()
+        self.telemetry.invalidate()
         self._forget_numbers()
         if self.links is not None:
             self.links.restart()
@@ -248,7 +248,7 @@ class Vehicle(VehicleState):
         self.source_binding.refused_stamp_s = math.nan
         self.sequence.restart()
         self.history.restart()
-        self.jitter.forget()
+        self.jitter.drop_sample()
 
     def end_start_up_with(self, step: StartUpStep) -> None:
         """Add a last step to its start-up, and to that after each restart."""

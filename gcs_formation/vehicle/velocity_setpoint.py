@@ -35,7 +35,7 @@ MULTIROTOR_TYPES: Final = frozenset(
     }
 )
 HEIGHT_S: Final = 1.5
-"""Least time constant of height errors: the sum of the two height lags of (7), in models of multirotors."""
+"""Least time constant of height errors: the sum of the two height time constants of (7), in models of multirotors."""
 TURNS_FROM_MPS: Final = 1.0
 """Ground speed from which the nose turns to the course; below it, and in hover, the heading is kept."""
 NO_POSITION: Final = (
@@ -71,7 +71,7 @@ class _Integrator:
         """Return the speed flown on a command: the inverse of `command_for`."""
         return self._prompt * told_mps + (1.0 - self._prompt) * self.integrated_mps
 
-    def take(self, told_mps: float) -> None:
+    def integrate(self, told_mps: float) -> None:
         """Update the integrator with a command held for one period."""
         self.integrated_mps += self._filled * (told_mps - self.integrated_mps)
 
@@ -82,7 +82,7 @@ class SpeedLead:
     def __init__(self, prompt_share: float, rest_s: float, limits_mps: tuple[float, float], period_s: float) -> None:
         """Start at the present airspeed; an airspeed within the limits is commanded every `period_s`."""
         self._integrator, self._limits_mps, self._begun = _Integrator(prompt_share, rest_s, period_s), limits_mps, False
-        self._told_mps = 0.0
+        self._commanded_mps = 0.0
         self.prompt_share = prompt_share
         """Share of a change of the command that is flown at once."""
 
@@ -93,7 +93,7 @@ class SpeedLead:
             return self._limits_mps
         return self._integrator.response_to(self._limits_mps[0]), self._integrator.response_to(self._limits_mps[1])
 
-    def forget(self) -> None:
+    def reinitialise(self) -> None:
         """Restart from the present airspeed: others have commanded the vehicle meanwhile."""
         self._begun = False
 
@@ -105,14 +105,14 @@ class SpeedLead:
 
     def lead(self, speed_mps: float, airspeed_mps: float) -> float:
         """Return the same, and take that it is commanded from now on."""
-        self._told_mps = self.led(speed_mps, airspeed_mps)
+        self._commanded_mps = self.led(speed_mps, airspeed_mps)
         self.keep()
-        return self._told_mps
+        return self._commanded_mps
 
     def keep(self) -> None:
         """Take that what was commanded last is held for another period."""
         if self._begun:
-            self._integrator.take(self._told_mps)
+            self._integrator.integrate(self._commanded_mps)
 
 
 class VelocityLead:
@@ -122,21 +122,21 @@ class VelocityLead:
         self,
         prompt_share: float = 1.0,
         rest_s: float = 1.0,
-        most_mps: float = math.inf,
+        max_mps: float = math.inf,
         period_s: float = 1.0,
         climb_max_mps: float = math.inf,
         height_s: float = HEIGHT_S,
     ) -> None:
         """Start at the present velocity; one within the limits is commanded every `period_s`.
 
-        `height_s`: time constant of height errors, by which the vehicle has the model's height lags.
+        `height_s`: time constant of height errors, by which the vehicle has the model's height's time constants.
         """
         self._north, self._east = (_Integrator(prompt_share, rest_s, period_s) for _ in range(2))
-        self._most_mps, self._begun = most_mps, False
+        self._max_mps, self._begun = max_mps, False
         self.climb_max_mps = climb_max_mps
         self.height_s = height_s
 
-    def forget(self) -> None:
+    def reinitialise(self) -> None:
         """Restart from the present velocity: others have commanded the vehicle meanwhile."""
         self._begun = False
 
@@ -145,11 +145,11 @@ class VelocityLead:
         if not self._begun:
             (self._north.integrated_mps, self._east.integrated_mps), self._begun = flown_mps, True
         north, east = self._north.command_for(velocity_mps[0]), self._east.command_for(velocity_mps[1])
-        share = min(1.0, self._most_mps / max(math.hypot(north, east), 1e-9))
-        told = share * north, share * east
-        self._north.take(told[0])
-        self._east.take(told[1])
-        return told
+        share = min(1.0, self._max_mps / max(math.hypot(north, east), 1e-9))
+        commanded = share * north, share * east
+        self._north.integrate(commanded[0])
+        self._east.integrate(commanded[1])
+        return commanded
 
 
 def stands(setpoint: Setpoint) -> bool:
@@ -189,7 +189,7 @@ def velocity_setpoint(
     )
 
 
-def says_the_same(message: Message, other: Message, tolerance: float = 1.0) -> bool:
+def is_same(message: Message, other: Message, tolerance: float = 1.0) -> bool:
     """Return whether a velocity setpoint commands the same as another, within this multiple of what is no news."""
     if not isinstance(message, SetPositionTargetLocalNed) or not isinstance(other, SetPositionTargetLocalNed):
         return False
@@ -211,9 +211,9 @@ def ground_motion(yaw_rad: float, north_mps: float, east_mps: float, *, leads: b
 
 def velocity_lead(model: VehicleModel, period_s: float) -> VelocityLead:
     """Return the lead compensation of a multirotor's velocity commands, one every `period_s`."""
-    most_mps = model.speed_max_mps if model.prompt_share < 1.0 else math.inf
+    max_mps = model.speed_max_mps if model.prompt_share < 1.0 else math.inf
     height_s = max(HEIGHT_S, model.tau_ha_s + model.tau_hb_s)
-    return VelocityLead(model.prompt_share, model.rest_s, most_mps, period_s, model.climb_max_mps, height_s)
+    return VelocityLead(model.prompt_share, model.rest_s, max_mps, period_s, model.climb_max_mps, height_s)
 
 
 def speed_lead(model: VehicleModel, period_s: float) -> SpeedLead | None:

@@ -1,4 +1,4 @@
-"""A recording from a telemetry log (.tlog) that anybody's ground station wrote."""
+"""A recording from a telemetry log (.tlog) of any ground station."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class LogRecording:
             with path.open("rb") as file:
                 while chunk := file.read(CHUNK):
                     reader.feed(chunk)
-                    taken.append(reader.take())
+                    taken.append(reader.read_new())
         except OSError as error:
             raise RecordError(f"cannot read {path}: {error.strerror or error}; {ALLOWED}") from error
         reader.finish()
@@ -63,7 +63,7 @@ class LogRecording:
         systems = sorted(system for system, seen in reader.seen.items() if seen.autopilot)
         if not systems:
             raise RecordError(f"found no vehicle's heartbeat in {path}; {ALLOWED}")
-        taken.append(reader.take())
+        taken.append(reader.read_new())
         time_s = np.concatenate([times_s for times_s, _, _ in taken])
         every = 1 + time_s.size // MAX_SAMPLES
         time_s, self._rows = (

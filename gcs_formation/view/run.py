@@ -180,7 +180,7 @@ class RunRecording:
         if data:
             self._begin_log()
             self._frames.feed(data)
-            times_s, systems, rows = self._frames.take()
+            times_s, systems, rows = self._frames.read_new()
             self._seen_s = np.concatenate([self._seen_s, times_s])
             self._seen = np.concatenate([self._seen, of(rows, systems, self._systems)])
             self._index()

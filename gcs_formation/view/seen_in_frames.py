@@ -77,7 +77,7 @@ class _Seen:
     bytes_down: int = 0
     bytes_up: float = 0.0
     rates: list[tuple[float, int, float]] = field(default_factory=list[tuple[float, int, float]])
-    heard_s: float = -math.inf
+    received_s: float = -math.inf
     place_s: float = -math.inf
     mode: str = ""
     armed: bool | None = None
@@ -147,7 +147,7 @@ class FrameReader:
         """Whether it is known when times began."""
         return self._begin_us is not None
 
-    def take(self) -> tuple[Array, list[int], Rows]:
+    def read_new(self) -> tuple[Array, list[int], Rows]:
         """Return the points of the grid since the last call: times, systems, and rows of these."""
         systems = [system for system, seen in self.seen.items() if seen.autopilot]
         times_s, rows = np.array(self.times_s), table(self.snapshots, systems)
@@ -200,9 +200,9 @@ class FrameReader:
     def _count(self, seen: _Seen, component: int, sequence: int, size: int, at_s: float) -> None:
         before = seen.sequences.get(component)
         missing = 0 if before is None else (sequence - before - 1) % 256
-        if missing < MAX_LOST and at_s - seen.heard_s < SILENT_S:
+        if missing < MAX_LOST and at_s - seen.received_s < SILENT_S:
             seen.lost += missing
-        seen.sequences[component], seen.heard_s = sequence, at_s
+        seen.sequences[component], seen.received_s = sequence, at_s
         seen.frames += 1
         seen.bytes_down += size
 

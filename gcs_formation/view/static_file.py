@@ -50,7 +50,7 @@ class WholeFlight:
 
 
 def telling(recording: Recording, rows: int = MAX_ROWS) -> Indices:
-    """Return few ticks that tell most: evenly spaced ones, and those at which anybody's error is largest nearby."""
+    """Return few ticks that tell most: evenly spaced ones, and those at which a vehicle's error is largest nearby."""
     count, vehicles = recording.times.time_s.size, len(recording.vehicles)
     even = chosen(count, vehicles, 0, count, rows // 2)
     if even.size == count:

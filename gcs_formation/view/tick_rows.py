@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, Indices, beside
+from flight_model.arrays import Array, Indices, offset_points
 from formation_scenario.fields import Frame
 from formation_scenario.slot_frame import axis_rad
 from gcs_formation.record.timeseries import ERROR, LAW_ERROR, PHASES, TRUTH, VIRTUAL_LEADER
@@ -55,7 +55,7 @@ def _slots(columns: Mapping[str, Array], frame: Frame) -> tuple[Array, Array, Ar
         leader = [np.take_along_axis(each, leading, axis=1) for each in (north, east, height, heading)]
     forward, right, up = (columns[name] for name in SLOT_FRU)
     axis = axis_rad(frame, leader[3] + 0.0 * heading, heading)
-    slot_north, slot_east = beside(leader[0], leader[1], axis, forward, right)
+    slot_north, slot_east = offset_points(leader[0], leader[1], axis, forward, right)
     return slot_north, slot_east, leader[2] + up
 
 

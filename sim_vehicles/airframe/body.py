@@ -15,11 +15,11 @@ from flight_model import energy
 from flight_model.autopilot_model import AutopilotModel, FlightState, advance, within
 from flight_model.energy import GRAVITY_MPS2, PHYSICAL, AirframeParameters
 from formation_scenario.vehicles import EnergyAirframe
-from sim_vehicles.airframe.motion import LEAST_SPEED_MPS, Motion, Steering, full_throttle_model
+from sim_vehicles.airframe.motion import MIN_SPEED_MPS, Motion, Steering, full_throttle_model
 from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import Pitot, VehicleConfig
 
-LEAST_SHARE = 0.2
+MIN_SHARE = 0.2
 """Lower bound of a drawn parameter, as a share of its mean."""
 BLOCK = 256
 STANDING_MPS: Final = 1e-3
@@ -65,7 +65,7 @@ class EnergyFlight:
         if self._ran:
             energy.level_out(aircraft)
             self._ran = 0
-        bank_rad = math.atan(turn_rate_max_rps * max(state.airspeed_mps, energy.LEAST_MPS) / GRAVITY_MPS2)
+        bank_rad = math.atan(turn_rate_max_rps * max(state.airspeed_mps, energy.MIN_MPS) / GRAVITY_MPS2)
         self._commanded.append(energy.Commanded(speed_mps, accel_max_mps2, heading_rad, bank_rad, height_m))
         commanded = self._commanded[0]
         if self._cycle % energy.CYCLES == 0:
@@ -140,7 +140,7 @@ def energy_flight(config: VehicleConfig, state: FlightState, seed: int) -> Energ
     random = random_stream(seed, "airframe", *config.identity)
     usual, own = keys.parameters(), dict[str, float]()
     for name in PHYSICAL:
-        own[name] = getattr(usual, name) * max(1.0 + keys.spread * float(random.standard_normal()), LEAST_SHARE)
+        own[name] = getattr(usual, name) * max(1.0 + keys.spread * float(random.standard_normal()), MIN_SHARE)
     return EnergyFlight(keys, replace(usual, **own), state, random)
 
 
@@ -256,7 +256,7 @@ class Body:
         self._take_setpoints()
         before_rad = state.heading_rad
         speed_mps, heading_rad, height_m, accel_mps2, lateral_mps2 = self._acting()
-        turn_rate_max_rps = lateral_mps2 / max(state.airspeed_mps, LEAST_SPEED_MPS)
+        turn_rate_max_rps = lateral_mps2 / max(state.airspeed_mps, MIN_SPEED_MPS)
         if self._energy is not None and steering.takes_off:
             self._energy.take_off(state, speed_mps, heading_rad, height_m, airborne=steering.airborne)
         elif self._energy is not None and steering.airborne:

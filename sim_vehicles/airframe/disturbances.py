@@ -33,7 +33,7 @@ from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig
 from sim_vehicles.outside import Failures
 
-LEAST_AIRSPEED_MPS = 1.0
+MIN_AIRSPEED_MPS = 1.0
 """Lower bound of airspeed in gust filters: for a vehicle at rest a gust would never end."""
 DRAWS_EACH = 5
 BLOCK = 256
@@ -67,7 +67,7 @@ class Environment:
         self._acting: list[tuple[Acting, float]] = []
         """The disturbances active at present, with their shares."""
 
-    def hear_mission_time(self, mission_time_s: float, now: Instant) -> None:
+    def receive_mission_time(self, mission_time_s: float, now: Instant) -> None:
         """Take a mission time from a ground station; only the first non-negative one is used."""
         if self.mission_zero is None and mission_time_s >= 0:
             self.mission_zero = after(now, -mission_time_s)
@@ -211,14 +211,14 @@ class DrydenGusts:
         airspeed_mps, height_m = np.array([(each.airspeed_mps, each.height_m) for each in states]).T
         gusts_mps = self.advance(airspeed_mps, height_m, LOOP_S).T.tolist()
         for body, state, (forward, right, down) in zip(self._hit, states, gusts_mps, strict=True):
-            axis_rad = self._along_wind_rad if body.model.may_stand else state.heading_rad
+            axis_rad = self._along_wind_rad if body.model.may_hover else state.heading_rad
             cos, sin = math.cos(axis_rad), math.sin(axis_rad)
             _add(body, forward * cos - right * sin, forward * sin + right * cos, down)
 
     def advance(self, airspeed_mps: Array, height_m: Array, dt_s: float) -> Array:
         """Advance by `dt_s` and return the gusts (3, N) forward, right and down, m/s."""
         sigma_mps, length_m = self.keys.scales(height_m)
-        duration = dt_s * np.maximum(airspeed_mps, LEAST_AIRSPEED_MPS) / length_m
+        duration = dt_s * np.maximum(airspeed_mps, MIN_AIRSPEED_MPS) / length_m
         noise = self._draw()
         kept = np.exp(-duration[0])
         self._along = kept * self._along + np.sqrt(-np.expm1(-2 * duration[0])) * noise[0]

@@ -25,14 +25,14 @@ JERKS_MPS3: Final = {"ardupilot": 5.0, "px4": 15.0}
 CLIMB_DEAD_CYCLES: Final = 7
 CLIMB_ACCEL_MPS2: Final = 1.2
 """WPNAV_ACCEL_Z, nominally 1.0, as observed."""
-CLIMB_LAG_S: Final = 0.15
+CLIMB_TAU_S: Final = 0.15
 """Lag of the vertical speed behind a reference with that acceleration."""
 YAW_DEAD_CYCLES: Final = 10
-YAW_LAG_S: Final = 0.12
-"""Each of two lags of the yaw behind a reference that turns at `YAW_RATE_RPS`."""
+YAW_TAU_S: Final = 0.12
+"""Each of two time constants of the yaw behind a reference that turns at `YAW_RATE_RPS`."""
 YAW_RATE_RPS: Final = 1.1
 """ATC_SLEW_YAW, nominally 60 degrees/s, as observed."""
-LEAST_LAG_S: Final = 0.05
+MIN_TAU_S: Final = 0.05
 Velocity = tuple[float, float, float]
 """Ground velocity: north, east, down, m/s."""
 AT_REST: Velocity = (0.0, 0.0, 0.0)
@@ -45,10 +45,10 @@ class HoveringBody(Body):
         """Start as configured."""
         super().__init__(config, wind_mps, seed)
         model, start = config.model, config.start
-        self._lag_s: float = max(model.tau_v_s - DEAD_CYCLES[model.firmware] * LOOP_S, LEAST_LAG_S)
+        self._tau_s: float = max(model.tau_v_s - DEAD_CYCLES[model.firmware] * LOOP_S, MIN_TAU_S)
         both_s2, sum_s = model.tau_ha_s * model.tau_hb_s, model.tau_ha_s + model.tau_hb_s
-        reaction_s = CLIMB_DEAD_CYCLES * LOOP_S + CLIMB_LAG_S
-        self._climb_lag_s: float = max(both_s2 / sum_s - reaction_s, LEAST_LAG_S)
+        reaction_s = CLIMB_DEAD_CYCLES * LOOP_S + CLIMB_TAU_S
+        self._climb_tau_s: float = max(both_s2 / sum_s - reaction_s, MIN_TAU_S)
         north_mps, east_mps = (start.airspeed_mps * f(start.heading_rad) for f in (math.cos, math.sin))
         self.velocity_mps: Velocity = (north_mps, east_mps, 0.0)
         self.yaw_rad: float = start.heading_rad
@@ -118,14 +118,14 @@ class HoveringBody(Body):
         before, air = self.velocity_mps, (self.air_north_mps, self.air_east_mps, self.air_down_mps)
         north_mps, east_mps = self._velocity_reference(commanded)
         wanted = _limited(
-            (north_mps - before[0]) / self._lag_s, (east_mps - before[1]) / self._lag_s, self.model.accel_max_mps2
+            (north_mps - before[0]) / self._tau_s, (east_mps - before[1]) / self._tau_s, self.model.accel_max_mps2
         )
         change = _limited(wanted[0] - self._accel[0], wanted[1] - self._accel[1], self._jerk_mps3 * LOOP_S)
         self._accel = self._accel[0] + change[0], self._accel[1] + change[1]
-        sink = within((sink_mps - self._sink_aimed_mps) / self._climb_lag_s, -CLIMB_ACCEL_MPS2, CLIMB_ACCEL_MPS2)
+        sink = within((sink_mps - self._sink_aimed_mps) / self._climb_tau_s, -CLIMB_ACCEL_MPS2, CLIMB_ACCEL_MPS2)
         self._sink_aimed_mps += sink * LOOP_S
         each = zip(
-            before, (*self._accel, (self._sink_aimed_mps - before[2]) / CLIMB_LAG_S), air, self._air_mps, strict=True
+            before, (*self._accel, (self._sink_aimed_mps - before[2]) / CLIMB_TAU_S), air, self._air_mps, strict=True
         )
         north, east, down = (v + LOOP_S * a + now - then for v, a, now, then in each)
         self.velocity_mps, self._air_mps = (north, east, down), air
@@ -139,14 +139,14 @@ class HoveringBody(Body):
     def _turn_nose(self, commanded_rad: float) -> None:
         """Turn the yaw behind a reference that approaches the setpoint at a constant rate."""
         if not math.isnan(commanded_rad):
-            most_rad = YAW_RATE_RPS * LOOP_S
-            self._nose_aimed_rad += within(wrap(commanded_rad - self._nose_aimed_rad), -most_rad, most_rad)
-        share = LOOP_S / YAW_LAG_S
+            max_rad = YAW_RATE_RPS * LOOP_S
+            self._nose_aimed_rad += within(wrap(commanded_rad - self._nose_aimed_rad), -max_rad, max_rad)
+        share = LOOP_S / YAW_TAU_S
         self._nose_between_rad += share * (self._nose_aimed_rad - self._nose_between_rad)
         self.yaw_rad += share * (self._nose_between_rad - self.yaw_rad)
 
 
-def _limited(north: float, east: float, most: float) -> tuple[float, float]:
-    """Return a vector, shortened to length `most` if it is longer."""
-    share = min(1.0, most / max(math.hypot(north, east), 1e-9))
+def _limited(north: float, east: float, maximum: float) -> tuple[float, float]:
+    """Return a vector, shortened to length `maximum` if it is longer."""
+    share = min(1.0, maximum / max(math.hypot(north, east), 1e-9))
     return share * north, share * east

@@ -21,7 +21,7 @@ CAPTURE: Final = 2.0
 """Gain of the approach to a circle: radians off the tangent per radius of distance from it."""
 ON_CIRCLE_RAD: Final = 1.0
 """Angle off the tangent below which the heading setpoint leads by the heading's lag in the turn."""
-LEAST_SPEED_MPS: Final = 1.0
+MIN_SPEED_MPS: Final = 1.0
 """Lower bound of airspeed in divisions, for vehicles at rest."""
 LIFT_OFF_SHARE: Final = 0.7
 """Lift-off airspeed as a share of the lowest airspeed."""
@@ -38,7 +38,7 @@ LOOK_AHEAD_M: Final = 60.0
 BELOW_GROUND_M: Final = 3.0
 """Depth below the ground to which the glide slope is continued, because the height lags."""
 Vector = tuple[float, float, float]
-PX4S_ACCEL_MPS2, PX4S_LAG_S, PX4S_CLIMB_MPS = 8.0, 0.5, 4.9
+PX4S_ACCEL_MPS2, PX4S_TAU_S, PX4S_CLIMB_MPS = 8.0, 0.5, 4.9
 
 
 class InnovationRatios(NamedTuple):
@@ -220,19 +220,19 @@ class Approach(NamedTuple):
         course_rad = math.atan2(motion.velocity_east_mps, motion.velocity_north_mps)
         off_rad = math.remainder(course_rad - self.direction_rad, math.tau)
         low = abs(motion.height_m - self.height_m) < AT_HEIGHT_M
-        return low and abs(off_rad) < LINED_UP_RAD and abs(self._aside_m(motion)) < LOOK_AHEAD_M
+        return low and abs(off_rad) < LINED_UP_RAD and abs(self._drift_m(motion)) < LOOK_AHEAD_M
 
     def guide(self, motion: Motion) -> tuple[float, float]:
         """Return the course back to the approach line, rad, and the height of the glide slope, m."""
         share = (self._to_go_m(motion) - self.lead_m) / self.length_m
-        course_rad = self.direction_rad - math.atan(self._aside_m(motion) / LOOK_AHEAD_M)
+        course_rad = self.direction_rad - math.atan(self._drift_m(motion) / LOOK_AHEAD_M)
         return course_rad, max(share * self.height_m, -BELOW_GROUND_M)
 
     def _to_go_m(self, motion: Motion) -> float:
         north_m, east_m = self.north_m - motion.north_m, self.east_m - motion.east_m
         return north_m * math.cos(self.direction_rad) + east_m * math.sin(self.direction_rad)
 
-    def _aside_m(self, motion: Motion) -> float:
+    def _drift_m(self, motion: Motion) -> float:
         """Return the vehicle's distance to the right of the line."""
         north_m, east_m = motion.north_m - self.north_m, motion.east_m - self.east_m
         return east_m * math.cos(self.direction_rad) - north_m * math.sin(self.direction_rad)
@@ -252,6 +252,6 @@ def full_throttle_model(model: VehicleModel) -> AutopilotModel | None:
     if model.firmware != "px4" or model.airframe is not None:
         return None
     climbs = model.autopilot()
-    climbs.tau_v_s, climbs.accel_max_mps2, climbs.climb_max_mps = PX4S_LAG_S, PX4S_ACCEL_MPS2, PX4S_CLIMB_MPS
+    climbs.tau_v_s, climbs.accel_max_mps2, climbs.climb_max_mps = PX4S_TAU_S, PX4S_ACCEL_MPS2, PX4S_CLIMB_MPS
     climbs.speed_max_mps *= PX4S_CLIMB_SHARE
     return climbs

@@ -1,4 +1,4 @@
-"""An emulated autopilot without its main loop: its parts, what it is asked and told, and the hooks of its family.
+"""An emulated autopilot without its main loop: its parts, what it is asked and commanded, and the hooks of its family.
 
 What handles messages and commands, and what builds telemetry, knows a vehicle as an `Autopilot`. Above them,
 `vehicle.Vehicle` adds the main loop that calls them; each family of autopilots is a subclass of it.
@@ -91,7 +91,7 @@ class Autopilot(ABC):
     stores_missions: ClassVar[bool] = True
     """Whether missions can be written to it."""
     locks: ClassVar[bool] = False
-    """Whether its link hears the first sender alone, until it restarts."""
+    """Whether its link receives the first sender alone, until it restarts."""
     boot_mode: ClassVar[FlightMode]
     """Its pilot's mode at boot."""
     ground_mode: ClassVar[FlightMode]
@@ -117,7 +117,7 @@ class Autopilot(ABC):
     report_at: Instant
     """When it says next why it can't be armed."""
     reboots: bool
-    """Whether it was told to restart."""
+    """Whether it was commanded to restart."""
     ignores: bool
     """Whether a fault has it acknowledge orders and do nothing."""
 
@@ -351,9 +351,9 @@ class Autopilot(ABC):
         return
 
     def ask_circle(self, radius_m: float, side: float) -> None:  # noqa: ARG002 - what stands flies none
-        """Take the radius, m, and the side of the circles that it is told next."""
+        """Take the radius, m, and the side of the circles that it is commanded next."""
         return
 
     def climb_to(self, height_m: float) -> None:  # noqa: ARG002 - what stands keeps its own
-        """Take a height above the origin that was told without a place."""
+        """Take a height above the origin that was commanded without a place."""
         return

@@ -218,12 +218,12 @@ def velocity_of(vehicle: Autopilot, setpoint: Setpoint) -> Vector | None:
 
 def yaw_rate_of(setpoint: Setpoint) -> float:
     """Return the yaw rate, rad/s, clockwise; 0 if there is none, or a yaw instead."""
-    told = (
+    given = (
         setpoint.type_mask & YAW_IGNORED
         and not setpoint.type_mask & YAW_RATE_IGNORED
         and math.isfinite(setpoint.yaw_rate_radps)
     )
-    return setpoint.yaw_rate_radps if told else 0.0
+    return setpoint.yaw_rate_radps if given else 0.0
 
 
 def _turned(vehicle: Autopilot, setpoint: Setpoint, ahead: float, right: float) -> tuple[float, float]:

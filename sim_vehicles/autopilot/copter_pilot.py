@@ -64,7 +64,7 @@ class CopterPilot(Pilot):
         self._seen_m: tuple[float, float] | None = None
         """Position that the nose points at, north and east."""
         self.paused = False
-        self.told_cmps: dict[str, float] = {}
+        self.commanded_cmps: dict[str, float] = {}
         """Commanded speeds that replace parameters, by the parameters' names."""
         super().__init__(config, steering, parameters, CopterMode.STABILIZE)
 
@@ -96,7 +96,7 @@ class CopterPilot(Pilot):
         self.takeoff_m, self._home_over = None, False
         self._waits_s = self._parameters["RTL_LOIT_TIME"] / 1000.0 if mode is CopterMode.RTL else 0.0
         self._seen_m, self.paused = None, False
-        self.told_cmps.clear()
+        self.commanded_cmps.clear()
         self.stop()
 
     def fly_straight(self, motion: Motion) -> None:  # noqa: ARG002 - likewise
@@ -126,8 +126,8 @@ class CopterPilot(Pilot):
         """Fly a velocity, north, east and down, until GUID_TIMEOUT; `yaw_rad` None: keep the yaw."""
         self.place_m = self._circle = None
         north, east, down = velocity_mps
-        most_mps, speed = CM * self._parameters["WPNAV_SPEED"], math.hypot(north, east)
-        share = min(1.0, most_mps / speed) if speed > 0.0 else 0.0
+        max_mps, speed = CM * self._parameters["WPNAV_SPEED"], math.hypot(north, east)
+        share = min(1.0, max_mps / speed) if speed > 0.0 else 0.0
         self._point(AS_IT_IS if yaw_rad is None else yaw_rad)
         self._fly(share * north, share * east, down)
         self.silent_at = after(now, self._parameters["GUID_TIMEOUT"])
@@ -176,8 +176,8 @@ class CopterPilot(Pilot):
         if self._seen_m is not None:
             self._nose_rad = math.atan2(self._seen_m[1] - motion.east_m, self._seen_m[0] - motion.north_m)
         elif self._turn_rad != 0.0:
-            most_rad = self._turn_rps * LOOP_S
-            step_rad = within(self._turn_rad, -most_rad, most_rad)
+            max_rad = self._turn_rps * LOOP_S
+            step_rad = within(self._turn_rad, -max_rad, max_rad)
             self._nose_rad += step_rad
             self._turn_rad -= step_rad
         self._steering.yaw_rad = self._nose_rad
@@ -200,15 +200,15 @@ class CopterPilot(Pilot):
             self.takeoff_m = None
             self.stop()
         else:
-            self._fly(0.0, 0.0, -min(CLIMB_PER_S * left_m + TAKEOFF_DONE_M, self._climb_most_mps(motion)))
+            self._fly(0.0, 0.0, -min(CLIMB_PER_S * left_m + TAKEOFF_DONE_M, self._climb_max_mps(motion)))
 
-    def _climb_most_mps(self, motion: Motion) -> float:  # noqa: ARG002 - the same at every height
+    def _climb_max_mps(self, motion: Motion) -> float:  # noqa: ARG002 - the same at every height
         """Return the highest climb rate in a take-off."""
         return CM * self._parameters["WPNAV_SPEED_UP"]
 
     def _cruise_mps(self) -> float:
         """Return the highest speed on the way to a position."""
-        return self._most_mps("WPNAV_SPEED")
+        return self._max_mps("WPNAV_SPEED")
 
     def _go_home(self, motion: Motion) -> None:
         """Climb to RTL_ALT, unless it is already higher or in SMART_RTL, fly straight home, and wait there."""
@@ -247,11 +247,11 @@ class CopterPilot(Pilot):
 
     def _sink_to(self, below_m: float) -> float:
         """Return the descent rate, m/s, towards a height `below_m` above it."""
-        return -within(CLIMB_PER_S * below_m, -self._most_mps("WPNAV_SPEED_DN"), self._most_mps("WPNAV_SPEED_UP"))
+        return -within(CLIMB_PER_S * below_m, -self._max_mps("WPNAV_SPEED_DN"), self._max_mps("WPNAV_SPEED_UP"))
 
-    def _most_mps(self, name: str) -> float:
+    def _max_mps(self, name: str) -> float:
         """Return the commanded speed that replaces a parameter, otherwise the parameter."""
-        return CM * self.told_cmps.get(name, self._parameters[name])
+        return CM * self.commanded_cmps.get(name, self._parameters[name])
 
     def _point(self, nose_rad: float) -> None:
         """Set the yaw, and stop turning."""

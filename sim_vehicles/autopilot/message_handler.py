@@ -37,7 +37,7 @@ class MessageHandler:
         """Handle the messages of `vehicle`."""
         self._vehicle = vehicle
 
-    def take(self, sender: Address, frame: Frame) -> None:
+    def handle(self, sender: Address, frame: Frame) -> None:
         """Handle one frame. The frequent kinds of messages come first; the others are in `_take_seldom`."""
         vehicle, message = self._vehicle, frame.message
         vehicle.sender = sender
@@ -69,14 +69,14 @@ class MessageHandler:
             case LogRequestList():
                 vehicle.answer(LogEntry(0, 0, 0, 0, 0))
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
-                vehicle.environment.hear_mission_time(value, vehicle.now)
+                vehicle.environment.receive_mission_time(value, vehicle.now)
             case MissionItem() | MissionItemInt() if message.current in commands.AT_ONCE:
                 result = m.MAV_MISSION_ACCEPTED if vehicle.ignores else self._fly_to(message)
                 vehicle.answer(MissionAck(frame.system, frame.component, result))
             case Message():
                 sender = Sender(vehicle.sender, frame.system, frame.component)
                 answers = vehicle.parameters.answers(message, sender)
-                for answer in answers or vehicle.missions.take(message, sender, vehicle.now):
+                for answer in answers or vehicle.missions.handle(message, sender, vehicle.now):
                     vehicle.answer(answer)
             case _:
                 pass
@@ -91,7 +91,7 @@ class MessageHandler:
             return (commands.ACCEPTED,)
         return (handler(vehicle, commands.received(message)),)
 
-    def _take_mode(self, message: SetMode, frame: Frame) -> bool:  # noqa: ARG002 - nobody is answered
+    def _take_mode(self, message: SetMode, frame: Frame) -> bool:  # noqa: ARG002 - no one is answered
         """Change to a mode by SET_MODE; return whether that was allowed."""
         custom = bool(message.base_mode & m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
         return custom and (self._vehicle.ignores or self._vehicle.switch(message.custom_mode))

@@ -19,7 +19,7 @@ from sim_vehicles.autopilot.missions import Missions
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import PlanePilot, Target
 
-MOST_STEPS = 100
+MAX_STEPS = 100
 """Most items completed in one cycle of the main loop; a mission that exceeds it only jumps, and counts as ended."""
 ON_CIRCLE = 1.2
 """Turns and time of a circle count from within this many radii of its centre."""
@@ -83,7 +83,7 @@ class MissionFlight:
         At the mission's end its state is complete; at an item that returns to launch it waits there, as if left.
         """
         missions, done = self._missions, list[int]()
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             leg = self._leg
             if leg is None or leg.seq != missions.current or not missions.flyable:
                 if missions.current >= len(missions.items):

@@ -34,7 +34,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario.start_states_and_end_times import StartState
 from sim_vehicles.autopilot.mission_items import E7, Item, from_message, in_degrees, to_message
 
-MOST_ITEMS = 655
+MAX_ITEMS = 655
 ASK_AGAIN_S, GIVE_UP_S = 1.0, 8.0
 """Time until a missing item is requested again, and until the upload is abandoned."""
 ACCEPTED = m.MAV_MISSION_ACCEPTED
@@ -115,7 +115,7 @@ class Missions:
         begins = (seq for seq, item in enumerate(self.items) if item.command == m.MAV_CMD_DO_LAND_START)
         return self.choose(next(begins, -1))
 
-    def take(self, message: Message, sender: Sender, now: Instant) -> list[Message]:
+    def handle(self, message: Message, sender: Sender, now: Instant) -> list[Message]:
         """Return the answers to a message."""
         kind = getattr(message, "mission_type", PLAN)
         if kind != PLAN or not self._stored:
@@ -175,7 +175,7 @@ class Missions:
                 return [_ack(sender, m.MAV_MISSION_ERROR)]
             return [self._ask(Upload(sender, first, last, now, now), now, fresh=True)]
         count = message.count if isinstance(message, MissionCount) else 0
-        if count > MOST_ITEMS:
+        if count > MAX_ITEMS:
             return [_ack(sender, m.MAV_MISSION_NO_SPACE)]
         del self.items[count:]
         if isinstance(message, MissionClearAll):

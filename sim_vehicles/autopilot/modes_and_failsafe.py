@@ -131,7 +131,7 @@ SELECTABLE = frozenset(Mode) - {Mode.INITIALISING}
 """Modes that can be selected, in any condition but booting."""
 
 STRAIGHT_ON = frozenset({Mode.MANUAL, Mode.STABILIZE, Mode.FBWA, Mode.FBWB, Mode.CRUISE})
-"""Modes flown by sticks; as nobody moves these, the vehicle flies straight and level."""
+"""Modes flown by sticks; as no one moves these, the vehicle flies straight and level."""
 
 
 def select(condition: Condition, mode: float, selectable: frozenset[int] = SELECTABLE) -> int | None:

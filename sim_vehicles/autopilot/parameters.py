@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 UNINDEXED = 65535
 """Index in the answer to a request by name."""
 LOITER_RADIUS_M = 60.0
-MOST_VALUE = 3.4e38
+MAX_VALUE = 3.4e38
 MAX_LISTS = 16
 """Lists sent at the same time; a further request gets no answer, as from a busy autopilot."""
 SYSTEM_NAMES = ("MAV_SYSID", "SYSID_THISMAV")
@@ -35,8 +35,8 @@ FIXED = frozenset(SYSTEM_NAMES)
 PARAMETERS_FILE = "@PARAM/param.pck"
 NO_SESSION, END_OF_FILE, UNKNOWN_COMMAND, NOT_FOUND = 4, 6, 7, 10
 """Reasons of a NAK."""
-MOST_SESSIONS = 16
-MOST_DATA = 239
+MAX_SESSIONS = 16
+MAX_DATA = 239
 _HEADER = struct.Struct("<HBBBBBBI")
 _PACK_HEADER = struct.Struct("<HHH")
 PACK_MAGIC = 0x671B
@@ -58,14 +58,14 @@ class ParameterKind(NamedTuple):
     """
 
     type: int
-    least: float
-    most: float
+    minimum: float
+    maximum: float
     initial: float
 
 
-def floating(least: float, most: float, initial: float) -> ParameterKind:
+def floating(minimum: float, maximum: float, initial: float) -> ParameterKind:
     """Return a parameter of type float."""
-    return ParameterKind(m.MAV_PARAM_TYPE_REAL32, least, most, initial)
+    return ParameterKind(m.MAV_PARAM_TYPE_REAL32, minimum, maximum, initial)
 
 
 def fence_parameters(kinds: int) -> dict[str, ParameterKind]:
@@ -94,11 +94,11 @@ def as_in_file(
             continue
         if kind is None:
             type_ = given.type if given.type in PACKED else m.MAV_PARAM_TYPE_REAL32
-            found[name] = ParameterKind(int(type_ or m.MAV_PARAM_TYPE_REAL32), -MOST_VALUE, MOST_VALUE, given.value)
+            found[name] = ParameterKind(int(type_ or m.MAV_PARAM_TYPE_REAL32), -MAX_VALUE, MAX_VALUE, given.value)
         else:
             whole = given.value == int(given.value)
             found[name] = ParameterKind(
-                kind.type if whole else m.MAV_PARAM_TYPE_REAL32, kind.least, kind.most, given.value
+                kind.type if whole else m.MAV_PARAM_TYPE_REAL32, kind.minimum, kind.maximum, given.value
             )
     return found
 
@@ -113,7 +113,7 @@ def _stored(kind: int, value: float) -> float:
 
 def _within(kind: ParameterKind, value: float) -> float:
     """Return the value in use: limited to the range of a kind."""
-    return min(max(value, kind.least), kind.most)
+    return min(max(value, kind.minimum), kind.maximum)
 
 
 class ParameterServer:
@@ -287,7 +287,7 @@ class Files:
         if name != PARAMETERS_FILE:
             return _nak(asked, NOT_FOUND)
         content = packed(self._parameters())
-        if len(self._open) >= MOST_SESSIONS:
+        if len(self._open) >= MAX_SESSIONS:
             del self._open[next(iter(self._open))]
         self._open[asked.session] = content
         return self._ack(asked, struct.pack("<I", len(content)))
@@ -298,7 +298,7 @@ class Files:
         if content is None:
             yield _nak(asked, NO_SESSION)
             return
-        step = min(asked.size, MOST_DATA) or MOST_DATA
+        step = min(asked.size, MAX_DATA) or MAX_DATA
         until = len(content) if asked.opcode == Op.BURST else asked.offset + 1
         parts = range(asked.offset, min(until, len(content)), step)
         for number, offset in enumerate(parts):

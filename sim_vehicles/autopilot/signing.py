@@ -1,4 +1,4 @@
-"""SETUP_SIGNING, as ArduPilot takes it: from anybody whose frames are taken at all, but only while it is disarmed."""
+"""SETUP_SIGNING, as ArduPilot takes it: from any sender whose frames are taken, but only while it is disarmed."""
 
 from __future__ import annotations
 

@@ -173,11 +173,11 @@ def global_position_int(v: Autopilot) -> Message:
 def nav_controller_output(v: Autopilot) -> Message:
     """Return NAV_CONTROLLER_OUTPUT: the target's bearing and distance; errors of height, airspeed and track."""
     motion = v.sensed
-    bearing, distance, aside = v.pilot.to_go(motion)
+    bearing, distance, cross_track = v.pilot.to_go(motion)
     bearing = signed(bearing)
     high = motion.height_setpoint_m - motion.height_m
     fast = _read(v, motion.airspeed_setpoint_mps - motion.airspeed_mps)
-    return NavControllerOutput(_bank(motion), 0.0, bearing, bearing, distance, high, fast, aside)
+    return NavControllerOutput(_bank(motion), 0.0, bearing, bearing, distance, high, fast, cross_track)
 
 
 def _read(v: Autopilot, true_mps: float) -> float:

@@ -44,7 +44,7 @@ from sim_vehicles.truth import TruthWriter
 from sim_vehicles.vehicle import Vehicle
 
 APART_M = 20.0
-MOST_BYTES = 65536
+MAX_BYTES = 65536
 PREPARED = {
     "FS_GCS_ENABL": 1.0,
     "FS_LONG_ACTN": 1.0,
@@ -187,15 +187,15 @@ class ExtensionWatch:
 
     def __init__(self, fleet: Fleet, *, to_parent: bool) -> None:
         """Report it to the parent process, which ends the flight in order; without one the vehicles end."""
-        self._fleet, self._to_parent, self._told = fleet, to_parent, False
+        self._fleet, self._to_parent, self._reported = fleet, to_parent, False
 
     def over(self) -> bool:
         """Return whether the vehicles end for it."""
         failure = self._fleet.failure
         if failure is None:
             return False
-        if self._to_parent and not self._told:
-            self._told = True
+        if self._to_parent and not self._reported:
+            self._reported = True
             _greet(failure)
         return not self._to_parent
 
@@ -213,7 +213,7 @@ class ParentsOrders:
         """Take what has arrived."""
         while self._open:
             try:
-                read = os.read(sys.stdin.fileno(), MOST_BYTES)
+                read = os.read(sys.stdin.fileno(), MAX_BYTES)
             except BlockingIOError:
                 break
             self._open, self._read = bool(read), self._read + read

@@ -75,7 +75,7 @@ def test_late_messages_come_later_and_the_others_of_their_datagram_at_once():
     assert [type(each.message) for each in frames([late[2]])] == [GlobalPositionInt]
     assert relay.elapsed_s == 0.0
     relay.accept((0, Direction.DOWNLINK, writer.encode(position())), at(3.0))
-    relay.forget(0)
+    relay.disconnect(0)
     assert relay.next_timer() is None
 
 

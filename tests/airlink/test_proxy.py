@@ -191,7 +191,7 @@ def test_a_line_changes_what_it_names(line, uplink, downlink):
 )
 def test_a_bad_line_changes_nothing_and_is_answered_with_what_is_allowed(line, answer, capsys):
     relay = Relay(1)
-    Console(relay).take(line.encode() + b"\n")
+    Console(relay).feed(line.encode() + b"\n")
     assert capsys.readouterr().out.startswith(f"error: {answer}")
     assert relay.impairments == dict.fromkeys(Direction, UNIMPAIRED)
     with pytest.raises(ImpairmentError):
@@ -210,9 +210,9 @@ def test_the_longest_datagram_arrives_at_any_rate(rate):
 def test_every_line_is_answered_with_what_is_set(capsys):
     relay = Relay(1)
     console = Console(relay)
-    console.take(b"delay-ms 300\n\nuplink lo")
-    console.take(b"ss 0.25")
-    console.take(b"")
+    console.feed(b"delay-ms 300\n\nuplink lo")
+    console.feed(b"ss 0.25")
+    console.feed(b"")
     uplink, downlink = capsys.readouterr().out.splitlines()[-2:]
     assert uplink.startswith("uplink: delay-ms 300, jitter-ms 0, distribution normal, loss 0.25,")
     assert downlink.startswith("downlink: delay-ms 300, jitter-ms 0, distribution normal, loss 0,")

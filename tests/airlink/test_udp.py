@@ -101,10 +101,10 @@ def test_all_that_waits_is_taken_in_its_order_from_any_sender(port, platform, mo
             sender.sendto(data, ("127.0.0.1", port))
         inbox = Inbox()
         addresses = [Address("127.0.0.1", each.getsockname()[1]) for each in senders]
-        assert inbox.take(here, 3) == [Datagram(3, *each) for each in zip(addresses, sent, strict=True)]
-        assert inbox.take(here) == []
+        assert inbox.drain(here, 3) == [Datagram(3, *each) for each in zip(addresses, sent, strict=True)]
+        assert inbox.drain(here) == []
         first.sendto(b"again", ("127.0.0.1", port))
-        assert inbox.take(here) == [Datagram(0, addresses[0], b"again")]
+        assert inbox.drain(here) == [Datagram(0, addresses[0], b"again")]
 
 
 class ManualClock(RealClock):

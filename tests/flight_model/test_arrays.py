@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flight_model.arrays import BLOCK_BYTES, beside, columns_of
+from flight_model.arrays import BLOCK_BYTES, columns_of, offset_points
 
 
 @pytest.mark.parametrize("width", [1, 12, 45, BLOCK_BYTES])
@@ -28,6 +28,6 @@ def test_no_rows_are_columns_without_numbers():
 
 
 def test_right_of_who_heads_east_is_south():
-    north_m, east_m = beside(100.0, 200.0, np.array([0.0, np.pi / 2]), 10.0, 5.0)
+    north_m, east_m = offset_points(100.0, 200.0, np.array([0.0, np.pi / 2]), 10.0, 5.0)
     assert north_m == pytest.approx([110.0, 95.0])
     assert east_m == pytest.approx([205.0, 210.0])

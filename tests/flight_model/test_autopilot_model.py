@@ -43,7 +43,7 @@ def fly(begin, commanded, seconds, steps=1, of=None):
 
 @pytest.mark.parametrize("lag", ["tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s"])
 @pytest.mark.parametrize("moves", [advance, respond])
-def test_what_a_model_keeps_of_its_lags_ends_when_one_changes(lag, moves):
+def test_what_a_model_keeps_of_its_time_constants_ends_when_one_changes(lag, moves):
     kept = model()
     commands = {"speed_mps": 23.0, "heading_rad": 0.2, "height_m": 101.0, "time_s": 0.1}
     moves(state(), kept, **commands)

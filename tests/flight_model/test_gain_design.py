@@ -12,9 +12,9 @@ from flight_model.frequency_response import (
     FREQUENCIES,
     airframe_responses,
     delay_response,
-    lag_responses,
     linearised,
     stable_delay_s,
+    tau_responses,
 )
 from flight_model.gain_design import (
     BANDWIDTHS,
@@ -80,7 +80,7 @@ def test_faster_swings_of_speed_than_half_a_radian_a_second_cost_height():
 
 def test_figures_of_a_first_order_loop_are_the_closed_forms():
     """kp/s has its crossover at kp, and a phase margin of 90 degrees minus the delay's."""
-    plants = [lag_responses(1e-4, 1e-4, (1e-4, 1e-4))]
+    plants = [tau_responses(1e-4, 1e-4, (1e-4, 1e-4))]
     gains = {"speed": (0.5, 0.0, 0.0), "heading": (0.5, 0.0, 0.0), "height": (0.0, 0.5, 0.0)}
     found = judged_channels(gains, plants, 20.0, {"k_x": 1.0, "k_psi": 0.0, "k_y": 0.05, "k_z": 1.0}, NOISY)
     for name in ("speed", "heading", "height"):
@@ -92,7 +92,7 @@ def test_figures_of_a_first_order_loop_are_the_closed_forms():
 def test_noise_moves_setpoints_as_it_moves_the_laws_controllers():
     """White noise of 0.02 m in position and 0.03 m/s in velocity, each of the difference of two vehicles."""
     plants, weights, gains = (
-        [lag_responses(4.0, 1.5, (1.0, 3.0))],
+        [tau_responses(4.0, 1.5, (1.0, 3.0))],
         {"k_x": 1.0, "k_psi": 0.0, "k_y": 0.05, "k_z": 1.0},
         (0.6, 0.05, 1.2),
     )
@@ -109,7 +109,7 @@ def test_noise_moves_setpoints_as_it_moves_the_laws_controllers():
 
 
 def test_a_loop_beyond_its_delay_margin_is_unstable():
-    plants = [lag_responses(1e-4, 1e-4, (1e-4, 1e-4))]
+    plants = [tau_responses(1e-4, 1e-4, (1e-4, 1e-4))]
     gains = dict.fromkeys(("speed", "heading"), (0.5, 0.0, 0.0)) | {"height": (0.0, 0.5, 0.0)}
     for delay_s, stable in ((3.0, True), (3.3, False)):
         late = DelayAndNoise(0.1, delay_s, 0.0, 0.0, 0.0)
@@ -118,7 +118,7 @@ def test_a_loop_beyond_its_delay_margin_is_unstable():
 
 
 @pytest.mark.parametrize(
-    "response", [airframe_responses(FREQUENCIES, AIRCRAFT, 22.0), lag_responses(4.0, 1.5, (1.0, 3.0))]
+    "response", [airframe_responses(FREQUENCIES, AIRCRAFT, 22.0), tau_responses(4.0, 1.5, (1.0, 3.0))]
 )
 @pytest.mark.parametrize("delay_s", [0.1, 0.7])
 def test_a_design_holds_its_bounds(response, delay_s):
@@ -199,7 +199,7 @@ def axes(responses):
 
 
 AXES = axes(airframe_responses(FREQUENCIES, EnergyAirframe().parameters(), SPEED_MPS))
-LAGS = axes(lag_responses(TAU_V_S, TAU_PSI_S, (1.0, 3.0)))
+TAUS = axes(tau_responses(TAU_V_S, TAU_PSI_S, (1.0, 3.0)))
 
 
 def loop(gains, axis, mode):
@@ -221,7 +221,7 @@ def test_every_mode_around_the_aircraft_has_the_delay_margin_and_the_peak_that_a
 def test_the_papers_gains_are_unstable_around_an_aircraft_and_stable_around_its_model():
     paper = 0.1, 0.6, 0.25
     assert stable_delay_s(loop(paper, AXES[0], 4.0), 1) == 0.0
-    assert stable_delay_s(loop(paper, LAGS[0], 4.0), 1) > 0.5
+    assert stable_delay_s(loop(paper, TAUS[0], 4.0), 1) > 0.5
 
 
 def test_the_fastest_mode_is_as_fast_on_every_graph():

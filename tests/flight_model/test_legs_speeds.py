@@ -7,7 +7,7 @@ import pytest
 
 from flight_model.legs.speeds import SpeedChanges, speed_profile
 
-LIMITS = SpeedChanges(accel_mps2=0.5, wind_mps=0.0, least_s=8.0)
+LIMITS = SpeedChanges(accel_mps2=0.5, wind_mps=0.0, min_s=8.0)
 STRAIGHTS = [(0, 0.0, 1000.0), (1, 1200.0, 2200.0), (2, 2400.0, 3400.0)]
 
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flight_model.path_lift_and_displacement import Bounds, Lift, least_lift, sample_places
+from flight_model.path_lift_and_displacement import Bounds, ClearanceOffset, min_offset, sample_places
 from formation_scenario.surroundings import Hill
 from formation_scenario.terrain import Hills
 
@@ -14,13 +14,13 @@ heights = st.tuples(st.floats(0.0, 4000.0), st.floats(-60.0, 60.0), st.floats(10
 
 def test_no_need_no_lift():
     places = sample_places(0.0, 50)
-    assert not least_lift(0.0, np.full(places.shape, -1.0), 0 * places, BOUNDS, NOTHING).control_m.any()
+    assert not min_offset(0.0, np.full(places.shape, -1.0), 0 * places, BOUNDS, NOTHING).control_m.any()
 
 
 def test_a_spike_is_cleared_by_the_steepest_slopes_and_the_sharpest_bends():
     """By hand: height H takes H/m + m/k on either side, point-symmetric about its half: the area is H times that."""
     places = sample_places(0.0, 200)
-    lift = least_lift(0.0, np.where(places == 2000.0, 60.0, 0.0), 0 * places, BOUNDS, NOTHING)
+    lift = min_offset(0.0, np.where(places == 2000.0, 60.0, 0.0), 0 * places, BOUNDS, NOTHING)
     half_m = 60.0 / BOUNDS.slope + BOUNDS.slope / BOUNDS.curvature_1pm
     value, slope, _ = lift.at(2000.0 + half_m * np.array([-1.03, -0.5, 0.0, 0.5, 1.03]))
     assert value == pytest.approx([0.0, 30.0, 60.0, 30.0, 0.0], abs=0.5)
@@ -34,7 +34,7 @@ def test_whatever_the_hills_the_lift_clears_them_within_its_bounds(hills, own_sl
     ground = Hills(0.0, [Hill(north_m=n, east_m=0.0, height_m=h, radius_m=r) for n, h, r in hills])
     places, finer = sample_places(0.0, 200), np.arange(0.0, 4000.0, 1.0)
     needed = ground.height(places, 0 * places) - 20.0 - own_slope * places
-    lift = least_lift(0.0, needed, np.full(places.shape, own_slope), BOUNDS, NOTHING)
+    lift = min_offset(0.0, needed, np.full(places.shape, own_slope), BOUNDS, NOTHING)
     value, slope, curvature = lift.at(finer)
     assert lift.short_m == pytest.approx(0.0, abs=1e-6)
     assert (value >= ground.height(finer, 0 * finer) - 20.0 - own_slope * finer - 0.03).all()
@@ -48,7 +48,7 @@ def test_a_lift_goes_on_where_it_was_and_says_what_is_missing():
     places = sample_places(0.0, 100)
     needed = np.where(places > 200.0, 100.0, 0.0)
     begun = np.array([4.0, 5.0, 6.0])
-    lift = least_lift(0.0, needed, 0 * places, BOUNDS, begun)
+    lift = min_offset(0.0, needed, 0 * places, BOUNDS, begun)
     np.testing.assert_array_equal(lift.control_m[:3], begun)
     assert 60.0 < lift.short_m < 100.0
     assert (lift.at(places)[0] >= needed - lift.short_m - 1e-6).all()
@@ -57,7 +57,7 @@ def test_a_lift_goes_on_where_it_was_and_says_what_is_missing():
 def test_a_lift_that_begins_low_and_steep_goes_on_so_and_comes_up_to_nothing_within_the_bounds():
     places = sample_places(0.0, 100)
     begun = np.array([-10.0, -12.5, -15.0])  # steeper than the bounds allow
-    lift = least_lift(0.0, 0 * places - 1.0, 0 * places, BOUNDS, begun)
+    lift = min_offset(0.0, 0 * places - 1.0, 0 * places, BOUNDS, begun)
     np.testing.assert_array_equal(lift.control_m[:3], begun)
     _, slope, curvature = lift.at(np.arange(60.0, 2000.0))
     eased_m = (0.125 - BOUNDS.slope) / BOUNDS.curvature_1pm
@@ -69,5 +69,5 @@ def test_a_lift_that_begins_low_and_steep_goes_on_so_and_comes_up_to_nothing_wit
 
 @given(st.lists(st.floats(-60.0, 60.0), min_size=4, max_size=9), st.floats(-100.0, 300.0))
 def test_one_distance_gives_the_same_bits_as_an_array_of_them(control_m, distance_m):
-    lift = Lift(20.0, np.array(control_m))
+    lift = ClearanceOffset(20.0, np.array(control_m))
     assert lift.at_one(distance_m) == tuple(float(each[0]) for each in lift.at(np.array([distance_m])))

@@ -75,7 +75,7 @@ def test_a_timetable_is_smooth_bounded_and_stops_where_it_is_to(nodes, speed_mps
         assert middle == pytest.approx((pause.passage.begin_m, 0.0, 0.0), abs=1e-6)
         assert table.when_s(pause.passage.begin_m) == pytest.approx(pause.begin_s, abs=1e-3)
     for each, flown_mps in table.flown:
-        assert each.stops or flown_mps <= each.most_mps
+        assert each.stops or flown_mps <= each.max_mps
     some = np.linspace(1.0, table.end_s - 1.0, 50)
     moving = [each for each in some.tolist() if table.after(each)[1] > 0.1]
     assert [table.when_s(table.after(each)[0]) for each in moving] == pytest.approx(moving, abs=1e-3)

@@ -33,7 +33,7 @@ def columns_of(tmp_path: Path, vehicle: int) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.slow
-def test_slots_change_without_errors_or_anybody_near(fly: Fly) -> None:
+def test_slots_change_without_errors_or_any_near(fly: Fly) -> None:
     changes = [{"at_s": 5, "shape": "line"}, {"at_s": 35, "shape": "circle"}, {"at_s": 60, "shape": "square"}]
     summary = fly(
         duration_s=90,

@@ -231,7 +231,7 @@ def test_they_are_refused_in_flight_with_the_same_words():
     world = World(**STANDING, start={"in_air": True, "run_in_s": 6})
     world.fly_to(1.0)
     texts = ("heading 90", "speed 0", "heading 90", "speed 4")
-    answers = [world.station.orders.take(text, world.clock.now()).text for text in texts]
+    answers = [world.station.orders.execute(text, world.clock.now()).text for text in texts]
     assert answers == [
         "heading 90: refused: found a formation that flies at 5 m/s; allowed: after `speed 0`",
         "speed 0: accepted",
@@ -255,14 +255,14 @@ def test_another_leads_only_when_a_turn_on_the_spot_is_over():
     )
     world.fly_to(1.0)
     orders = world.station.orders
-    assert orders.take("speed 0", world.clock.now()).accepted
+    assert orders.execute("speed 0", world.clock.now()).accepted
     world.run(5.0)
-    assert orders.take("heading 30", world.clock.now()).accepted
+    assert orders.execute("heading 30", world.clock.now()).accepted
     world.run(1.0)
     said = "leader 3: refused: the formation turns on the spot; allowed: another leader once it hovers"
-    assert orders.take("leader 3", world.clock.now()).text == said
+    assert orders.execute("leader 3", world.clock.now()).text == said
     world.run(8.0)
-    assert orders.take("leader 3", world.clock.now()).accepted
+    assert orders.execute("leader 3", world.clock.now()).accepted
     world.run(3.0)
     assert world.worst_m() < 0.7
 

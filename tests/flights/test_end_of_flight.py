@@ -43,7 +43,7 @@ def out(way: str, begins_s: float, ends_s: float, vehicle: int = 2) -> dict[str,
 
 
 @pytest.mark.slow
-def test_others_circle_only_where_one_that_does_not_hear_does_not_fly_straight_on(fly: Fly, tmp_path: Path) -> None:
+def test_others_circle_only_where_one_that_does_not_receive_does_not_fly_straight_on(fly: Fly, tmp_path: Path) -> None:
     """Vehicles used to be told to loiter at once; two of them then came within 1 m of each other 4.6 s later."""
     links = out("uplink", END_S - 0.5, END_S + 9.0)
     safety = fly(**BESIDE, duration_s=END_S, start=START, links=links).to_dict()["safety"]
@@ -200,7 +200,7 @@ def test_vehicles_that_refuse_their_heights_circle_where_they_are_instead_of_at_
     between.refuse = lambda command: (
         m.MAV_RESULT_UNSUPPORTED if command.command == m.MAV_CMD_DO_CHANGE_ALTITUDE else None
     )
-    assert world.station.orders.take("rtl", world.clock.now()).accepted
+    assert world.station.orders.execute("rtl", world.clock.now()).accepted
     world.run()
     assert [each.pilot.mode for each in world.fleet.vehicles] == [Mode.LOITER] * 4
     assert not world.times_s("mode", text="RTL")
@@ -260,7 +260,7 @@ def test_one_that_refuses_to_go_home_circles_where_it_is() -> None:
     between.refuse = lambda command: (
         m.MAV_RESULT_DENIED if (command.target_system, command.param2) == (2, Mode.RTL) else None
     )
-    assert world.station.orders.take("rtl", world.clock.now()).accepted
+    assert world.station.orders.execute("rtl", world.clock.now()).accepted
     world.run()
     assert [each.pilot.mode for each in world.fleet.vehicles] == [Mode.RTL, Mode.LOITER, Mode.RTL]
     assert len(world.times_s("unacknowledged", 2)) == 1

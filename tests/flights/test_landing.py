@@ -86,7 +86,7 @@ def plane(number: int, north_m: float, east_m: float, height_m: float = 100.0, c
     vehicle = Vehicle(VehicleId(1, number), number - 1, ArduPlane(number, ORIGIN, 0.25), CONNECTION, 10.0)
     for armed, up_m in ((False, 0.0), (True, 20.0), (True, height_m)):
         tell(vehicle, north_m, east_m, up_m, armed=armed, course_rad=course_rad)
-    vehicle.commands.begin((), NOW)
+    vehicle.commands.send((), NOW)
     return vehicle
 
 
@@ -109,12 +109,12 @@ def tell(
 ) -> None:
     base, status = (m.MAV_MODE_FLAG_SAFETY_ARMED, m.MAV_STATE_ACTIVE) if armed else (0, m.MAV_STATE_STANDBY)
     kind = m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA
-    vehicle.telemetry.take(Heartbeat(*kind, base, m.PLANE_MODE_RTL, status))
+    vehicle.telemetry.store(Heartbeat(*kind, base, m.PLANE_MODE_RTL, status))
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(north_m, east_m, -height_m)
     speed_mps = 20.0 if armed else rolls_mps
     velocity = speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad), 0.0
-    vehicle.telemetry.take(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, height_m, *velocity, 0.0))
-    vehicle.take_off.watch(vehicle.telemetry)
+    vehicle.telemetry.store(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, height_m, *velocity, 0.0))
+    vehicle.take_off.update_position(vehicle.telemetry)
 
 
 def motion(height_m: float) -> ReportedMotion:

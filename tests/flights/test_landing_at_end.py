@@ -54,17 +54,17 @@ def test_everybody_lands_and_is_disarmed(family: str, from_deg: int | None) -> N
     if from_deg is not None:
         towards = math.radians(from_deg + 180.0)
         keys |= {"wind": {"velocity_mps": [4.0 * math.cos(towards), 4.0 * math.sin(towards), 0.0]}}
-    world, least_m = World(**keys), math.inf
+    world, min_m = World(**keys), math.inf
     while not world.station.flight.ended:
         world.run(0.2)
         flying = [each.body.state for each in world.fleet.vehicles if each.pilot.condition is Condition.FLYING]
         places = [(each.north_m, each.east_m, each.height_m) for each in flying]
         if world.station.flight.phase in (Phase.ENDING, Phase.LOITERING):
-            least_m = min([least_m, *(math.dist(one, other) for one, other in combinations(places, 2))])
+            min_m = min([min_m, *(math.dist(one, other) for one, other in combinations(places, 2))])
     assert world.station.course.failure is None
     assert [each.pilot.condition for each in world.fleet.vehicles] == [Condition.DISARMED] * 4
     assert list((world.station.course.not_landed or {}).values()) == [None] * 4
-    assert least_m > world.station.scenario.safety.kept_m
+    assert min_m > world.station.scenario.safety.kept_m
 
 
 def refused(**keys: Any) -> str:
@@ -93,7 +93,7 @@ def refused(**keys: Any) -> str:
         ),
     ],
 )
-def test_where_somebody_can_not_land_nobody_takes_off(keys: dict[str, Any], why: str) -> None:
+def test_where_somebody_can_not_land_none_takes_off(keys: dict[str, Any], why: str) -> None:
     allowed = "allowed: rtl, loiter, or another place or a stored landing for it"
     assert refused(**keys) == f"finish.then: found land, but {why}; {allowed}"
 

@@ -19,9 +19,9 @@ from flight_model.autopilot_model import FlightState
 from flight_model.slot import UNKNOWN, Triple
 from formation_scenario import load_scenario
 from gcs_formation.control import laws
-from gcs_formation.control.follower import FollowerController, Pair
+from gcs_formation.control.follower import FollowerController, LawInput
 from gcs_formation.control.laws import FormationLaw, LawKind, VelocityController, formation_law, law_parameters
-from gcs_formation.control.situation import Decided, Law, Situation
+from gcs_formation.control.situation import Law, LawOutput, Situation
 from gcs_formation.estimation.projection import States
 from gcs_formation.phases import Phase
 from gcs_formation.studies import Study
@@ -37,10 +37,10 @@ BEGINS_S = 10.0
 class Broken(Law):
     """Another law, one number of which is replaced for vehicle 2 after a while."""
 
-    def __init__(self, law: Law, change: Callable[[Decided], None]) -> None:
+    def __init__(self, law: Law, change: Callable[[LawOutput], None]) -> None:
         self._law, self._change, self._passed_s = law, change, 0.0
 
-    def decide(self, situation: Situation, dt_s: float) -> list[Decided]:
+    def decide(self, situation: Situation, dt_s: float) -> list[LawOutput]:
         self._passed_s += dt_s
         decided = self._law.decide(situation, dt_s)
         if self._passed_s > BEGINS_S:
@@ -58,7 +58,7 @@ class Feedback(FollowerController):
 
     more = 0.0
 
-    def _output(self, slopes: Triple, right_share: float, pair: Pair, dt_s: float) -> Triple:
+    def _output(self, slopes: Triple, right_share: float, pair: LawInput, dt_s: float) -> Triple:
         speed, heading, height = super()._output(slopes, right_share, pair, dt_s)
         return speed + self.more, heading, height
 
@@ -68,7 +68,7 @@ class HoveringFeedback(VelocityController):
 
     more = 0.0
 
-    def _output(self, slopes: Triple, right_share: float, pair: Pair, dt_s: float) -> Triple:
+    def _output(self, slopes: Triple, right_share: float, pair: LawInput, dt_s: float) -> Triple:
         speed, right, height = super()._output(slopes, right_share, pair, dt_s)
         return speed, right, height + self.more
 
@@ -109,17 +109,17 @@ def ended_safely(flown: World) -> str:
     return station.course.failure
 
 
-def changed(channel: int, value: float) -> Callable[[Decided], None]:
+def changed(channel: int, value: float) -> Callable[[LawOutput], None]:
     """Return what replaces one channel of a setpoint."""
 
-    def change(decided: Decided) -> None:
+    def change(decided: LawOutput) -> None:
         speed, heading, height = (value if i == channel else each for i, each in enumerate(decided.setpoint))
         decided.setpoint = speed, heading, height
 
     return change
 
 
-def error_lost(decided: Decided) -> None:
+def error_lost(decided: LawOutput) -> None:
     decided.error_m = (0.0, math.nan, 0.0)
 
 
@@ -131,7 +131,7 @@ def error_lost(decided: Decided) -> None:
         (error_lost, "error: forward (m) 0, right (m) nan, up (m) 0"),
     ],
 )
-def test_a_law_that_returns_what_is_not_finite_is_named(change: Callable[[Decided], None], found: str):
+def test_a_law_that_returns_what_is_not_finite_is_named(change: Callable[[LawOutput], None], found: str):
     flown = World()
     flown.station.controller._law = Broken(flown.station.controller._law, change)
     failure = ended_safely(flown)
@@ -213,7 +213,7 @@ def test_guidance_that_returns_what_is_not_finite_is_named(breaks: Callable[[Wor
 def test_a_law_that_divides_by_zero_ends_its_flight_in_words():
     flown = World()
 
-    def divide(decided: Decided) -> None:
+    def divide(decided: LawOutput) -> None:
         decided.error_m = (1.0 / (decided.error_m[0] * 0.0), 0.0, 0.0)
 
     flown.station.controller._law = Broken(flown.station.controller._law, divide)

@@ -20,7 +20,7 @@ ABREAST: dict[str, Any] = {
 
 
 def order(world: World, text: str) -> Answer:
-    return world.station.orders.take(text, world.clock.now())
+    return world.station.orders.execute(text, world.clock.now())
 
 
 def modes(world: World) -> list[FlightMode]:
@@ -28,7 +28,7 @@ def modes(world: World) -> list[FlightMode]:
 
 
 @pytest.mark.parametrize(("at_s", "manner"), [(0.5, "land"), (8.0, "rtl")])
-def test_before_anybody_has_taken_off_all_stay_down_disarmed(at_s: float, manner: End) -> None:
+def test_before_any_has_taken_off_all_stay_down_disarmed(at_s: float, manner: End) -> None:
     world = World(**ABREAST)
     world.run(at_s)
     assert order(world, manner).accepted

@@ -150,10 +150,10 @@ def test_airspeeds_that_a_vehicle_tells_bound_what_it_is_commanded() -> None:
     vehicles = [{"id": 1, "role": "leader"}, {"id": 2, "autopilot_parameters": {"AIRSPEED_MAX": 24}}]
     world = World(Speeds, READ, vehicles=vehicles)
     world.fly_to(1.0)
-    answer = world.station.orders.take("speed 27", world.clock.now())
+    answer = world.station.orders.execute("speed 27", world.clock.now())
     assert not answer.accepted
     assert "24 m/s" in answer.text
-    assert world.station.orders.take("speed 23.9", world.clock.now()).accepted
+    assert world.station.orders.execute("speed 23.9", world.clock.now()).accepted
     world.run(15.0)
     assert isinstance(world.between, Speeds)
     assert 23.0 < max(world.between.speeds_mps) <= 24.0
@@ -341,7 +341,7 @@ def test_vehicles_that_fly_in_guided_already_are_not_commanded_in_a_rehearsal_no
     assert (m.MAV_CMD_GUIDED_CHANGE_SPEED in commands_to(world)) is caution.confirm
 
 
-def test_a_run_that_ends_before_anybody_is_commanded_records_nothing_more_of_those_in_the_air() -> None:
+def test_a_run_that_ends_before_any_is_commanded_records_nothing_more_of_those_in_the_air() -> None:
     """Its phase is over by then, and no time series has such a phase."""
     world = World(Listening, PreFlightOptions(parameters=True, rehearse=True), vehicles={"count": 2})
     world.run(20.0)

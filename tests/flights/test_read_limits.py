@@ -46,7 +46,7 @@ def flown(seconds: float, parameters: Mapping[str, float], **keys: Any) -> World
         ({"TECS_CLMB_MAX": 0.3}, "what vehicles tell (vehicle 2: TECS_CLMB_MAX 0.3) isn't enough for path.waypoints_m"),
     ],
 )
-def test_where_path_or_slots_need_more_nobody_takes_off(parameters: dict[str, float], why: str) -> None:
+def test_where_path_or_slots_need_more_none_takes_off(parameters: dict[str, float], why: str) -> None:
     world = flown(8.0, parameters)
     assert world.station.flight.phase is Phase.FAILED
     assert str(world.station.course.failure).startswith(why)

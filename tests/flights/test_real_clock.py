@@ -106,7 +106,7 @@ def test_ctrl_c_has_the_vehicles_loiter_and_leaves_a_whole_record(path: Path, tm
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["run", "fly"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_one_that_is_stopped_before_anybody_has_flown_leaves_a_whole_record_too(
+def test_one_that_is_stopped_before_any_has_flown_leaves_a_whole_record_too(
     command: str, number: signal.Signals, foreground: None, path: Path, tmp_path: Path
 ) -> None:
     """On the ground, or nobody answers; its report says so."""

@@ -56,11 +56,11 @@ def test_a_killed_station_leaves_a_record_of_what_it_had_flown(path: Path, tmp_p
         os.kill(station.pid, signal.SIGKILL)
         station.wait(LIMIT_S)
     assert seen_s <= flown_s(out) < 20.0, "killed before its end"
-    heard_s = next(event["t_s"] for event in events_of(out) if event["text"] == "connected")
+    received_s = next(event["t_s"] for event in events_of(out) if event["text"] == "connected")
     flying_s = next(event["t_s"] for event in events_of(out) if event["text"] == "flying")
     # Both are written at least once a second by the station's clock; its own lateness shows in its ticks.
     late = float(np.diff(np.unique(Spool(out / "timeseries.ticks").read()["t_s"])).max())
-    assert heard_s + last_stamp_s(out / "flight.tlog") > flying_s + flown_s(out) - 1.0 - late
+    assert received_s + last_stamp_s(out / "flight.tlog") > flying_s + flown_s(out) - 1.0 - late
     assert not (out / "summary.json").exists()
 
 

@@ -177,12 +177,12 @@ def test_each_gets_a_heartbeat_at_the_first_tick_after_it_is_heard_again(killed:
     flight.kill(2.3)
     flight.resume()
     world.run(1.5)
-    heard_s = {number: world.times_s("link", number, text="connected")[-1] for number in (1, 2, 3)}
+    received_s = {number: world.times_s("link", number, text="connected")[-1] for number in (1, 2, 3)}
     assert isinstance(world.between, Obedient)
     assert {number: arrived[0] / NANOSECONDS for number, arrived in world.between.heartbeats.items()} == {
-        number - 1: pytest.approx(at_s, abs=0.15) for number, at_s in heard_s.items()
+        number - 1: pytest.approx(at_s, abs=0.15) for number, at_s in received_s.items()
     }
-    assert min(heard_s.values()) >= flight.resumed_s
+    assert min(received_s.values()) >= flight.resumed_s
 
 
 def test_a_machine_whose_clock_went_back_goes_on_from_the_records_end(
@@ -270,7 +270,7 @@ def test_where_none_flies_as_left_it_is_said_how_they_are_and_what_takes_them_an
         "vehicle 2: in LOITER, and the flight had left it in GUIDED; --take takes those in the air"
     )
     (ended,) = [event for event in world.notes.events if event.kind == "phase"]
-    assert (ended.text, ended.details["cause"]) == ("failed", "the run can't go on, and nobody was commanded")
+    assert (ended.text, ended.details["cause"]) == ("failed", "the run can't go on, and no vehicle was commanded")
     assert flight.commanded(m.MAV_CMD_DO_SET_MODE) == []
 
 

@@ -50,7 +50,7 @@ def flying(world: World) -> None:
 
 def ending(world: World) -> None:
     world.fly_to(5.0)
-    assert world.station.orders.take("loiter", world.clock.now()).accepted
+    assert world.station.orders.execute("loiter", world.clock.now()).accepted
     world.run(1.5)
     assert world.station.flight.phase is Phase.ENDING
 

@@ -123,9 +123,9 @@ def flies(world: World) -> None:
 def test_vehicles_that_are_switched_on_one_after_another_are_waited_for_and_take_off_together() -> None:
     world = World(Late, duration_s=10, start=GROUND)
     flies(world)
-    first_heard = [world.times_s("link", number, "connected")[0] for number in (1, 2, 3)]
-    assert first_heard == pytest.approx([20.0, 9.0, 2.0], abs=1.1)
-    assert min(world.times_s("mode", text="TAKEOFF")) > first_heard[0]
+    first_received = [world.times_s("link", number, "connected")[0] for number in (1, 2, 3)]
+    assert first_received == pytest.approx([20.0, 9.0, 2.0], abs=1.1)
+    assert min(world.times_s("mode", text="TAKEOFF")) > first_received[0]
 
 
 @pytest.mark.parametrize(
@@ -159,7 +159,7 @@ def another(autopilot: int, kind: int) -> type[Between]:
         (m.MAV_AUTOPILOT_ARDUPILOTMEGA, m.MAV_TYPE_QUADROTOR, "ARDUPILOTMEGA QUADROTOR"),
     ],
 )
-def test_an_autopilot_of_another_family_is_refused_in_words_before_anybody_takes_off(
+def test_an_autopilot_of_another_family_is_refused_in_words_before_any_takes_off(
     autopilot: int, kind: int, words: str
 ) -> None:
     """Mode 15, GUIDED of an ArduPlane, is AUTOTUNE of an ArduCopter."""

@@ -243,12 +243,12 @@ def test_vehicles_whose_timestamps_are_behind_hear_how_late_they_are_and_fly(lin
         ("udpin:127.0.0.1:14550", None, ""),
         ("tcp:[::1]:5760", None, ""),
         ("tcp:localhost:5760", None, ""),
-        ("udpin:0.0.0.0:14550", None, "isn't signed: whoever can send there can fly vehicles 1, 2, 3"),
+        ("udpin:0.0.0.0:14550", None, "isn't signed: any sender there can fly vehicles 1, 2, 3"),
         ("tcpin:192.168.1.2:5760", None, "isn't signed"),
         ("serial:/dev/ttyUSB0:57600", None, "isn't signed"),
         ("mcast:", None, "isn't signed"),
         ("udpin:0.0.0.0:14550", "refuse", ""),
-        ("udpin:0.0.0.0:14550", "accept", "takes unsigned frames: whoever can send there can speak for vehicles"),
+        ("udpin:0.0.0.0:14550", "accept", "takes unsigned frames: any sender there can speak for vehicles"),
     ],
 )
 def test_links_that_others_reach_are_named_at_the_start(

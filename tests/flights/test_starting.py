@@ -318,7 +318,7 @@ def test_when_the_time_for_assembly_is_over_the_path_begins_as_the_leader_comes_
 
 
 @pytest.mark.parametrize("taken", [pytest.param((1,), marks=pytest.mark.slow), (1, 2, 3)])
-def test_without_anybody_to_follow_the_run_ends_when_the_time_for_assembly_is_over(taken: tuple[int, ...]) -> None:
+def test_without_any_to_follow_the_run_ends_when_the_time_for_assembly_is_over(taken: tuple[int, ...]) -> None:
     """Pilots have taken the leader only, without succession; or all vehicles, so that none can take over."""
     world = World(**ASSEMBLING, formation={"shape": "arrow", "succession": "none" if taken == (1,) else "nearest"})
     world.run(3.0)

@@ -87,7 +87,7 @@ def test_what_cannot_be_true_on_the_ground_keeps_everybody_there(change: Alterin
         (of(GlobalPositionInt, lat_rad=2.0), "told no position: GLOBAL_POSITION_INT's lat is 115 degrees"),
         (of(Attitude, roll_rad=math.nan), "it tells no attitude: ATTITUDE's roll is NaN"),
         (of(Attitude, roll_rad=40.0), "it tells no attitude: ATTITUDE's roll is 40 rad"),
-        (of(VfrHud, airspeed_mps=math.nan), "it has told no airspeed in VFR_HUD"),
+        (of(VfrHud, airspeed_mps=math.nan), "it has reported no airspeed in VFR_HUD"),
     ],
 )
 def test_a_field_that_is_not_filled_is_named(change: Altering, why: str) -> None:

@@ -137,7 +137,7 @@ def test_multirotors_whose_positions_scatter_keep_their_slots(fly, vehicles):
 
 
 @pytest.mark.slow
-def test_stamps_that_run_too_fast_for_a_while_displace_nobody(fly):
+def test_stamps_that_run_too_fast_for_a_while_displace_none(fly):
     fault = {"at_s": AT_S, "for_s": 4.0, "vehicles": [3], "kind": "telemetry"}
     fault |= {"quantity": "stamps", "effect": "drift", "amount": 0.3}
     _, events = fly([3], "position", "duplicate", faults=[fault])

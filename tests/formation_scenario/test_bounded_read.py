@@ -27,7 +27,7 @@ def test_a_device_is_refused() -> None:
         read_bounded(Path("/dev/zero"), 1000)
 
 
-def test_a_pipe_nobody_writes_to_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_pipe_none_writes_to_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bounded_read, "WAIT_S", 0.01)
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(OSError, match="nothing has come"):

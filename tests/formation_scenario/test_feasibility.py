@@ -171,7 +171,7 @@ def test_in_thin_air_an_aircraft_that_flies_by_its_sensor_must_fly_faster(refusa
     assert load(*planes).path.begin_mps == 16.0
     (line,) = refusal(*planes, "origin.alt_m=3000")
     assert line == (
-        "path.speed_mps: found 16 m/s; 16.25 to 29 m/s, leader 1's limits, in air as thin as at origin.alt_m"
+        "path.speed_mps: found 16 m/s; 16.25 to 29 m/s, leader 1's limits, in air of the density at origin.alt_m"
     )
 
 

@@ -129,7 +129,7 @@ def test_followers_in_the_air_begin_clear_of_the_ground(load):
     assert height_m.max() > 85.0
 
 
-def test_path_and_ground_are_built_once_and_anew_for_other_keys(load):
+def test_path_and_ground_are_built_once_and_again_for_other_keys(load):
     scenario = load(HILL, LOW)
     assert scenario.leader_path is scenario.leader_path
     assert scenario.ground is scenario.ground

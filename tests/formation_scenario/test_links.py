@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation_scenario import ScenarioError, dump_scenario, load_scenario
-from formation_scenario.links import least_mean_burst
+from formation_scenario.links import min_mean_burst
 
 
 def test_a_clean_link_has_one_state(load):
@@ -94,7 +94,7 @@ def test_impairments_that_cannot_be_are_refused(refusal, overrides, expected):
 @given(st.floats(0.0, 1.0, exclude_max=True))
 def test_the_shortest_mean_burst_leaves_a_probability_to_begin_one(loss):
     """Gilbert's channel: loss = p / (p + r) with bursts of 1/r on average, so p = loss / (1 - loss) / burst."""
-    burst = least_mean_burst(loss)
+    burst = min_mean_burst(loss)
     assert burst >= 1.0
     assert loss / (1.0 - loss) / burst <= 1.0 + 1e-12
 

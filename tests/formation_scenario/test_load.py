@@ -209,7 +209,7 @@ def test_a_group_whose_every_line_is_commented_out_is_its_default(load, key):
     assert load(f"{key}=") == load()
 
 
-def test_an_empty_key_that_nobody_knows_is_still_unknown(refusal):
+def test_an_empty_key_that_none_knows_is_still_unknown(refusal):
     assert "link: found an unknown key 'link'" in refusal("link=")[0]
 
 
@@ -290,7 +290,7 @@ def test_a_least_speed_of_0_is_refused_of_vehicles_that_do_not_hover(refusal):
 
 @pytest.mark.parametrize(("model", "speed"), [("{hovers: true}", "16"), ("{hovers: true, speed_min_mps: 3}", "3")])
 def test_a_least_speed_above_0_is_refused_of_vehicles_that_hover(refusal, model, speed):
-    told = f"vehicles.0.model.speed_min_mps: found {speed} of a vehicle that hovers; 0: it can stand"
+    told = f"vehicles.0.model.speed_min_mps: found {speed} of a vehicle that hovers; 0: it can hover"
     assert told in refusal(f"vehicles={{count: 2, model: {model}}}", "path.speed_mps=20")
 
 
@@ -300,7 +300,7 @@ def test_a_least_speed_above_0_is_refused_of_vehicles_that_hover(refusal, model,
         ("{prompt_share: 0.5}", "prompt_share: found 0.5 of an ArduPlane; 1; less of what hovers, and of a PX4"),
         (
             "{firmware: px4, prompt_share: 0.5, airframe: {}}",
-            "prompt_share: found 0.5 beside an airframe, which has lags of its own; 1",
+            "prompt_share: found 0.5 beside an airframe, which has time constants of its own; 1",
         ),
     ],
 )
@@ -338,7 +338,7 @@ def test_one_error_carries_every_problem():
     }
 
 
-def test_noisy_navigation_chooses_the_gains_for_noise_unless_told_otherwise(load):
+def test_noisy_navigation_chooses_the_gains_for_noise_unless_set_otherwise(load):
     noisy = "vehicles.2.navigation={source: noisy}"
     clean, chosen = load().law, load(noisy).law
     assert (clean.gains, clean.speed.kp, clean.derivative_filter_s) == ("clean", 3.0, 0.1)

@@ -214,11 +214,11 @@ def test_a_weight_of_a_vehicle_on_itself_is_refused(refusal):
     assert "diagonal" in refusal(f"law.consensus.graph={rows}")[0]
 
 
-def test_a_graph_in_which_nobody_is_heard_by_all_is_refused(load, refusal):
+def test_a_graph_in_which_none_is_heard_by_all_is_refused(load, refusal):
     apart = [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1], [0, 0, 1, 0]]
     assert refusal(f"law.consensus.graph={apart}") == [
-        "law.consensus.graph: found nobody whom all hear; a vehicle that all hear, directly or through others "
-        "(a spanning tree)"
+        "law.consensus.graph: found none from which all receive; a vehicle from which all receive, directly or through "
+        "others (a spanning tree)"
     ]
     two_heard = [[0, 0, 0, 0], [0, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0]]
     assert refusal(f"law.consensus.graph={two_heard}")

@@ -82,7 +82,7 @@ def write_geotiff(path, values, crs, transform) -> None:
         file.write(values.astype(np.float32), 1)
 
 
-def test_a_geotiff_has_its_values_amid_the_pixels(tmp_path):
+def test_a_geotiff_has_its_values_at_the_centres_of_pixels(tmp_path):
     affine = pytest.importorskip("affine")
     values = plane(35.6, 125.4, 0.001, 201, 201)
     values[95, 120] = -9999.0

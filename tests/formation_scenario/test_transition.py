@@ -99,7 +99,7 @@ def test_who_is_away_is_kept_the_last_places(load):
     assert {tuple(place) for place in given_out} == {(0, -60, 0), (0, -30, 0), (0, 0, 0), (0, 30, 0), (0, 60, 0)}
 
 
-def test_a_slot_whose_vehicle_is_away_has_no_way_and_nobody_makes_room_for_it(load):
+def test_a_slot_whose_vehicle_is_away_has_no_way_and_none_makes_room_for_it(load):
     scenario = load("vehicles={count: 5}")
     step = slot_schedule(scenario)[0]
     start = SlotMotion(step.places_m - step.places_m[2], np.ones((5, 3)), np.zeros((5, 3)))
@@ -151,7 +151,7 @@ def gathered(scenario, start_m, flight=None):
     return plan_gathering(scenario, SlotMotion.at_rest(start_m), goal_m, 0, 0.0, flight, EVERYONE)
 
 
-def test_who_stood_in_a_row_gathers_farther_apart_than_the_separation_rule_keeps(load):
+def test_who_stood_in_a_row_joins_up_farther_apart_than_the_separation_rule_keeps(load):
     way = gathered(load("safety.separation_m=3"), ROW)
     assert way is not None
     places = way.sample(np.linspace(0.0, way.duration_s, 600)).position_m
@@ -206,7 +206,7 @@ def test_the_least_distance_of_two_straight_ways_is_that_of_their_nearest_points
     assert (found >= np.array(sampled) - step_m).all()
 
 
-def test_a_change_is_planned_amid_another_leaders_way_over_hills():
+def test_a_change_is_planned_within_another_leaders_way_over_hills():
     """The first leader is still 17 m up, on its way into its slot, when the next change begins."""
     changes = "{at_s: 190, leader: 2}, {at_s: 250, shape: square}"
     assert load_scenario(CONFIGS / "hills.yaml", [f"formation.changes=[{{at_s: 130, shape: circle}}, {changes}]"])
@@ -243,7 +243,7 @@ def test_a_moving_slot_needs_what_its_place_over_ground_does():
     motion = SlotMotion(*(np.array([[[v.real, v.imag, 0.0]]]) for v in (slot, velocity, acceleration)))
     needs = slot_needs(flight, motion, "leader_heading")
     assert abs(ground[3]) == pytest.approx(needs.speed_mps[0, 0], abs=1e-4)
-    assert np.angle(ground[3]) == pytest.approx(needs.aside_rad[0, 0], abs=1e-5)
+    assert np.angle(ground[3]) == pytest.approx(needs.relative_heading_rad[0, 0], abs=1e-5)
     assert (abs(ground[4]) - abs(ground[2])) / (2 * step) == pytest.approx(needs.accel_mps2[0, 0], abs=1e-3)
     assert np.angle(ground[4] / ground[2]) / (2 * step) == pytest.approx(needs.turn_rate_rps[0, 0], abs=1e-4)
 
@@ -309,11 +309,11 @@ def test_a_change_that_cannot_be_flown_where_it_falls_is_refused_with_place_and_
         ("{at_s: 20, leader: 9}", "formation.changes.0.leader: found 9; 1, 2, 3, 4"),
     ],
 )
-def test_a_change_of_nothing_or_to_nobody_is_refused(refusal, change, found):
+def test_a_change_of_nothing_or_to_none_is_refused(refusal, change, found):
     assert found in refusal(f"formation.changes=[{change}]")
 
 
-def test_under_a_virtual_leader_nobody_takes_over(refusal):
+def test_under_a_virtual_leader_none_takes_over(refusal):
     (line,) = refusal("vehicles=[{id: 2}, {id: 3}]", "formation.changes=[{at_s: 20, leader: 3}]")
     assert line.startswith("formation.changes.0.leader: found 3, but a virtual leader flies the path")
 

@@ -46,8 +46,8 @@ def test_an_arduplane_without_a_model_is_the_shipped_one(tmp_path):
 
 
 def test_what_only_the_emulator_flies_doesnt_change_the_law(tmp_path):
-    believed, flown = load_scenario(written(tmp_path)), load_scenario(written(tmp_path, true_model="arduplane"))
-    assert flown.law == believed.law
+    accepted, flown = load_scenario(written(tmp_path)), load_scenario(written(tmp_path, true_model="arduplane"))
+    assert flown.law == accepted.law
     true = flown.vehicles[1].true_model
     assert true is not None
     assert true.airframe is not None

@@ -56,7 +56,7 @@ def test_no_value_that_a_vehicle_tells_breaks_the_flight() -> None:
 
 
 @pytest.mark.slow
-def test_no_value_that_a_vehicle_is_told_breaks_the_flight() -> None:
+def test_no_value_that_a_vehicle_is_reported_breaks_the_flight() -> None:
     flight = Flight()
     for layout in LAYOUTS:
         for payload in payloads(layout, 0):

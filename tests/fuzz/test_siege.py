@@ -116,7 +116,7 @@ def test_broken_frames_are_counted_for_the_vehicle_they_came_from() -> None:
     assert station.bad_frames(VehicleId(1, 2)) == 3
 
 
-def test_sound_frames_of_strangers_are_to_nobody_in_the_formation() -> None:
+def test_sound_frames_of_strangers_are_to_none_in_the_formation() -> None:
     """Frames of version 1 used to have the last byte of a longer id: it may be a command's, to any target."""
     source = Hostile(1)
     frames = [frame for _ in range(4000) for frame in StreamParser().feed(source._sound(FOREIGN))]

@@ -15,7 +15,7 @@ from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.slot import Triple
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.control.situation import Decided, Law, Situation
+from gcs_formation.control.situation import Law, LawOutput, Situation
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 Instants = npt.NDArray[np.int64]
@@ -36,7 +36,7 @@ def setpoints(table: Setpoints) -> list[Triple]:
 
 def send(history: SetpointHistory, acts: Instants, table: Setpoints) -> None:
     """Add a tick's setpoints to a history."""
-    history.begin(vec[i64](acts.tolist()))
+    history.begin_tick(vec[i64](acts.tolist()))
     history.note(setpoints(table))
 
 
@@ -68,7 +68,7 @@ class Decision:
     gains: Array
 
     @classmethod
-    def of(cls, decided: list[Decided]) -> Decision:
+    def of(cls, decided: list[LawOutput]) -> Decision:
         rows = [np.array([getattr(each, name) for each in decided]) for name in ("error_m", "mixed", "gains")]
         return cls([each.column for each in decided], Setpoints.from_each(each.setpoint for each in decided), *rows)
 

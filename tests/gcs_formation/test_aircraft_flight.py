@@ -70,7 +70,7 @@ def test_gains_by_design_answer_a_gust_that_noisy_telemetry_shows(tmp_path):
     assert follower["error_x_m"]["max"] < 3.0
 
 
-def test_links_that_nobody_knew_to_be_slow_have_the_gains_that_are_designed_for_them(tmp_path, monkeypatch):
+def test_links_that_none_knew_to_be_slow_have_the_gains_that_are_designed_for_them(tmp_path, monkeypatch):
     """300 ms each way that the scenario doesn't state, as behind a proxy: gains become those for 300 ms, for good."""
     slow = {"default": {"delay_ms": 300}}
     with monkeypatch.context() as changed:

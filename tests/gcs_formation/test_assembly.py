@@ -10,7 +10,7 @@ from airlink.clock import Instant, after
 from flight_model.autopilot_model import FlightState
 from formation_scenario import load_scenario
 from gcs_formation import from_scenario
-from gcs_formation.control.situation import Decided
+from gcs_formation.control.situation import LawOutput
 from gcs_formation.phases import ASSEMBLED_S, HYSTERESIS, Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from tests.flights.conftest import scenario
@@ -40,9 +40,9 @@ class Watched:
             error_m = [0.0 * off_m] * 3
             error_m[axis] = off_m
             vector = (error_m[0], error_m[1], error_m[2])
-            tick.decided[column] = Decided(column, unknown_state(), vector, vector, vector, (0.0,) * 9)
+            tick.decided[column] = LawOutput(column, unknown_state(), vector, vector, vector, (0.0,) * 9)
         self.guidance.route = self.guidance.path if on_run_in else None
-        self.assembly.judge(tick, self.guidance, slots_rest=slots_rest)
+        self.assembly.assess(tick, self.guidance, slots_rest=slots_rest)
         self.ticks += 1
         return tick
 
@@ -65,7 +65,7 @@ def test_it_is_assembled_when_all_have_been_within_the_tolerance_for_two_seconds
     assert not other.assembly.complete
 
 
-def test_nobody_is_assembled_in_slots_that_move_or_without_following():
+def test_none_is_assembled_in_slots_that_move_or_without_following():
     assert not Watched().judged(2 * ASSEMBLED_TICKS, 0.0, 0.0, slots_rest=False)
     assert not Watched().judged(2 * ASSEMBLED_TICKS, 0.0, math.nan)
 
@@ -79,7 +79,7 @@ def test_on_the_straight_before_the_path_who_was_in_its_slot_may_be_twice_as_far
     assert not watched.judged(2 * ASSEMBLED_TICKS, 0.95 * LEAVES_M, 0.0)
 
 
-def test_a_leader_still_below_the_start_of_its_path_flies_a_lap_with_all_in_their_slots():
+def test_a_leader_still_below_the_start_of_its_path_flies_a_holding_pattern_with_all_in_their_slots():
     watched = Watched()
     for _ in range(2 * ASSEMBLED_TICKS):
         watched.judge(0.0, 0.0, height_m=88.0)
@@ -97,7 +97,7 @@ def test_off_that_straight_the_tolerance_is_the_same_for_all():
     assert not watched.assembly.complete
 
 
-def test_a_lap_is_reported_once_with_who_was_out_of_its_slot_and_by_how_much():
+def test_a_holding_pattern_is_reported_once_with_who_was_out_of_its_slot_and_by_how_much():
     watched = Watched()
     watched.judge(0.2, -4.04)
     watched.judged(5, 0.2, 0.3)

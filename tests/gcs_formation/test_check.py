@@ -18,7 +18,7 @@ from formation_scenario.consensus_graph import graph_adjacency
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.start_states_and_end_times import path_end_s
 from gcs_formation.app.check import _seconds, check_report, never_reached, slots_of_no_shape
-from gcs_formation.app.check_links import Lap, cramped_lap, lap, no_time_for_a_lap, refused_rate, split_errors
+from gcs_formation.app.check_links import Lap, cramped_pattern, lap, no_time_for_a_pattern, refused_rate, split_errors
 from gcs_formation.cli import main
 from gcs_formation.stability import consensus_delay_margin, scenario_delay_margin
 from tests.flights.conftest import scenario as flight
@@ -152,7 +152,7 @@ def test_a_directed_ring_is_unstable_without_delay(check) -> None:
 def test_a_graph_without_a_spanning_tree_is_refused(check) -> None:
     status, printed = check("--set", "law.consensus.graph=[[0,1,0,0],[1,0,0,0],[0,0,0,1],[0,0,1,0]]")
     assert status == 2
-    assert "law.consensus.graph: found nobody whom all hear" in printed
+    assert "law.consensus.graph: found none from which all receive" in printed
 
 
 @pytest.mark.parametrize(
@@ -347,8 +347,8 @@ def test_a_time_to_assemble_that_a_lap_outlasts_is_warned_of() -> None:
     """60 s from where the leader sets out to its first pass, plus a lap."""
     planned = {"vehicles": {"count": 4}, "path": {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}}
     min_s = math.ceil(60.0 + lap(load_scenario(planned)).lap_s)
-    assert no_time_for_a_lap(load_scenario(planned | {"start": {"timeout_s": min_s}})) is None
-    said = no_time_for_a_lap(load_scenario(planned | {"start": {"timeout_s": min_s - 2}})) or ""
+    assert no_time_for_a_pattern(load_scenario(planned | {"start": {"timeout_s": min_s}})) is None
+    said = no_time_for_a_pattern(load_scenario(planned | {"start": {"timeout_s": min_s - 2}})) or ""
     assert said.startswith(f"start.timeout_s: found {min_s - 2}; the leader's first pass comes 60 s after")
     assert said.endswith(f"; {min_s} or more wait")
 
@@ -360,7 +360,7 @@ def test_a_lap_without_room_in_the_fence_is_warned_of_and_has_it_in_one_as_much_
         fence = {"corners_m": [[south, west], [north, west], [north, east], [south, east]]}
         path = {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
         keys = {"vehicles": {"count": 4}, "path": path, "start": {"in_air": True}, "safety": {"fence": fence}}
-        return cramped_lap(load_scenario(keys | {"wind": {"velocity_mps": [0, wind_mps, 0]}}))
+        return cramped_pattern(load_scenario(keys | {"wind": {"velocity_mps": [0, wind_mps, 0]}}))
 
     found = re.search(r"no room for a lap before the path .* vehicles are turned away; (\d+) m more", str(said(0.0)))
     assert found is not None

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from formation_scenario import Scenario, load_scenario
-from gcs_formation.app.check import lag_margins, warnings
+from gcs_formation.app.check import tau_margins, warnings
 from gcs_formation.stability import law_margins
 from tests.flights.conftest import scenario
 
@@ -18,7 +18,7 @@ def late(dead_s: float, **law: Any) -> Scenario:
 
 
 def said(planned: Scenario) -> list[str]:
-    return [each for each in warnings(planned, law_margins(planned), lag_margins(planned)[0]) if "loop x" in each]
+    return [each for each in warnings(planned, law_margins(planned), tau_margins(planned)[0]) if "loop x" in each]
 
 
 def test_a_dead_time_beyond_the_margin_is_said_only_where_nothing_predicts_over_it() -> None:
@@ -30,9 +30,9 @@ def test_a_dead_time_beyond_the_margin_is_said_only_where_nothing_predicts_over_
 
 
 def test_prediction_bears_less_of_wrong_time_constants_the_longer_the_dead_time() -> None:
-    without, shares = lag_margins(late(0.0))[0], lag_margins(late(0.6))[0]
+    without, shares = tau_margins(late(0.0))[0], tau_margins(late(0.6))[0]
     assert 0.0 < shares["x"] < without["x"]
-    assert shares["x"] == pytest.approx(lag_margins(linked(300))[0]["x"])
+    assert shares["x"] == pytest.approx(tau_margins(linked(300))[0]["x"])
 
 
 def linked(delay_ms: float) -> Scenario:

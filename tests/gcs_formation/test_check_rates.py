@@ -24,7 +24,7 @@ PLAIN = {"vehicles": {"count": 4}, "path": {"waypoints_m": [[0, 0, 100], [3000, 
         ("telemetry.rate_hz=0.5", ""),
     ],
 )
-def test_telemetry_that_is_too_old_for_a_flight_to_begin_is_told(override: str, found: str) -> None:
+def test_telemetry_that_is_too_old_for_a_flight_to_begin_is_reported(override: str, found: str) -> None:
     """At 10 Hz it gets a tenth of a second older than the downlink's delay before the next message comes."""
     said = too_old(load_scenario(PLAIN, [override]))
     assert (said is not None) == bool(found)
@@ -34,7 +34,7 @@ def test_telemetry_that_is_too_old_for_a_flight_to_begin_is_told(override: str, 
         assert said in check_report(load_scenario(PLAIN, [override]))["warnings"]
 
 
-def test_a_delay_that_comes_later_is_told_with_whose_and_when() -> None:
+def test_a_delay_that_comes_later_is_reported_with_whose_and_when() -> None:
     later = "links.changes=[{at_s: 40, vehicles: [3], downlink: {delay_ms: 7000}}]"
     said = str(too_old(load_scenario(PLAIN, [later])))
     assert "telemetry of vehicle 3 gets 7.1 s old" in said
@@ -51,7 +51,7 @@ def test_a_delay_that_comes_later_is_told_with_whose_and_when() -> None:
         ("1", 2600, 0.1, "1.1"),
     ],
 )
-def test_telemetry_of_which_a_single_loss_has_vehicles_loiter_is_told(
+def test_telemetry_of_which_a_single_loss_has_vehicles_loiter_is_reported(
     rate_hz: str, delay_ms: float, loss: float, least: str
 ) -> None:
     """Five in a square at 0.5 Hz with 2 % loss loitered eight times in 80 s among each other, and came within 3.1 m."""
@@ -71,14 +71,14 @@ def test_telemetry_of_which_a_single_loss_has_vehicles_loiter_is_told(
     [("pid", 0.5, "xy"), ("pid", 0.7, "x"), ("pid", 0.85, ""), ("consensus", 0.85, ["consensus"])]
     + [(law, rate_hz, "") for law in ("pid", "fuzzy_pid", "consensus") for rate_hz in (1.0, 2.0)],
 )
-def test_ticks_too_seldom_for_the_law_are_told(law: str, rate_hz: float, loops: Sequence[str]) -> None:
+def test_ticks_too_seldom_for_the_law_are_reported(law: str, rate_hz: float, loops: Sequence[str]) -> None:
     """In flight, PID swings by 10 m at 0.5 Hz and 0.2 m at 0.85 Hz, consensus by 11 m at 0.85 Hz and 0.8 m at 1 Hz."""
     planned = load_scenario(PLAIN, [f"law.type={law}", f"law.rate_hz={rate_hz}"])
     told = [text for text in check_report(planned)["warnings"] if "no prediction makes up for that" in text]
     assert [text.split()[1] for text in told] == [f"{loop}:" for loop in loops]
 
 
-def test_the_least_rate_that_is_told_is_one_that_is_not_told_of() -> None:
+def test_the_least_rate_that_is_reported_is_one_that_is_not_reported_of() -> None:
     """The margin along the path is 0.863 s: a tick with 1 s of mean hold uses 116 % of it."""
     (told,) = [
         text for text in _warnings("0.7") if text.startswith("loop x: setpoints are held for 0.714 s on average")

@@ -20,7 +20,7 @@ def told(speed_mps: float, waypoints_m: Any = ((0, 0, 100), (4000, 0, 100)), **k
     return list(little_left(load_scenario(scenario(path=path, **keys))))
 
 
-def test_a_speed_near_a_vehicle_s_own_least_or_most_is_told_with_the_figures() -> None:
+def test_a_speed_near_a_vehicle_s_own_least_or_most_is_reported_with_the_figures() -> None:
     (low,), (high,) = told(16.8), told(27.2)
     slot = "vehicle 2's slot in shape arrow is flown at"
     should = "1.2 should be to hold it against gusts"
@@ -51,7 +51,7 @@ def test_gusts_of_one_vehicle_alone_ask_for_their_own_speed_and_those_of_all_for
     assert gusts_mps(load_scenario(scenario(disturbances=[everyone]))) < 1.2
 
 
-def test_speeds_that_are_ordered_are_told_and_a_leader_alone_has_no_slot_to_hold() -> None:
+def test_speeds_that_are_ordered_are_reported_and_a_leader_alone_has_no_slot_to_hold() -> None:
     (text,) = told(22.0, orders=[{"at_s": 10, "order": "speed 16.5"}])
     assert text.startswith("orders.0: found 16.5")
     assert told(16.5, vehicles={"count": 1}) == []

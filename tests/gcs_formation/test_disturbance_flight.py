@@ -89,7 +89,7 @@ def test_whenever_a_gust_on_the_followers_begins_errors_are_near_the_least_possi
             assert worst_m <= allowed_gust_error_m(0.6, response, max_mps2)
 
 
-def test_a_gust_on_all_that_the_leader_cannot_tell_of_for_a_second_moves_nobody_off_its_slot(plan):
+def test_a_gust_on_all_that_the_leader_cannot_tell_of_for_a_second_moves_none_off_its_slot(plan):
     gust = [{"at_s": 6, "vehicles": "all", "velocity_mps": [0.6, 0.6, 0.0]}]
     flown = plan(duration_s=14, disturbances=gust).with_outage(1, from_s=5.8, to_s=6.8).fly()
     for follower in (2, 3):
@@ -162,7 +162,7 @@ def test_with_noise_like_a_gnss_receivers_the_rms_error_stays_below_a_quarter_of
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("autopilot", "speed_mps", "height_m"), [("emulator", 22, 1.0), ("px4", 14, 2.5)])
-def test_in_turbulence_nobody_is_said_to_disobey_or_to_come_near_a_delay_margin(plan, autopilot, speed_mps, height_m):
+def test_in_turbulence_none_is_said_to_disobey_or_to_come_near_a_delay_margin(plan, autopilot, speed_mps, height_m):
     """PX4 is commanded by course and turns into gusts by itself; its airspeed is near a limit for a minute."""
     vehicles = {"count": 3, "autopilot": autopilot}
     path = {"speed_mps": speed_mps, "waypoints_m": [[0, 0, 120], [1000, 0, 120], [2000, 600, 130], [9000, 600, 120]]}

@@ -34,7 +34,7 @@ def test_an_example_can_be_flown_from_where_it_was_written(name: str, tmp_path: 
     assert "configs/" not in path.read_text()
 
 
-def test_who_mistypes_a_command_is_told_the_nearest() -> None:
+def test_who_mistypes_a_command_is_reported_the_nearest() -> None:
     done = CliRunner().invoke(main, ["runn", "x.yaml"])
     assert done.exit_code == 2
     assert "found command 'runn'; allowed: check, compare" in done.output

@@ -120,7 +120,7 @@ def test_over_real_sockets_the_measured_delay_is_the_realised_one(plan):
         )
 
 
-def test_the_loss_on_the_way_up_is_told_and_bounded_by_itself(plan):
+def test_the_loss_on_the_way_up_is_reported_and_bounded_by_itself(plan):
     wanted = [{"metric": name, "followers": [2], "below": 0.1} for name in ("injected_loss_up", "injected_loss")]
     start = {"in_air": True, "timeout_s": 1}
     planned = plan(duration_s=15, vehicles={"count": 2}, start=start, expect=wanted)
@@ -165,7 +165,7 @@ def cut_off(plan) -> FlownFlight:
 
 
 @pytest.mark.parametrize("follower", OUTAGES)
-def test_a_loss_is_measured_whether_or_not_the_vehicle_hears_us_meanwhile(cut_off, follower):
+def test_a_loss_is_measured_whether_or_not_the_vehicle_receives_us_meanwhile(cut_off, follower):
     """If it doesn't hear us it sends no answers: a third fewer frames, more than a round of sequence numbers."""
     link = cut_off.link(follower)
     assert link["injected_loss"] > 0.05
@@ -257,7 +257,7 @@ def outage(plan, request) -> FlownFlight:
 
 
 @pytest.mark.slow
-def test_an_outage_of_one_link_disturbs_nobody_else(outage):
+def test_an_outage_of_one_link_disturbs_none_else(outage):
     outage.stays_within(0.05, followers=2)
 
 

@@ -45,7 +45,7 @@ def errors_m(out, *ratios):
     ],
     ids=["30 % longer", "half as long", "each its own"],
 )
-def test_lags_that_are_not_the_models_are_learnt_within_a_minute(tmp_path, ratios, x_m, y_m):
+def test_time_constants_that_are_not_the_models_are_estimated_within_a_minute(tmp_path, ratios, x_m, y_m):
     """The first bounds are 1.3 times the measured errors; with unlearned lags, errors would be 0.071 and 0.149 m."""
     found = errors_m(tmp_path, *ratios)
     assert found[0] <= x_m

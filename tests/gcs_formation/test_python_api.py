@@ -80,7 +80,7 @@ def test_an_option_that_is_no_number_is_refused(tmp_path: Path, keys: dict[str, 
         gcs_formation.run(scenario(), clock="virtual", out=tmp_path / "run", **keys)
 
 
-def test_a_mistyped_option_is_told_the_nearest_option_or_key() -> None:
+def test_a_mistyped_option_is_reported_the_nearest_option_or_key() -> None:
     for name, near in (("untl", "until"), ("clok", "clock"), ("law_", "law")):
         mistyped: dict[str, Any] = {name: 3}
         with pytest.raises(gcs_formation.ScenarioError, match=rf"clock, speedup, until, .*did you mean '{near}'"):

@@ -84,7 +84,7 @@ def test_check_imports_what_it_needs_alone() -> None:
 
 
 @pytest.mark.slow
-def test_a_flight_that_nobody_watches_needs_no_terminal_and_no_figures() -> None:
+def test_a_flight_that_none_watches_needs_no_terminal_and_no_figures() -> None:
     modules = subprocess.run([sys.executable, "-c", FLY], capture_output=True, text=True, check=True).stdout.split()
     unneeded = {"rich", "matplotlib", "numpy.ma", "gcs_formation.report", "gcs_formation.studies", *OF_FEW_SCENARIOS}
     assert unneeded & set(modules) == set()

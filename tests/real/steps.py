@@ -55,7 +55,7 @@ class Pilot:
             f"udpin:127.0.0.1:{self.port}", source_system=255, dialect="ardupilotmega"
         )
         self.link.wait_heartbeat(timeout=60)
-        self._beat_s = self._told_s = -math.inf
+        self._beat_s = self._reported_s = -math.inf
         self._healthy = False
         for message, rate_hz in (*WANTED_HZ.items(), (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 2)):
             self.command(m.MAV_CMD_SET_MESSAGE_INTERVAL, message, 1e6 / rate_hz)
@@ -75,9 +75,9 @@ class Pilot:
             if self.now_s >= self._beat_s + 1.0:
                 self.link.mav.heartbeat_send(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
                 self._beat_s = self.now_s
-            if told is not None and self.now_s >= self._told_s + TOLD_EVERY_S:
+            if told is not None and self.now_s >= self._reported_s + TOLD_EVERY_S:
                 self.family.tell(self, told)
-                self._told_s = self.now_s
+                self._reported_s = self.now_s
             self.turn()
 
     def turn(self) -> None:
@@ -108,9 +108,9 @@ class Pilot:
 
     def step(self, step: Step) -> tuple[float, float]:
         """Return the times at which 63 % and 90 % of a step were done, s."""
-        self._told_s = -math.inf
+        self._reported_s = -math.inf
         self.fly(step.settles_s, step.before)
-        self._told_s = -math.inf
+        self._reported_s = -math.inf
         begun_s, first = self.now_s, len(self.seen[step.watched])
         self.fly(step.settles_s, step.after)
         series = np.array(self.seen[step.watched])

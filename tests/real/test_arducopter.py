@@ -42,7 +42,7 @@ def test_followers_keep_their_slots_through_stops_and_changes(summary, axis):
     assert max(follower[axis]["rms"] for follower in summary["followers"].values()) < 0.5
 
 
-def test_nobody_came_near_another(summary):
+def test_none_came_near_another(summary):
     assert summary["safety"]["violations"] == 0
     assert summary["safety"]["min_separation_m"] > 3.0
 

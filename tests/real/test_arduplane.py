@@ -117,6 +117,6 @@ def test_the_follower_keeps_its_slot(run):
     assert summary["safety"]["violations"] == 0
 
 
-def test_nobody_is_said_to_disobey(run):
+def test_none_is_said_to_disobey(run):
     events = events_of(run)
     assert [event for event in events if event["kind"] == "disobeys"] == []

@@ -140,7 +140,7 @@ def test_the_formation_is_regained_within_60_s_after_the_station_was_killed(loss
     assert (off_s.max() if off_s.size else resumed["t_s"]) - resumed["t_s"] < 60.0
 
 
-def test_nobody_is_armed_twice(losses):
+def test_none_is_armed_twice(losses):
     (resumed,) = [each for each in events_of(losses.run) if each["text"] == "goes on"]
     armed_s = [(at_us - resumed["epoch_us"]) * 1e-6 for at_us in armings_us(losses.run)]
     assert len(armed_s) == 4

@@ -137,7 +137,7 @@ def test_aircraft_of_a_kind_differ_as_the_seed_says():
     assert height_after_8_s(alike, 1) == height_after_8_s(alike, 2)
 
 
-def test_airspeed_is_told_late_and_in_steps():
+def test_airspeed_is_reported_late_and_in_steps():
     made = reported(body({"airspeed_step_mps": 0.5, "airspeed_noise_mps": 0.0, "spread": 0.0}), speed=25.0)
     seen = []
     for _ in range(250):

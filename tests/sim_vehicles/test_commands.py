@@ -148,7 +148,7 @@ def test_a_mode_that_there_is_not_is_remarked_on(flying):
     assert said == [(4, "No such mode 99"), (4, "No such mode 98")]
 
 
-def test_a_change_of_mode_is_told_by_a_heartbeat_at_once(flying):
+def test_a_change_of_mode_is_reported_by_a_heartbeat_at_once(flying):
     before = len(flying.ground.of("HEARTBEAT"))
     assert flying.set_mode(LOITER) == ACCEPTED
     assert flying.ground.of("HEARTBEAT")[before:][0].custom_mode == LOITER
@@ -252,7 +252,7 @@ def test_reposition_has_a_radius_that_stays_until_the_mode_changes_and_a_side(fl
     assert flying.fleet.bodies[0].steering.radius_m == 115.0
 
 
-def test_the_arrival_at_a_place_is_told_once(flying):
+def test_the_arrival_at_a_place_is_reported_once(flying):
     flying.command_int(192, -1, 1, 0, 0, x=round(35.005e7), y=round(125e7), z=100.0, frame=3)
     flying.run(5.0)
     assert flying.ground.of("MISSION_ITEM_REACHED") == []
@@ -422,7 +422,7 @@ def test_a_cancelled_heading_circles_where_guided_was_entered(flying):
     assert distance == pytest.approx(flying.fleet.bodies[0].steering.radius_m, abs=3.0)
 
 
-def test_the_interval_of_a_message_is_told(flying):
+def test_the_interval_of_a_message_is_reported(flying):
     for message_id, interval_us in ((33, 1_000_000), (30, 50_000), (242, -1), (7777, 0)):
         if message_id == 30:
             flying.command_long(INTERVAL, message_id, interval_us)

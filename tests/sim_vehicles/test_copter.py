@@ -154,7 +154,7 @@ def test_a_height_beside_a_velocity_isnt_followed(standing):
     assert standing.motion.height_m == pytest.approx(height_m, abs=0.1)
 
 
-def test_the_nose_turns_as_told_and_stays_where_it_is_not(standing):
+def test_the_nose_turns_as_reported_and_stays_where_it_is_not(standing):
     standing.fly(5.0, 1.0, yaw=math.pi / 2)
     assert standing.shown.heading_rad == pytest.approx(math.pi / 2, abs=0.05)
     standing.fly(4.0, -2.0, mask=VELOCITY_ALONE)
@@ -317,7 +317,7 @@ def test_without_a_mission_no_item_can_be_chosen(standing):
 
 
 @pytest.mark.parametrize("command", [43000, 43001, 43002, 192, 12345])
-def test_what_planes_are_told_is_unsupported(standing, command):
+def test_what_planes_are_reported_is_unsupported(standing, command):
     assert standing.air.command_long(command, 0, 5.0) == UNSUPPORTED
 
 

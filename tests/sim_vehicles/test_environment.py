@@ -93,7 +93,7 @@ def test_a_vehicle_s_turbulence_does_not_depend_on_who_else_meets_it(make_air):
     assert np.std(alone) > 0
 
 
-def test_nothing_happens_before_the_mission_time_is_told(make_air):
+def test_nothing_happens_before_the_mission_time_is_reported(make_air):
     air = disturbed(make_air, (StepDisturbance(at_s=0.0, velocity_mps=(5.0, 0.0, 0.0)), frozenset({FIRST})))
     air.run(30.0)
     air.tell_mission_time(-3.0)
@@ -101,7 +101,7 @@ def test_nothing_happens_before_the_mission_time_is_told(make_air):
     assert velocity(air) == (0.0, 0.0)
 
 
-def test_the_first_mission_time_that_is_not_negative_counts_whoever_hears_it(make_air):
+def test_the_first_mission_time_that_is_not_negative_counts_any_that_receives_it(make_air):
     air = disturbed(make_air, (StepDisturbance(at_s=10.0, velocity_mps=(1.0, 0.0, 0.0)), frozenset({FIRST})))
     air.tell_mission_time(-1.0)
     air.run(1.0)
@@ -122,7 +122,7 @@ def test_a_mission_time_that_is_no_number_is_ignored(make_air, value):
     assert air.fleet.environment.mission_zero is None
 
 
-def test_a_disturbance_shows_in_the_told_velocity_and_carries_the_vehicle(make_air):
+def test_a_disturbance_shows_in_the_reported_velocity_and_carries_the_vehicle(make_air):
     air = disturbed(make_air, (StepDisturbance(at_s=0.0, velocity_mps=(0.6, 0.6, 0.0)), frozenset({FIRST})))
     air.run(2.0)
     assert air.set_mode(GUIDED) == 0
@@ -145,7 +145,7 @@ def test_a_crashed_vehicle_falls_silent_to_the_ground_and_the_others_fly_on(make
     assert air.state("height_m", 1) == pytest.approx(100.0)
 
 
-def test_a_frozen_vehicle_is_deaf_and_dumb_and_flies_on_as_it_was_told(make_air):
+def test_a_frozen_vehicle_is_deaf_and_dumb_and_flies_on_as_it_was_reported(make_air):
     air = make_air(2, faults=((Fault(at_s=60.0, kind="freeze"), frozenset({FIRST})),))
     air.run(3.0)
     air.set_mode(GUIDED)

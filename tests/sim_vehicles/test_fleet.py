@@ -89,7 +89,7 @@ def test_a_reply_leaves_on_the_main_loop_and_not_before(make_air):
     assert fleet.datagrams_to_send()
 
 
-def test_vehicles_speak_with_their_own_system_ids_and_do_what_they_are_told_alone(make_air):
+def test_vehicles_speak_with_their_own_system_ids_and_do_what_they_are_reported_alone(make_air):
     air = make_air(3)
     air.run(5.0)
     for vehicle in range(3):
@@ -102,7 +102,7 @@ def test_vehicles_speak_with_their_own_system_ids_and_do_what_they_are_told_alon
         assert math.degrees(air.state("heading_rad", vehicle)) - 30.0 * vehicle < 1e-6
 
 
-def test_a_listening_vehicle_tells_everyone_it_hears_and_forgets_the_silent(make_air):
+def test_a_listening_vehicle_tells_everyone_it_receives_and_forgets_the_silent(make_air):
     air = make_air(endpoint="udpin:127.0.0.1:14560")
     other = air.peer(Address("127.0.0.1", 15000), system=250)
     air.run(3.0)

@@ -23,7 +23,7 @@ def test_a_gentle_heading_does_not_widen_the_circle_after_it(flying, following):
     assert math.hypot(flying.state("north_m"), flying.state("east_m")) < 150.0
 
 
-def test_auto_without_a_mission_is_told_as_return_to_launch(flying):
+def test_auto_without_a_mission_is_reported_as_return_to_launch(flying):
     assert flying.set_mode(AUTO) == 0
     assert flying.ground.of("HEARTBEAT")[-1].custom_mode == RTL
 

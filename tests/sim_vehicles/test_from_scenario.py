@@ -57,9 +57,9 @@ def test_a_vehicles_sensors_are_its_true_ones_where_those_differ_from_what_the_s
     (sensors, _) = (each.navigation for each in fleet_config(planned).vehicles)
     assert isinstance(sensors, NoisyNavigation)
     assert (sensors.position_sigma_m, sensors.velocity_sigma_mps, sensors.outlier_share) == (1.0, 0.1, 0.05)
-    believed = planned.vehicles[0].navigation
-    assert isinstance(believed, NoisyNavigation)
-    assert believed.position_sigma_m == 0.3
+    accepted = planned.vehicles[0].navigation
+    assert isinstance(accepted, NoisyNavigation)
+    assert accepted.position_sigma_m == 0.3
 
 
 def test_a_vehicle_flies_by_its_true_model_where_that_differs_from_what_the_station_believes(tmp_path):
@@ -67,9 +67,9 @@ def test_a_vehicle_flies_by_its_true_model_where_that_differs_from_what_the_stat
     path.write_text(SCENARIO.replace("model: {tau_v_s: 5.0}", "model: {tau_v_s: 5.0}, true_model: {tau_psi_s: 2.0}"))
     scenario = load_scenario(path)
     true = fleet_config(scenario).vehicles[1].model
-    believed = scenario.vehicles[1].model
+    accepted = scenario.vehicles[1].model
     assert (true.tau_v_s, true.tau_psi_s) == (5.0, 2.0)
-    assert (believed.tau_v_s, believed.tau_psi_s) == (5.0, 1.5)
+    assert (accepted.tau_v_s, accepted.tau_psi_s) == (5.0, 1.5)
 
 
 def test_all_means_every_vehicle(config):

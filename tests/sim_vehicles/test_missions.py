@@ -182,7 +182,7 @@ def test_an_item_that_does_not_come_is_asked_for_every_second_and_given_up_after
     assert ask(flying, item(0)) == [("MISSION_ACK", ERROR)]
 
 
-def test_an_upload_is_nobody_elses(flying):
+def test_an_upload_is_none_elses(flying):
     other = flying.peer(Address("127.0.0.1", 15000), system=250)
     ask(flying, count(2))
     for message in (count(3), item(0), dialect.MAVLink_mission_clear_all_message(1, 1)):
@@ -218,7 +218,7 @@ def test_a_mission_is_cleared(flying, clear):
     assert current(flying) == (0, NONE)
 
 
-def test_of_a_cleared_mission_home_is_still_told(flying):
+def test_of_a_cleared_mission_home_is_still_reported(flying):
     ask(flying, dialect.MAVLink_mission_clear_all_message(1, 1))
     home = read(flying, 0)
     assert (home.seq, home.frame, home.command, home.x, home.y, home.z) == HOME
@@ -275,7 +275,7 @@ def test_a_mission_is_flown_from_the_ground_to_its_end_and_home(parked):
     assert current(parked) == (6, NOT_STARTED)
 
 
-def test_the_way_left_to_an_item_and_to_a_circle_s_centre_is_told(flying):
+def test_the_way_left_to_an_item_and_to_a_circle_s_centre_is_reported(flying):
     upload(flying, item(1, lat=35.0, lon=125.02))
     flying.set_mode(AUTO)
     flying.run(20.0)
@@ -365,7 +365,7 @@ def test_a_mission_with_a_landing_ends_on_the_ground_at_its_place_disarmed_and_i
     assert [each.seq for each in parked.ground.of("MISSION_ITEM_REACHED")] == [1, 3]
 
 
-def test_the_mode_that_flies_missions_is_told_and_the_last_item_stays_the_current_one(flying):
+def test_the_mode_that_flies_missions_is_reported_and_the_last_item_stays_the_current_one(flying):
     upload(flying, item(1, lat=35.004))
     assert flying.ground.of("MISSION_CURRENT")[-1].mission_mode == 0
     flying.set_mode(AUTO)

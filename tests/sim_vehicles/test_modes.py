@@ -35,7 +35,7 @@ def test_the_air_is_reached_by_take_off_alone():
 
 
 @pytest.mark.parametrize("condition", Condition)
-def test_every_condition_can_be_reached_and_is_told_as_a_state(condition):
+def test_every_condition_can_be_reached_and_is_reported_as_a_state(condition):
     starts = {Condition.BOOTING, Condition.BOOTING_IN_AIR}
     assert condition in starts | set(TRANSITIONS.values())
     assert system_status(condition) in {2, 3, 4}
@@ -100,7 +100,7 @@ def test_wind_does_not_move_a_parked_vehicle(make_air):
 
 
 @pytest.mark.parametrize(("mode", "height_m"), [(LOITER, 100.0), (GUIDED, 100.0), (RTL, 100.0)])
-def test_it_circles_until_it_is_told_otherwise(flying, mode, height_m):
+def test_it_circles_until_it_is_commanded_otherwise(flying, mode, height_m):
     flying.set_mode(MANUAL)
     flying.run(20.0)
     flying.set_mode(mode)

@@ -46,7 +46,7 @@ def test_the_list_has_every_index_once_at_one_a_turn(flying):
     assert len(set(times)) == len(times)
 
 
-def test_a_list_asked_for_again_begins_anew(flying):
+def test_a_list_asked_for_again_begins_again(flying):
     for _ in range(2):
         flying.ground.send(flying.ground.dialect.param_request_list_encode(1, 1))
         flying.run(0.06)
@@ -90,7 +90,7 @@ def test_setting_tells_the_new_value_in_the_parameter_s_own_type(flying, kind):
         (b"RTL_ALTITUDE", -1.0, -1.0),
     ],
 )
-def test_what_is_sent_is_stored_and_told_and_integers_saturate_at_their_width_alone(flying, name, sent, stored):
+def test_what_is_sent_is_stored_and_reported_and_integers_saturate_at_their_width_alone(flying, name, sent, stored):
     assert put(flying, name, sent)[0].param_value == stored
     assert ask(flying, name)[0].param_value == stored
 

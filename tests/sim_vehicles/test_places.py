@@ -72,7 +72,7 @@ def px4(make_air):
     return flier
 
 
-def test_told_once_it_flies_to_a_place_and_stays_with_its_nose_ahead(copter):
+def test_reported_once_it_flies_to_a_place_and_stays_with_its_nose_ahead(copter):
     copter.tell(30.0, 40.0, -80.0)
     copter.air.run(40.0)
     assert copter.place == pytest.approx((30.0, 40.0, 80.0), abs=0.2)
@@ -150,7 +150,7 @@ def test_an_item_marked_as_current_is_flown_to(copter):
 
 
 @pytest.mark.parametrize("globally", [False, True])
-def test_a_px4_flies_to_places_that_it_is_told_again_and_again(px4, globally):
+def test_a_px4_flies_to_places_that_it_is_commanded_again_and_again(px4, globally):
     for _ in range(250):
         px4.tell_globally(30.0, 80.0) if globally else px4.tell(30.0, 0.0, -80.0)
         px4.air.run(0.1)

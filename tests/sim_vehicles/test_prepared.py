@@ -20,7 +20,7 @@ def findings(name, values):
         read = {name: value for name, _, value in vehicle.parameters.entries()}
         checks = autopilot_for(planned, scenario).checks(planned.model, scenario.path)
         assert all(set(check.all_names) & set(read) for check in checks)
-        yield from filter(None, (check.judge(read) for check in checks))
+        yield from filter(None, (check.finding(read) for check in checks))
 
 
 @pytest.mark.parametrize("name", ["quickstart", "arduplane", "arducopter", "px4", "px4_copter"])

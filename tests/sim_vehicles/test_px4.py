@@ -229,7 +229,7 @@ def test_flags_in_offboard(px4):
     assert copter.air.ground.of("HEARTBEAT")[-1].base_mode == 145
 
 
-def test_a_change_is_told_at_once_to_who_asked_for_current_mode(px4):
+def test_a_change_is_reported_at_once_to_who_asked_for_current_mode(px4):
     copter = px4()
     reported = []
     copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, m.MAVLINK_MSG_ID_CURRENT_MODE, 20_000)
@@ -298,7 +298,7 @@ def test_setpoints_that_ignore_every_field_are_invalid(px4):
     assert "SET_POSITION_TARGET_LOCAL_NED invalid" in copter.texts
 
 
-def test_who_was_told_another_mode_meanwhile_doesnt_come_back(px4):
+def test_who_was_commanded_another_mode_meanwhile_doesnt_come_back(px4):
     copter = px4()
     copter.offboard()
     copter.wait(2.0)
@@ -371,7 +371,7 @@ def test_take_off_is_to_an_altitude_above_sea_level_and_ends_in_hold(px4, model,
     assert vehicle.motion.height_m == pytest.approx(20.0, abs=2.5)
 
 
-def test_told_to_take_off_in_flight_a_multirotor_climbs_and_holds(px4):
+def test_commanded_to_take_off_in_flight_a_multirotor_climbs_and_holds(px4):
     copter = px4(origin_alt_m=5.0)
     assert copter.results(m.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, math.nan, math.nan, math.nan, 5.0 + 110.0) == [ACCEPTED]
     assert copter.mode == TAKEOFF
@@ -393,7 +393,7 @@ def test_a_multirotor_that_has_landed_waits_in_hold_and_can_be_armed_again(px4, 
     assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [ACCEPTED]
 
 
-def test_one_that_is_armed_already_takes_off_when_it_is_told(px4):
+def test_one_that_is_armed_already_takes_off_when_it_is_reported(px4):
     copter = px4(in_air=False)
     assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [ACCEPTED]
     assert copter.results(m.MAV_CMD_NAV_TAKEOFF, -1, 0, 0, math.nan, math.nan, math.nan, 10.0) == [ACCEPTED]
@@ -420,7 +420,7 @@ def test_a_fixed_wing_that_leaves_a_high_field_soon_after_boot_dives_into_the_gr
     assert plane.vehicle.pilot.condition is Condition.CRASHED
 
 
-def test_a_fixed_wing_flies_straight_to_a_place_far_ahead_at_the_speed_told_within_its_limits(px4):
+def test_a_fixed_wing_flies_straight_to_a_place_far_ahead_at_the_speed_reported_within_its_limits(px4):
     plane, results = px4(DRAGLESS), []
     for _ in range(200):
         here = plane.motion
@@ -566,7 +566,7 @@ def test_its_streams_are_fast_unasked_and_zero_restores_that(px4):
         assert copter.air.command_long(m.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, 100_000) == FAILED
 
 
-def test_the_interval_of_what_it_does_not_know_is_told_as_none(px4):
+def test_the_interval_of_what_it_does_not_know_is_reported_as_none(px4):
     copter = px4()
     assert copter.results(m.MAV_CMD_GET_MESSAGE_INTERVAL, 9999) == [ACCEPTED]
     assert copter.air.ground.of("MESSAGE_INTERVAL")[-1].interval_us == -1
@@ -594,7 +594,7 @@ def test_texts_wait_for_a_ground_station_and_long_ones_come_in_chunks(make_air):
     assert [each.chunk_seq for each in long] == [0, 1]
 
 
-def test_its_link_hears_the_first_port_alone(make_air):
+def test_its_link_receives_the_first_port_alone(make_air):
     copter = Px4(make_air(model=COPTER, endpoint="udpin:127.0.0.1:14550"))
     other = copter.air.peer(Address("127.0.0.1", 40000))
     copter.wait(1.0)
@@ -618,7 +618,7 @@ def test_an_integer_parameter_is_the_bytes_of_one(px4):
     assert copter.vehicle.parameters["NAV_DLL_ACT"] == 2
 
 
-def test_a_parameter_that_it_has_not_is_told_as_an_error(px4):
+def test_a_parameter_that_it_has_not_is_reported_as_an_error(px4):
     copter = px4()
     for asked in (
         mavlink.MAVLink_param_request_read_message(1, 1, b"NOPE", -1),

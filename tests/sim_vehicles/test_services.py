@@ -18,7 +18,7 @@ REBOOT, ARM = m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, m.MAV_CMD_COMPONENT_ARM_DISAR
 
 
 @pytest.mark.parametrize(("model", "refused"), [(None, FAILED), (MODEL, FAILED), (COPTER, DENIED)])
-def test_a_vehicle_restarts_when_told_unless_it_is_armed(make_air, model, refused):
+def test_a_vehicle_restarts_when_reported_unless_it_is_armed(make_air, model, refused):
     air = make_air(in_air=False, endpoint="udpin:127.0.0.1:14551", **({} if model is None else {"model": model}))
     air.ground.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
     air.run(5.0)
@@ -80,7 +80,7 @@ def test_a_px4_has_no_mission_and_takes_none(make_air):
 
 
 @pytest.mark.parametrize(("model", "waits"), [(None, True), (MODEL, False), (COPTER, False), (PLANE, False)])
-def test_time_is_told_as_it_is_asked_for_but_by_a_plane_of_ardupilots(make_air, model, waits):
+def test_time_is_reported_as_it_is_asked_for_but_by_a_plane_of_ardupilots(make_air, model, waits):
     """A PX4's receiver is a separate thread, an ArduCopter's loop takes 2.5 ms, an ArduPlane's 20 ms."""
     air = make_air(**({"model": model} if model else {}))
     air.run(3.5)
@@ -94,7 +94,7 @@ def test_time_is_told_as_it_is_asked_for_but_by_a_plane_of_ardupilots(make_air, 
 
 
 @pytest.mark.parametrize(("target", "answers"), [(0, 1), (1, 1), (2, 0)])
-def test_time_is_told_to_whom_asked_by_whom_was_asked(make_air, target, answers):
+def test_time_is_commanded_to_whom_asked_by_whom_was_asked(make_air, target, answers):
     """So that on a shared line the others keep still, and routers know where the answer goes."""
     air = make_air()
     air.run(1.0)

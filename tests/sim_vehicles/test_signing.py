@@ -115,7 +115,7 @@ def test_its_key_is_kept_over_a_restart_and_older_frames_stay_old(air):
     assert timestamp_of(newest(air)) >= before + A_MINUTE
 
 
-def test_time_that_is_told_at_once_is_told_to_holders_of_the_key_alone():
+def test_time_that_is_reported_at_once_is_commanded_to_holders_of_the_key_alone():
     """A PX4 answers TIMESYNC as it comes, before its loop reads anything."""
     end = parse_endpoint("udpout:127.0.0.1:14550")
     config = VehicleConfig(VehicleId(1, 1), end, StartState(0.0, 0.0), COPTER, "px4_copter", signing_key=KEY)

@@ -131,7 +131,7 @@ def test_a_restarted_clock_begins_at_zero(make_air):
     assert air.ground.of("SYSTEM_TIME")[-1].time_boot_ms / 1e3 == pytest.approx(5.0, abs=1.1)
 
 
-def test_positions_told_are_the_true_ones_to_their_resolution(flying):
+def test_positions_reported_are_the_true_ones_to_their_resolution(flying):
     flying.command_int(43002, 1, 60.0, 5.0)
     flying.run(60.0)
     flying.command_long(INTERVAL, 33, 20_000)
@@ -159,7 +159,7 @@ def test_bank_and_pitch_are_those_of_the_flight(flying):
     assert reported.pitch == pytest.approx(math.asin(3 / 22), rel=1e-3)
 
 
-def test_wind_is_told_as_where_it_comes_from(make_air):
+def test_wind_is_reported_as_where_it_comes_from(make_air):
     air = make_air(wind_mps=(0.0, 8.0, 0.0))
     air.run(3.0)
     reported = air.ground.of("WIND")[-1]

@@ -91,7 +91,7 @@ def test_a_wings_gusts_turn_with_it_and_a_multirotors_lie_along_the_wind(hovers,
     """A multirotor at low speed may take any course from one cycle to the next; its gusts used to rotate with that."""
     body: Any = SimpleNamespace(
         state=SimpleNamespace(airspeed_mps=0.1, height_m=100.0, heading_rad=0.0),
-        model=SimpleNamespace(may_stand=hovers),
+        model=SimpleNamespace(may_hover=hovers),
         disturbance_mps=(0.0, 0.0, 0.0),
     )
     gusts = DrydenGusts(GIVEN, [body], [np.random.default_rng(1)], (5.0, 0.0, 0.0))

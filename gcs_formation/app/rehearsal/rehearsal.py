@@ -23,7 +23,7 @@ SILENCES_SHARE, STARTS_SHARE, STRETCH_SHARE = 0.1, 0.4, 0.95
 """By which share of it each part is over, one after the other."""
 SETTLE_S: Final = 10.0
 """Time from a stretch's beginning until its errors count, s: gusts begin with it."""
-MOST_S: Final = 240.0
+MAX_S: Final = 240.0
 """Longest stretch, s."""
 LEAST_S: Final = 10.0
 """Shortest time of errors by which gusts are judged, s."""
@@ -61,8 +61,8 @@ def rehearse(scenario: Scenario, wall_s: float = WALL_S) -> Rehearsal:
     from_s, stretch, begun, not_flown = worst_s(scenario), None, None, None
     try:
         begun = starts(scenario, partial(over, STARTS_SHARE)) if scenario.followers else None
-        least_s = (begun and begun.least_run_in_s) or 0.0
-        there = from_there(scenario, from_s, least_s)
+        min_s = (begun and begun.least_run_in_s) or 0.0
+        there = from_there(scenario, from_s, min_s)
         stretch = _stretch(there, partial(over, STRETCH_SHARE)) if scenario.followers else None
     except (RunAbortedError, ScenarioError) as error:
         not_flown = str(error)
@@ -71,7 +71,7 @@ def rehearse(scenario: Scenario, wall_s: float = WALL_S) -> Rehearsal:
 
 def _stretch(scenario: Scenario, over: Callable[[], bool]) -> Flown:
     def enough(session: Session) -> bool:
-        return over() or session.station.flight.mission_time_s(session.clock.now()) > SETTLE_S + MOST_S
+        return over() or session.station.flight.mission_time_s(session.clock.now()) > SETTLE_S + MAX_S
 
     return flown(scenario, enough, SETTLE_S)
 

@@ -64,14 +64,14 @@ class Starts(NamedTuple):
 
 def goes_round(scenario: Scenario, found: Starts, lap_s: float) -> str | None:
     """Return why the leader will fly a lap before its path; None if the run-in is long enough, or it waits instead."""
-    run_in_s, least_s = scenario.start.run_in_s, found.least_run_in_s
-    if scenario.hovers or not found.in_air or (least_s is not None and run_in_s >= least_s):
+    run_in_s, min_s = scenario.start.run_in_s, found.least_run_in_s
+    if scenario.hovers or not found.in_air or (min_s is not None and run_in_s >= min_s):
         return None
-    if least_s is None and not any(each.went_round for each in found.each):
+    if min_s is None and not any(each.went_round for each in found.each):
         return None  # not flown for long enough
     late = [each for each in found.each if each.used_s is None or each.used_s + DECISION_S > run_in_s]
     sure = f" ({len(late)} of {len(found.each)} starts flown ahead did not)" if len(found.each) > 1 else ""
-    allowed = "longer" if least_s is None else f"{math.ceil(round(10 * least_s, 6)) / 10:g} or more"
+    allowed = "longer" if min_s is None else f"{math.ceil(round(10 * min_s, 6)) / 10:g} or more"
     return (
         f"start.run_in_s: found {run_in_s:g}; allowed: {allowed} for the path to begin at once{sure}; else the leader "
         f"goes round first, for about {lap_s:.0f} s"

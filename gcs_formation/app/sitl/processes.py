@@ -20,7 +20,7 @@ DIRECTORY, OUTPUT = "simulators", "output.txt"
 END_S: Final = 10.0
 """Wall time that a simulator gets to close its log, s."""
 LAST_BYTES: Final = 300
-MOST_NUMBERS: Final = 200
+MAX_NUMBERS: Final = 200
 """Of simulators that are distinguished by their numbers."""
 
 
@@ -101,7 +101,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 def _with_free_ports(fleet: Sequence[Simulated]) -> Sequence[Simulated]:
     """Return the simulators with numbers whose ports are free: another run may have started some."""
-    for further in range(0, MOST_NUMBERS, max(len(fleet), 1)):
+    for further in range(0, MAX_NUMBERS, max(len(fleet), 1)):
         numbered = [replace(each, craft=replace(each.craft, number=each.craft.number + further)) for each in fleet]
         if not any(_taken(each) for each in numbered):
             return numbered

@@ -21,24 +21,31 @@ from gcs_formation.features.airspace.keys import AirspaceKeys, Fence
 from gcs_formation.recorder import Event, Tick
 
 HELD_M: Final = 10.0
-"""A vehicle is turned away from the fence when the room left beyond such a turn is smaller."""
+"""A vehicle is turned away from the fence when the room left beyond such a turn is smaller. Tuned: m; 5 to 20; by
+judgement."""
 TURN_RAD: Final = np.pi / 2
-"""Offset from the present heading that is commanded to turn a vehicle away: large enough for its tightest turn."""
+"""Offset from the present heading that is commanded to turn a vehicle away: large enough for its tightest turn. Tuned:
+rad; 1 to π; by judgement."""
 STEP_M: Final = 1.0
-HELD_LAGS: Final = 0.5
+"""Distance over which the slope of the room to the fence is taken. Tuned: m; 0.5 to 5; by judgement."""
+HELD_TAUS: Final = 0.5
 """Time, in time constants of height, for which a height setpoint is assumed to be held before the fastest climb
-follows."""
-LAGS: Final = [0.125, 0.25, 0.375, HELD_LAGS, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0]
-"""Times, in time constants of height, at which the ground below that climb is checked."""
-LAGS_AHEAD: Final = np.array(LAGS)
-SHARES: Final = [(LAGS.index(share), share) for share in (0.25, 0.5, 0.75, 1.0)]
+follows. Tuned: time constants; 0.3 to 1; by judgement."""
+TAUS: Final = [0.125, 0.25, 0.375, HELD_TAUS, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0]
+"""Times, in time constants of height, at which the ground below that climb is checked. Tuned: time constants; 0 to 3,
+denser at first; by judgement."""
+TAUS_AHEAD: Final = np.array(TAUS)
+SHARES: Final = [(TAUS.index(share), share) for share in (0.25, 0.5, 0.75, 1.0)]
 """Those of them, in shares of the way until a height is reached, at which the straight way there is checked."""
 ROOM_M: Final = 0.25
-"""Margin above terrain of that climb: ground and states are known to about that, and checked tick by tick."""
+"""Margin above terrain of that climb: ground and states are known to about that, and checked tick by tick. Tuned: m;
+0.1 to 1; by judgement."""
 AROUND_M: Final = 500.0
-"""Radius around a vehicle in which the highest ground is searched, again after it has flown that far."""
+"""Radius around a vehicle in which the highest ground is searched, again after it has flown that far. Tuned: m; 300 to
+2000; by judgement."""
 OVER_S: Final = 2.0
-"""A limit has ended once it hasn't applied for so long, so that events don't repeat from tick to tick at a limit."""
+"""A limit has ended once it hasn't applied for so long, so that events don't repeat from tick to tick at a limit.
+Tuned: s; 1 to 5; by judgement."""
 
 
 class HeldEvents:
@@ -119,13 +126,13 @@ class FenceLimits:
         widest = np.where(room[:, 1] >= room[:, 0], 1.0, -1.0)
         same = np.where(before > 0.0, room[:, 1], room[:, 0]) >= 0.0
         side = np.where(held, np.where((before != 0.0) & same, before, widest), 0.0)
-        aside_rad = side * TURN_RAD
+        turn_rad = side * TURN_RAD
         lost = held & (room.max(axis=1) < 0.0)
         if lost.any():
             off_rad = wrap(_inward_rad(areas, place[lost]) - state.heading_rad[lost])
-            aside_rad[lost] = within(off_rad, -TURN_RAD, TURN_RAD)
+            turn_rad[lost] = within(off_rad, -TURN_RAD, TURN_RAD)
         turned: list[int] = which[held].tolist()
-        headings_rad: list[float] = (state.heading_rad + aside_rad)[held].tolist()
+        headings_rad: list[float] = (state.heading_rad + turn_rad)[held].tolist()
         for column, heading_rad in zip(turned, headings_rad, strict=True):
             speed_mps, _, height_m = tick.setpoints[column]
             tick.replace(column, (speed_mps, heading_rad, height_m))
@@ -189,7 +196,7 @@ class HeightFloor:
             return self._clearance_m
         north_m, east_m, clear_m = self._known[column]
         model, (north_mps, east_mps) = self._models[column], state.ground_mps()
-        ahead_m = LAGS[-1] * _lag_s(model) * math.hypot(north_mps, east_mps)
+        ahead_m = TAUS[-1] * _tau_s(model) * math.hypot(north_mps, east_mps)
         if not math.hypot(state.north_m - north_m, state.east_m - east_m) + ahead_m <= AROUND_M:
             place = np.array([state.north_m]), np.array([state.east_m])
             clear_m = float(self._ground.bound_m(*place, max(AROUND_M, 2.0 * ahead_m))[0]) + self._clearance_m
@@ -198,7 +205,7 @@ class HeightFloor:
 
     def _min_m(self, state: FlightState, height_m: float, model: AutopilotModel, floors_m: list[float]) -> float:
         """Return the lowest setpoint not below `height_m` on the way to which a vehicle stays above its floors."""
-        max_m = state.height_m + _lag_s(model) * model.climb_max_mps
+        max_m = state.height_m + _tau_s(model) * model.climb_max_mps
         highest_m = needed_m = -math.inf
         for index, share in SHARES:
             highest_m = max(highest_m, floors_m[index])
@@ -214,29 +221,29 @@ class HeightFloor:
         return min_m + (max_m - min_m) * min(share, 1.0)
 
     def _floors_m(self, tick: Tick, which: list[int]) -> list[list[float]]:
-        """Return the lowest clear heights at `LAGS` along vehicles' straight tracks; -inf over unknown ground."""
+        """Return the lowest clear heights at `TAUS` along vehicles' straight tracks; -inf over unknown ground."""
         if not which:
             return []
         states = [tick.state[column] for column in which]
         moving = [(each.north_m, each.east_m, *each.ground_mps()) for each in states]
         north_m, east_m, north_mps, east_mps = np.array(moving).T[:, :, None]
-        over_s = np.array([_lag_s(self._models[column]) for column in which])[:, None] * LAGS_AHEAD
+        over_s = np.array([_tau_s(self._models[column]) for column in which])[:, None] * TAUS_AHEAD
         ground_m = self._ground.height(north_m + over_s * north_mps, east_m + over_s * east_mps)
         floors_m: list[list[float]] = np.where(np.isnan(ground_m), -np.inf, ground_m + self._clearance_m).tolist()
         return floors_m
 
 
-def _climbs(state: FlightState, told_m: float, model: AutopilotModel) -> list[float]:
-    """Return the heights at `LAGS` if a setpoint is held first and the fastest climb follows."""
-    flown, begun, heights_m, climb_m = state.copy(), 0.0, list[float](), _lag_s(model) * model.climb_max_mps
-    for lags in LAGS:
-        aim_m = told_m if lags <= HELD_LAGS else flown.height_m + climb_m
-        respond(flown, model, math.nan, math.nan, aim_m, _lag_s(model) * (lags - begun))
+def _climbs(state: FlightState, commanded_m: float, model: AutopilotModel) -> list[float]:
+    """Return the heights at `TAUS` if a setpoint is held first and the fastest climb follows."""
+    flown, begun, heights_m, climb_m = state.copy(), 0.0, list[float](), _tau_s(model) * model.climb_max_mps
+    for time_constants in TAUS:
+        aim_m = commanded_m if time_constants <= HELD_TAUS else flown.height_m + climb_m
+        respond(flown, model, math.nan, math.nan, aim_m, _tau_s(model) * (time_constants - begun))
         heights_m.append(flown.height_m)
-        begun = lags
+        begun = time_constants
     return heights_m
 
 
-def _lag_s(model: AutopilotModel) -> float:
+def _tau_s(model: AutopilotModel) -> float:
     """Return how long a height lags behind its setpoint on a climb, s."""
     return model.tau_ha_s + model.tau_hb_s

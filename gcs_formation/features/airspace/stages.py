@@ -16,7 +16,7 @@ class FenceStage(Stage):
     after = ("filters", "height_bound")
 
     def __init__(self, cycle: Cycle) -> None:
-        """Take the fence."""
+        """Bound by the fence of the scenario, with turns by the models in use."""
         self.limits = FenceLimits(cycle.scenario, cycle.controller.models)
 
     def run(self, cycle: Cycle) -> None:
@@ -32,7 +32,7 @@ class GroundStage(Stage):
     after = ("filters", "fence", "separation")
 
     def __init__(self, cycle: Cycle) -> None:
-        """Take the ground."""
+        """Bound by the terrain of the scenario, with climbs by the models in use."""
         self.floor = HeightFloor(cycle.scenario, cycle.controller.models)
 
     def run(self, cycle: Cycle) -> None:

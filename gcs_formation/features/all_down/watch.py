@@ -13,14 +13,15 @@ from gcs_formation.phases import OVER
 from gcs_formation.vehicle.vehicle import Vehicle
 
 DOWN_S: Final = 4.0
-"""How long all vehicles must be down until the flight is given up: a restart looks so for a moment."""
+"""How long all vehicles must be down until the flight is given up: a restart looks so for a moment. Tuned: s; 2 to 10;
+by judgement."""
 
 
 class AllDown(Stage):
     """Watches for vehicles that flew and are on the ground, and ends the flight once all are.
 
     Silence alone tells nothing: a silent vehicle may fly on. Where its simulator says that it lies on the ground,
-    `wrecks` of the findings has it.
+    `crashed` of the findings has it.
     """
 
     name = "all_down"
@@ -47,7 +48,7 @@ class AllDown(Stage):
         up = [vehicle for identity, vehicle in self._vehicles.items() if not self._is_down(identity, vehicle)]
         silent = not any(vehicle.connection.talks for vehicle in up)
         self._findings.silent_aloft = [vehicle.identity for vehicle in up] if silent and self._flew else []
-        if not self._flew or any(vehicle.identity not in self._findings.wrecks or not silent for vehicle in up):
+        if not self._flew or any(vehicle.identity not in self._findings.crashed or not silent for vehicle in up):
             self._since = None
             return None
         self._since = now if self._since is None else self._since
@@ -65,7 +66,7 @@ class AllDown(Stage):
         return f"all vehicles are down before the flight is over ({each})"
 
     def _how(self, vehicle: Vehicle) -> str:
-        if vehicle.identity in self._findings.wrecks:
+        if vehicle.identity in self._findings.crashed:
             return "silent on the ground"
         if vehicle.identity not in self._flew:
             return "never took off"

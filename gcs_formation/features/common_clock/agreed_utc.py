@@ -1,10 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""The UTC that most vehicles agree on.
-
-All vehicles' stamps are mapped to one clock by their UTC, once that is consistent with causality and with the other
-vehicles' UTC.
-"""
+"""UTC minus the station's clock by the vote of all vehicles, and whose stamps are mapped by it."""
 
 from __future__ import annotations
 
@@ -21,13 +17,16 @@ from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
 
 UTC_IN_USE_S: Final = 10e-3
-"""The same for UTC already in use."""
+"""The same for UTC already in use. Tuned: s; more than `UTC_SLACK_S`, 6e-3 to 20e-3; shown by `python -m
+benchmarks.gnss_grid`."""
 UTC_AGAIN_S: Final = 10.0
-"""UTC that was rejected is used again once it has been consistent for this long."""
+"""UTC that was rejected is used again once it has been consistent for this long. Tuned: s; 5 to 60; by judgement."""
 UTC_SLEW: Final = 0.01
-"""Rate at which the mapping of stamps changes in flight, s a second."""
+"""Rate at which the mapping of stamps changes in flight, s a second. Tuned: s/s; 0.002 to 0.02; shown by `python -m
+benchmarks.gnss_grid`."""
 UTC_LOOKED_AT: Final = 12
-"""Number of round trips (3 s) after which a vehicle whose UTC isn't used is reported."""
+"""Number of round trips (3 s) after which a vehicle whose UTC isn't used is reported. Tuned: round trips; 8 to 40; by
+judgement."""
 
 
 class UtcBounds(NamedTuple):
@@ -53,8 +52,8 @@ def agreed_s(bounds: Sequence[UtcBounds], before_s: float = math.nan) -> float:
     if 2 * sum(each.allows(before_s) for each in bounds) > len(bounds):
         return before_s
     edges = [each.middle_s + sign * each.half_round_trip_s for each in bounds for sign in (-1.0, 1.0)]
-    most = max(edges, key=lambda edge_s: sum(each.allows(edge_s) for each in bounds))
-    agreeing = [each for each in bounds if each.allows(most)]
+    maximum = max(edges, key=lambda edge_s: sum(each.allows(edge_s) for each in bounds))
+    agreeing = [each for each in bounds if each.allows(maximum)]
     if 2 * len(agreeing) <= len(bounds):
         return math.nan
     low_s = max(each.middle_s - each.half_round_trip_s for each in agreeing)

@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Checks whether one vehicle follows its setpoints, by the autopilot model."""
+"""Checks whether one vehicle follows its setpoints, by the autopilot model; the package's essay has the theory."""
 
 from __future__ import annotations
 
@@ -16,52 +16,73 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.vehicle.vehicle import Vehicle
 
 CHECK_S: Final = 0.4
+"""Interval of the checks. Tuned: s; 0.2 to 0.8; by judgement."""
 WINDOW_S: Final = 3.2
-"""Length of the window over which flown and expected motion are compared."""
+"""Length of the window over which flown and expected motion are compared. Tuned: s; 2 to 6; shown by `pytest
+tests/gcs_formation/features/conformance`."""
 WINDOW_CHECKS: Final = round(WINDOW_S / CHECK_S)
 SETTLED_S: Final = WINDOW_S + 1.0
-"""A vehicle is judged after it has been commanded, and has acknowledged its setpoints, for this long."""
+"""A vehicle is judged after it has been commanded, and has acknowledged its setpoints, for this long. Tuned: s;
+`WINDOW_S` and more; by judgement."""
 CLIMBING_MPS: Final = 1.0
+"""Climb or sink from which on a vehicle that is taken over counts as climbing. Tuned: m/s; 0.5 to 2; by judgement."""
 LEVELS_OUT_S: Final = 30.0
 """Airspeed and height of a vehicle that was climbing or sinking faster when taken over aren't judged for this long: an
-aircraft that levels out trades speed for height, and its throttle lags."""
+aircraft that levels out trades speed for height, and its throttle lags. Tuned: s; 20 to 60; by judgement."""
 OFF_MPS: Final = 2.0
+"""Airspeed off the setpoint from which on heights aren't judged. Tuned: m/s; 1 to 3; by judgement."""
 OFF_S: Final = 8.0
 """An aircraft's height isn't judged while its airspeed is off the setpoint by more than `OFF_MPS`, and this long after:
-it dives for speed or climbs to lose some, and its throttle lags (ArduPlanes were 7 m off 2 s after lacking 2.5 m/s)."""
+it dives for speed or climbs to lose some, and its throttle lags (ArduPlanes were 7 m off 2 s after lacking 2.5 m/s).
+Tuned: s; 4 to 15; shown by flights of ArduPlane's simulator."""
 MIN_CHANGE = (1.0, 0.04, 1.5)
-"""Airspeed in m/s, heading in rad, height in m: smaller expected changes in the window aren't judged."""
+"""Airspeed in m/s, heading in rad, height in m: smaller expected changes in the window aren't judged. Tuned: m/s, rad,
+m; half to double; shown by `pytest tests/gcs_formation/features/conformance`."""
 SIGMAS: Final = 4.0
-"""Multiple of the telemetry noise's standard deviation that is added to these."""
+"""Multiple of the telemetry noise's standard deviation that is added to these. Tuned: standard deviations; 3 to 6; by
+judgement."""
 FAST_SHARE: Final = 0.9
-"""Share of the highest airspeed above which climbs aren't judged: little power is left for them."""
+"""Share of the highest airspeed above which climbs aren't judged: little power is left for them. Tuned: share; 0.8 to
+0.95; by judgement."""
 RISING_AIR_MPS: Final = 1.5
-"""Vertical air motion, not visible in telemetry, that may always explain a vehicle's height error."""
+"""Vertical air motion, not visible in telemetry, that may always explain a vehicle's height error. Tuned: m/s; 1 to 3;
+by judgement."""
 AIR_SIGMAS: Final = 4.0
+"""Standard deviations of air motion that may explain an error. Tuned: standard deviations; 3 to 5; by judgement."""
 AIR_MEMORY_S: Final = 60.0
 """If greater, this multiple of the standard deviation of air motion estimated from the vehicle's heights, averaged over
-about `AIR_MEMORY_S`, explains it; the same is allowed for gusts from the side."""
+about `AIR_MEMORY_S`, explains it; the same is allowed for gusts from the side. Tuned: s; 30 to 180; by judgement."""
 MISSED_SHARE: Final = 0.75
 """A vehicle that falls short by a greater share isn't following. By the model a vehicle falls short by at most 0.3; a
-real one, whose turns begin 0.6 s later, by up to 0.65 at the beginning of a bend."""
+real one, whose turns begin 0.6 s later, by up to 0.65 at the beginning of a bend. Tuned: share; 0.65 to 0.9; shown by
+flights of ArduPlane's simulator."""
 CONTINUES_S: Final = 1.5
 """Time for which an aircraft continues the turn or speed change with which the window began, regardless of setpoints:
-(7) lacks the bank and throttle that must first return."""
+(7) lacks the bank and throttle that must first return. Tuned: s; 1 to 3; by judgement."""
 CLIMBS_SHARE: Final = 0.5
+"""Share of a vehicle's reach from which on a setpoint above it is a command to climb. Tuned: share; 0.3 to 0.7; by
+judgement."""
 AT_LIMIT_SHARE: Final = 0.9
 """Shares of a vehicle's reach, which is how far it climbs at its limit within its height's time constants. A height
-setpoint above it by more than the first share is a command to climb; by more than the second, to climb at the limit."""
+setpoint above it by more than the first share is a command to climb; by more than the second, to climb at the limit.
+Tuned: share; 0.7 to 1; by judgement."""
 SUNK_M: Final = 15.0
-"""A vehicle commanded to climb sinks if it loses more height than this, or, if greater, than the air explains."""
+"""A vehicle commanded to climb sinks if it loses more height than this, or, if greater, than the air explains. Tuned:
+m; 10 to 30; by judgement."""
 CLIMBS_MIN_SHARE: Final = 0.25
+"""Share of the climb limit below which one that is to climb at the limit hardly does. Tuned: share; 0.15 to 0.4; by
+judgement."""
 CHECKS_STUCK: Final = 20
-"""A vehicle is stuck if, commanded to climb at its limit, it climbs at less than `CLIMBS_MIN_SHARE` of that for so
-many checks, 8 s. Sinking air could explain it too, and then keeps the vehicle from its height as well."""
+"""A vehicle is stuck if, commanded to climb at its limit, it climbs at less than `CLIMBS_MIN_SHARE` of that for so many
+checks, 8 s. Sinking air could explain it too, and then keeps the vehicle from its height as well. Tuned: checks; 10 to
+40; by judgement."""
 CHECKS_DOUBTED: Final = 2
+"""Consecutive checks that a channel fails until its vehicle is doubted. Tuned: checks; 1 to 3; by judgement."""
 CHECKS_BROKEN: Final = 4
-"""Consecutive checks that a channel fails until its vehicle is doubted, and until it is reported."""
+"""Consecutive checks that a channel fails until its vehicle is doubted, and until it is reported. Tuned: checks; 3 to
+6; shown by `pytest tests/gcs_formation/features/conformance`."""
 CHECKS_MENDED: Final = 8
-"""Consecutive checks without a failure until it counts as following again."""
+"""Consecutive checks without a failure until it counts as following again. Tuned: checks; 5 to 20; by judgement."""
 MIN_NORM: Final = 1e-9
 CHANNELS = ("airspeed", "heading", "height")
 AIRSPEED: Final = 0
@@ -99,8 +120,8 @@ class FlownSetpoints:
             prompt_share: share of an airspeed change that is prompt; the autopilot's integrator does the rest slowly.
         """
         self.vehicle, self.model = vehicle, model
-        self.least = [least + SIGMAS * each for least, each in zip(MIN_CHANGE, sigma, strict=True)]
-        self.least[AIRSPEED] /= prompt_share
+        self.min_change = [floor + SIGMAS * each for floor, each in zip(MIN_CHANGE, sigma, strict=True)]
+        self.min_change[AIRSPEED] /= prompt_share
         self.carried_m = _carried_m(model)
         self.reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
         self.since: Instant | None = None
@@ -140,9 +161,9 @@ class FlownSetpoints:
         if commanded_s < CHECK_S:
             self.climbed = abs(seen.climb_mps) > CLIMBING_MPS
         self._remember(stamp, seen)
-        told_m = self._commanded(stamp, seen, history, now)
+        commanded_m = self._commanded(stamp, seen, history, now)
         by_speed, by_heading, by_height = self._settled(now)
-        sunk = self._sunk(stamp, seen, told_m if by_height else math.nan)
+        sunk = self._sunk(stamp, seen, commanded_m if by_height else math.nan)
         if len(self.past) < WINDOW_CHECKS or not (by_speed or by_heading or by_height):
             self.bad, self.good = [0, 0, 0], 0
             return None
@@ -154,10 +175,10 @@ class FlownSetpoints:
         by_speed = by_speed and not levels_out
         trades = seconds_between(self.off_at, now) < OFF_S
         by_height = by_height and not levels_out and not trades and not (fast and end.height_m > before.height_m)
-        expected, flown = _changes(before, end, seen, hovers=self.model.may_stand)
+        expected, flown = _changes(before, end, seen, hovers=self.model.may_hover)
         judged = by_speed, by_heading, by_height
         channel = self._judge(expected, self._less_initial_motion(expected, flown), seen.airspeed_mps, judged)
-        above_m = told_m - seen.height_m if by_height and not fast else math.nan
+        above_m = commanded_m - seen.height_m if by_height and not fast else math.nan
         sunk = sunk or self._stuck(above_m, flown[HEIGHT])
         if sunk is not None:
             self.good = 0
@@ -189,18 +210,18 @@ class FlownSetpoints:
         """Return the height setpoint, NaN without setpoints; note when the airspeed is far off."""
         if self.since is None:
             return math.nan
-        told_mps, _, told_m = history.commanded(stamp, self.vehicle.column)
-        if not self.model.may_stand and abs(told_mps - seen.airspeed_mps) > OFF_MPS:
+        told_mps, _, commanded_m = history.commanded(stamp, self.vehicle.column)
+        if not self.model.may_hover and abs(told_mps - seen.airspeed_mps) > OFF_MPS:
             self.off_at = now
-        return told_m
+        return commanded_m
 
-    def _sunk(self, stamp: int, seen: FlightState, told_m: float) -> NonConformance | None:
-        """Return the height lost if it sinks although commanded to climb; NaN in `told_m`: not judged.
+    def _sunk(self, stamp: int, seen: FlightState, commanded_m: float) -> NonConformance | None:
+        """Return the height lost if it sinks although commanded to climb; NaN in `commanded_m`: not judged.
 
         Height setpoints stay within its reach, and so sink with it: within one window it hardly falls short of them.
         """
-        told = told_m - seen.height_m > CLIMBS_SHARE * self.reach_m
-        if not told or seen.height_m - self.past[0].height_m > MIN_CHANGE[HEIGHT]:
+        climbs = commanded_m - seen.height_m > CLIMBS_SHARE * self.reach_m
+        if not climbs or seen.height_m - self.past[0].height_m > MIN_CHANGE[HEIGHT]:
             self.highest_m, self.sinks = -math.inf, False
         elif seen.height_m > self.highest_m:
             self.highest_m, self.highest_at = seen.height_m, stamp
@@ -210,10 +231,10 @@ class FlownSetpoints:
             return None
         return NonConformance(CHANNELS[HEIGHT], 0.0, -lost_m, (stamp - self.highest_at) / NANOSECONDS)
 
-    def _stuck(self, told_m: float, risen_m: float) -> NonConformance | None:
-        """Return the climb that it fails to fly with a setpoint `told_m` above it, after enough checks."""
+    def _stuck(self, commanded_m: float, risen_m: float) -> NonConformance | None:
+        """Return the climb that it fails to fly with a setpoint `commanded_m` above it, after enough checks."""
         full_m = self.model.climb_max_mps * WINDOW_S
-        stuck = told_m > AT_LIMIT_SHARE * self.reach_m and risen_m < CLIMBS_MIN_SHARE * full_m
+        stuck = commanded_m > AT_LIMIT_SHARE * self.reach_m and risen_m < CLIMBS_MIN_SHARE * full_m
         self.stuck = self.stuck + 1 if stuck else 0
         self.good = 0 if stuck else self.good
         return None if self.stuck < CHECKS_STUCK else NonConformance(CHANNELS[HEIGHT], full_m, risen_m)
@@ -229,8 +250,8 @@ class FlownSetpoints:
             return speed.known_since(latest, now), heading.known_since(latest, now), height.known_since(latest, now)
         # Without acknowledgements, answers to TIMESYNC show that it receives. In hover a multirotor may have any
         # course.
-        hears = self.vehicle.hears
-        return hears, hears and not self.vehicle.autopilot.stands, hears
+        receives = self.vehicle.hears
+        return receives, receives and not self.vehicle.autopilot.stands, receives
 
     def _judge(self, expected: Triple, flown: Triple, airspeed_mps: float, judged: Judged) -> int | None:
         """Evaluate the changes in the window; return the channel that newly isn't followed, of those `judged`.
@@ -244,13 +265,13 @@ class FlownSetpoints:
         if by_height:
             air_mps = (risen_m - flown_m) / self.carried_m
             self.air_variance += CHECK_S / AIR_MEMORY_S * (air_mps * air_mps - self.air_variance)
-        if not self.model.may_stand:
+        if not self.model.may_hover:
             flown_mps = _by_energy(faster_mps, flown_mps, flown_m - risen_m, max(airspeed_mps, slowest_mps))
         min_mps = max(gust_mps, MIN_AIRSPEED_MPS)
-        aside_rad = gust_mps / max(airspeed_mps, min_mps)
+        drift_rad = gust_mps / max(airspeed_mps, min_mps)
         carried_m = max(RISING_AIR_MPS, gust_mps) * self.carried_m
         keeps_speed = self._keeps_up(AIRSPEED, faster_mps, flown_mps, 0.0, judged=by_speed)
-        keeps_heading = self._keeps_up(HEADING, turned_rad, flown_rad, aside_rad, judged=by_heading)
+        keeps_heading = self._keeps_up(HEADING, turned_rad, flown_rad, drift_rad, judged=by_heading)
         keeps_height = self._keeps_up(HEIGHT, risen_m, flown_m, carried_m, judged=by_height)
         worst = self.worst
         self.good = self.good + 1 if judged[self.missed] and keeps_speed and keeps_heading and keeps_height else 0
@@ -263,7 +284,7 @@ class FlownSetpoints:
     def _keeps_up(self, channel: int, change: float, flown: float, by_air: float, *, judged: bool) -> bool:
         """Return whether a channel's change is flown, explained by the air or not judged; count misses."""
         short = change - flown if change > 0.0 else flown - change
-        large = abs(change) >= self.least[channel]
+        large = abs(change) >= self.min_change[channel]
         missed = judged and large and short > max(MISSED_SHARE * abs(change), by_air)
         self.bad[channel] = self.bad[channel] + 1 if missed else 0
         return not missed

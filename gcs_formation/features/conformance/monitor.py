@@ -24,8 +24,9 @@ from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Vehicle
 
-STEP_LAG_S: Final = 4.0
-"""Least time constant of airspeed after a step under total-energy control, whose energy rate is limited."""
+STEP_DELAY_S: Final = 4.0
+"""Least time constant of airspeed after a step under total-energy control, whose energy rate is limited. Tuned: s; 3 to
+6; by judgement."""
 
 
 def _judged_by(scenario: Scenario) -> list[AutopilotModel]:
@@ -33,7 +34,7 @@ def _judged_by(scenario: Scenario) -> list[AutopilotModel]:
     models = autopilot_models(scenario)
     for model, keys in zip(models, column_models(scenario), strict=True):
         if keys.airframe is not None:
-            model.tau_v_s = max(model.tau_v_s, STEP_LAG_S)
+            model.tau_v_s = max(model.tau_v_s, STEP_DELAY_S)
     return models
 
 
@@ -171,7 +172,7 @@ class ConformanceMonitor:
             if not vehicle.effects.watching:
                 continue
             before = vehicle.effects.missing
-            vehicle.effects.judge(vehicle.telemetry, now)
+            vehicle.effects.update(vehicle.telemetry, now)
             missing, after_s = vehicle.effects.missing, vehicle.effects.missing_s
             if missing is not None and before is None:
                 mode, armed = vehicle.autopilot.mode_name(vehicle.telemetry), vehicle.telemetry.armed

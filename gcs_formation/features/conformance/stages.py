@@ -15,11 +15,11 @@ class Answers(Stage):
     after = ("members", "message_intervals")
 
     def __init__(self, monitor: ConformanceMonitor) -> None:
-        """Take what judges."""
+        """Judge by `monitor`, which all three stages share."""
         self._monitor = monitor
 
     def run(self, cycle: Cycle) -> None:
-        """Judge them."""
+        """Judge effects of commands, answers, refusals and silence, in this order."""
         self._monitor.judge_commands(cycle.now)
         self._monitor.judge_answers(cycle.now)
         self._monitor.judge_refusals(cycle.now)
@@ -39,7 +39,7 @@ class Motion(Stage):
         cycle.findings.doubted, cycle.findings.sinking = monitor.doubted, monitor.sinking
 
     def run(self, cycle: Cycle) -> None:
-        """Judge it."""
+        """Compare each vehicle's motion with its setpoints, every 0.4 s."""
         self._monitor.judge_motion(cycle.tick, cycle.now)
 
 
@@ -51,10 +51,10 @@ class NoMotion(Stage):
     after = ("phases",)
 
     def __init__(self, monitor: ConformanceMonitor) -> None:
-        """Take what judges."""
+        """Judge by `monitor`, which all three stages share."""
         self._monitor = monitor
 
     def run(self, cycle: Cycle) -> None:
-        """Stand down."""
+        """Begin every vehicle's period of setpoints again when setpoints are sent next."""
         del cycle
         self._monitor.stand_down()

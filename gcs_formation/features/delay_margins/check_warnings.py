@@ -53,7 +53,9 @@ def held_by_links(scenario: Scenario) -> Iterator[str]:
         return
     found = max(near, key=lambda each: each.used)
     onwards = since(found.at_s)
-    share = f"{found.used:.0%} of what loop {found.loop} stands" if math.isfinite(found.used) else "more than any delay"
+    share = (
+        f"{found.used:.0%} of what loop {found.loop} tolerates" if math.isfinite(found.used) else "more than any delay"
+    )
     who = f"vehicle {', '.join(dict.fromkeys(str(each.vehicle) for each in near))} will be commanded to loiter"
     if scenario.law.delay_compensation:
         used = f"round trips scatter by {1e3 * found.scatter_s:.0f} ms{onwards}, {share} about {found.delay_s:.2f} s"

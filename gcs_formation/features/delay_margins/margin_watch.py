@@ -19,32 +19,40 @@ from gcs_formation.control.laws import law_kind
 from gcs_formation.features.delay_margins.keys import DelayMarginKeys
 from gcs_formation.recorder import Detail, Note
 from gcs_formation.stability import LoopDelay, Usage, law_usages, loop_delay_s
-from gcs_formation.stability.mismatch import LAGS_NOTED, NEAR
+from gcs_formation.stability.mismatch import NEAR, TAUS_OFF_NOTED
 from gcs_formation.vehicle.vehicle import Vehicle
 
 CLEAR: Final = 0.7
-"""Share below which another event reports that this has ended."""
+"""Share below which another event reports that this has ended. Tuned: share; 0.5 to 0.8; by judgement."""
 DEGRADE: Final = 0.9
-"""Share from which gains are reduced."""
+"""Share from which gains are reduced. Tuned: share; 0.8 to 0.95; by judgement."""
 RESTORE: Final = 0.5
-"""Share below which reduced gains are raised again, after `CALM_LOOKS` checks."""
+"""Share below which reduced gains are raised again, after `CALM_LOOKS` checks. Tuned: share; 0.3 to 0.6; by
+judgement."""
 LASTING_LOOKS: Final = 4
 """Number of checks, one a second, of which the smallest jitter counts: for up to 3 s after a step of the delay, round
-trips before and after it are in one window and seem to jitter."""
+trips before and after it are in one window and seem to jitter. Tuned: s; 3 to 6; by judgement."""
 CALM_LOOKS: Final = 10
-"""Number of checks, one a second: the standard deviation of a few round trips is itself uncertain."""
+"""Number of checks, one a second: the standard deviation of a few round trips is itself uncertain. Tuned: s; 5 to 30;
+by judgement."""
 HOLD_LOOKS: Final = 20
-"""Longest hold by `law.on_delay`, of checks once a second. A leader at 22 m/s flies 440 m meanwhile."""
+"""Longest hold by `law.on_delay`, of checks once a second. A leader at 22 m/s flies 440 m meanwhile. Tuned: s; 10 to
+60; by judgement."""
 KEPT: Final = 0.7
-"""Share in use after either change; fuzzy scheduling can reduce a margin to about 0.77 of itself."""
+"""Share in use after either change; fuzzy scheduling can reduce a margin to about 0.77 of itself. Tuned: share; 0.5 to
+0.75; by judgement."""
 CHANNELS: Final = {"x": "speed", "y": "heading", "z": "height"}
 PLACES: Final = {axis: [place] for place, axis in enumerate(CHANNELS)}
 EVERY_PLACE: Final = list(range(len(CHANNELS)))
 UNDESIGNED_S: Final = 0.05
-"""Excess of the links' delay over the design delay from which gains are redesigned."""
+"""Excess of the links' delay over the design delay from which gains are redesigned. Tuned: s; 0.02 to 0.1; by
+judgement."""
 SLOW_LOOKS: Final = 5
-"""Number of checks, one a second, for which this must last in flight: a machine may just have been held up."""
+"""Number of checks, one a second, for which this must last in flight: a machine may just have been held up. Tuned: s; 3
+to 10; by judgement."""
 DESIGN_STEP_S: Final = 0.01
+"""Step to which design delays are rounded, so that few designs are computed. Tuned: s; 0.005 to 0.05; by
+judgement."""
 
 
 class DesignWatch:
@@ -65,7 +73,7 @@ class DesignWatch:
         self._designs = scenario.law.gains == AUTO and kind.has_margins and not kind.mutual
         self._slow_looks = 0
 
-    def watch(self, now: Instant, *, begins: bool = False) -> None:
+    def check_loops(self, now: Instant, *, begins: bool = False) -> None:
         """Check once a second: redesign gains after links have been too slow for `SLOW_LOOKS` checks.
 
         `begins`: before the first setpoint one check is enough.
@@ -148,7 +156,7 @@ class MarginWatch:
         self.beyond: set[VehicleId] = set()
         """Vehicles with a loop that is unstable by its delay."""
         self._near: set[VehicleId] = set()
-        self._lags_off = [[0.0] * len(self.used) for _ in CHANNELS]
+        self._time_constants_off = [[0.0] * len(self.used) for _ in CHANNELS]
         self._calm = Counter[tuple[VehicleId, str]]()
         self._watched = {identity: WatchedVehicle(vehicle) for identity, vehicle in vehicles.items()}
         self._each = list[WatchedVehicle]()
@@ -168,13 +176,13 @@ class MarginWatch:
             each.axes = axes
             self._each.append(each)
 
-    def watch(self, now: Instant, leader: Vehicle | None, lags_off: list[list[float]]) -> None:
+    def check_loops(self, now: Instant, leader: Vehicle | None, time_constants_off: list[list[float]]) -> None:
         """Check every loop: report when it comes near its margin, and reduce gains if the scenario asks for that.
 
-        The law closes a loop around the leader only if it is mutual. `lags_off`: relative error of each channel's time
-        constants against the model in use, (3, C).
+        The law closes a loop around the leader only if it is mutual. `time_constants_off`: relative error of each
+        channel's time constants against the model in use, (3, C).
         """
-        self._lags_off = lags_off
+        self._time_constants_off = time_constants_off
         for each in self._each:
             if each.vehicle is leader and not self._mutual:
                 self._forget(each.vehicle)
@@ -190,13 +198,13 @@ class MarginWatch:
         for axis, usage in each.axes.items():
             used = usage.of(delay, bandwidth[channels_of(axis)[0]])
             by_delay = by_delay if by_delay >= used else used
-        by_lags, channel = self._by_lags(column, delay, each.axes)
-        used = by_delay + by_lags
+        by_taus, channel = self._by_time_constants(column, delay, each.axes)
+        used = by_delay + by_taus
         self.used[column] = used
         self.max_used = max(self.max_used, used)
         if math.isnan(self.longest_s) or delay.mean_s > self.longest_s:
             self.longest_s = delay.mean_s
-        self._say(now, vehicle, used, channel if by_lags > by_delay else None)
+        self._say(now, vehicle, used, channel if by_taus > by_delay else None)
         if by_delay >= 1.0:
             self.beyond.add(vehicle.identity)
         elif not by_delay >= NEAR:
@@ -215,16 +223,16 @@ class MarginWatch:
         elif each.held_too_long and not each.held and min(self.bandwidth[vehicle.column]) == 1.0:
             each.held_too_long = False
 
-    def _by_lags(self, column: int, delay: LoopDelay, axes: dict[str, Usage]) -> tuple[float, int]:
+    def _by_time_constants(self, column: int, delay: LoopDelay, axes: dict[str, Usage]) -> tuple[float, int]:
         """Return the largest share of its margin against wrong time constants that a loop uses, and their channel."""
-        most, whose = 0.0, 0
+        maximum, whose = 0.0, 0
         for axis, usage in axes.items():
             for channel in channels_of(axis):
-                off = self._lags_off[channel][column]
-                used = usage.of_lags(delay, off) if off >= LAGS_NOTED else 0.0
-                if used > most:
-                    most, whose = used, channel
-        return most, whose
+                off = self._time_constants_off[channel][column]
+                used = usage.of_lags(delay, off) if off >= TAUS_OFF_NOTED else 0.0
+                if used > maximum:
+                    maximum, whose = used, channel
+        return maximum, whose
 
     def _forget(self, leader: Vehicle) -> None:
         """Forget the loops of a vehicle that has become the leader."""
@@ -257,7 +265,7 @@ class MarginWatch:
                 changed |= after != before
         if changed:
             used = max(usage.of(delay, bandwidth[channels_of(axis)[0]]) for axis, usage in each.axes.items())
-            self._say_gains(now, vehicle, delay, used)
+            self._report_gains(now, vehicle, delay, used)
 
     def _say(self, now: Instant, vehicle: Vehicle, used: float, channel: int | None) -> None:
         """Report that a vehicle comes near its margin or is clear of it; `channel`: the one that uses most of it."""
@@ -268,7 +276,7 @@ class MarginWatch:
             if math.isinf(used):
                 text, details["used"] = "has no delay margin: its loops are unstable whatever the delay", None
             if channel is not None:
-                off = self._lags_off[channel][vehicle.column]
+                off = self._time_constants_off[channel][vehicle.column]
                 name = list(CHANNELS.values())[channel]
                 text += f": {name} doesn't follow as its model says, time constants are {off:.0%} off"
                 details["lags_off"] = off
@@ -277,7 +285,7 @@ class MarginWatch:
             self._near.remove(vehicle.identity)
             self._note(now, "delay_margin", "is well inside its delay margin again", vehicle, {"used": used})
 
-    def _say_gains(self, now: Instant, vehicle: Vehicle, delay: LoopDelay, used: float) -> None:
+    def _report_gains(self, now: Instant, vehicle: Vehicle, delay: LoopDelay, used: float) -> None:
         shares = dict(zip(CHANNELS.values(), self.bandwidth[vehicle.column], strict=True))
         words = ", ".join(f"{channel} {share:.0%}" for channel, share in shares.items())
         lowered = min(shares.values()) < 1.0

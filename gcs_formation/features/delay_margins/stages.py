@@ -18,13 +18,13 @@ class GainDesign(Stage):
     after = ("own_parts",)
 
     def __init__(self, watch: DesignWatch) -> None:
-        """Take what designs."""
+        """Design by `watch`, which both stages share."""
         self._watch = watch
 
     def run(self, cycle: Cycle) -> None:
         """Design them if links are slower than they are for."""
         if cycle.flight.phase in COMMANDED:
-            self._watch.watch(cycle.now)
+            self._watch.check_loops(cycle.now)
             cycle.findings.tuned = self._watch.scenario
 
 
@@ -35,13 +35,13 @@ class FirstGainDesign(Stage):
     after = ("begin",)
 
     def __init__(self, watch: DesignWatch) -> None:
-        """Take what designs."""
+        """Design by `watch`, which both stages share."""
         self._watch = watch
 
     def run(self, cycle: Cycle) -> None:
         """Design them if the formation begins to be commanded."""
         if cycle.begins:
-            self._watch.watch(cycle.now, begins=True)
+            self._watch.check_loops(cycle.now, begins=True)
             cycle.findings.tuned = self._watch.scenario
 
 
@@ -64,7 +64,7 @@ class DelayMargins(Stage):
         """Judge them; a law may fail to state its margins."""
         watch, controller, findings = self._watch, cycle.controller, cycle.findings
         try:
-            watch.watch(cycle.now, cycle.reconfiguration.leader, findings.lags_off)
+            watch.check_loops(cycle.now, cycle.reconfiguration.leader, findings.time_constants_off)
         except NotFiniteError as error:
             controller.fault = controller.fault or error
         findings.most_used, findings.longest_s = watch.max_used, watch.longest_s

@@ -9,21 +9,22 @@ from typing import Final
 import numpy as np
 
 from airlink.endpoint import VehicleId
-from flight_model.arrays import Array, beside
+from flight_model.arrays import Array, offset_points
 from flight_model.autopilot_model import AutopilotModel, FlightState, advance
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.slot_frame import axis_rad
 from formation_scenario.start_states_and_end_times import planned_m
-from gcs_formation.features.ending.stack import Stack, stacked
+from gcs_formation.features.ending.holding_stack import HoldingStack, stacked
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.guidance.path_ahead import path_ahead
 from gcs_formation.vehicle.telemetry import ReportedMotion
 
 STEP_S = 0.5
+"""Time step of predicted heights. Tuned: s; 0.2 to 1; by judgement."""
 SHORT_M = 0.5
-"""A lack of clearance up to this isn't reported."""
+"""A lack of clearance up to this isn't reported. Tuned: m; 0.2 to 1; by judgement."""
 
 
 def final_circles(scenario: Scenario) -> Iterator[str]:
@@ -62,7 +63,7 @@ class _Climb:
         self._begin = {
             VehicleId(1, at): ReportedMotion(0.0, *place, 0.0, 0.0, climb_mps, 0.0) for at, place in enumerate(each)
         }
-        self._stack = Stack(scenario.safety.kept_m, stand=scenario.hovers)
+        self._stack = HoldingStack(scenario.safety.kept_m, stand=scenario.hovers)
         climb_mps = min(model.climb_max_mps for model in self._models)
         self._limit_s = stacked(self._begin, self._stack, self._floor, "loiter", self._ahead, climb_mps)
         self._stack.add(self._begin)
@@ -89,12 +90,12 @@ class _Climb:
             )
         yield from self._too_low()
 
-    def beyond(self, most_m: float) -> Iterator[str]:
-        """Yield by how much the highest circle is above `most_m`."""
+    def beyond(self, max_m: float) -> Iterator[str]:
+        """Yield by how much the highest circle is above `max_m`."""
         highest_m = max(self._stack.heights_m.values())
-        if highest_m > most_m + SHORT_M:
+        if highest_m > max_m + SHORT_M:
             yield (
-                f"{self._where}: vehicles circle one above the other, up to {highest_m:.0f} m; {most_m:g} m are "
+                f"{self._where}: vehicles circle one above the other, up to {highest_m:.0f} m; {max_m:g} m are "
                 "allowed (safety.fence.height_max_m)"
             )
 
@@ -123,7 +124,7 @@ class _Climb:
         points = self._path.at(self._end_m + ahead_m)
         forward_m, right_m, _ = self._slots_m.T[:, :, None]
         axis = axis_rad(self._frame, points.course_rad, points.course_rad)
-        return beside(points.north_m, points.east_m, axis, forward_m, right_m)
+        return offset_points(points.north_m, points.east_m, axis, forward_m, right_m)
 
 
 def _climbed_m(model: AutopilotModel, begin: ReportedMotion, goal_m: float, count: int) -> list[float]:

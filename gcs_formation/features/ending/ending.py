@@ -13,10 +13,10 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.core.cycle import Cycle
+from gcs_formation.features.ending.holding_stack import Ahead, HoldingStack, home_of, place_of, stacked, stays
 from gcs_formation.features.ending.landing_places import LandingOrder, lowest_circle_m
 from gcs_formation.features.ending.landings import Landings
-from gcs_formation.features.ending.opening import Opening
-from gcs_formation.features.ending.stack import Ahead, Stack, home_of, place_of, stacked, stays
+from gcs_formation.features.ending.vertical_separation import VerticalSeparation
 from gcs_formation.fleet.circle_heights import NO_ORDER, GroundFloor, may_meet
 from gcs_formation.mission.ending import EndCommand, Ending, Endings
 from gcs_formation.recorder import VehicleLink
@@ -26,7 +26,7 @@ from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Vehicle
 
 UNANSWERED_FOR_S = 5.0
-"""How long a vehicle may leave the command to go home unanswered."""
+"""How long a vehicle may leave the command to go home unanswered. Tuned: s; 3 to 15; by judgement."""
 
 
 class SeparatedEnding(Ending):
@@ -63,25 +63,27 @@ class SeparatedEnding(Ending):
         lowest_m, first = -math.inf, NO_ORDER
         if manner == "land":
             lowest_m, first = lowest_circle_m(vehicles), LandingOrder(vehicles, ground).first
-        self.stack = Stack(gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=self.stands, first=first)
+        self.stack = HoldingStack(
+            gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=self.stands, first=first
+        )
         homes = {identity: home for identity, each in self._ours.items() if (home := home_of(each))}
         self.limit_s = stacked(self._places(), self.stack, ground, manner, ahead, climb_mps, homes)
         """Longest time for which the formation is opened."""
         self._gap_m = gap_m
-        self._opening: Opening | None = None
+        self._separation: VerticalSeparation | None = None
         """The vertical separation of the formation, if it is commanded until that is over."""
 
-    def open(self, opening: Opening) -> None:
+    def open(self, separation: VerticalSeparation) -> None:
         """Begin to separate the formation vertically."""
-        self._opening = opening
+        self._separation = separation
 
     def steer(self, links: list[VehicleLink], now: Instant) -> list[float] | None:
         """Return the heights (C,) to command now, NaN where there is none; None if the formation isn't commanded."""
-        return None if self._opening is None else self._opening.steer(links, now)
+        return None if self._separation is None else self._separation.steer(links, now)
 
     def may_leave(self, now: Instant) -> bool:
-        """Return whether every vehicle that hears has a height of its own, or time is up."""
-        return self._opening is None or self._opening.over(now)
+        """Return whether every vehicle that receives has a height of its own, or time is up."""
+        return self._separation is None or self._separation.over(now)
 
     @property
     def failure(self) -> str | None:
@@ -100,7 +102,7 @@ class SeparatedEnding(Ending):
 
     def advance(self, now: Instant) -> None:
         """Command vehicles that may be in the air and have climbed out to loiter or go home; continue the landings."""
-        self.judge(now)
+        self.command_by_state(now)
         climbs_out = False
         for identity, vehicle in self._ours.items():
             commanded = self._obeys(identity, vehicle)
@@ -116,7 +118,7 @@ class SeparatedEnding(Ending):
 
     def _send_away(self, identity: VehicleId, vehicle: Vehicle, now: Instant) -> None:
         height_m = self._height_m(identity, vehicle)
-        vehicle.commands.begin(vehicle.autopilot.leave(self.manner, height_m, vehicle.telemetry), now, insist=True)
+        vehicle.commands.send(vehicle.autopilot.leave(self.manner, height_m, vehicle.telemetry), now, insist=True)
         if self.manner == "land":
             self.landings.await_turn(vehicle, height_m)
 
@@ -145,7 +147,7 @@ class SeparatedEnding(Ending):
         height_m = self._height_m(identity, vehicle)
         here, home = autopilot.loiter(height_m, seen), autopilot.go_home(height_m, seen)
         self._commanded[identity] = EndCommand.STAY, vehicle.restarts
-        commands.begin(here if homeward else (*here, *home), now, insist=True)
+        commands.send(here if homeward else (*here, *home), now, insist=True)
 
     def _places(self) -> dict[VehicleId, ReportedMotion]:
         armed = {identity: vehicle for identity, vehicle in self._ours.items() if vehicle.telemetry.armed}
@@ -199,7 +201,7 @@ class SeparatedEndings(Endings):
         unable = LandingOrder(self._vehicles, self._ground).refusal if manner == "land" else None
         return f"{unable}; allowed: rtl, loiter" if unable else None
 
-    def begin(
+    def start(
         self, manner: End, earlier: Ending | None, loiter_s: float, now: Instant, *, commanded: bool
     ) -> SeparatedEnding:
         """Choose the heights at which vehicles circle, return or wait to land; the formation first separates to them.
@@ -211,10 +213,12 @@ class SeparatedEndings(Endings):
         ahead = controller.ahead_m if commanded else stays
         gap_m, sway_m = self._scenario.safety.kept_m, controller.estimator.sway_m
         ending = SeparatedEnding(vehicles, self._ground, manner, landings, ahead, gap_m, sway_m, climb_mps)
-        ending.begin(now, loiter_s)
+        ending.start(now, loiter_s)
         if commanded:
             if ending.stands:
                 controller.guidance.fly_at(0.0)
             limit_s = ending.limit_s
-            ending.open(Opening(ending.stack, controller, vehicles, now, limit_s, climb_mps, stops=ending.stands))
+            ending.open(
+                VerticalSeparation(ending.stack, controller, vehicles, now, limit_s, climb_mps, stops=ending.stands)
+            )
         return ending

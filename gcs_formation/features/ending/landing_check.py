@@ -58,7 +58,7 @@ class LandingCheck(AlwaysExamined):
         """Take the number of a mission's items, or one of them."""
         reader = self._readers.get(vehicle.identity)
         if reader is not None:
-            reader.take(message, now)
+            reader.handle(message, now)
 
     def refusal(self, *, ready: bool) -> str | None:
         """Judge, once all missions are read and all are `ready`; return why they can't land, None if they can.

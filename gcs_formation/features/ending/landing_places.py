@@ -12,24 +12,26 @@ from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from airlink.endpoint import VehicleId
-from gcs_formation.features.ending.stack import home_of
+from gcs_formation.features.ending.holding_stack import home_of
 from gcs_formation.fleet.circle_heights import STACK_M, GroundFloor
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
 
-BEFORE_M, BEYOND_M, ASIDE_M = 150.0, 60.0, 25.0
+BEFORE_M, BEYOND_M, LATERAL_M = 150.0, 60.0, 25.0
 """Distances before, beyond and beside its home within which a landing aircraft is low, or rolls."""
 BEYOND_LANDED_M: Final = 35.0
 """The same beyond its home, where one stands that has landed in this flight: of the 60 m that were between their homes
-it may have used up 25, short of its own home."""
-TOLD_M: Final = 0.5
-"""Least distance of two reported positions: in slots of 30 m vehicles are 60 m behind one another, to the cm."""
+it may have used up 25, short of its own home. Tuned: m; 20 to 60; by judgement."""
+RESOLUTION_M: Final = 0.5
+"""Least distance of two reported positions: in slots of 30 m vehicles are 60 m behind one another, to the cm. Tuned: m;
+0.1 to 1; by judgement."""
 OVER_M: Final = 3.0
-"""Distance from its home within which one that comes down straight may touch another."""
+"""Distance from its home within which one that comes down straight may touch another. Tuned: m; 2 to 6; by
+judgement."""
 APPROACH_M = 600.0
-"""Distance from home within which its approach lies."""
+"""Distance from home within which its approach lies. Tuned: m; 300 to 1500; by judgement."""
 LEVEL_M = 5.0
-"""How much higher than home the ground may be within that distance."""
+"""How much higher than home the ground may be within that distance. Tuned: m; 2 to 10; by judgement."""
 
 Places = Mapping[VehicleId, tuple[float, float]]
 """Where vehicles stand, or will, north and east, m."""
@@ -48,8 +50,8 @@ class Landing(NamedTuple):
         if math.isnan(self.course_rad):
             return math.hypot(north_m, east_m) < OVER_M
         along_m = north_m * math.cos(self.course_rad) + east_m * math.sin(self.course_rad)
-        aside_m = east_m * math.cos(self.course_rad) - north_m * math.sin(self.course_rad)
-        return -BEFORE_M < along_m < beyond_m - TOLD_M and abs(aside_m) < ASIDE_M
+        lateral_m = east_m * math.cos(self.course_rad) - north_m * math.sin(self.course_rad)
+        return -BEFORE_M < along_m < beyond_m - RESOLUTION_M and abs(lateral_m) < LATERAL_M
 
 
 def is_ours(vehicle: Vehicle) -> bool:

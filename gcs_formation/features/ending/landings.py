@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from airlink import mavlink as m
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
-from gcs_formation.features.ending.stack import home_of
+from gcs_formation.features.ending.holding_stack import home_of
 from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M
 from gcs_formation.mission.ending import may_be_armed
 from gcs_formation.vehicle.command_delivery import Outcome
@@ -23,10 +23,12 @@ AT_HEIGHT_M = STACK_M / 3
 OVER_HOME_M, OVER_HOME_MPS = 2.0, 0.3
 """Distance from its home, and speed, within which one that hovers is over it."""
 ROLLS_MPS = 1.5
-"""Ground speed from which on a landed vehicle still rolls: a receiver says less of one that stands."""
+"""Ground speed from which on a landed vehicle still rolls: a receiver says less of one that stands. Tuned: m/s; 0.5 to
+3; by judgement."""
 REFUSED_FOR_S = 5.0
+"""How long a command to land may be refused until landings stop. Tuned: s; 3 to 10; by judgement."""
 LANDING_LIMIT_S = 900.0
-"""Longest wait for vehicles to circle over their homes, and for each to land."""
+"""Longest wait for vehicles to circle over their homes, and for each to land. Tuned: s; 300 to 1800; by judgement."""
 
 
 class Landings:
@@ -94,7 +96,7 @@ class Landings:
             return
         _, self._landing = self._waiting.popleft()
         self._since = now
-        self._landing.commands.begin(self._landing.autopilot.land(), now)
+        self._landing.commands.send(self._landing.autopilot.land(), now)
 
     def _watch(self, vehicle: Vehicle, waited_s: float, now: Instant) -> None:
         refusal = vehicle.commands.refusal
@@ -102,7 +104,7 @@ class Landings:
             if _stands(vehicle):
                 self._landing, self._since = None, now
         elif vehicle.commands.outcome is not Outcome.ACCEPTED and refusal is not None and waited_s > REFUSED_FOR_S:
-            vehicle.commands.begin((), now)
+            vehicle.commands.send((), now)
             said = vehicle.telemetry.last_words
             self._give_up(f"vehicle {vehicle.identity} refused to land ({m.name_of('MAV_RESULT', refusal[1])}){said}")
         elif waited_s > LANDING_LIMIT_S:

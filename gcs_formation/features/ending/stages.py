@@ -21,7 +21,7 @@ class EndHeights(Stage):
         """(C,) heights commanded instead of the law's; NaN where there is none."""
 
     def run(self, cycle: Cycle) -> None:
-        """Choose them."""
+        """Ask the ending that is under way; without one there are no heights."""
         ending = cycle.opening
         self.heights_m = None
         if ending is not None and isinstance(ending, SeparatedEnding):

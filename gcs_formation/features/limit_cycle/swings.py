@@ -14,11 +14,13 @@ from typing import Final
 
 AMPLITUDE_M: Final = 1.0
 """Least amplitude. Flights in slots are within 0.2 m, in turbulence within 1 m as a rule; those of a simulated PX4 that
-was held up swung by 4 to 5 m."""
+was held up swung by 4 to 5 m. Tuned: m; 0.5 to 3; shown by flights of PX4's simulator."""
 SWINGS: Final = 10
-"""Swings from one side to the other, five periods, that must be alike."""
+"""Swings from one side to the other, five periods, that must be alike. Tuned: half periods; 6 to 20; shown by `pytest
+tests/gcs_formation/features/limit_cycle`."""
 ALIKE: Final = 0.25
-"""Largest difference of any of them from their mean, in width and in time, as a share of it."""
+"""Largest difference of any of them from their mean, in width and in time, as a share of it. Tuned: share; 0.15 to 0.4;
+shown by `pytest tests/gcs_formation/features/limit_cycle`."""
 
 
 class Swings:
@@ -27,49 +29,49 @@ class Swings:
     def __init__(self) -> None:
         """Start without any."""
         self._widths_m, self._times_s = list[float](), list[float]()
-        self._begun_s = self._at_s = self._most_m = self._from_m = math.nan
+        self._begun_s = self._at_s = self._max_m = self._from_m = math.nan
         self._side = 0.0
         """1 while it rises, -1 while it falls; 0 at first."""
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Begin again."""
         self._widths_m.clear()
         self._times_s.clear()
-        self._most_m, self._side = math.nan, 0.0
+        self._max_m, self._side = math.nan, 0.0
 
     def add(self, time_s: float, error_m: float) -> None:
         """Take the error at a time, s. It has turned once it is `AMPLITUDE_M` back from its extremum."""
-        if math.isnan(self._most_m):
-            self._most_m = self._from_m = error_m
+        if math.isnan(self._max_m):
+            self._max_m = self._from_m = error_m
             self._at_s = self._begun_s = time_s
         elif self._side == 0.0:
-            if abs(error_m - self._most_m) > AMPLITUDE_M:
-                self._side = math.copysign(1.0, error_m - self._most_m)
-                self._most_m, self._at_s = error_m, time_s
-        elif (error_m - self._most_m) * self._side >= 0.0:
-            self._most_m, self._at_s = error_m, time_s
-        elif (self._most_m - error_m) * self._side > AMPLITUDE_M:
+            if abs(error_m - self._max_m) > AMPLITUDE_M:
+                self._side = math.copysign(1.0, error_m - self._max_m)
+                self._max_m, self._at_s = error_m, time_s
+        elif (error_m - self._max_m) * self._side >= 0.0:
+            self._max_m, self._at_s = error_m, time_s
+        elif (self._max_m - error_m) * self._side > AMPLITUDE_M:
             self._turn(time_s, error_m)
 
     def _turn(self, time_s: float, error_m: float) -> None:
         """End a swing at its extremum, and begin the one back."""
-        self._widths_m.append(abs(self._most_m - self._from_m))
+        self._widths_m.append(abs(self._max_m - self._from_m))
         self._times_s.append(self._at_s - self._begun_s)
         if len(self._widths_m) > SWINGS:
             del self._widths_m[0], self._times_s[0]
-        self._from_m, self._begun_s = self._most_m, self._at_s
-        self._most_m, self._at_s, self._side = error_m, time_s, -self._side
+        self._from_m, self._begun_s = self._max_m, self._at_s
+        self._max_m, self._at_s, self._side = error_m, time_s, -self._side
 
     def steady(self, time_s: float, *, still: bool) -> bool:
         """Return whether the newest swings are alike and wide enough, and the present one isn't overdue.
 
         `still`: they were; half the amplitude and twice the difference are enough then.
         """
-        least_m, most = (AMPLITUDE_M / 2.0, 2.0 * ALIKE) if still else (AMPLITUDE_M, ALIKE)
-        if len(self._widths_m) < SWINGS or self.amplitude_m < least_m:
+        min_m, maximum = (AMPLITUDE_M / 2.0, 2.0 * ALIKE) if still else (AMPLITUDE_M, ALIKE)
+        if len(self._widths_m) < SWINGS or self.amplitude_m < min_m:
             return False
         overdue = time_s - self._begun_s > self.period_s
-        return not overdue and _alike(self._widths_m, most) and _alike(self._times_s, most)
+        return not overdue and _alike(self._widths_m, maximum) and _alike(self._times_s, maximum)
 
     @property
     def amplitude_m(self) -> float:
@@ -82,6 +84,6 @@ class Swings:
         return 2.0 * sum(self._times_s) / len(self._times_s)
 
 
-def _alike(values: list[float], most: float) -> bool:
+def _alike(values: list[float], maximum: float) -> bool:
     mean = sum(values) / len(values)
-    return all([abs(each - mean) <= most * mean for each in values])  # noqa: C419 - compiled, a list costs less
+    return all([abs(each - mean) <= maximum * mean for each in values])  # noqa: C419 - compiled, a list costs less

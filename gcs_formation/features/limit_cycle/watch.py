@@ -16,9 +16,9 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 RIGHT: Final = 1
 LATE_S: Final = 0.1
-"""An answer that is so much later than the model's is named as the cause."""
+"""An answer that is so much later than the model's is named as the cause. Tuned: s; 0.05 to 0.3; by judgement."""
 NEAR: Final = 0.8
-"""Share of its delay margin from which a loop's delay is named."""
+"""Share of its delay margin from which a loop's delay is named. Tuned: share; 0.7 to 1; by judgement."""
 
 
 class LimitCycles(Stage):
@@ -42,8 +42,8 @@ class LimitCycles(Stage):
             column = vehicle.column
             error_m = tick.error_of(column)[RIGHT]
             if math.isnan(error_m) or tick.yielding[column] or tick.replaced[column][RIGHT]:
-                self._swings[column].forget()
-                self._answers[column].forget()
+                self._swings[column].clear()
+                self._answers[column].clear()
                 continue
             self._swings[column].add(tick.now / NANOSECONDS, error_m)
             self._take_answer(cycle, tick, column)

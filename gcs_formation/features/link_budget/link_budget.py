@@ -26,20 +26,22 @@ from gcs_formation.vehicle.setpoint_delivery import EVERYTHING, LOSSY_S
 from gcs_formation.vehicle.vehicle import Vehicle
 
 NEAR: Final = 0.5
-"""Share of a delay margin from which on nothing is held back: at 0.9 of that of a consensus, 1 m of error decayed
-at a quarter of its rate else (`tests/gcs_formation/test_consensus_flight.py`)."""
+"""Share of a delay margin from which on nothing is held back: at 0.9 of that of a consensus, 1 m of error decayed at a
+quarter of its rate else (`tests/gcs_formation/test_consensus_flight.py`). Tuned: share; 0.3 to 0.7; shown by `pytest
+tests/gcs_formation/test_consensus_flight.py`."""
 SETTLES_S: Final = 6.0
-"""Time that a lower level gets to empty the queues."""
+"""Time that a lower level gets to empty the queues. Tuned: s; 4 to 15; by judgement."""
 SILENT_S: Final = 0.5
-"""Time without any frame from which on nothing more is asked for."""
+"""Time without any frame from which on nothing more is asked for. Tuned: s; 0.3 to 1; by judgement."""
 CALM_S: Final = 20.0
-"""Time without a full link before rates go up."""
+"""Time without a full link before rates go up. Tuned: s; 10 to 60; by judgement."""
 ROOM: Final = 0.75
-"""They go up if they would need less than this share of what the link carried when it was full, in turns and climbs."""
+"""They go up if they would need less than this share of what the link carried when it was full, in turns and climbs.
+Tuned: share; 0.5 to 0.9; by judgement."""
 TRY_AGAIN_S, TRY_AGAIN_MAX_S = 120.0, 960.0
 """Or after this time, doubled after each time that the link was full again."""
 IN_VAIN_S: Final = 12.0
-"""Time at the lowest rates after which the link counts as bad instead of full."""
+"""Time at the lowest rates after which the link counts as bad instead of full. Tuned: s; 6 to 30; by judgement."""
 
 
 class VehicleBudget:
@@ -70,7 +72,7 @@ class VehicleBudget:
         if heard and (near or seconds_between(vehicle.frames_lost_at, now) < LOSSY_S):
             self._careful_at = now
 
-    def judge(self, now: Instant) -> int:
+    def level_change(self, now: Instant) -> int:
         """Return by how many levels the rates go down (1 or 0), or up (-1, or as many as there are)."""
         at_level_s = seconds_between(self._since, now)
         self._peak = max(self._peak, self.load.bytes_per_s)
@@ -98,12 +100,12 @@ class VehicleBudget:
         change, self.level, self._since = level - self.level, level, now
         self._peak = 0.0
         self.load.settle()
-        self.streams.forget()
+        self.streams.clear()
         return change
 
     def _give_up(self, now: Instant) -> int:
         self._ignored_from = now
-        self.load.forget()
+        self.load.clear()
         return self._set(self._stated, now)
 
     def _has_room(self) -> bool:
@@ -151,7 +153,7 @@ class LinkBudget:
             each.apply(Instant(0))
         self._note, self._reports = note, reports
 
-    def watch(
+    def due_requests(
         self, now: Instant, margins_used: Sequence[float] = (), *, leaves_unread: bool = False
     ) -> list[tuple[Vehicle, Message]]:
         """Return the requests to send now; `margins_used`: shares of their delay margins that loops use.
@@ -168,7 +170,7 @@ class LinkBudget:
                 continue
             report = self._reports.of(vehicle.connection, now)
             each.load.look(now, None if report is None else float(report.txbuf_percent))
-            change = each.judge(now)
+            change = each.level_change(now)
             if change:
                 changes.setdefault(change, []).append(each)
             found += [(vehicle, request) for request in self._requests(each, now, leaves_unread=leaves_unread)]

@@ -16,22 +16,27 @@ from airlink.clock import Instant, after, seconds_between
 from gcs_formation.vehicle.vehicle import Vehicle
 
 WINDOW: Final = 5
-"""Number of looks, one a second, over which losses are counted."""
+"""Number of looks, one a second, over which losses are counted. Tuned: s; 4 to 10; by judgement."""
 KEPT: Final = 8
-"""Number of looks kept before these, for what was asked a round trip earlier."""
+"""Number of looks kept before these, for what was asked a round trip earlier. Tuned: s; the longest round trip and
+more, 5 to 20; by judgement."""
 RECENT_S: Final = 5.0
-"""Time over which the shortest round trip is taken, of at least as many as `FEWEST`."""
+"""Time over which the shortest round trip is taken, of at least as many as `FEWEST`. Tuned: s; 3 to 10; by
+judgement."""
 FEWEST: Final = 4
+"""Fewest round trips over which the shortest is taken. Tuned: round trips; 3 to 10; by judgement."""
 QUEUE_S: Final = 0.2
-"""Round trips that are all longer by this than the shortest ever wait in a queue."""
+"""Round trips that are all longer by this than the shortest ever wait in a queue. Tuned: s; 0.1 to 0.5; by
+judgement."""
 GROWS_S: Final = 0.2
 """A queue grows if the shortest round trip is longer at each of `WINDOW` looks, and by this in all of them. A link
-whose delay takes a step is longer at one or two."""
+whose delay takes a step is longer at one or two. Tuned: s; 0.1 to 0.5; by judgement."""
 LOST: Final = 0.15
-"""Share lost one way beyond which a link with a queue is full."""
+"""Share lost one way beyond which a link with a queue is full. Tuned: share; 0.1 to 0.3; by judgement."""
 LOW_PERCENT: Final = 20.0
+"""Free share of a radio's buffer below which it is nearly full. Tuned: %; 10 to 30; by judgement."""
 LOW_REPORTS: Final = 2
-"""A buffer is full that has had less free for this many looks."""
+"""A buffer is full that has had less free for this many looks. Tuned: reports; 1 to 4; by judgement."""
 
 
 class Counts(NamedTuple):
@@ -75,7 +80,7 @@ class LinkLoad:
         if self._sequence is not sequence:  # another link is in use
             self._sequence = sequence
             self.settle()
-            self.forget()
+            self.clear()
         self.free_percent = free_percent
         self._low = self._low + 1 if free_percent is not None and free_percent <= LOW_PERCENT else 0
         shortest_s = vehicle.round_trips.shortest_s(after(now, -RECENT_S), FEWEST)
@@ -128,7 +133,7 @@ class LinkLoad:
         self._looks.clear()
         self._queues_s.clear()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Take the present round trips for those of an empty link."""
         self._shortest_s, self.queue_s, self._low = math.inf, 0.0, 0
 

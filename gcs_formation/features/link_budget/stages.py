@@ -16,11 +16,11 @@ class Budget(Stage):
     after = ("own_parts", "delay_margins")
 
     def __init__(self, budget: LinkBudget) -> None:
-        """Take what decides."""
+        """Change rates by `budget`."""
         self._budget = budget
 
     def run(self, cycle: Cycle) -> None:
         """Ask for other rates where they change."""
         findings = cycle.findings
-        requests = self._budget.watch(cycle.now, findings.margin_used, leaves_unread=findings.others_listen)
+        requests = self._budget.due_requests(cycle.now, findings.margin_used, leaves_unread=findings.others_listen)
         cycle.send(requests, cycle.now)

@@ -25,18 +25,25 @@ from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle
 
 LOOK_S: Final = 0.5
+"""Interval of the looks. Tuned: s; 0.2 to 1; by judgement."""
 FEWEST: Final = 16
-"""Messages expected in the time over which they are counted, which is at least `WINDOW_S`."""
+"""Messages expected in the time over which they are counted, which is at least `WINDOW_S`. Tuned: messages; 10 to 40;
+by judgement."""
 FEWEST_SENT: Final = 8.0
-"""Messages expected in the time in which anything was heard, from which on their lack says something."""
+"""Messages expected in the time in which anything was heard, from which on their lack says something. Tuned: messages;
+5 to 20; by judgement."""
 QUICK_HZ: Final = 5.0
-"""Messages that come at least as often as attitudes are counted over `WINDOW_S`."""
+"""Messages that come at least as often as attitudes are counted over `WINDOW_S`. Tuned: Hz; 2 to 10; by judgement."""
 WINDOW_S: Final = 2.0
-LEAST_SHARE: Final = 0.5
+"""Time over which quick messages are counted. Tuned: s; 1 to 5; by judgement."""
+MIN_SHARE: Final = 0.5
+"""Share of the expected number below which a message is missing. Tuned: share; 0.3 to 0.7; by judgement."""
 SLOWED_SHARE: Final = 0.9
-"""Share of the expected number below which a message is requested again together with one that is missing."""
+"""Share of the expected number below which a message is requested again together with one that is missing. Tuned:
+share; 0.8 to 0.95; by judgement."""
 SIGMAS: Final = 4.0
-"""Standard deviations of a binomial distribution beyond which loss doesn't explain missing messages."""
+"""Standard deviations of a binomial distribution beyond which loss doesn't explain missing messages. Tuned: standard
+deviations; 3 to 5; by judgement."""
 ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
 """Interval between requests, doubled after each that changes nothing, up to the maximum."""
 
@@ -48,15 +55,19 @@ class MessageCounts:
     A look is named by how many there were since the last `clear` before it.
     """
 
-    def __init__(self, most: int, kinds: int) -> None:
+    def __init__(self, maximum: int, kinds: int) -> None:
         """Keep the counts of so many looks, at so many requested messages."""
-        self._most: i64 = most
+        self._max: i64 = maximum
         self._kinds: i64 = kinds
         self.looks: i64 = 0
         """How many there were."""
-        self._heard_s = vec[float]([0.0] * most)
-        self._received, self._lost, self._total = vec[i64]([0] * most), vec[i64]([0] * most), vec[i64]([0] * most)
-        self._messages = vec[i64]([0] * (most * kinds))
+        self._received_s = vec[float]([0.0] * maximum)
+        self._received, self._lost, self._total = (
+            vec[i64]([0] * maximum),
+            vec[i64]([0] * maximum),
+            vec[i64]([0] * maximum),
+        )
+        self._messages = vec[i64]([0] * (maximum * kinds))
 
     def clear(self) -> None:
         """Begin again."""
@@ -67,23 +78,23 @@ class MessageCounts:
 
         Of news: copies of a vehicle that has fallen silent don't count.
         """
-        at, total = self.looks % self._most, i64(0)
+        at, total = self.looks % self._max, i64(0)
         for count in vehicle.messages_in:
             total += count
-        heard_s = 0.0
+        received_s = 0.0
         if self.looks:
-            before = (self.looks - 1) % self._most
-            heard_s = self._heard_s[before] + (since_s if total > self._total[before] else 0.0)
-        self._heard_s[at], self._total[at] = heard_s, total
+            before = (self.looks - 1) % self._max
+            received_s = self._received_s[before] + (since_s if total > self._total[before] else 0.0)
+        self._received_s[at], self._total[at] = received_s, total
         self._received[at], self._lost[at] = vehicle.sequence.received, vehicle.sequence.lost
         for place in range(len(places)):
             self._messages[at * self._kinds + place] = vehicle.messages_in[places[place]]
         self.looks += 1
 
-    def heard_s(self, span: i64) -> float:
+    def received_s(self, span: i64) -> float:
         """Return the time, in the last `span` intervals, in which anything was heard, s."""
         first, last = self._ends(span)
-        return self._heard_s[last] - self._heard_s[first]
+        return self._received_s[last] - self._received_s[first]
 
     def arrived(self, place: i64, span: i64) -> i64:
         """Return the number of messages of the kind at `place` in the last `span` intervals."""
@@ -102,7 +113,7 @@ class MessageCounts:
     def _ends(self, span: i64) -> tuple[i64, i64]:
         """Return where the first and the last look of `span` intervals are."""
         newest = self.looks - 1
-        return (newest - span) % self._most, newest % self._most
+        return (newest - span) % self._max, newest % self._max
 
 
 class RequestedMessages:
@@ -122,7 +133,7 @@ class RequestedMessages:
         self.expected_hz, self.rates_hz = rates_hz, dict(rates_hz)
         self._ids, self._rates = list(self.rates_hz), list(self.rates_hz.values())
         spans = [math.ceil(_window_s(rate_hz) / LOOK_S) for rate_hz in self._rates]
-        self._least_hz = vec[float]([LEAST_SHARE * rate_hz for rate_hz in self._rates])
+        self._min_hz = vec[float]([MIN_SHARE * rate_hz for rate_hz in self._rates])
         self._spans = vec[i64](spans)
         self.counts = MessageCounts(1 + max(spans), len(spans))
         """The last counts, as many as the rarest message needs."""
@@ -140,9 +151,9 @@ class RequestedMessages:
             span = self._spans[place]
             if counts.looks <= span:
                 continue
-            count, heard_s = counts.arrived(place, span), counts.heard_s(span)
-            if float(count) < self._least_hz[place] * heard_s:
-                sent = self._rates[place] * heard_s
+            count, received_s = counts.arrived(place, span), counts.received_s(span)
+            if float(count) < self._min_hz[place] * received_s:
+                sent = self._rates[place] * received_s
                 if sent >= FEWEST_SENT and _is_too_few(count, sent, counts.share_arriving(span)):
                     found.append(self._ids[place])
         return tuple(found)
@@ -156,7 +167,7 @@ class RequestedMessages:
         counts, found = self.counts, list[int]()
         for place in range(len(self._spans)):
             span = min(self._spans[place], counts.looks - 1)
-            sent = self._rates[place] * counts.heard_s(span)
+            sent = self._rates[place] * counts.received_s(span)
             if float(counts.arrived(place, span)) < SLOWED_SHARE * sent * counts.share_arriving(span):
                 found.append(self._ids[place])
         return tuple(found)
@@ -175,7 +186,7 @@ class MessageIntervals:
         self._note = note
         self._next_look = Instant(0)
 
-    def watch(self, now: Instant) -> None:
+    def check_all(self, now: Instant) -> None:
         """Check every vehicle if that is due."""
         if now < self._next_look:
             return
@@ -212,7 +223,7 @@ class MessageIntervals:
         slowed = streams.slowed() if any(each in fast for each in missing) else ()
         wanted = [each for each in streams.rates_hz if each in missing or (each in fast and each in slowed)]
         requests = (vehicle.autopilot.set_message_interval(each, streams.rates_hz[each]) for each in wanted)
-        vehicle.commands.begin(tuple(requests), now)
+        vehicle.commands.send(tuple(requests), now)
         streams.next_request = after(now, streams.wait_s)
         streams.wait_s = min(2.0 * streams.wait_s, ASK_AGAIN_MAX_S)
         streams.counts.clear()
@@ -225,7 +236,7 @@ def _window_s(rate_hz: float) -> float:
 def _is_too_few(count: i64, sent: float, arriving: float) -> bool:
     """Return whether `count` is too few of `sent` messages that each arrive with the probability `arriving`."""
     expected, sigma = sent * arriving, math.sqrt(sent * arriving * (1.0 - arriving))
-    return expected > 1.0 and float(count) < min(LEAST_SHARE * expected, expected - SIGMAS * sigma)
+    return expected > 1.0 and float(count) < min(MIN_SHARE * expected, expected - SIGMAS * sigma)
 
 
 def _refuses(vehicle: Vehicle) -> bool:

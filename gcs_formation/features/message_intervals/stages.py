@@ -25,4 +25,4 @@ class RequestedAgain(Stage):
     def run(self, cycle: Cycle) -> None:
         """Look whether some are missing."""
         if cycle.flight.phase is not Phase.LOITERING:
-            self.intervals.watch(cycle.now)
+            self.intervals.check_all(cycle.now)

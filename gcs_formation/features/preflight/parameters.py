@@ -45,9 +45,9 @@ class ParameterExamination(Examination):
         self._judge(vehicle, reader, now)
         return []
 
-    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
-        self._readers[vehicle.identity].take(message, now)
+        self._readers[vehicle.identity].receive_parameter(message, now)
 
     def objections(self) -> list[str]:
         """Return in words what can't be flown within the limits that vehicles tell."""
@@ -56,8 +56,8 @@ class ParameterExamination(Examination):
     def _judge(self, vehicle: Vehicle, reader: ParameterReader, now: Instant) -> None:
         """Record the findings. Those that prevent a take-off are warnings for a vehicle already in flight."""
         findings, flies = reader.findings(), vehicle.airborne
-        self._limits.take(vehicle, reader.bounds())
-        self._fences.take(vehicle, vehicle.autopilot.own_fence(reader.values))
+        self._limits.apply(vehicle, reader.bounds())
+        self._fences.apply(vehicle, vehicle.autopilot.own_fence(reader.values))
         news = self._limits.take_news()
         if news is not None:
             self._changes.plan_with(news)

@@ -11,9 +11,11 @@ from gcs_formation.mission.gate import AsFound
 from gcs_formation.vehicle.checks import Finding
 
 HOME_OFF_M = 30.0
-"""Largest height of a home above or below the scenario's ground, m: the sum of both heights' errors above sea level."""
+"""Largest height of a home above or below the scenario's ground, m: the sum of both heights' errors above sea level.
+Tuned: m; 15 to 60; by judgement."""
 FAR_M = 10_000.0
-"""How much farther from the path's start a vehicle may be than the path's farthest waypoint, m."""
+"""How much farther from the path's start a vehicle may be than the path's farthest waypoint, m. Tuned: m; 2000 to 50
+000; by judgement."""
 
 
 def findings(found: AsFound) -> list[Finding]:
@@ -26,12 +28,12 @@ def findings(found: AsFound) -> list[Finding]:
         return []
     points_m = np.array(scenario.path.waypoints_m)[:, :2]
     away_m = math.hypot(seen.north_m - points_m[0, 0], seen.east_m - points_m[0, 1])
-    most_m = float(np.hypot(*(points_m - points_m[0]).T).max()) + FAR_M
-    if away_m > most_m:
-        away, most = f"{away_m / 1000.0:.1f}", f"{most_m / 1000.0:.1f}"
-        if away == most:
-            away, most = distinct_texts(away_m / 1000.0, most_m / 1000.0)
-        away_words = f"place: found {away} km from the path's start; allowed: up to {most} km"
+    max_m = float(np.hypot(*(points_m - points_m[0]).T).max()) + FAR_M
+    if away_m > max_m:
+        away, maximum = f"{away_m / 1000.0:.1f}", f"{max_m / 1000.0:.1f}"
+        if away == maximum:
+            away, maximum = distinct_texts(away_m / 1000.0, max_m / 1000.0)
+        away_words = f"place: found {away} km from the path's start; allowed: up to {maximum} km"
         return [Finding(f"{away_words}. Set origin.lat_deg and lon_deg to the field's", refuses=True)]
     home_m, above_sea_m = seen.height_m - seen.above_home_m, scenario.origin.alt_m
     ground_m = float(scenario.ground.height(np.array([seen.north_m]), np.array([seen.east_m]))[0])

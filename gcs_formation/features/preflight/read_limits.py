@@ -11,7 +11,7 @@ from formation_scenario.feasibility import check
 from formation_scenario.source import dotted
 from gcs_formation.vehicle.vehicle import Vehicle
 
-LEAST, MOST, ACCELERATION, TURN_RATE = "speed_min_mps", "speed_max_mps", "accel_max_mps2", "turn_rate_max_rps"
+MINIMUM, MAXIMUM, ACCELERATION, TURN_RATE = "speed_min_mps", "speed_max_mps", "accel_max_mps2", "turn_rate_max_rps"
 CLIMB = "climb_max_mps"
 SHOWN = 3
 """Of what can't be flown so many are named."""
@@ -35,18 +35,18 @@ class ReadLimits:
         news, self._news = self._news, False
         return self._vehicles() if news else None
 
-    def take(self, vehicle: Vehicle, bounds: Sequence[tuple[str, float, str]]) -> None:
+    def apply(self, vehicle: Vehicle, bounds: Sequence[tuple[str, float, str]]) -> None:
         """Bound a vehicle's setpoints by the keys of its model, the bounds, and the parameters that say so."""
         if not bounds:
             return
         autopilot, model = vehicle.autopilot, self._models[vehicle.identity]
         own = dict[str, float]()
         for key, value, _ in bounds:  # climb and descent bound one key
-            own[key] = max(own.get(key, value), value) if key == LEAST else min(own.get(key, value), value)
+            own[key] = max(own.get(key, value), value) if key == MINIMUM else min(own.get(key, value), value)
         reported = autopilot.airspeed_to_tell(model.speed_min_mps), autopilot.airspeed_to_tell(model.speed_max_mps)
         slowest_mps, fastest_mps = (
-            max(own.get(LEAST, reported[0]), reported[0]),
-            min(own.get(MOST, reported[1]), reported[1]),
+            max(own.get(MINIMUM, reported[0]), reported[0]),
+            min(own.get(MAXIMUM, reported[1]), reported[1]),
         )
         if not slowest_mps < fastest_mps:
             return  # no speed is left; the check of the parameter refuses it
@@ -57,7 +57,7 @@ class ReadLimits:
         climb_mps = min(own.get(CLIMB, model.climb_max_mps), model.climb_max_mps)
         self._bound(vehicle.column, accel_mps2, turn_rps, climb_mps)
         update = {ACCELERATION: accel_mps2, TURN_RATE: turn_rps, CLIMB: climb_mps}
-        update |= {LEAST: autopilot.true_airspeed(slowest_mps), MOST: autopilot.true_airspeed(fastest_mps)}
+        update |= {MINIMUM: autopilot.true_airspeed(slowest_mps), MAXIMUM: autopilot.true_airspeed(fastest_mps)}
         self._models[vehicle.identity] = model.model_copy(update=update)
         self._reported[vehicle.identity] = ", ".join(words for _, _, words in bounds)
         self._unflyable, self._news = None, True

@@ -24,11 +24,12 @@ from gcs_formation.vehicle.own_failsafe import OwnFailsafe
 from gcs_formation.vehicle.vehicle import Vehicle
 
 WAIT_S = 5.0
-"""Longest wait for a vehicle that was flying when the record ended; then the others begin without it."""
+"""Longest wait for a vehicle that was flying when the record ended; then the others begin without it. Tuned: s; 3 to
+15; by judgement."""
 TAKE = "; --take takes it"
 TAKES = "; --take takes those in the air"
 ON_THE_GROUND = "on the ground"
-START_ANEW = "; fly it from its start, by its scenario"
+START_AGAIN = "; fly it from its start, by its scenario"
 
 
 class Found(NamedTuple):
@@ -85,10 +86,10 @@ class FailsafeReaders:
             found += [(vehicle, request) for request in reader.requests(now)]
         return found
 
-    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
         if vehicle.identity in self._readers:
-            self._readers[vehicle.identity][1].take(message, now)
+            self._readers[vehicle.identity][1].receive_parameter(message, now)
 
 
 class Takeover(Beginning):
@@ -108,9 +109,9 @@ class Takeover(Beginning):
         """Return the parameter requests to send now."""
         return self._failsafes.requests(now)
 
-    def take(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
+    def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
-        self._failsafes.take(vehicle, message, now)
+        self._failsafes.receive_parameter(vehicle, message, now)
 
     def may_begin(self, now: Instant) -> bool:
         """Return whether the flight goes on now: one that was ending doesn't."""
@@ -191,7 +192,7 @@ class Takeover(Beginning):
             return None
         taken = [vehicle for i, vehicle in self._vehicles.items() if i in self._decided and not vehicle.is_left]
         if not taken:
-            return f"no vehicle to take over: {self._why_nobody()}"
+            return f"no vehicle to take over: {self._why_none()}"
         if not self.past.near and len(taken) < len(self._vehicles):
             return "a virtual leader flies at the centroid of all vehicles, and not all can be taken over"
         return None
@@ -202,7 +203,7 @@ class Takeover(Beginning):
             return False
         return not self.took_any and self.settled(now)
 
-    def _why_nobody(self) -> str:
+    def _why_none(self) -> str:
         """Return why vehicles were left alone, and how to take over those in the air."""
         found = dict[str, list[str]]()
         for identity in self._vehicles:
@@ -212,7 +213,7 @@ class Takeover(Beginning):
         others = any(reason.endswith(TAKE) for reason in self._left.values())
         each = "; ".join(f"vehicle {', '.join(who)}: {reason}" for reason, who in found.items())
         grounded = list(found) == [ON_THE_GROUND]
-        return (each or "none got ready") + (TAKES if others else START_ANEW if grounded else "")
+        return (each or "none got ready") + (TAKES if others else START_AGAIN if grounded else "")
 
     def _silent(self) -> list[tuple[VehicleId, Vehicle]]:
         searching = LinkState.SEARCHING

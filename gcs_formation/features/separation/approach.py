@@ -27,10 +27,14 @@ from flight_model.vehicle_arrays import (
 FINE_S, COARSE_S = 0.5, 1.0
 """Time steps of predicted trajectories, before and after `FINE_UNTIL_S`."""
 FINE_UNTIL_S = 4.0
+"""How far ahead the fine step is used. Tuned: s; 2 to 6; by judgement."""
 JERK_MPS3: Final = 5.0
 """Rate at which multirotors change their acceleration: ArduCopter's PSC_JERK_XY; PX4 changes it faster.
 
-While the acceleration changes from one to another, the velocity is carried on by half of the time that this takes."""
+While the acceleration changes from one to another, the velocity is carried on by half of the time that this takes.
+
+Tuned: m/s³; 3 to 8; shown by ArduCopter's default.
+"""
 
 
 class ClosestApproach(NamedTuple):
@@ -143,9 +147,9 @@ class Traffic:
     hovers: bool
     """Whether they are multirotors, commanded by velocity over ground; else by speed and heading."""
 
-    def take(self, which: Indices) -> Traffic:
+    def select(self, which: Indices) -> Traffic:
         """Return the columns at `which`, repeated as often as they occur there."""
-        state, model = self.state.take(which), self.model.take(which)
+        state, model = self.state.select(which), self.model.select(which)
         return Traffic(state, self.lead_s[which], self.turn_rps[which], model, self.accel_mps2[:, which], self.hovers)
 
     def turning(self) -> Traffic:
@@ -197,13 +201,13 @@ def _begun(traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array) -> tuple[Flig
     """Return the states at the first two samples, between which the first setpoint acts, and the last accelerations."""
     count = traffic.lead_s.size
     twice = np.concatenate((np.arange(count), np.arange(count)))
-    both, elapsed_s = traffic.take(twice), np.concatenate((traffic.lead_s, traffic.lead_s + times_s[1]))
+    both, elapsed_s = traffic.select(twice), np.concatenate((traffic.lead_s, traffic.lead_s + times_s[1]))
     commanded, accel_mps2 = manoeuvre.first.table[:, twice], both.accel_mps2
     if traffic.hovers:
         state, accel_mps2 = _hovered(both, commanded, elapsed_s)
     else:
         state = advance(both.state, commanded, elapsed_s, both.model).turned(both.turn_rps, elapsed_s)
-    return state.take(twice[:count]), state.take(twice[count:] + count), accel_mps2[:, count:]
+    return state.select(twice[:count]), state.select(twice[count:] + count), accel_mps2[:, count:]
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from gcs_formation.features.separation.approach import COARSE_S, JERK_MPS3
 HALF_S: Final = COARSE_S / 2
 SLOT_SHARE: Final = 0.8
 """Two vehicles keep at most this share of their slots' distance, planned transitions included, so that the rule doesn't
-act against the formation."""
+act against the formation. Tuned: share; 0.6 to 0.9; shown by `pytest tests/gcs_formation/features/separation`."""
 
 
 class KeptDistance:
@@ -84,7 +84,7 @@ class BroadPhase:
         self._frame_north_mps = self._frame_east_mps = 0.0
         self._far_max_m = self._fast_max_mps = self._off_max_s = 0.0
 
-    def begin(self, reference: FlightState, speed_mps: float, heading_rad: float) -> None:
+    def begin_test(self, reference: FlightState, speed_mps: float, heading_rad: float) -> None:
         """Begin a test: `see` every vehicle, then ask whether `all_apart`. The reference is commanded these two."""
         self._reference = reference
         self._along_mps, self._along_rad = reference.airspeed_mps, reference.heading_rad
@@ -135,13 +135,13 @@ class BroadPhase:
         slow_mps = _slower_mps(model, slow_mps, step_mps, until_s, accel_mps2 if self._hovers else math.nan)
         off_rad += min(abs(turn_rad) / model.tau_psi_s, turn_rps) * until_s
         along_m = slow_mps * (until_s + model.tau_v_s + HALF_S) + slow_mps * slow_mps / (2.0 * max_mps2)
-        aside_s = off_rad * (until_s + model.tau_psi_s + HALF_S) + off_rad * off_rad / (2.0 * turn_rps)
+        turned_s = off_rad * (until_s + model.tau_psi_s + HALF_S) + off_rad * off_rad / (2.0 * turn_rps)
         north_mps = state.wind_north_mps - reference.wind_north_mps
         east_mps = state.wind_east_mps - reference.wind_east_mps
         drift_mps = math.sqrt(north_mps * north_mps + east_mps * east_mps) + abs(along_mps - reference_mps)
         vehicle.north_m = state.north_m + self._frame_north_mps * early_s
         vehicle.east_m = state.east_m + self._frame_east_mps * early_s
-        vehicle.far_m = along_m + along_mps * aside_s + drift_mps * (early_s + self._horizon_s)
+        vehicle.far_m = along_m + along_mps * turned_s + drift_mps * (early_s + self._horizon_s)
         vehicle.fast_mps, vehicle.timing_s = slow_mps + along_mps * off_rad + drift_mps, timing_s
         self._far_max_m = max(self._far_max_m, vehicle.far_m)
         self._fast_max_mps = max(self._fast_max_mps, vehicle.fast_mps)
@@ -160,8 +160,8 @@ class BroadPhase:
                     break
                 off_m = (one.timing_s + other.timing_s) * (one.fast_mps + other.fast_mps)
                 room_m = off_m + one.far_m + other.far_m
-                ahead_m, aside_m = other.north_m - one.north_m, other.east_m - one.east_m
-                apart_m2, needed_m = ahead_m * ahead_m + aside_m * aside_m, kept.max_m + room_m
+                north_m, east_m = other.north_m - one.north_m, other.east_m - one.east_m
+                apart_m2, needed_m = north_m * north_m + east_m * east_m, kept.max_m + room_m
                 if not apart_m2 >= needed_m * needed_m:
                     needed_m = _kept_m(kept, one, other) + room_m
                     if not apart_m2 >= needed_m * needed_m:

@@ -15,7 +15,8 @@ from formation_scenario.slot_assignment import slot_schedule
 from gcs_formation.features.separation.keys import SeparationKeys
 
 SEEN_S: Final = 0.9
-"""Time, besides a round trip, until a follower brakes behind a multirotor that brakes against its orders."""
+"""Time, besides a round trip, until a follower brakes behind a multirotor that brakes against its orders. Tuned: s; 0.6
+to 1.5; by judgement."""
 
 
 def no_room_to_stop(scenario: Scenario) -> Iterator[str]:
@@ -24,7 +25,7 @@ def no_room_to_stop(scenario: Scenario) -> Iterator[str]:
     The follower flies on at its speed until it is commanded, then brakes as hard as the other. Evading sideways or
     upwards gains it 2 m at most.
     """
-    least_m, kept = scenario.safety.separation_m, SeparationKeys.of(scenario).avoidance.enabled
+    min_m, kept = scenario.safety.separation_m, SeparationKeys.of(scenario).avoidance.enabled
     if not scenario.hovers or not kept:
         return
     told_mps = [read_order(each.order).speed_mps or 0.0 for _, each in scenario.timed_orders]
@@ -32,16 +33,16 @@ def no_room_to_stop(scenario: Scenario) -> Iterator[str]:
     round_trips_s = (
         sum(ways_s(scenario, step)) for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)
     )
-    enough_m = least_m + speed_mps * (max(round_trips_s) + SEEN_S)
+    enough_m = min_m + speed_mps * (max(round_trips_s) + SEEN_S)
     for step in slot_schedule(scenario):
         forward_m, right_m, up_m = np.moveaxis(step.places_m[first:, None] - step.places_m[first:], -1, 0)
         if not scenario.formation.slots_turn:  # on some course they are behind each other
             forward_m, right_m = np.hypot(forward_m, right_m), np.zeros_like(right_m)
-        behind = (forward_m > 0.0) & (np.hypot(right_m, up_m) < least_m)
+        behind = (forward_m > 0.0) & (np.hypot(right_m, up_m) < min_m)
         nearest_m = float(forward_m[behind].min(initial=math.inf))
         if nearest_m < enough_m:
             found = f"formation: found slots {nearest_m:.3g} m behind each other ({step.shape}) at {speed_mps:g} m/s"
-            yield f"{found}; {enough_m:.3g} m or more leave {least_m:g} m behind one that stops uncommanded"
+            yield f"{found}; {enough_m:.3g} m or more leave {min_m:g} m behind one that stops uncommanded"
 
 
 WARNINGS: Final = (no_room_to_stop,)

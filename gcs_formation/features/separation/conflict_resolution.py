@@ -30,16 +30,22 @@ from gcs_formation.features.separation.traffic import (
 )
 
 RELEASE = 1.1
-"""A vehicle stops giving way once it would keep this many times the minimum distance without."""
+"""A vehicle stops manoeuvring once it would keep this many times the minimum distance without. Tuned: ratio; 1.05 to
+1.3; shown by `pytest tests/gcs_formation/features/separation`."""
 RETURN_S = 4.0
-"""How long a multirotor's way back to its slot must be clear before it stops giving way."""
+"""How long a multirotor's way back to its slot must be clear before it stops manoeuvring. Tuned: s; 2 to 8; by
+judgement."""
 NEGLIGIBLE_M_S = 1e-6
 HELPED_BELOW = 0.9
 """If the best trajectory keeps less than this share of the minimum distance, the vehicle with precedence manoeuvres
-too. The margin allows for prediction errors."""
+too. The margin allows for prediction errors. Tuned: share; 0.8 to 1; shown by `pytest
+tests/gcs_formation/features/separation`."""
 HEIGHTS_MAX = 8
-"""Largest number of heights that are tried for one vehicle."""
+"""Largest number of heights that are tried for one vehicle. Tuned: heights; 4 to 16; shown by `python -m
+benchmarks.separation`."""
 SWEEPS = 2
+"""How often all vehicles choose in turn: later ones may make room for earlier ones. Tuned: sweeps; 1 to 4; shown by
+`python -m benchmarks.separation`."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,7 @@ def _near_level(picture: TrafficPicture, one: Indices, other: Indices) -> Mask:
     if not one.size:
         return np.zeros(0, dtype=bool)
     which, places = np.unique(np.concatenate((one, other)), return_inverse=True)
-    ways = fly_level(picture.traffic.take(which), picture.as_commanded().take(which), picture.times_s)
+    ways = fly_level(picture.traffic.select(which), picture.as_commanded().select(which), picture.times_s)
     first, second = ways[:, :, places[: one.size]], ways[:, :, places[one.size :]]
     return approach(first, second, picture.minimum(one, other), picture.times_s).deficit_m_s > NEGLIGIBLE_M_S
 
@@ -147,7 +153,7 @@ class _Search:
         total[:held_back] = np.inf
         safe = np.flatnonzero(total <= NEGLIGIBLE_M_S)
         chosen = self._mildest(options, safe, waits.height_m.size) if safe.size else int(np.argmin(total))
-        self._adopt(vehicle, options.take(np.array([chosen])), yielding=chosen >= waits.height_m.size)
+        self._adopt(vehicle, options.select(np.array([chosen])), yielding=chosen >= waits.height_m.size)
         return others[comes.nearest_m[chosen] < HELPED_BELOW * self._minimum(vehicle, others).distance_m].tolist()
 
     def _mildest(self, options: Manoeuvre, safe: Indices, waiting: int) -> int:
@@ -168,11 +174,11 @@ class _Search:
         free = others[~self._picture.commanded[others]] if self._picture.traffic.hovers else others[:0]
         if not free.size:
             return True
-        told, times_s = self._picture.setpoints.take(np.array([vehicle])), self._picture.times_s
+        unchanged, times_s = self._picture.setpoints.select(np.array([vehicle])), self._picture.times_s
         soon = times_s <= RETURN_S
         back = fly_level(
-            self._picture.traffic.take(np.array([vehicle])),
-            Manoeuvre(told, told.speed_mps, told.heading_rad, told.height_m),
+            self._picture.traffic.select(np.array([vehicle])),
+            Manoeuvre(unchanged, unchanged.speed_mps, unchanged.heading_rad, unchanged.height_m),
             times_s[soon],
         )
         ways = np.repeat(back, free.size, axis=2), self._ways[:2, soon][:, :, free]
@@ -181,7 +187,7 @@ class _Search:
     def _plain(self, vehicle: int) -> Manoeuvre:
         """Return the two trajectories without a manoeuvre: as commanded, then as the reference or straight on."""
         which = np.array([vehicle])
-        setpoints, (speed_mps, heading_rad) = self._picture.setpoints.take(which), self._picture.lasting(vehicle)
+        setpoints, (speed_mps, heading_rad) = self._picture.setpoints.select(which), self._picture.lasting(vehicle)
         along = Manoeuvre(setpoints, np.array([speed_mps]), np.array([heading_rad]), setpoints.height_m)
         return _joined(along, self._picture.straight(which))
 
@@ -196,7 +202,7 @@ class _Search:
     def _manoeuvring(self, vehicle: int, escapes: Manoeuvre) -> Manoeuvre:
         """Return those that manoeuvre at once: at other heights first, for multirotors at the commanded one first."""
         level = take_height(self._picture, vehicle, self._picture.setpoints.height_m[[vehicle]])
-        level = level.take(np.arange(AS_COMMANDED, level.height_m.size))
+        level = level.select(np.arange(AS_COMMANDED, level.height_m.size))
         return _joined(level, escapes) if self._picture.traffic.hovers else _joined(escapes, level)
 
     def _adopt(self, vehicle: int, chosen: Manoeuvre, *, yielding: bool) -> None:
@@ -216,14 +222,14 @@ class _Search:
         courses = take_height(picture, vehicle, picture.setpoints.height_m[[vehicle]])
         which = np.full(courses.height_m.size, vehicle, dtype=np.intp)
         moved = picture.reference_mps[:, None] * picture.times_s[:, None]
-        ours = fly_level(picture.traffic.take(which), courses, picture.times_s) - moved
+        ours = fly_level(picture.traffic.select(which), courses, picture.times_s) - moved
         others = np.delete(np.arange(picture.commanded.size, dtype=np.intp), vehicle)
         theirs = self._ways[:2, :, others] - moved
         return others[may_come_near(ours, theirs, self._minimum(vehicle, others).times(RELEASE), picture.times_s)]
 
     def _fly(self, which: Indices, manoeuvre: Manoeuvre) -> Array:
         picture = self._picture
-        return fly(picture.traffic.take(which), manoeuvre, picture.times_s, picture.trails_m[which])
+        return fly(picture.traffic.select(which), manoeuvre, picture.times_s, picture.trails_m[which])
 
     def _minimum(self, vehicle: int, others: Indices) -> MinimumDistance:
         return self._picture.minimum(np.full(others.size, vehicle, dtype=np.intp), others)

@@ -16,7 +16,7 @@ from formation_scenario.source import Key, Plain
 class Avoidance(Keys, KeepsDistance):
     """The separation rule."""
 
-    enabled: Flag = key(True, "whether setpoints give way to it")
+    enabled: Flag = key(True, "whether setpoints keep clear of it")
     distance_m: Positive = key(..., "distance that it keeps, m", 15, derived="safety.separation_m + 5")
     horizon_s: Annotated[Number, Field(ge=4.0, le=60.0)] = key(12.0, "how far it looks ahead, s", 20)
 

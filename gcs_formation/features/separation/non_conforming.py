@@ -23,25 +23,27 @@ from gcs_formation.vehicle.vehicle_state import UNANSWERED_S
 
 SOON_NS: Final = NANOSECONDS // 2
 """Lead time with which others keep clear of where an unresponsive vehicle would stop, as the age of its last answer is
-known only roughly."""
+known only roughly. Tuned: ns; 0.2 to 1 s; by judgement."""
 ACCELERATION_S: Final = 0.5
-"""Averaging time of the acceleration of a multirotor."""
+"""Averaging time of the acceleration of a multirotor. Tuned: s; 0.3 to 1; by judgement."""
 ACCELERATES_S: Final = 2.0
-"""How long a non-conforming or uncommanded multirotor is assumed to keep accelerating."""
+"""How long a non-conforming or uncommanded multirotor is assumed to keep accelerating. Tuned: s; 1 to 4; by
+judgement."""
 NON_CONFORMING_MPS, NON_CONFORMING_MPS2 = 1.5, 1.0
 """A multirotor is non-conforming if its velocity is so far from the commanded one and departs from it that fast."""
 PROBE_S: Final = 0.27
-"""Longest interval of requests that every vehicle answers."""
+"""Longest interval of requests that every vehicle answers. Tuned: s; the interval of requests; by judgement."""
 MISSED_S: Final = 0.5
-"""How much longer answers may be missing, since links lose some."""
-STANDS: Triple = (0.0, 0.0, math.nan)
+"""How much longer answers may be missing, since links lose some. Tuned: s; 0.3 to 1; by judgement."""
+HOVERS: Triple = (0.0, 0.0, math.nan)
 """Intent of a vehicle that hovers or stops."""
 SET_OFF: Final[tuple[float, ...]] = (0.0, 1 / 3, 2 / 3, 1.0)
 """Assumed times of its departure for home, as shares of the time in which it may depart."""
 
 
 BLIND_NS: Final = 3 * NANOSECONDS // 2
-"""A vehicle that is commanded to stop and has reported no position for so long stops where it isn't seen."""
+"""A vehicle that is commanded to stop and has reported no position for so long stops where it isn't seen. Tuned: ns; 1
+to 3 s; by judgement."""
 BRAKES_NS: Final = (0, NANOSECONDS, 2 * NANOSECONDS)
 """How much later than the link's delay the command may reach it: it is repeated until it is acknowledged."""
 
@@ -79,7 +81,7 @@ class NonConforming:
         self._left: list[int | None] = [None] * len(models)
         """Instant from which each has been sent nothing; None while it is sent setpoints."""
 
-    def watch(self, now: Instant, links: list[VehicleLink], active: list[bool]) -> None:
+    def update(self, now: Instant, links: list[VehicleLink], active: list[bool]) -> None:
         """Update which vehicles may not respond, and the setpoint that each holds; disobeying ones fly straight on.
 
         `active`: those that are sent setpoints.
@@ -149,11 +151,11 @@ class NonConforming:
             after_ns, home_m = round(link.stands_after_s * NANOSECONDS), link.home_m
             if now < link.heard + after_ns - SOON_NS:
                 continue
-            for told in (link.heard,) if left is None else (link.heard, left):
-                stands = told + after_ns
+            for heard in (link.heard,) if left is None else (link.heard, left):
+                stands = heard + after_ns
                 held = self._held_by(column)
                 found.append(Place(column, stands, held=held))
-                first, last = max(stands, int(seen[column])), told + round(link.returns_after_s * NANOSECONDS)
+                first, last = max(stands, int(seen[column])), heard + round(link.returns_after_s * NANOSECONDS)
                 if home_m is not None and first <= last:
                     over_ns = min(max(now, first), last) - first
                     found += [Place(column, stands, first + round(share * over_ns), home_m, held) for share in SET_OFF]
@@ -202,7 +204,7 @@ class NonConforming:
         if sets_off > stands:
             advance(state, model, 0.0, heading_rad, height_m, (sets_off - stands) / NANOSECONDS)
         if place.sets_off is None:
-            return STANDS, 0.0
+            return HOVERS, 0.0
         setpoint, flown_s = homewards(state, place.home_m, model, self._horizon_s), (at - sets_off) / NANOSECONDS
         return (setpoint, flown_s) if setpoint[0] * flown_s < distance_m(state, place.home_m) else None
 
@@ -239,7 +241,7 @@ class UncommandedMotion:
                 return True
         return False
 
-    def watch(self, measured: Measured) -> None:
+    def update(self, measured: Measured) -> None:
         """Update turn rates, or multirotors' accelerations, from the last two states."""
         before, self._last = self._last, measured
         if before is None:
@@ -283,11 +285,14 @@ class UncommandedMotion:
 
         A vehicle that had no setpoint a second ago is excluded: it may still be stopping.
         """
-        told_mps, told_rad, _ = self._history.commanded(measured.stamps[column], column)
+        told_mps, commanded_rad, _ = self._history.commanded(measured.stamps[column], column)
         if math.isnan(self._history.commanded(measured.stamps[column] - NANOSECONDS, column)[0]):
             return False
         (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self.accel_mps2[column]
-        north_mps, east_mps = told_mps * math.cos(told_rad) - north_mps, told_mps * math.sin(told_rad) - east_mps
+        north_mps, east_mps = (
+            told_mps * math.cos(commanded_rad) - north_mps,
+            told_mps * math.sin(commanded_rad) - east_mps,
+        )
         off_mps = math.hypot(north_mps, east_mps)
         if not off_mps > NON_CONFORMING_MPS:
             return False

@@ -94,11 +94,11 @@ class ConflictResolver:
         """
         if not self._enabled:
             return
-        self._uncommanded.watch(measured)
+        self._uncommanded.update(measured)
         self._watch_slots(tick.slots_m)
         self._watch_errors(tick)
         kept = self._kept_in_slots if apart_m is None else self.kept_on_the_way(apart_m)
-        self._non_conforming.watch(tick.now, tick.links, tick.active)
+        self._non_conforming.update(tick.now, tick.links, tick.active)
         if self._nobody_near(tick, measured, kept):
             return
         members, stopped = self._members(tick), self._stopped(tick)
@@ -141,7 +141,7 @@ class ConflictResolver:
                 together = max(together, acts[column])
         look = self._broad_phase
         reference = max(first, tick.leader)
-        look.begin(tick.state[reference], tick.setpoints[reference][0], tick.setpoints[reference][1])
+        look.begin_test(tick.state[reference], tick.setpoints[reference][0], tick.setpoints[reference][1])
         for column in range(first, len(acts)):
             speed_mps, heading_rad, _ = tick.setpoints[column]
             early_s, timing_s = float(together - acts[column]) / NANOSECONDS, _timing_s(tick, column)
@@ -219,7 +219,7 @@ class ConflictResolver:
             setpoints += setpoints_of
         circling = [at for at, each in enumerate(members) if tick.links[each].circling]
         if circling:
-            loitering = traffic.take(np.array(circling))
+            loitering = traffic.select(np.array(circling))
             told_m = [tick.links[members[at]].holds_at_m for at in circling]
             traffic = traffic.beside(loitering.turning()).beside(loitering.turning()).beside(loitering)
             heights_m: list[float] = loitering.state.height_m.tolist()
@@ -227,7 +227,7 @@ class ConflictResolver:
             vehicles += 3 * [members[at] for at in circling]
         uncommanded = self._uncommanded.intents(tick, members, measured)
         if uncommanded:
-            traffic = traffic.beside(traffic.take(np.array([at for at, _ in uncommanded])))
+            traffic = traffic.beside(traffic.select(np.array([at for at, _ in uncommanded])))
             setpoints += [setpoint for _, setpoint in uncommanded]
             vehicles += [members[at] for at, _ in uncommanded]
         commanded += [False] * (len(vehicles) - len(members))

@@ -12,10 +12,10 @@ from gcs_formation.features.separation.keys import SeparationKeys
 
 def distance(scenario: Scenario) -> Iterator[Finding]:
     """Yield a distance of the separation rule below the separation limit."""
-    kept, least_m = SeparationKeys.of(scenario).avoidance, scenario.safety.separation_m
-    if kept.enabled and kept.distance_m < least_m:
+    kept, min_m = SeparationKeys.of(scenario).avoidance, scenario.safety.separation_m
+    if kept.enabled and kept.distance_m < min_m:
         path = ("safety", "avoidance", "distance_m")
-        yield path, f"found {kept.distance_m:g}", f"at least separation_m, {least_m:g}"
+        yield path, f"found {kept.distance_m:g}", f"at least separation_m, {min_m:g}"
 
 
 RULES: Final = (distance,)

@@ -20,12 +20,12 @@ class Separation(Stage):
     after = ("filters", "height_bound", "fence")
 
     def __init__(self, cycle: Cycle) -> None:
-        """Take the rule."""
+        """Predict by the models in use, through the setpoints in flight."""
         controller = cycle.controller
         self.resolver = ConflictResolver(cycle.scenario, controller.history, controller.models)
 
     def run(self, cycle: Cycle) -> None:
-        """Apply it."""
+        """Resolve conflicts; with a single column there are none."""
         if cycle.controller.columns > 1:
             apart_m = cycle.controller.plan.apart_m(cycle.now / NANOSECONDS)
             self.resolver.keep(cycle.tick, cycle.measured, apart_m)

@@ -15,14 +15,19 @@ from flight_model.vehicle_arrays import FlightStates, Setpoints, lift_m, velocit
 from gcs_formation.features.separation.approach import COARSE_S, JERK_MPS3, Manoeuvre, MinimumDistance, Traffic, reach_m
 from gcs_formation.features.separation.broad_phase import SLOT_SHARE, KeptDistance
 
-BESIDE_M = 1.0
-"""Margin, in height, by which a vehicle that manoeuvres passes another beyond the distance to keep."""
+MARGIN_M = 1.0
+"""Margin, in height, by which a vehicle that manoeuvres passes another beyond the distance to keep. Tuned: m; 0.5 to 3;
+by judgement."""
 PATIENCE_S = 8.0
+"""Time of one manoeuvre after which its margin grows. Tuned: s; 4 to 15; by judgement."""
 FARTHER_MPS = 0.25
+"""How fast that margin grows. Tuned: m/s; 0.1 to 0.5; by judgement."""
 FARTHEST_M = 10.0
-"""A vehicle that has given way for more than `PATIENCE_S` increases that margin by `FARTHER_MPS`, up to `FARTHEST_M`.
+"""A vehicle that has manoeuvred for more than `PATIENCE_S` increases that margin by `FARTHER_MPS`, up to `FARTHEST_M`.
 
 It may level off short of its setpoint, since no model is exact, and is released only beyond the distance to keep.
+
+Tuned: m; 5 to 20; by judgement.
 """
 REFERENCE = 0
 """Column of the vehicle along whose velocity the others can always fly: the first one, the leader if it is considered.
@@ -31,12 +36,13 @@ For a multirotor its commanded velocity is used: the present one may result from
 a leader that brakes can't be kept."""
 AS_COMMANDED = 2
 """Number of a vehicle's courses, the first ones, that begin as commanded."""
-ASIDE_RAD = tuple(math.radians(each) for each in (90, -90, 135, -135, 180, 45, -45, 0))
+BEARINGS_RAD = tuple(math.radians(each) for each in (90, -90, 135, -135, 180, 45, -45, 0))
 """Directions in which a multirotor evades, relative to the reference's."""
 Courses = list[tuple[tuple[float, float], tuple[float, float]]]
 """Speed and heading commanded first, and those commanded afterwards; NaN: those flown by then."""
 FEW = 32
-"""Up to this many vehicles, testing every pair is faster than a search for near ones."""
+"""Up to this many vehicles, testing every pair is faster than a search for near ones. Tuned: vehicles; 16 to 64; shown
+by `python -m benchmarks.separation`."""
 
 
 @dataclass(frozen=True)
@@ -124,8 +130,8 @@ class TrafficPicture:
     def trails_m(self) -> Array:
         """How far each vehicle's height lags behind the reference's while both go on climbing, (N,).
 
-        Setpoints then keep climbing, and each height lags by its own time constants. The lag and the climb that all
-        have in common are left out. A reference that manoeuvres climbs to a fixed height instead.
+        Setpoints then keep climbing, and each height lags by its own time constants. The lag and the climb
+        that all have in common are left out. A reference that manoeuvres climbs to a fixed height instead.
         """
         model, climb_mps = self.traffic.model, self.traffic.state.climb_mps
         lag_s = model.tau_ha_s + model.tau_hb_s
@@ -147,17 +153,17 @@ class TrafficPicture:
 
     def straight(self, which: Indices) -> Manoeuvre:
         """Return the manoeuvres of the vehicles `which`: as commanded, then straight on at that height."""
-        setpoints, on = self.setpoints.take(which), np.full(which.size, np.nan)
+        setpoints, on = self.setpoints.select(which), np.full(which.size, np.nan)
         return Manoeuvre(setpoints, on, on, setpoints.height_m)
 
     def farther_m(self, vehicle: int) -> float:
-        """Return the additional margin in height of a vehicle that has given way for long."""
+        """Return the additional margin in height of a vehicle that has manoeuvred for long."""
         lasted_s = 0.0 if self.given_way_s is None else float(self.given_way_s[vehicle])
         return min(max(FARTHER_MPS * (lasted_s - PATIENCE_S), 0.0), FARTHEST_M)
 
     def within_reach(self, which: Indices, height_m: Array) -> Array:
         """Return heights limited to what vehicles may be commanded now (N,)."""
-        own_m, max_m = self.traffic.state.height_m[which], reach_m(self.traffic.model.take(which))
+        own_m, max_m = self.traffic.state.height_m[which], reach_m(self.traffic.model.select(which))
         return within(height_m, own_m - max_m, own_m + max_m)
 
 
@@ -174,7 +180,7 @@ def courses(picture: TrafficPicture, vehicle: int) -> Courses:
     found = [(course, picture.lasting(vehicle)), (course, on), (along, picture.lasting(vehicle)), (present, on)]
     if picture.traffic.hovers:
         ahead_rad, max_mps = picture.reference[1], float(picture.traffic.model.speed_max_mps[vehicle])
-        stop, *lateral = [(0.0, ahead_rad), *((max_mps, ahead_rad + lateral_rad) for lateral_rad in ASIDE_RAD)]
+        stop, *lateral = [(0.0, ahead_rad), *((max_mps, ahead_rad + lateral_rad) for lateral_rad in BEARINGS_RAD)]
         found[-1:] = [(stop, stop), found[-1], *((way, way) for way in lateral)]
     return found
 
@@ -197,8 +203,8 @@ def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m:
     """
     minimum = picture.minimum(np.full(others.size, vehicle, dtype=np.intp), others)
     passing_mps = _length(picture.velocity_mps[:, others] - picture.velocity_mps[:, [vehicle]])
-    beside_m = minimum.distance_m + minimum.timing_s * passing_mps + BESIDE_M + picture.farther_m(vehicle)
-    heights = np.concatenate((ends_m + beside_m, ends_m - beside_m))
+    margin_m = minimum.distance_m + minimum.timing_s * passing_mps + MARGIN_M + picture.farther_m(vehicle)
+    heights = np.concatenate((ends_m + margin_m, ends_m - margin_m))
     sides = np.repeat((1.0, -1.0), others.size)
     allowed = heights >= picture.floor_m[vehicle]
     heights, sides = heights[allowed], sides[allowed]
@@ -213,7 +219,7 @@ def _length(vectors: Array) -> Array:
     return np.hypot(vectors[0], vectors[1])
 
 
-class Reach(NamedTuple):
+class MotionBound(NamedTuple):
     """Bounds of vehicles' distances and speeds in a frame that moves with the reference, (N,)."""
 
     place_m: Array
@@ -227,17 +233,17 @@ def possible_pairs(picture: TrafficPicture) -> tuple[Indices, Indices]:
 
     The test is conservative: it finds every pair whose trajectories as commanded don't keep the distance.
     """
-    reach, count = bound(picture), picture.commanded.size
-    one, other = _all_pairs(count) if count <= FEW else _pairs_within(_farthest_m(picture, reach), reach.place_m)
-    apart_m = _length(reach.place_m[:, other] - reach.place_m[:, one])
+    bound_of, count = bound(picture), picture.commanded.size
+    one, other = _all_pairs(count) if count <= FEW else _pairs_within(_farthest_m(picture, bound_of), bound_of.place_m)
+    apart_m = _length(bound_of.place_m[:, other] - bound_of.place_m[:, one])
     minimum = picture.minimum(one, other)
-    needed_m = minimum.distance_m + minimum.timing_s * (reach.fast_mps[one] + reach.fast_mps[other])
-    possible: Mask = apart_m < needed_m + reach.far_m[one] + reach.far_m[other]
+    needed_m = minimum.distance_m + minimum.timing_s * (bound_of.fast_mps[one] + bound_of.fast_mps[other])
+    possible: Mask = apart_m < needed_m + bound_of.far_m[one] + bound_of.far_m[other]
     possible &= picture.commanded[one] | picture.commanded[other]
     return one[possible], other[possible]
 
 
-def bound(picture: TrafficPicture) -> Reach:
+def bound(picture: TrafficPicture) -> MotionBound:
     """Return bounds of the horizontal distance and speed, in the reference's frame, of the trajectories as commanded.
 
     An error e of speed or heading that decays with a time constant tau, at a rate of at most r, displaces by e tau +
@@ -256,7 +262,7 @@ def bound(picture: TrafficPicture) -> Reach:
     else:
         errors = np.abs(np.array((along, setpoints.air_motion)) - state.air_motion)
         errors[:, 1] = np.abs(wrap(errors[:, 1]))
-        lag_s, rate_max = traffic.model.air_lags_s, traffic.model.air_rates_max
+        lag_s, rate_max = traffic.model.air_taus_s, traffic.model.air_rates_max
         weight = np.array((np.ones_like(along[0]), along[0]))
     error, to_setpoint = errors
     first = np.minimum(to_setpoint / lag_s, rate_max)
@@ -272,7 +278,7 @@ def bound(picture: TrafficPicture) -> Reach:
     place_m = state.level_m + frame_mps * traffic.lead_s
     if not all_of(picture.commanded):
         _free(picture, frame_mps, far_m, fast_mps, horizon_s)
-    return Reach(place_m, far_m, fast_mps)
+    return MotionBound(place_m, far_m, fast_mps)
 
 
 def _free(picture: TrafficPicture, frame_mps: Array, far_m: Array, fast_mps: Array, horizon_s: Array) -> None:
@@ -287,9 +293,9 @@ def _free(picture: TrafficPicture, frame_mps: Array, far_m: Array, fast_mps: Arr
     fast_mps[free], far_m[free] = mps[free], (mps * horizon_s)[free]
 
 
-def _farthest_m(picture: TrafficPicture, reach: Reach) -> float:
+def _farthest_m(picture: TrafficPicture, bound_of: MotionBound) -> float:
     """Return a distance beyond which no two come too near."""
-    max_m = 2 * (reach.far_m.max() + 2 * picture.timing_s.max() * reach.fast_mps.max())
+    max_m = 2 * (bound_of.far_m.max() + 2 * picture.timing_s.max() * bound_of.fast_mps.max())
     return float(max_m) + picture.kept.max_m
 
 

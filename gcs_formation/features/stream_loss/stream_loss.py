@@ -24,16 +24,19 @@ from gcs_formation.fleet.frame_loss import FrameLoss
 from gcs_formation.vehicle.vehicle import Vehicle
 
 FILTERED: Final = 0.05
-"""Share of lost frames by which numbers must exceed streams, beyond what chance explains: a filter is there."""
+"""Share of lost frames by which numbers must exceed streams, beyond what chance explains: a filter is there. Tuned:
+share; 0.03 to 0.1; by judgement."""
 SIGMAS: Final = 4.0
-"""Standard deviations of a binomial distribution that chance explains."""
+"""Standard deviations of a binomial distribution that chance explains. Tuned: standard deviations; 3 to 5; by
+judgement."""
 FEWEST, SHORTEST_S = 50.0, 5.0
 """A window's length: time in which as many messages of the fastest stream are due, and at least some seconds."""
 TOO_FAST: Final = 1.05
-"""A stream that comes faster by more than this ratio has another rate than requested, by somebody else's request."""
+"""A stream that comes faster by more than this ratio has another rate than requested, by somebody else's request.
+Tuned: ratio; 1.03 to 1.2; by judgement."""
 
 UNKNOWN_GAP: Final = 5.0
-"""Losses in a row behind a filter: as they come in bursts."""
+"""Losses in a row behind a filter: as they come in bursts. Tuned: frames; 2 to 10; by judgement."""
 
 
 class StreamLoss(FrameLoss):
@@ -55,7 +58,7 @@ class StreamLoss(FrameLoss):
         self._window_s, self._counts = max(SHORTEST_S, FEWEST / max(self._rates_hz)), list[int]()
         """A window's length, s, and the counts at the beginning of the present one; without messages there is none."""
 
-    def watch(self) -> None:
+    def close_window(self) -> None:
         """Judge a window that is over, and begin the next if the messages have been requested, also since a restart."""
         vehicle = self.vehicle
         if self._sequence is not vehicle.sequence:  # another link is in use
@@ -67,10 +70,10 @@ class StreamLoss(FrameLoss):
             self._expect(vehicle.rates_hz)
         if self._counts:
             silent_s = vehicle.sequence.silent_s - self._silent_s
-            heard_s = seconds_between(self._began, vehicle.connection.last_heard) - silent_s
-            if heard_s < self._window_s:
+            received_s = seconds_between(self._began, vehicle.connection.last_heard) - silent_s
+            if received_s < self._window_s:
                 return
-            self._judge(heard_s)
+            self._judge(received_s)
         self._began, self._silent_s = vehicle.connection.last_heard, vehicle.sequence.silent_s
         self._counts = self._counted()
 
@@ -102,13 +105,13 @@ class StreamLoss(FrameLoss):
         silenced = float(sequence.missed) * (1.0 - by_numbers) / (1.0 - by_streams)
         return 1.0 - float(sequence.received) / (sent + silenced)
 
-    def _judge(self, heard_s: float) -> None:
+    def _judge(self, received_s: float) -> None:
         """Add what came in a window, of the median stream, by messages, and of those that come alike.
 
         The others have another rate, or are filtered too. A window tells nothing if they are the most.
         """
         each = zip(self._counts, self._counted(), self._rates_hz, strict=True)
-        rows = [((now - before) / (rate_hz * heard_s), rate_hz * heard_s) for before, now, rate_hz in each]
+        rows = [((now - before) / (rate_hz * received_s), rate_hz * received_s) for before, now, rate_hz in each]
         rows = [(share, due) for share, due in rows if share > 0.0 and due >= FEWEST]
         half = sum([due for _, due in rows]) / 2.0
         median = _median(rows, half)
@@ -139,10 +142,10 @@ class StreamLosses(Stage):
             cycle.findings.losses[each.vehicle.identity] = each
 
     def run(self, cycle: Cycle) -> None:
-        """Watch each."""
+        """Close each vehicle's window of messages once it is over."""
         del cycle
         for each in self._each:
-            each.watch()
+            each.close_window()
 
 
 def _median(rows: list[tuple[float, float]], half: float) -> float:

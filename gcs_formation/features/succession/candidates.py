@@ -10,8 +10,9 @@ from airlink.clock import Instant, seconds_between
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
 
-HEARD_S: Final = 1.0
-"""Largest age of a successor's telemetry, and of the latest time at which it is known to hear."""
+RECEIVED_S: Final = 1.0
+"""Largest age of a successor's telemetry, and of the latest time at which it is known to receive. Tuned: s; 0.5 to 2;
+by judgement."""
 DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
 """Links that differ by less than about this are equally good: the measurements are no more certain."""
 
@@ -35,8 +36,8 @@ class Candidate(NamedTuple):
 
 def can_lead(vehicle: Vehicle, age_s: float, now: Instant) -> bool:
     """Return whether a vehicle flies in the formation, hears, and is heard, with a state `age_s` old."""
-    hears = seconds_between(vehicle.round_trips.heard_at(now), now) <= HEARD_S
-    return vehicle.member is Member.FLYING and hears and age_s <= HEARD_S
+    receives = seconds_between(vehicle.round_trips.received_at(now), now) <= RECEIVED_S
+    return vehicle.member is Member.FLYING and receives and age_s <= RECEIVED_S
 
 
 def best_successor(candidates: Iterable[Candidate], spacing_m: float) -> int | None:

@@ -44,7 +44,7 @@ def findings(found: AsFound) -> list[Finding]:
         _height(motion),
         _still(motion),
         *_attitude(autopilot, seen, motion),
-        _airspeed(autopilot, seen, found.least_mps),
+        _airspeed(autopilot, seen, found.min_mps),
     )
     return [Finding(text, refuses=True) for text in (moved, datum, *still) if text]
 
@@ -103,11 +103,11 @@ def _attitude(autopilot: Autopilot, seen: Telemetry, motion: ReportedMotion) -> 
     if attitude is None:
         return []
     found = list[str]()
-    for name, angle_rad, most_rad in (("roll", attitude.roll_rad, BANK_RAD), ("pitch", attitude.pitch_rad, PITCH_RAD)):
-        if abs(angle_rad) > most_rad:
+    for name, angle_rad, max_rad in (("roll", attitude.roll_rad, BANK_RAD), ("pitch", attitude.pitch_rad, PITCH_RAD)):
+        if abs(angle_rad) > max_rad:
             stands = f"ATTITUDE.{name}: found {math.degrees(angle_rad):.0f} degrees while it stands disarmed"
             mends = f"Level it, or set {autopilot.mounting_parameter} as it is mounted; angles are told in radians"
-            found.append(f"{stands}; allowed: {math.degrees(most_rad):.0f} degrees. {mends}")
+            found.append(f"{stands}; allowed: {math.degrees(max_rad):.0f} degrees. {mends}")
     others = ("GLOBAL_POSITION_INT.hdg", motion.heading_rad), ("VFR_HUD.heading", seen.hud_heading_rad)
     for name, heading_rad in others:
         if abs(wrap(heading_rad - attitude.yaw_rad)) > HEADING_OFF_RAD:
@@ -118,10 +118,10 @@ def _attitude(autopilot: Autopilot, seen: Telemetry, motion: ReportedMotion) -> 
     return found
 
 
-def _airspeed(autopilot: Autopilot, seen: Telemetry, least_mps: float) -> str:
-    if autopilot.stands or not seen.airspeed_mps >= least_mps:
+def _airspeed(autopilot: Autopilot, seen: Telemetry, min_mps: float) -> str:
+    if autopilot.stands or not seen.airspeed_mps >= min_mps:
         return ""
     found = f"VFR_HUD.airspeed: found {seen.airspeed_mps:.1f} m/s while it stands disarmed"
-    allowed = f"less than {least_mps:g} m/s, its model's speed_min_mps"
+    allowed = f"less than {min_mps:g} m/s, its model's speed_min_mps"
     mends = "Calibrate the sensor out of the wind (MAV_CMD_PREFLIGHT_CALIBRATION)"
     return f"{found}; allowed: {allowed}. {mends}"

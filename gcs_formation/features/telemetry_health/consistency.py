@@ -44,7 +44,7 @@ OPPOSED_SHARE: Final = 0.25
 CONFIRMED: Final = 3
 """So many samples in a row beyond a bound are no outlier."""
 FEWEST: Final = 10
-LEAST_WEIGHT: Final = 0.05
+MIN_WEIGHT: Final = 0.05
 """Samples from which on the noise is known well enough to judge, and the least weight of one in it."""
 AGREES_SHARE: Final = 0.5
 RETURNS_S: Final = 3.0
@@ -167,7 +167,7 @@ class Consistency:
         self._since += 1
         if self._since == 1:
             self._begun = False
-        weight = max(1.0 / self._samples, LEAST_WEIGHT)
+        weight = max(1.0 / self._samples, MIN_WEIGHT)
         for place, axis in enumerate(self.axes):
             same_position = same_position and position_m[place] == axis.position_m
             same_rate = same_rate and rate_mps[place] == axis.rate_mps
@@ -193,7 +193,7 @@ class Consistency:
         elif self._beyond >= CONFIRMED or (self._beyond and self._stands()):
             self._disbelieve()
         elif self.wrong is not None and self._agrees_s >= RETURNS_S:
-            self._believe(variances[0])
+            self._accept(variances[0])
 
     def _stand(self, elapsed_s: float, rate_mps: float, *, same: bool) -> None:
         """Sum what a height that stays the same to the bit would have moved by its rate."""
@@ -210,14 +210,14 @@ class Consistency:
         return abs(self._passed_m) > FROZEN_M + SIGMAS * math.sqrt(doubled * self._stood_s)
 
     def _watch_scatter(self) -> None:
-        most_m2 = 0.0
+        max_m2 = 0.0
         for axis in self.axes:
-            most_m2 = max(most_m2, axis.scatter_m2)
+            max_m2 = max(max_m2, axis.scatter_m2)
         bound_m2 = SCATTER_M * SCATTER_M
         if self.scatters:
-            self.scatters = most_m2 > bound_m2 / 4.0
-        elif most_m2 > bound_m2 and self._samples > 2 * FEWEST:
-            self.scatters, self.scatter_m = True, math.sqrt(most_m2)
+            self.scatters = max_m2 > bound_m2 / 4.0
+        elif max_m2 > bound_m2 and self._samples > 2 * FEWEST:
+            self.scatters, self.scatter_m = True, math.sqrt(max_m2)
 
     def _shares(self, elapsed_s: float, variances: tuple[float, float]) -> tuple[float, float]:
         """Return which shares the two sums have of their bounds."""
@@ -296,7 +296,7 @@ class Consistency:
         gained_m = math.hypot(*[axis.short_m for axis in self.axes])
         return VELOCITY if opposed_m < OPPOSED_SHARE * gained_m else POSITION
 
-    def _believe(self, position_variance: float) -> None:
+    def _accept(self, position_variance: float) -> None:
         """Believe both again; a displacement that noise explains is forgotten."""
         self.wrong, self.lasts, self._agrees_s = None, False, 0.0
         if self.displaced_m < SHORT_M + SIGMAS * math.sqrt(position_variance):

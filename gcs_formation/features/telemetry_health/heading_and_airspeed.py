@@ -22,7 +22,7 @@ GUST_MPS: Final = 4.5
 """An airspeed that has changed by more than this beyond the limit of accelerations has jumped: gusts build up over
 more than a sample."""
 FEWEST: Final = 20
-LEAST_WEIGHT: Final = 0.05
+MIN_WEIGHT: Final = 0.05
 """Steps from which on the noise is known well enough to judge, and the least weight of one in it."""
 QUIET_S: Final = 1.0
 """What jumps again and again is carried on until it hasn't for this time."""
@@ -53,7 +53,7 @@ class Scatter:
     def take(self, step: float) -> None:
         """Take the next step."""
         self._steps += 1
-        self._variance += max(1.0 / self._steps, LEAST_WEIGHT) * (0.0 - step * self._step - self._variance)
+        self._variance += max(1.0 / self._steps, MIN_WEIGHT) * (0.0 - step * self._step - self._variance)
         self._step = step
 
 
@@ -88,9 +88,9 @@ class HeadingCheck:
         return wrap(heading_rad + self.offset_rad) if self.offset_rad != 0.0 else heading_rad
 
     def _judge(self, elapsed_s: float, turned_rad: float, bent_rad: float, sigma_rad: float) -> None:
-        most_rad = FASTER * self._turn_max_rps * elapsed_s + JUMP_RAD + SIGMAS * sigma_rad
+        max_rad = FASTER * self._turn_max_rps * elapsed_s + JUMP_RAD + SIGMAS * sigma_rad
         self._quiet_s += elapsed_s
-        if abs(turned_rad) > most_rad:
+        if abs(turned_rad) > max_rad:
             self.evidence_rad, self.frozen, self._quiet_s = abs(turned_rad - bent_rad), False, 0.0
         if self._quiet_s < QUIET_S:
             self.offset_rad = wrap(self.offset_rad - turned_rad + bent_rad)
@@ -98,7 +98,7 @@ class HeadingCheck:
         elif turned_rad == 0.0:
             self._stand(bent_rad)
         else:
-            if self.frozen or abs(self.offset_rad) < most_rad:
+            if self.frozen or abs(self.offset_rad) < max_rad:
                 self.offset_rad = 0.0
             self.frozen = False
             self._same, self._turned_rad, self._widest_rad = 0, 0.0, 0.0
@@ -138,13 +138,13 @@ class AirspeedJumps:
         elapsed_s, changed_mps = (stamp_ns - self._stamp_ns) * 1e-9, airspeed_mps - self._airspeed_mps
         if self._stamp_ns and 0.0 < elapsed_s <= GAP_S:
             bound_mps = FASTER * self._accel_max_mps2 * elapsed_s + GUST_MPS
-            most_mps = bound_mps + SIGMAS * self._scatter.sigma(sigma_mps)
-            jumps = self._scatter.known and abs(changed_mps) > most_mps
+            max_mps = bound_mps + SIGMAS * self._scatter.sigma(sigma_mps)
+            jumps = self._scatter.known and abs(changed_mps) > max_mps
             self._scatter.take(changed_mps)
             if jumps:
                 self.offset_mps -= changed_mps
                 self.evidence_mps = abs(changed_mps)
-                if abs(self.offset_mps) < most_mps:
+                if abs(self.offset_mps) < max_mps:
                     self.offset_mps = 0.0
         if elapsed_s > 0.0:
             self._stamp_ns, self._airspeed_mps = stamp_ns, airspeed_mps

@@ -15,7 +15,7 @@ ROW_CM = 0.55
 REST_CM = 3.5
 BAR = 0.7
 """Height of a bar, in rows."""
-MOST_ROWS = 30
+MAX_ROWS = 30
 """So many quantities of vehicles are shown, those first that were doubted first."""
 
 
@@ -26,7 +26,7 @@ def has_alarms(run: RunData) -> bool:
 
 def telemetry_health(run: RunData) -> Figure:
     """Draw a bar for each time during which a quantity of a vehicle wasn't believed."""
-    found = sorted(spells(run.events).items(), key=lambda each: each[1][0])[:MOST_ROWS]
+    found = sorted(spells(run.events).items(), key=lambda each: each[1][0])[:MAX_ROWS]
     figure = style.new_figure(REST_CM + ROW_CM * len(found))
     ((axes,),) = grid = style.axes_grid(figure, 1, 1)
     end_s = float(run.time_s[-1])

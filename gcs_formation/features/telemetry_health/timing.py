@@ -14,7 +14,7 @@ SHIFT_S: Final = 0.2
 SUPPORT_S: Final = 0.12
 SUPPORT_SHARE: Final = 0.3
 """A shift by the position must be that of the arrival within the larger of these, and within its half."""
-LEAST_M: Final = 2.0
+MIN_M: Final = 2.0
 """What a position gains on its velocity in one sample before its stamp is suspected, m."""
 LATE_S: Final = 1.0
 JITTERS: Final = 5.0
@@ -23,7 +23,7 @@ LASTS_S: Final = 2.0
 """Positions that have been late for this long aren't flown by: the link's measured delay has had time to follow."""
 RATE_MEMORY_S: Final = 3.0
 RATE_S: Final = 0.25
-RATE_MOST_S: Final = 0.15
+RATE_MAX_S: Final = 0.15
 """Stamps that gain this, in sums with this memory, run at another rate; a single step adds so much at most: a jump."""
 MOVES_MPS: Final = 3.0
 """A position tells how much time has passed by its velocity from this speed on."""
@@ -51,7 +51,7 @@ class Timing:
         self._gained_s, self._later_s, self._right_s, self._usual_s = 0.0, 0.0, 0.0, math.nan
         """What stamps lose on time by the positions, and by their arrival, in the sums; for how long they have been
         right; the usual age of positions."""
-        self._told_s = math.nan
+        self._reported_s = math.nan
         self._stamp_ns, self._arrived_ns, self._north_m, self._east_m = 0, 0, 0.0, 0.0
         self._late_since_ns, self._same = 0, 0
 
@@ -66,7 +66,7 @@ class Timing:
 
     def take(
         self,
-        told_s: float,
+        reported_s: float,
         stamp_ns: int,
         now_ns: int,
         place_m: tuple[float, float],
@@ -76,18 +76,18 @@ class Timing:
         """Take a position's stamp; return the stamp to be used, ns.
 
         Args:
-            told_s: on the vehicle's clock.
+            reported_s: on the vehicle's clock.
             stamp_ns: on the station's clock.
             now_ns: when it is used first.
             place_m: north and east.
             velocity_mps: likewise.
             longest_s: the age to be expected at most, s.
         """
-        elapsed_s = told_s - self._told_s  # by its own clock: the station's idea of it may change
+        elapsed_s = reported_s - self._reported_s  # by its own clock: the station's idea of it may change
         arrival_s = (now_ns - self._arrived_ns) * 1e-9
         moved_m = place_m[0] - self._north_m, place_m[1] - self._east_m
         if self._stamp_ns:
-            stands = told_s == self._told_s
+            stands = reported_s == self._reported_s
             self._same = self._same + 1 if stands and moved_m != (0.0, 0.0) else 0
             self.standing = self._same >= STANDING or (self.standing and stands)
             if not stands and 0.0 < elapsed_s < 2.0 * LASTS_S:
@@ -97,7 +97,7 @@ class Timing:
                     shift_s = (now_ns - stamp_ns) * 1e-9 - self._usual_s
                     self.shift_s = shift_s if abs(shift_s) > SHIFT_S else 0.0
                 self._shift(elapsed_s, arrival_s, moved_m, velocity_mps)
-        self._told_s, self._stamp_ns, self._arrived_ns = told_s, stamp_ns, now_ns
+        self._reported_s, self._stamp_ns, self._arrived_ns = reported_s, stamp_ns, now_ns
         self._north_m, self._east_m = place_m
         used_ns = stamp_ns + round(self.shift_s * 1e9)
         if self.by_arrival:
@@ -118,9 +118,9 @@ class Timing:
         by_place_s = 0.0
         if speed2 >= MOVES_MPS * MOVES_MPS:
             along = moved_m[0] * velocity_mps[0] + moved_m[1] * velocity_mps[1]
-            by_place_s = within(along / speed2 - elapsed_s, -RATE_MOST_S, RATE_MOST_S)
+            by_place_s = within(along / speed2 - elapsed_s, -RATE_MAX_S, RATE_MAX_S)
         self._gained_s = kept * self._gained_s + by_place_s
-        self._later_s = kept * self._later_s + within(arrival_s - elapsed_s, -RATE_MOST_S, RATE_MOST_S)
+        self._later_s = kept * self._later_s + within(arrival_s - elapsed_s, -RATE_MAX_S, RATE_MAX_S)
         gained_s = abs(self._gained_s)
         if self.by_arrival:
             self._right_s = self._right_s + arrival_s if abs(self._later_s) < RETURN_S else 0.0
@@ -135,7 +135,7 @@ class Timing:
         """Shift the stamps if a position has moved as if more or less time had passed, and came so, too."""
         speed_mps = math.hypot(*velocity_mps)
         gained_m = moved_m[0] - velocity_mps[0] * elapsed_s, moved_m[1] - velocity_mps[1] * elapsed_s
-        if speed_mps < LEAST_M or math.hypot(*gained_m) < LEAST_M:
+        if speed_mps < MIN_M or math.hypot(*gained_m) < MIN_M:
             return
         along_m = (gained_m[0] * velocity_mps[0] + gained_m[1] * velocity_mps[1]) / speed_mps
         across_m = (gained_m[1] * velocity_mps[0] - gained_m[0] * velocity_mps[1]) / speed_mps

@@ -20,7 +20,7 @@ from gcs_formation.vehicle.vehicle import Vehicle
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
 UNKNOWN: Final = math.nan
-DISPLACED_MOST_M: Final = 30.0
+DISPLACED_MAX_M: Final = 30.0
 """A vehicle that is displaced by more, by what it says, doesn't fly in the formation: which of the two is true matters
 too much to guess, m."""
 FASTER: Final = 1.5
@@ -80,11 +80,11 @@ class VehicleHealth:
         place_m, velocity_mps = (sample.north_m - north_m, sample.east_m - east_m), (sample.north_mps, sample.east_mps)
         height_m = sample.height_m - up_m
         motion = vehicle.telemetry.motion
-        told_s = UNKNOWN if motion is None else motion.stamp_s
-        stamp = self._stamp(sample, told_s, now, place_m, velocity_mps)
-        if self._timing.standing or math.isnan(told_s):
+        reported_s = UNKNOWN if motion is None else motion.stamp_s
+        stamp = self._stamp(sample, reported_s, now, place_m, velocity_mps)
+        if self._timing.standing or math.isnan(reported_s):
             return sample
-        own = 1 + round((told_s + self._timing.shift_s) * NANOSECONDS)
+        own = 1 + round((reported_s + self._timing.shift_s) * NANOSECONDS)
         at = stamp if self._timing.by_arrival else own
         airspeed_mps, heading_rad = sample.airspeed_mps, sample.heading_rad
         witness = [UNKNOWN, UNKNOWN]
@@ -100,20 +100,20 @@ class VehicleHealth:
         self._up.doubts_velocity = self._across.wrong == VELOCITY
         climb_mps = self._climb_mps(commanded.height_m - height_m - self._up.axes[0].offset_m)
         up = self._up.take(at, [height_m], [sample.climb_mps], [climb_mps], (noise[1], noise[3]))
-        as_told = airspeed_mps == sample.airspeed_mps and heading_rad == sample.heading_rad and stamp == sample.stamp
-        if as_told and not across and not up and vehicle.telemetry.displaced_m == (0.0, 0.0, 0.0):
+        unchanged = airspeed_mps == sample.airspeed_mps and heading_rad == sample.heading_rad and stamp == sample.stamp
+        if unchanged and not across and not up and vehicle.telemetry.displaced_m == (0.0, 0.0, 0.0):
             return sample
         north, east = self._across.axes
         vehicle.telemetry.displaced_m = north.offset_m, east.offset_m, self._up.axes[0].offset_m
         return self._corrected(sample, Instant(stamp), airspeed_mps, heading_rad, leads=leads)
 
     def _stamp(
-        self, sample: Sample, told_s: float, now: Instant, place_m: tuple[float, float], mps: tuple[float, float]
+        self, sample: Sample, reported_s: float, now: Instant, place_m: tuple[float, float], mps: tuple[float, float]
     ) -> int:
-        """Return the stamp to be used of a sample, stamped at `told_s` by its own clock."""
+        """Return the stamp to be used of a sample, stamped at `reported_s` by its own clock."""
         timing, before, vehicle = self._timing, self._timing.by_arrival, self.vehicle
         longest_s = vehicle.clock.one_way_s + LATE_S + JITTERS * vehicle.jitter.jitter_s
-        stamp = timing.take(told_s, int(sample.stamp), int(now), place_m, mps, longest_s)
+        stamp = timing.take(reported_s, int(sample.stamp), int(now), place_m, mps, longest_s)
         if timing.by_arrival != before:  # what was found meanwhile was due to the stamps
             self._across.forget()
             self._up.forget()
@@ -165,7 +165,7 @@ class VehicleHealth:
         for found, (quantity, _) in ((self._across, HORIZONTAL), (self._up, VERTICAL)):
             if found.wrong == POSITION and found.lasts and (quantity == HORIZONTAL[0] or self.stacked):
                 return f"its {quantity} doesn't move by its velocity"
-            if found.wrong is None and found.displaced_m > DISPLACED_MOST_M:
+            if found.wrong is None and found.displaced_m > DISPLACED_MAX_M:
                 return f"its {quantity} has jumped by {found.displaced_m:.0f} m"
         if self._estimator.lost:
             return "its estimator has no absolute position"

@@ -7,8 +7,8 @@ from __future__ import annotations
 from formation_scenario.slot_assignment import column_models
 from gcs_formation.core.cycle import EACH_SECOND, IN_COMMAND, Cycle, Stage
 from gcs_formation.estimation.estimator import heading_shown
+from gcs_formation.features.time_constants.estimator import TimeConstantEstimator
 from gcs_formation.features.time_constants.keys import TimeConstantKeys
-from gcs_formation.features.time_constants.lags import LagEstimator
 
 
 class MotionSeen(Stage):
@@ -18,12 +18,12 @@ class MotionSeen(Stage):
     when = IN_COMMAND
     after = ("estimates",)
 
-    def __init__(self, lags: LagEstimator) -> None:
-        """Take what estimates."""
-        self._lags = lags
+    def __init__(self, estimator: TimeConstantEstimator) -> None:
+        """Give samples to `estimator`, which all three stages share."""
+        self._estimator = estimator
 
     def run(self, cycle: Cycle) -> None:
-        """Take it."""
+        """Give it each new sample: as measured, with the heading as filtered."""
         filters = cycle.controller.estimator.filters
         for column, sample in enumerate(cycle.samples):
             if sample is not None:
@@ -31,7 +31,7 @@ class MotionSeen(Stage):
                 if sample.by_course and state is not None:
                     heading_rad = heading_shown(state, sample.north_mps, sample.east_mps)
                 motion = sample.airspeed_mps, heading_rad, sample.height_m, sample.climb_mps
-                self._lags.hear(column, sample.stamp, motion)
+                self._estimator.add_sample(column, sample.stamp, motion)
 
 
 class TimeConstants(Stage):
@@ -41,14 +41,14 @@ class TimeConstants(Stage):
     when = IN_COMMAND
     after = ("tick",)
 
-    def __init__(self, lags: LagEstimator) -> None:
-        """Take what estimates."""
-        self._lags = lags
+    def __init__(self, estimator: TimeConstantEstimator) -> None:
+        """Update `estimator`, which all three stages share."""
+        self._estimator = estimator
 
     def run(self, cycle: Cycle) -> None:
         """Go on with the fit."""
         active, links = cycle.tick.active, cycle.links
-        self._lags.learn([active[column] and not links[column].disobeying for column in range(len(active))])
+        self._estimator.update([active[column] and not links[column].disobeying for column in range(len(active))])
 
 
 class TimeConstantsOff(Stage):
@@ -58,19 +58,19 @@ class TimeConstantsOff(Stage):
     when = EACH_SECOND
     after = ("own_parts",)
 
-    def __init__(self, lags: LagEstimator) -> None:
-        """Take what estimates."""
-        self._lags = lags
+    def __init__(self, estimator: TimeConstantEstimator) -> None:
+        """Ask `estimator`, which all three stages share."""
+        self._estimator = estimator
 
     def run(self, cycle: Cycle) -> None:
-        """Say it."""
-        cycle.findings.lags_off = self._lags.misfit
+        """Put relative errors, (3, C), into the findings."""
+        cycle.findings.time_constants_off = self._estimator.misfit
 
 
-def lag_estimator(cycle: Cycle) -> LagEstimator:
+def time_constant_estimator(cycle: Cycle) -> TimeConstantEstimator:
     """Return the estimator, which updates the controller's models unless the scenario fixes them."""
     scenario, controller = cycle.scenario, cycle.controller
     rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
-    learnt = [model.airframe is None and not model.hovers for model in column_models(scenario)]
+    estimated = [model.airframe is None and not model.hovers for model in column_models(scenario)]
     in_use = TimeConstantKeys.of(scenario).lag_estimation
-    return LagEstimator(controller.models, controller.history, *rates_hz, in_use=in_use, learnt=learnt)
+    return TimeConstantEstimator(controller.models, controller.history, *rates_hz, in_use=in_use, estimated=estimated)

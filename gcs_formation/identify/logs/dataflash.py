@@ -69,11 +69,14 @@ TECS_IDENTIFIES: Final = (
     "height {height}; airspeed {speed}; heading: how L1 guidance turns the course to NTUN's NavBrg, not how the "
     "autopilot answers a commanded heading"
 )
-RECEIVED, LIMITED = "as TECS received it", "behind TECS' limits of rate and its filter, which are no part of the lags"
+RECEIVED, LIMITED = (
+    "as TECS received it",
+    "behind TECS' limits of rate and its filter, which are no part of the time constants",
+)
 GUIP_IDENTIFIES: Final = "the velocities that were received, with ArduCopter's limits of acceleration and jerk"
 PSC_IDENTIFIES: Final = (
-    "behind ArduCopter's trajectory generator, whose limits of acceleration and jerk are no part of the lags: how its "
-    "position and velocity controllers follow"
+    "behind ArduCopter's trajectory generator, whose limits of acceleration and jerk are not part of these constants: "
+    "how its position and velocity controllers follow"
 )
 
 Table = Mapping[str, Array]

@@ -32,7 +32,7 @@ COMMANDS: Final = {
     m.MAV_CMD_GUIDED_CHANGE_HEADING: "heading",
     m.MAV_CMD_GUIDED_CHANGE_ALTITUDE: "height",
 }
-LEAST_LATERAL_MPS2 = 0.05
+MIN_LATERAL_MPS2 = 0.05
 """ArduPlane takes a smaller lateral acceleration of a commanded heading as this."""
 COMMANDED = "commands 43000 to 43002, DO_REPOSITION, or velocities"
 NAVIGATED: Final = frozenset({"AUTO", "RTL", "LOITER", "CIRCLE", "GUIDED", "FLY_BY_WIRE_B", "CRUISE", "TAKEOFF"})
@@ -71,7 +71,7 @@ class _Telemetry:
     def _own_track() -> Track:
         return Track(0, OWN_ERRORS, OWN_ERRORS_IDENTIFY, "arduplane", OVER_GROUND_SEEN, follows=NAVIGATED)
 
-    def take(self, at_s: float, frame: Frame) -> None:
+    def add_frame(self, at_s: float, frame: Frame) -> None:
         self.end_s = at_s
         match frame.message:
             case CommandInt(target_system=system, command=command) as sent if command in COMMANDS:
@@ -151,7 +151,7 @@ def read_telemetry(log: Path) -> Log:
     for time_us, raw in read_tlog(log):
         begin_us = time_us if begin_us is None else begin_us
         for frame in parser.feed(raw):
-            telemetry.take((time_us - begin_us) * 1e-6, frame)
+            telemetry.add_frame((time_us - begin_us) * 1e-6, frame)
     return telemetry.log()
 
 
@@ -159,7 +159,7 @@ def _take_command(track: Track, at_s: float, sent: CommandInt) -> None:
     values = {"speed": sent.param2, "heading": math.radians(sent.param2), "height": sent.z}
     track.add(at_s, {COMMANDS[sent.command]: values[COMMANDS[sent.command]]})
     if sent.command == m.MAV_CMD_GUIDED_CHANGE_HEADING:
-        track.add(at_s, {"lateral": max(sent.param3, LEAST_LATERAL_MPS2)})
+        track.add(at_s, {"lateral": max(sent.param3, MIN_LATERAL_MPS2)})
 
 
 def _take_place(track: Track, at_s: float, place: CommandInt) -> None:

@@ -40,7 +40,8 @@ class Track:
     setpoints: str = ""
     """Where in the log the setpoints are, in words."""
     identifies: str = ""
-    """What leads from these setpoints to these responses, and so what its lags are of; blank: the whole autopilot."""
+    """What leads from these setpoints to these responses, and so what its time constants are of; blank: the whole
+    autopilot."""
     aircraft: str | None = None
     """The shipped vehicle file that has the limits of such a vehicle; None: the defaults."""
     seen: tuple[str, str, str, str] = SEEN

@@ -48,7 +48,7 @@ WINGS_IDENTIFY: Final = (
 )
 TRAJECTORY_IDENTIFIES: Final = (
     "what PX4's trajectory generator, or OFFBOARD, commands its position controller: of a generated trajectory, limits "
-    "of acceleration and jerk are no part of the lags"
+    "of acceleration and jerk are no part of the time constants"
 )
 CONTROLLER_IDENTIFIES: Final = (
     "behind the position controller, whose answer to position errors is in the setpoints: how the velocity controller "

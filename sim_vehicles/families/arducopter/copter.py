@@ -134,12 +134,12 @@ def _change_speed(vehicle: Copter, given: GivenCommand) -> int:
         return DENIED
     if kind not in SPEEDS or vehicle.pilot.mode not in (CopterMode.GUIDED, CopterMode.RTL, CopterMode.SMART_RTL):
         return FAILED
-    vehicle.flier.told_cmps[SPEEDS[int(kind)]] = CM_PER_M * speed_mps
+    vehicle.flier.commanded_cmps[SPEEDS[int(kind)]] = CM_PER_M * speed_mps
     return ACCEPTED
 
 
 def _pause(vehicle: Copter, given: GivenCommand) -> int:
-    """Stand until it is told to go on."""
+    """Hover until it is commanded to go on."""
     goes_on = given.params[0]
     if goes_on not in (0.0, 1.0):
         return DENIED
@@ -306,9 +306,9 @@ class Copter(Vehicle):
             self.flier.stop()
 
     def _go_to(self, place_m: Vector, yaw_rad: float | None) -> None:
-        """Fly to a place; the nose turns there first, unless it is told where to turn or the place is near."""
+        """Fly to a place; the nose turns there first, unless it is commanded where to turn or the place is near."""
         if self.flier.place_m is None:  # speeds hold from place to place
-            self.flier.told_cmps.clear()
+            self.flier.commanded_cmps.clear()
         here = self.body.motion
         north_m, east_m = place_m[0] - here.north_m, place_m[1] - here.east_m
         if yaw_rad is None and math.hypot(north_m, east_m) > TURNS_FROM_M:

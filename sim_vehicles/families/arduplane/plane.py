@@ -72,7 +72,7 @@ OLDER_NAMES: Final = {
     "RTL_ALTITUDE": ("ALT_HOLD_RTL", 0.01),
 }
 """Names that parameters had before 4.5 to 4.7, and their units then, by the present names."""
-LEAST_LATERAL_MPS2: Final = 0.05
+MIN_LATERAL_MPS2: Final = 0.05
 """Replacement of a lateral acceleration of 0, with which ArduPlane hardly turns."""
 AIRSPEED: Final = m.SPEED_TYPE_AIRSPEED
 AGAIN: Final = m.HEADING_TYPE_DEFAULT
@@ -81,7 +81,7 @@ HEADING: Final = m.HEADING_TYPE_HEADING
 GUIDED: Final = Mode.GUIDED
 SPEED_MODES: Final = (Mode.GUIDED, Mode.AUTO)
 USUAL_SPEED: Final = -2.0
-MOST_PERCENT: Final = 100.0
+MAX_PERCENT: Final = 100.0
 
 
 def _change_speed(vehicle: Plane, given: GivenCommand) -> int:
@@ -118,7 +118,7 @@ def _change_heading(vehicle: Plane, given: GivenCommand) -> int:
     course = kind == COURSE
     if not course and kind != HEADING:
         return DENIED
-    vehicle.flier.steer(degrees * DEG, course=course, lateral_mps2=max(lateral_mps2, LEAST_LATERAL_MPS2))
+    vehicle.flier.steer(degrees * DEG, course=course, lateral_mps2=max(lateral_mps2, MIN_LATERAL_MPS2))
     return ACCEPTED
 
 
@@ -137,7 +137,7 @@ def _legacy_speed(vehicle: Plane, given: GivenCommand) -> int:
     elif kind == AIRSPEED and speed_mps == USUAL_SPEED:
         speed_mps = vehicle.parameters["AIRSPEED_CRUISE"]
     elif kind != AIRSPEED or not vehicle.parameters.is_airspeed(speed_mps):
-        return ACCEPTED if 0.0 < throttle <= MOST_PERCENT else FAILED
+        return ACCEPTED if 0.0 < throttle <= MAX_PERCENT else FAILED
     if not vehicle.flier.guided_by_setpoints:
         vehicle.flier.change_speed(speed_mps, math.inf)
     return ACCEPTED
@@ -213,7 +213,7 @@ class Plane(Vehicle):
     def __init__(self, index: int, fleet: FleetConfig, body: Body, environment: Environment, now: Instant) -> None:
         """Boot at `now`."""
         self._arrives = False
-        """Whether it is on its way to a place that it was told in GUIDED."""
+        """Whether it is on its way to a place that it was commanded in GUIDED."""
         self._pending: FlightMode | None = None
         """The failsafe's mode, while a take-off's climb goes on."""
         super().__init__(index, fleet, body, environment, now)
@@ -309,7 +309,7 @@ class Plane(Vehicle):
         self._arrives = True
 
     def ask_circle(self, radius_m: float, side: float) -> None:
-        """Take the radius and the side of the circles that it is told next in GUIDED."""
+        """Take the radius and the side of the circles that it is commanded next in GUIDED."""
         self.flier.ask_circle(radius_m, side)
 
     def climb_to(self, height_m: float) -> None:
@@ -323,11 +323,11 @@ class Plane(Vehicle):
         Source: ArduPlane, `handle_set_position_target_local_ned` and `..._global_int`.
         """
         if self.pilot.mode is Mode.GUIDED:
-            height_m = self._told_height_m(setpoint)
+            height_m = self._commanded_height_m(setpoint)
             if height_m is not None:
                 self.climb_to(height_m)
 
-    def _told_height_m(self, setpoint: Setpoint) -> float | None:
+    def _commanded_height_m(self, setpoint: Setpoint) -> float | None:
         """Return the height above the origin that a setpoint tells, or None."""
         if isinstance(setpoint, SetPositionTargetGlobalInt):
             if setpoint.coordinate_frame not in commands.ABOVE_SEA_LEVEL + commands.ABOVE_HOME:
@@ -376,7 +376,7 @@ def plane_parameters(config: VehicleConfig, cruise_mps: float, station_system: i
     older = {name: own for name, own in OLDER_NAMES.items() if own[0] in file and name not in file}
     for name, (own, unit) in older.items():
         kind = kinds.pop(name)
-        kinds[own] = ParameterKind(kind.type, kind.least / unit, kind.most / unit, kind.initial / unit)
+        kinds[own] = ParameterKind(kind.type, kind.minimum / unit, kind.maximum / unit, kind.initial / unit)
     return ParameterServer(as_in_file(kinds, file, SYSTEM_NAMES), older)
 
 

@@ -29,7 +29,7 @@ SLOW_TO_M: Final = 10.0
 NEAR_M: Final = 0.8
 """A take-off is complete this near its height (NAV_MC_ALT_RAD)."""
 ORBIT: Final[tuple[float, ...]] = 1.0, 1.0
-"""Radius, m, and speed, m/s, of a circle of which none is told."""
+"""Radius, m, and speed, m/s, of a circle of which none is commanded."""
 
 
 class Px4CopterPilot(CopterPilot):
@@ -49,13 +49,13 @@ class Px4CopterPilot(CopterPilot):
         else:
             super()._climb(motion, height_m)
 
-    def _climb_most_mps(self, motion: Motion) -> float:
-        return super()._climb_most_mps(motion) if motion.height_m > SLOW_TO_M else self._parameters["MPC_TKO_SPEED"]
+    def _climb_max_mps(self, motion: Motion) -> float:
+        return super()._climb_max_mps(motion) if motion.height_m > SLOW_TO_M else self._parameters["MPC_TKO_SPEED"]
 
     def _cruise_mps(self) -> float:
         """Return the speed of flights to places: the highest one in OFFBOARD."""
-        told = self.mode is CopterMode.GUIDED or "WPNAV_SPEED" in self.told_cmps
-        return super()._cruise_mps() if told else self._parameters["MPC_XY_CRUISE"]
+        commanded = self.mode is CopterMode.GUIDED or "WPNAV_SPEED" in self.commanded_cmps
+        return super()._cruise_mps() if commanded else self._parameters["MPC_XY_CRUISE"]
 
 
 def _orbit(vehicle: Px4Copter, given: GivenCommand) -> int:
@@ -64,7 +64,7 @@ def _orbit(vehicle: Px4Copter, given: GivenCommand) -> int:
     Where a value isn't finite, the present place and height, and the usual radius and speed are taken.
     """
     radius_m, speed_mps = (
-        told if math.isfinite(told) else usual for told, usual in zip(given.params, ORBIT, strict=False)
+        commanded if math.isfinite(commanded) else usual for commanded, usual in zip(given.params, ORBIT, strict=False)
     )
     here, origin = vehicle.body.motion, vehicle.origin
     centre_m = here.north_m, here.east_m
@@ -107,7 +107,7 @@ class Px4Copter(Px4):
 
     def change_speed(self, speed_mps: float) -> None:
         """Fly at a speed in HOLD from now on."""
-        self.flier.told_cmps["WPNAV_SPEED"] = CM_PER_M * speed_mps
+        self.flier.commanded_cmps["WPNAV_SPEED"] = CM_PER_M * speed_mps
 
     def climb_to(self, height_m: float) -> None:
         """Fly at a height above the origin, where it is."""

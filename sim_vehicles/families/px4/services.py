@@ -126,7 +126,7 @@ BUILDERS: Final[Builders[Autopilot]] = {
     m.MAVLINK_MSG_ID_GPS_RAW_INT: gps_raw_int,
     m.MAVLINK_MSG_ID_VFR_HUD: vfr_hud,
 }
-LEAST_CHANGES_US: Final = 500_000
+MIN_CHANGES_US: Final = 500_000
 """Least interval of CURRENT_MODE on request; it is also sent on each change."""
 REJECTED: Final = m.MAV_RESULT_TEMPORARILY_REJECTED
 PX4_COMPONENTS: Final = (m.MAV_COMP_ID_ALL, m.MAV_COMP_ID_AUTOPILOT1)
@@ -156,7 +156,7 @@ def set_interval(vehicle: Autopilot, given: GivenCommand) -> int:
     if message_id == m.MAVLINK_MSG_ID_HEARTBEAT or message_id not in BUILDERS or not math.isfinite(interval_us):
         return FAILED
     if message_id == m.MAVLINK_MSG_ID_CURRENT_MODE and interval_us > 0.0:
-        interval_us = max(interval_us, LEAST_CHANGES_US)
+        interval_us = max(interval_us, MIN_CHANGES_US)
     elif interval_us > 0.0:
         interval_us = max(interval_us, SHORTEST_US)
     return ACCEPTED if vehicle.streams.set_interval(int(message_id), interval_us, vehicle.now) else DENIED
@@ -247,8 +247,8 @@ BY_NAME: Final = -1
 """Index in a request by name."""
 
 
-def _whole(least: float, most: float, initial: float) -> ParameterKind:
-    return ParameterKind(m.MAV_PARAM_TYPE_INT32, least, most, initial)
+def _whole(minimum: float, maximum: float, initial: float) -> ParameterKind:
+    return ParameterKind(m.MAV_PARAM_TYPE_INT32, minimum, maximum, initial)
 
 
 def parameters(config: VehicleConfig, cruise_mps: float) -> dict[str, ParameterKind]:
@@ -320,7 +320,7 @@ class Px4Parameters(ParameterServer):
         if kind.type == m.MAV_PARAM_TYPE_INT32:
             value = float(struct.unpack("<i", struct.pack("<f", value))[0])
         if math.isfinite(value) and name not in FIXED and name != "MAV_SYS_ID":
-            self._change(name, min(max(value, kind.least), kind.most))
+            self._change(name, min(max(value, kind.minimum), kind.maximum))
         return self._reported(name, self._names.index(name))
 
     def _reported(self, name: str, index: int) -> ParamValue:  # noqa: ARG002 - always its own

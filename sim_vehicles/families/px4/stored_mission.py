@@ -17,7 +17,7 @@ class Px4Missions(Missions):
         """Begin without items; `home` stands before them here, but isn't sent."""
         super().__init__(home, stored=False)
 
-    def take(self, message: Message, sender: Sender, now: Instant) -> list[Message]:
+    def handle(self, message: Message, sender: Sender, now: Instant) -> list[Message]:
         """Return the answers to a message: items that there are, and otherwise those of an empty list."""
         kind = getattr(message, "mission_type", PLAN)
         if self.flyable and kind == PLAN:
@@ -25,7 +25,7 @@ class Px4Missions(Missions):
                 return [MissionCount(sender.system, sender.component, len(self.items) - 1)]
             if isinstance(message, (MissionRequestInt, MissionRequest)) and message.seq < len(self.items) - 1:
                 return [self._requested(message, sender)]
-        return super().take(message, sender, now)
+        return super().handle(message, sender, now)
 
     def _requested(self, asked: MissionRequestInt | MissionRequest, sender: Sender) -> Message:
         item, current = self.items[asked.seq + 1], asked.seq + 1 == self.current

@@ -204,7 +204,7 @@ def test_an_end_that_is_forgotten_drops_what_waits_and_leaves_its_place_to_anoth
     medium = Medium[str](RadioSettings(8e3, 8e3))
     for word in ("sent", "dropped"):
         medium.offer(DOWN, 1, 100, word, Instant(0))
-    medium.forget(1)
+    medium.remove(1)
     assert medium.offer(DOWN, 2, 100, "other", Instant(0))
     assert [each.item for each in medium.departed(after(Instant(0), 1.0))] == ["sent", "other"]
     assert len(medium.lanes[DOWN].ends) == 1

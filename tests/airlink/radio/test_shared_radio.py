@@ -195,5 +195,5 @@ def test_a_relay_puts_all_remotes_behind_one_radio_and_reports_to_each() -> None
     assert reports == [(0, DOWN), (1, DOWN), (0, UP), (1, UP)] * 2
     relay.accept((0, DOWN, b"x" * 601), timer or START)
     assert relay.statistics(DOWN).lost == 1
-    relay.forget(0)
+    relay.disconnect(0)
     assert relay.statistics(DOWN).datagrams == 7

@@ -37,22 +37,22 @@ def frame(stamp, system=2, component=1, link_id=0, key=KEY):
 def test_each_verdict():
     seen = state()
     plain = FrameWriter(2, 1).encode(HEARTBEAT)
-    assert seen.judge(plain, START) is Verdict.UNSIGNED
-    assert seen.judge(frame(NOW, key=OTHER), START) is Verdict.WRONG_KEY
-    assert seen.judge(frame(NOW - A_MINUTE - 1), START) is Verdict.STALE
-    assert seen.judge(frame(NOW - A_MINUTE), START) is Verdict.AUTHENTIC
-    assert seen.judge(frame(NOW), START) is Verdict.AUTHENTIC
-    assert seen.judge(frame(NOW), START) is Verdict.REPLAYED
-    assert seen.judge(frame(NOW - 1), START) is Verdict.REPLAYED
-    assert seen.judge(frame(NOW - 1, link_id=1), START) is Verdict.AUTHENTIC
-    assert seen.judge(frame(NOW - 1, component=2), START) is Verdict.AUTHENTIC
+    assert seen.verify(plain, START) is Verdict.UNSIGNED
+    assert seen.verify(frame(NOW, key=OTHER), START) is Verdict.WRONG_KEY
+    assert seen.verify(frame(NOW - A_MINUTE - 1), START) is Verdict.STALE
+    assert seen.verify(frame(NOW - A_MINUTE), START) is Verdict.AUTHENTIC
+    assert seen.verify(frame(NOW), START) is Verdict.AUTHENTIC
+    assert seen.verify(frame(NOW), START) is Verdict.REPLAYED
+    assert seen.verify(frame(NOW - 1), START) is Verdict.REPLAYED
+    assert seen.verify(frame(NOW - 1, link_id=1), START) is Verdict.AUTHENTIC
+    assert seen.verify(frame(NOW - 1, component=2), START) is Verdict.AUTHENTIC
 
 
 def test_a_stream_that_is_known_may_be_as_late_as_its_link_is():
     seen = state()
-    assert seen.judge(frame(NOW), START) is Verdict.AUTHENTIC
-    assert seen.judge(frame(NOW + 1), after(START, 600.0)) is Verdict.AUTHENTIC
-    assert seen.judge(frame(NOW + 1), after(START, 600.0)) is Verdict.STALE
+    assert seen.verify(frame(NOW), START) is Verdict.AUTHENTIC
+    assert seen.verify(frame(NOW + 1), after(START, 600.0)) is Verdict.AUTHENTIC
+    assert seen.verify(frame(NOW + 1), after(START, 600.0)) is Verdict.STALE
 
 
 def test_timestamps_grow_with_every_frame_and_follow_whichever_clock_is_ahead():
@@ -62,15 +62,15 @@ def test_timestamps_grow_with_every_frame_and_follow_whichever_clock_is_ahead():
     assert stamps == [NOW, NOW + 1, NOW + 2]
     assert timestamp_of(ours.sign(plain, 0, after(START, 1.0))) == NOW + 100_000
     ahead = NOW + 10**9
-    assert ours.judge(frame(ahead, key=OTHER), START) is Verdict.WRONG_KEY
+    assert ours.verify(frame(ahead, key=OTHER), START) is Verdict.WRONG_KEY
     assert timestamp_of(ours.sign(plain, 0, START)) < ahead
-    assert ours.judge(frame(ahead), START) is Verdict.AUTHENTIC
+    assert ours.verify(frame(ahead), START) is Verdict.AUTHENTIC
     assert timestamp_of(ours.sign(plain, 0, START)) == ahead + 1
 
 
 def test_the_last_timestamp_of_all_ends_nothing():
     ours = state()
-    assert ours.judge(frame(MAX_TIMESTAMP), START) is Verdict.AUTHENTIC
+    assert ours.verify(frame(MAX_TIMESTAMP), START) is Verdict.AUTHENTIC
     assert timestamp_of(ours.sign(FrameWriter(255, 25).encode(HEARTBEAT), 0, START)) == MAX_TIMESTAMP
 
 
@@ -84,16 +84,16 @@ def test_the_timestamps_taken_of_a_stream_only_grow_and_forged_frames_change_not
     seen, undisturbed, taken = state(), state(), dict[tuple[int, int, int], int]()
     for stamp, system, component, link_id, key in frames:
         raw = frame(stamp, system, component, link_id, key)
-        verdict = seen.judge(raw, START)
+        verdict = seen.verify(raw, START)
         if key is KEY:
-            assert undisturbed.judge(raw, START) is verdict
+            assert undisturbed.verify(raw, START) is verdict
         stream = system, component, link_id
         if verdict is Verdict.AUTHENTIC:
             assert key is KEY
             assert stamp > taken.get(stream, -1)
             assert stream in taken or stamp + A_MINUTE >= NOW
             taken[stream] = stamp
-            assert seen.judge(raw, START) in {Verdict.REPLAYED, Verdict.STALE}
+            assert seen.verify(raw, START) in {Verdict.REPLAYED, Verdict.STALE}
         elif key is OTHER:
             assert verdict is Verdict.WRONG_KEY
         else:
@@ -109,7 +109,7 @@ def test_of_signed_frames_those_are_taken_that_pymavlink_takes(frames):
     theirs.signing.secret_key, theirs.signing.timestamp = KEY.octets, NOW
     for stamp, system, component, link_id, _ in frames:
         raw = frame(stamp, system, component, link_id)
-        taken = seen.judge(raw, START) is Verdict.AUTHENTIC
+        taken = seen.verify(raw, START) is Verdict.AUTHENTIC
         assert taken == theirs.check_signature(bytearray(raw), system, component)
     assert max(seen.timestamp, NOW) == theirs.signing.timestamp
 

@@ -89,10 +89,10 @@ def test_after_a_restart_a_recording_of_the_minute_before_is_old(key_file):
     file = key_file("secret")
     key, kept, now = read_key(file), KeptTimestamps(file), (NOW_US - EPOCH_US) // 10
     before = kept.restored(key, NOW_US)
-    assert before.judge(raw := frame(now, key), Instant(0)) is Verdict.AUTHENTIC
+    assert before.verify(raw := frame(now, key), Instant(0)) is Verdict.AUTHENTIC
     kept.keep(before)
     after_restart = KeptTimestamps(file).restored(key, NOW_US)
-    assert after_restart.judge(raw, Instant(0)) is Verdict.REPLAYED
+    assert after_restart.verify(raw, Instant(0)) is Verdict.REPLAYED
     assert after_restart.timestamp == before.timestamp
     assert stat.S_IMODE(kept.path.stat().st_mode) == 0o600
     assert key.octets.hex() not in kept.path.read_text()
@@ -103,8 +103,8 @@ def test_what_two_programs_keep_is_the_newer(key_file):
     key, now = read_key(file), (NOW_US - EPOCH_US) // 10
     one, other = (KeptTimestamps(file) for _ in range(2))
     first, second = one.restored(key, NOW_US), other.restored(key, NOW_US)
-    assert first.judge(frame(now + A_MINUTE, key), Instant(0)) is Verdict.AUTHENTIC
-    assert second.judge(frame(now, key), Instant(0)) is Verdict.AUTHENTIC
+    assert first.verify(frame(now + A_MINUTE, key), Instant(0)) is Verdict.AUTHENTIC
+    assert second.verify(frame(now, key), Instant(0)) is Verdict.AUTHENTIC
     one.keep(first)
     other.keep(second)
     assert KeptTimestamps(file).restored(key, NOW_US).streams == {(2, 1, 0): now + A_MINUTE}

@@ -25,14 +25,14 @@ def told(*events: Event, mission_s: float = math.nan) -> list[str | None]:
     return said
 
 
-def test_phases_are_told_with_their_cause_and_the_mission_time_once_there_is_one() -> None:
+def test_phases_are_reported_with_their_cause_and_the_mission_time_once_there_is_one() -> None:
     begun = Event(Instant(71_500_000_000), "phase", "flying", None, {"cause": "the leader has passed the start"})
     assert told(begun) == ["start +   71.5 s  flying: the leader has passed the start"]
     assert told(begun, mission_s=0.0) == ["t     =    0.0 s  flying: the leader has passed the start"]
 
 
 @pytest.mark.parametrize(("kind", "usual", "unusual"), [("link", "connected", "lost"), ("member", "starting", "x")])
-def test_usual_events_of_a_start_are_told_only_after_trouble(kind: str, usual: str, unusual: str) -> None:
+def test_usual_events_of_a_start_are_reported_only_after_trouble(kind: str, usual: str, unusual: str) -> None:
     well, ill = Event(Instant(0), kind, usual, THREE), Event(Instant(0), kind, unusual, THREE)
     other = Event(Instant(0), kind, usual, VehicleId(1, 4))
     lines = told(well, ill, other, well, well)

@@ -26,7 +26,7 @@ def test_what_the_command_line_refuses_is_refused_from_python_too(wrong) -> None
         RunOptions(Path("run"), **wrong)
 
 
-def test_identify_refuses_what_only_simulated_autopilots_can_be_told(tmp_path) -> None:
+def test_identify_refuses_what_only_simulated_autopilots_can_be_reported(tmp_path) -> None:
     """Emulated vehicles fly their steps under the virtual clock; messages name no option of another command."""
     scenario = tmp_path / "scenario.yaml"
     scenario.write_text("vehicles: {count: 2}\npath: {waypoints_m: [[0, 0, 100], [6000, 0, 100]]}\n")

@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from formation_scenario.orders import Answer
-from gcs_formation.app.order_socket import MOST_BYTES, MOST_CALLERS, OrderSocket, tell
+from gcs_formation.app.order_socket import MAX_BYTES, MAX_CALLERS, OrderSocket, tell
 from gcs_formation.cli import main
 from gcs_formation.errors import NothingRunningError
 
@@ -46,7 +46,7 @@ def test_an_order_that_is_too_long_is_answered_too(directory: Path) -> None:
         assert asked.result() == (True, f"heard {'é' * 101}")
 
 
-def test_where_nothing_runs_nobody_answers(directory: Path, tmp_path: Path) -> None:
+def test_where_nothing_runs_none_answers(directory: Path, tmp_path: Path) -> None:
     for place in (directory, tmp_path / "none"):
         with pytest.raises(NothingRunningError, match="no flight answers in"):
             tell(place, "loiter")
@@ -68,7 +68,7 @@ def test_callers_that_say_nothing_or_too_much_are_dropped(tmp_path: Path) -> Non
         with socket.socket(socket.AF_UNIX) as gone, socket.socket(socket.AF_UNIX) as loud:
             for caller in (gone, loud):
                 caller.connect(str(tmp_path / "orders.sock"))
-            loud.sendall(b"x" * 2 * MOST_BYTES)
+            loud.sendall(b"x" * 2 * MAX_BYTES)
         for _ in range(10):
             orders.poll()
     assert heard == []
@@ -86,15 +86,15 @@ def test_where_no_more_files_may_be_opened_an_order_waits(tmp_path: Path) -> Non
             resource.setrlimit(resource.RLIMIT_NOFILE, before)
         caller.setblocking(False)
         with pytest.raises(BlockingIOError):
-            caller.recv(MOST_BYTES)
+            caller.recv(MAX_BYTES)
         orders.poll()
-        assert b"heard land" in caller.recv(MOST_BYTES)
+        assert b"heard land" in caller.recv(MAX_BYTES)
 
 
 @pytest.mark.parametrize("said", [b"", b"shape"])
-def test_callers_that_go_on_saying_nothing_keep_nobody_from_an_answer(tmp_path: Path, said: bytes) -> None:
+def test_callers_that_go_on_saying_nothing_keep_none_from_an_answer(tmp_path: Path, said: bytes) -> None:
     with ThreadPoolExecutor() as pool, OrderSocket(tmp_path, echo) as orders, ExitStack() as silent:
-        for _ in range(2 * MOST_CALLERS):
+        for _ in range(2 * MAX_CALLERS):
             caller = silent.enter_context(socket.socket(socket.AF_UNIX))
             caller.connect(str(tmp_path / "orders.sock"))
             caller.sendall(said)
@@ -107,7 +107,7 @@ def test_callers_that_go_on_saying_nothing_keep_nobody_from_an_answer(tmp_path: 
 
 def test_of_too_many_callers_the_one_that_came_first_is_dropped(tmp_path: Path) -> None:
     with OrderSocket(tmp_path, echo) as orders, ExitStack() as calling:
-        callers = [calling.enter_context(socket.socket(socket.AF_UNIX)) for _ in range(MOST_CALLERS + 1)]
+        callers = [calling.enter_context(socket.socket(socket.AF_UNIX)) for _ in range(MAX_CALLERS + 1)]
         for caller in callers:
             caller.connect(str(tmp_path / "orders.sock"))
             caller.setblocking(False)
@@ -115,7 +115,7 @@ def test_of_too_many_callers_the_one_that_came_first_is_dropped(tmp_path: Path) 
         assert callers[0].recv(1) == b""
         callers[1].sendall(b"shape line\n")
         orders.poll()
-        assert b"heard shape line" in callers[1].recv(MOST_BYTES)
+        assert b"heard shape line" in callers[1].recv(MAX_BYTES)
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_of_too_many_callers_the_one_that_came_first_is_dropped(tmp_path: Path) 
         ("stats", 2, "land, status (did you mean 'status'?)"),
     ],
 )
-def test_an_order_is_read_before_anybody_is_asked(order: str, status: int, said: str, tmp_path: Path) -> None:
+def test_an_order_is_read_before_any_is_asked(order: str, status: int, said: str, tmp_path: Path) -> None:
     done = CliRunner().invoke(main, ["tell", str(tmp_path), *order.split()])
     assert done.exit_code == status
     assert said in done.stderr

@@ -71,7 +71,7 @@ def test_a_vehicle_that_is_sent_to_by_name_is_known_by_the_number_that_it_answer
 @pytest.mark.parametrize(
     ("speedup", "words"), [(5.0, r"in 30 s$"), (200.0, r"in 30 s \(with --speedup 200, which .*\)$")]
 )
-def test_where_nobody_was_heard_nobody_was_told_to_loiter_and_haste_is_named(
+def test_where_none_was_heard_none_was_commanded_to_loiter_and_haste_is_named(
     speedup: float, words: str, tmp_path: Path
 ) -> None:
     planned, clock = load_scenario(scenario(duration_s=1, vehicles={"count": 2})), VirtualClock()
@@ -82,7 +82,7 @@ def test_where_nobody_was_heard_nobody_was_told_to_loiter_and_haste_is_named(
     network.run(session.attend)
     with pytest.raises(RunAbortedError, match=words):
         session.conclude(None)
-    assert "nobody was commanded" in (tmp_path / "events.jsonl").read_text()
+    assert "no vehicle was commanded" in (tmp_path / "events.jsonl").read_text()
     assert "loiter" not in (tmp_path / "events.jsonl").read_text()
 
 
@@ -197,7 +197,7 @@ def stopped(directory: Path, way: str, at_s: float, *, answers: bool) -> Session
             elif way == "failure":
                 session.station.course.fail("it can't go on", clock.now())
             else:
-                assert session.station.orders.take(way, clock.now()).accepted
+                assert session.station.orders.execute(way, clock.now()).accepted
         return session.attend()
 
     if answers:
@@ -209,7 +209,7 @@ def stopped(directory: Path, way: str, at_s: float, *, answers: bool) -> Session
 
 @pytest.mark.parametrize("way", WAYS_TO_END)
 @pytest.mark.parametrize(("at_s", "answers"), [(0.0, True), (1.0, False), (2.0, True)])
-def test_a_run_that_is_stopped_before_anybody_flies_leaves_a_whole_record(
+def test_a_run_that_is_stopped_before_any_flies_leaves_a_whole_record(
     way: str, at_s: float, answers: bool, tmp_path: Path
 ) -> None:
     """Its time series has no rows, and nothing of it is judged; who reads it is told that nothing was flown."""

@@ -53,7 +53,7 @@ NONE = np.zeros(3)
 MIXER = Mixer(k_v=0.1, k_x=1.0, k_psi=0.3, k_y=0.05, k_z=0.7)
 
 
-HELD_S = DT_S / -np.expm1(-DT_S / MODEL.air_lags_s)
+HELD_S = DT_S / -np.expm1(-DT_S / MODEL.air_taus_s)
 """Mean lags of speed and heading behind a setpoint that is held for a tick."""
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.slot import Slot
 from formation_scenario import load_scenario
-from gcs_formation.control.follower import FollowerController, Pair
+from gcs_formation.control.follower import FollowerController, LawInput
 from gcs_formation.control.fuzzy_pid import ChannelConstants, Pid, PidGains
 from gcs_formation.control.laws import law_parameters
 from gcs_formation.control.setpoint import AS_DECIDED, LeaderMotion
@@ -98,7 +98,7 @@ def test_an_integral_that_does_not_accumulate_loses_what_the_error_takes(error: 
     """A limit doesn't reduce it, because the vehicle is on its way to a slot, and its sign doesn't change."""
     controller = pid(ki=1.0)
     controller.integral = -44.0
-    controller.integrate(error, 9.0, 1.0, gathers=False)
+    controller.integrate(error, 9.0, 1.0, grows=False)
     assert controller.integral == left
 
 
@@ -120,7 +120,9 @@ def descent_m(up_m: float) -> list[float]:
     leader = LeaderMotion(level_at(100.0), 0.0, 0.0, 0.0, 0.0)
     own, commanded_m, slot = level_at(100.0 + up_m), 100.0 + up_m, Slot([0.0] * 3, [0.0] * 3, [0.0] * 3)
     for _ in range(600):
-        controller.decide(Pair(leader, own, slot, model, (22.0, 0.0, commanded_m), 0.0, [1.0] * 3, AS_DECIDED), DT_S)
+        controller.decide(
+            LawInput(leader, own, slot, model, (22.0, 0.0, commanded_m), 0.0, [1.0] * 3, AS_DECIDED), DT_S
+        )
         commanded_m = controller.setpoint[2]
         for _ in range(10):
             own.climb_mps += DT_S / 10 * (commanded_m - own.height_m - 4.0 * own.climb_mps) / 3.0

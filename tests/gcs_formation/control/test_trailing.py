@@ -90,7 +90,7 @@ def test_a_heading_crabs_slowly_against_a_gust_and_its_rates_are_those_of_its_an
     assert np.abs(rate).max() < CRAB_RADPS * gust_mps / SPEED_MPS
     np.testing.assert_allclose(np.diff(angle) / tick_s, rate[:-1], atol=1e-5)
     np.testing.assert_allclose(np.diff(rate) / tick_s, acceleration[:-1], atol=1e-4)
-    trailing.forget()
+    trailing.reset()
     assert trailing.crab(drift[-1], change[-1], SPEED_MPS, tick_s)[0] == pytest.approx(-drift[-1] / SPEED_MPS)
 
 

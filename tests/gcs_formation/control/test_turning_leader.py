@@ -8,7 +8,7 @@ import pytest
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, advance
 from flight_model.slot import Slot
-from gcs_formation.control.follower import Controller, FollowerController, Pair
+from gcs_formation.control.follower import Controller, FollowerController, LawInput
 from gcs_formation.control.laws import leader_motion
 from gcs_formation.control.setpoint import AS_DECIDED
 from gcs_formation.guidance.leader_commands import LeaderCommand
@@ -34,7 +34,7 @@ def largest_error_m(own: Controller, place_m: tuple[float, float]) -> float:
         heading_rad = leader.heading_rad + MODEL.held(DT_S).tau_psi_s * mean_rps
         command = LeaderCommand(SPEED_MPS, heading_rad, 100.0, turn_rps + MODEL.tau_psi_s * bend_rps2(tick))
         motion = leader_motion(command, leader, MODEL.held(DT_S), DT_S)
-        own.decide(Pair(motion, follower, slot, MODEL.held(DT_S), before, 0.0, [1.0] * 3, AS_DECIDED), DT_S)
+        own.decide(LawInput(motion, follower, slot, MODEL.held(DT_S), before, 0.0, [1.0] * 3, AS_DECIDED), DT_S)
         before = own.setpoint
         largest_m = max(largest_m, abs(own.error_m[0]), abs(own.error_m[1]))
         advance(leader, MODEL, SPEED_MPS, heading_rad, 100.0, DT_S)

@@ -21,8 +21,8 @@ GROUND_NORTH, GROUND_EAST, RISE, AIRSPEED, YAW = range(3, STATES)
 def transition(state: FlightStates, elapsed_s: Array, model: AutopilotModels) -> Array:
     """Return the derivative of the states after `elapsed_s` (N,) by the present ones, (N, 8, 8); constant heading."""
     cos, sin, speed = np.cos(state.heading_rad), np.sin(state.heading_rad), state.airspeed_mps
-    kept = np.exp(-elapsed_s / model.air_lags_s)
-    speed_s, heading_s = model.air_lags_s * (1.0 - kept)
+    kept = np.exp(-elapsed_s / model.air_taus_s)
+    speed_s, heading_s = model.air_taus_s * (1.0 - kept)
     slow_s, fast_s = np.maximum(model.tau_ha_s, model.tau_hb_s), np.minimum(model.tau_ha_s, model.tau_hb_s)
     slow, fast = np.exp(-elapsed_s / slow_s), np.exp(-elapsed_s / fast_s)
     # For equal poles the limit of exprel gives the double pole's form.

@@ -39,7 +39,7 @@ class Aircraft:
             east_mps = self.wind_mps[1] + self.flown_mps * math.sin(self.heading_rad)
             reading_mps = reads(tick * PERIOD_S) if reads else self.flown_mps / self.ratio
             reported = north_mps, east_mps, self.heading_rad, reading_mps, self.ratio
-            accepted.append(self.check.take(self.now_s, *reported))
+            accepted.append(self.check.accepts(self.now_s, *reported))
             self.now_s += PERIOD_S
         return accepted
 

@@ -36,7 +36,7 @@ def flown(
         north_mps = wind_mps[0] + gust[0] + level_mps * math.cos(heading_rad)
         east_mps = wind_mps[1] + gust[1] + level_mps * math.sin(heading_rad)
         velocity_mps = float(north_mps), float(east_mps), climb_mps
-        learner.learn(from_s + 0.1 * tick, above_sea_m, velocity_mps, READING_MPS, heading_rad)
+        learner.update(from_s + 0.1 * tick, above_sea_m, velocity_mps, READING_MPS, heading_rad)
     return learner
 
 

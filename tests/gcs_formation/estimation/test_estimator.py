@@ -45,7 +45,7 @@ class Flight:
     def see(self, off: float | Array = 0.0):
         exact = filter_on_arrays.expected(FlightStates(*self.true[:, None]))[:, 0]
         seen = exact + self.sigma[QUANTITY_OF] * self.random.standard_normal(8) + off
-        self.filter.take([Sample(Instant(self.now), *seen)], tables.models(MODEL)[:1], [True])
+        self.filter.update_states([Sample(Instant(self.now), *seen)], tables.models(MODEL)[:1], [True])
 
     def fly(self, heading_rad=0.5, yanked_rad=0.0, gust_mps=0.0, off: float | Array = 0.0):
         commanded = Setpoints(*(np.array([value]) for value in (22.0, heading_rad, 110.0)))
@@ -218,8 +218,8 @@ def test_what_carries_a_vehicle_up_is_distinguished_from_its_own_climb():
     assert felt_mps[:100] == pytest.approx([0.0] * 100, abs=0.02)
     assert felt_mps[115] > 0.2
     assert felt_mps[150:] == pytest.approx([0.5] * 50, abs=0.05)
-    lags_s = MODEL.tau_ha_s[0] + MODEL.tau_hb_s[0]
-    assert flight.filter.sway_m == pytest.approx(lags_s * 0.5 * math.sqrt(0.5), rel=0.15), "of the time, half"
+    taus_s = MODEL.tau_ha_s[0] + MODEL.tau_hb_s[0]
+    assert flight.filter.sway_m == pytest.approx(taus_s * 0.5 * math.sqrt(0.5), rel=0.15), "of the time, half"
 
 
 def test_what_moves_heights_is_remembered_for_a_minute_also_where_states_begin_again():
@@ -228,11 +228,11 @@ def test_what_moves_heights_is_remembered_for_a_minute_also_where_states_begin_a
 
     def fly(seconds, climbs_mps):
         for _ in range(10 * seconds):
-            updraught.learn(still, climbs_mps, 1e-6, 0.1, model)
+            updraught.update(still, climbs_mps, 1e-6, 0.1, model)
         return updraught.sway_m2
 
     rough_m2 = fly(60, 0.2)
-    updraught.forget()
+    updraught.clear()
     assert rough_m2 > 1.0
     assert fly(60, 0.0) == pytest.approx(rough_m2 / math.e, rel=0.05)
     assert still.updraught_mps == 0.0
@@ -323,7 +323,7 @@ def test_a_step_is_the_extended_kalman_filters(commanded, off_m, monkeypatch):
     state = tables.predict(flight.history, before, np.array([0]), until, MODEL)
     off = np.array((off_m, -off_m, off_m, *0.3 * fine[QUANTITY_OF][3:]))
     sample = Sample(Instant(STEP_NS), *(filter_on_arrays.expected(state)[:, 0] + off))
-    flight.filter.take([sample], tables.models(MODEL)[:1], [commanded])
+    flight.filter.update_states([sample], tables.models(MODEL)[:1], [commanded])
     moved, rows = filter_on_arrays.transition(before, np.array([0.1]), MODEL)[0], filter_on_arrays.sensitivity(state)[0]
     strays = (0, 0, 0, 0.05, 0.05, 0.003) if commanded else (0, 0, 0, 1.0, 1.0, 0.3)
     wind = 2.0 * math.hypot(fine[2], fine[4]) / math.sqrt(RATE_HZ)
@@ -398,7 +398,7 @@ def test_the_controller_filters_what_noisy_vehicles_tell():
         true = np.array((*(at_s * each for each in over_ground_mps[:2]), 100.0, 22.0))
         north, east, height, airspeed = true + np.array((0.3, 0.3, 0.3, 0.2)) * random.standard_normal(4)
         sample = Sample(after(Instant(0), at_s), north, east, height, *over_ground_mps, airspeed, 0.4)
-        controller.take([None, sample, *[None] * (controller.columns - 2)])
+        controller.update_states([None, sample, *[None] * (controller.columns - 2)])
         found = controller.estimator.filters[1].state
         assert found is not None
         errors.append(np.array((found.north_m, found.east_m, found.height_m, found.airspeed_mps)) - true)

@@ -48,7 +48,7 @@ def test_a_vehicle_that_begins_again_has_what_is_declared_and_the_others_keep_wh
         for each in (again, other):
             each.adapt(each_of_eight(0.2 * (-1) ** number), each_of_eight(1.0))
     estimated = other.sigma()
-    again.begin()
+    again.initialise()
     np.testing.assert_allclose(again.sigma(), SIGMA)
     np.testing.assert_allclose(other.sigma(), estimated)
     for each in (again, other):

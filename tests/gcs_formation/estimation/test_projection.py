@@ -49,7 +49,7 @@ def test_pairs_are_exact_for_even_motion_whatever_rates_and_ages(period_ms: list
     pairing, period, age = Pairing(RATE_HZ), np.array(period_ms) * MS, np.array(age_ms) * MS
     for now in range(2000, 4000, 100):
         stamps = (now * MS - age) // period * period
-        states = pairing.take(measured(stamps))
+        states = pairing.align(measured(stamps))
         if now < 3000:
             continue
         assert states.instant(0) == stamps.min()
@@ -63,7 +63,7 @@ def test_a_vehicle_that_is_not_active_holds_none_back() -> None:
     pairing, states = Pairing(RATE_HZ), None
     for now in (1000, 1100, 1200):
         stamps = np.array([now, now, 300]) * MS
-        states = pairing.take(measured(stamps, np.array([True, True, False])))
+        states = pairing.align(measured(stamps, np.array([True, True, False])))
     assert isinstance(states, Measured)
     assert states.instant(2) == 1200 * MS
 
@@ -72,8 +72,8 @@ def test_a_vehicle_that_comes_back_is_not_mixed_with_what_stood_for_it() -> None
     pairing = Pairing(RATE_HZ)
     stand_in = measured(np.array([1000, 1000, 1000]) * MS, np.array([True, True, False]))
     stand_in.states[2].north_m = 1e6
-    pairing.take(stand_in)
-    states = pairing.take(measured(np.array([1050, 1100, 1100]) * MS))
+    pairing.align(stand_in)
+    states = pairing.align(measured(np.array([1050, 1100, 1100]) * MS))
     assert abs(states.of(2, 2).north_m - 24.0 * 1.1) < 2.0
 
 
@@ -90,7 +90,7 @@ def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_me
         level = 20 * seen_s + gust_m, -gust_m / 2, 100 * one
         state = FlightStates(*level, 0 * one, 20 * one, 0 * one, gust_mps, -gust_mps / 2)
         acts = vec[i64]([now_ms * MS] * 2)
-        states = prediction.take(Measured(tables.states(state), vec[i64](stamps.tolist()), [True] * 2, acts))
+        states = prediction.predict(Measured(tables.states(state), vec[i64](stamps.tolist()), [True] * 2, acts))
     assert states is not None
     found = states.of(1, 0)
     np.testing.assert_allclose(found.north_m, 40.6, atol=0.6 * 0.051)
@@ -106,5 +106,5 @@ def test_who_is_heard_is_predicted_from_its_newest_state_whatever_it_did_before(
     prediction = Prediction(history, tables.models(model), RATE_HZ)
     for now_ms in range(1000, 3000, 100):
         stamps = np.full(COUNT, now_ms * MS)
-        states = prediction.take(measured(stamps))
+        states = prediction.predict(measured(stamps))
         np.testing.assert_allclose(table(states).table, at(stamps).table, atol=1e-9)

@@ -19,9 +19,9 @@ def sunk(height_m: float) -> tuple[World, float]:
     path = LOW | {"waypoints_m": [[0, 0, height_m], [4000, 0, height_m]]}
     world = World(duration_s=60, path=path, disturbances=[sinks], formation={"shape": "arrow", "succession": "none"})
     world.fly_to(2.0)
-    least_m, bodies = np.inf, world.fleet.bodies
+    min_m, bodies = np.inf, world.fleet.bodies
     for _ in range(34):
         world.run(1.0)
-        least_m = min(least_m, *(body.state.height_m for body in bodies[1:]))
+        min_m = min(min_m, *(body.state.height_m for body in bodies[1:]))
     assert bodies[0].state.height_m == 0.0
-    return world, least_m
+    return world, min_m

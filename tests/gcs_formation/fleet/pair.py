@@ -47,7 +47,7 @@ class Formation:
             if heard:
                 each.connection.heard(self.now, heartbeat=True)
                 each.round_trips._answered = self.now
-        self.membership.judge(self.vehicles[LEADER], self.estimator, self.now, connecting=False, beyond=self.beyond)
+        self.membership.update(self.vehicles[LEADER], self.estimator, self.now, connecting=False, beyond=self.beyond)
         return self.follower.member
 
     def silent(self, at_s: float, of: VehicleId = FOLLOWER) -> Member:
@@ -85,11 +85,11 @@ def vehicle(identity: VehicleId) -> Vehicle:
     )
     made.start_up = StartUp((), index=0)
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(30.0 * identity.system, 0.0, -100.0)
-    made.telemetry.take(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, 100.0, 22.0, 0.0, 0.0, 0.0))
+    made.telemetry.store(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, 100.0, 22.0, 0.0, 0.0, 0.0))
     beat(made, GUIDED)
     return made
 
 
 def beat(of: Vehicle, mode: int) -> None:
     armed, flies = m.MAV_MODE_FLAG_SAFETY_ARMED, m.MAV_STATE_ACTIVE
-    of.telemetry.take(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, armed, mode, flies))
+    of.telemetry.store(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, armed, mode, flies))

@@ -30,7 +30,7 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
         may_loiter=False,
         clock=SimpleNamespace(one_way_s=up_s, asymmetry_s=0.0, loop_s=0.1),
         jitter=SimpleNamespace(jitter_s=0.0),
-        round_trips=SimpleNamespace(heard_at=lambda now: now, gnss=None, knows_ways=False),
+        round_trips=SimpleNamespace(received_at=lambda now: now, gnss=None, knows_ways=False),
         autopilot=SimpleNamespace(speeds_mps=None),
         stands_after_s=math.inf,
         returns_after_s=0.0,
@@ -76,23 +76,23 @@ def test_the_leaders_setpoints_wait_until_the_slowest_followers_act():
     served = dispatch(0.05, 0.0, 0.3)
     held_s = hold_s(served)
     assert held_s == pytest.approx(0.3 - 0.05)
-    served.take(tick(), held_s, NOW)
+    served.accept(tick(), held_s, NOW)
     assert sorted(told(served, 0.0)) == ["1", "2"]
     assert told(served, held_s - 1e-3) == []
     assert told(served, held_s) == ["0"]
 
 
 def test_what_is_held_back_counts_as_the_leaders_lag():
-    lags_s = [link.lag_s for link in links(dispatch(0.0, 0.0, 0.3))]
-    assert lags_s == pytest.approx([0.05 + 0.3, 0.05, 0.05])
+    taus_s = [link.lag_s for link in links(dispatch(0.0, 0.0, 0.3))]
+    assert taus_s == pytest.approx([0.05 + 0.3, 0.05, 0.05])
 
 
 def test_a_dead_time_is_waited_for_like_a_slower_link():
     """The second follower's setpoints act last: 0.1 s by its link, 0.4 s by its autopilot."""
     served = dispatch(0.05, 0.0, 0.1, dead_s=(0.2, 0.0, 0.4))
     assert hold_s(served) == pytest.approx(0.1 + 0.4 - 0.05 - 0.2)
-    lags_s = [link.lag_s for link in links(served)]
-    assert lags_s == pytest.approx([0.05 + 0.2 + hold_s(served), 0.05, 0.05 + 0.4])
+    taus_s = [link.lag_s for link in links(served)]
+    assert taus_s == pytest.approx([0.05 + 0.2 + hold_s(served), 0.05, 0.05 + 0.4])
 
 
 @pytest.mark.parametrize(
@@ -110,13 +110,13 @@ def test_nothing_is_held_back_for_quicker_followers_forever_or_without_compensat
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_a_setpoint_that_is_not_finite_is_never_sent(bad):
     served = dispatch(0.0, 0.0, 0.0)
-    served.take(tick(speed_mps=bad), 0.0, NOW)
+    served.accept(tick(speed_mps=bad), 0.0, NOW)
     assert sorted(told(served, 10.0)) == ["0", "2"]
 
 
 def test_who_is_not_commanded_is_sent_nothing_and_a_cleared_queue_sends_nothing():
     served = dispatch(0.0, 0.0, 0.0)
-    served.take(tick(active=(True, True, False)), 0.5, NOW)
+    served.accept(tick(active=(True, True, False)), 0.5, NOW)
     assert told(served, 0.0) == ["1"]
     served.clear()
     assert served.due == NEVER
@@ -125,7 +125,7 @@ def test_who_is_not_commanded_is_sent_nothing_and_a_cleared_queue_sends_nothing(
 
 def test_setpoints_that_are_held_back_do_not_follow_a_leader_that_has_left():
     served = dispatch(0.0, 0.0, 0.3)
-    served.take(tick(), hold_s(served), NOW)
+    served.accept(tick(), hold_s(served), NOW)
     served._vehicles[0].member = Member.PARTED
     assert sorted(told(served, 10.0)) == ["1", "2"]
 
@@ -138,5 +138,5 @@ def test_once_less_is_held_back_no_older_setpoint_comes_after_a_newer_one():
     for at_s, held_s, speed_mps in ((0.0, 0.15, 20.0), (0.1, 0.3, 21.0), (0.2, 0.0, 22.0)):
         made = tick()
         made.setpoints[LEADER] = (speed_mps, 0.0, 100.0)
-        served.take(made, held_s, after(NOW, at_s))
+        served.accept(made, held_s, after(NOW, at_s))
     assert sorted(told(served, 1.0)) == ["1", "1", "1", "2", "2", "2", "20.0", "22.0"]

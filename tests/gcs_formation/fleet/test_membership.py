@@ -29,7 +29,7 @@ from tests.gcs_formation.fleet.pair import (
 )
 
 
-def test_vehicles_that_are_heard_and_guided_fly_in_the_formation_and_are_told_nothing() -> None:
+def test_vehicles_that_are_heard_and_guided_fly_in_the_formation_and_are_commanded_nothing() -> None:
     formation = Formation()
     assert [each.member for each in formation.vehicles.values()] == [Member.FLYING] * 2
     assert formation.notes.of("member") == ["flying in formation"] * 2
@@ -93,7 +93,7 @@ def test_what_its_failsafe_says_is_known_of_each_family() -> None:
     assert not ArduPlane(1, ORIGIN, 0.25).tells_failsafe("Airspeed sensor lost")
 
 
-def test_a_silent_follower_is_told_nothing_at_first_and_to_loiter_once_the_others_no_longer_keep_clear() -> None:
+def test_a_silent_follower_is_commanded_nothing_at_first_and_to_loiter_once_the_others_no_longer_keep_clear() -> None:
     formation = Formation()
     assert formation.silent(formation.max_age_s - 0.1) is Member.FLYING
     assert formation.silent(formation.max_age_s + 0.1) is Member.UNHEARD
@@ -104,7 +104,7 @@ def test_a_silent_follower_is_told_nothing_at_first_and_to_loiter_once_the_other
     assert formation.vehicles[LEADER].member is Member.FLYING
 
 
-def test_one_that_is_heard_again_has_a_moment_to_answer_before_it_is_told_to_loiter() -> None:
+def test_one_that_is_heard_again_has_a_moment_to_answer_before_it_is_commanded_to_loiter() -> None:
     """It hung for 8 s; its first frame comes before its first answer."""
     formation = Formation()
     for at_s in (5.0, 6.0, 8.0):
@@ -120,7 +120,7 @@ def test_one_that_is_heard_again_has_a_moment_to_answer_before_it_is_told_to_loi
 
 
 @pytest.mark.parametrize("returns", [False, True])
-def test_one_that_refuses_to_loiter_or_to_come_back_is_told_again(returns: bool) -> None:
+def test_one_that_refuses_to_loiter_or_to_come_back_is_commanded_again(returns: bool) -> None:
     formation = Formation()
     formation.silent(FORGOTTEN_AFTER_S + 0.1)
     if returns:
@@ -136,7 +136,7 @@ def test_one_that_refuses_to_loiter_or_to_come_back_is_told_again(returns: bool)
     assert (again.command, again.param2) == (first.command, first.param2) == (176, GUIDED if returns else LOITER)
 
 
-def test_one_that_is_heard_and_answers_nothing_is_told_to_loiter_at_once_when_its_time_is_over() -> None:
+def test_one_that_is_heard_and_answers_nothing_is_commanded_to_loiter_at_once_when_its_time_is_over() -> None:
     """It sends, so the others see where it goes; and it may hear."""
     formation = Formation()
     for at_s in (1.0, formation.max_age_s - 0.1, formation.max_age_s + 0.1):
@@ -146,7 +146,7 @@ def test_one_that_is_heard_and_answers_nothing_is_told_to_loiter_at_once_when_it
     assert formation.told() == [LOITER]
 
 
-def test_one_whose_heartbeats_are_missing_flies_on_for_a_while_and_is_told_to_loiter_then() -> None:
+def test_one_whose_heartbeats_are_missing_flies_on_for_a_while_and_is_commanded_to_loiter_then() -> None:
     """Its telemetry arrives, but its mode isn't known any more."""
     formation, begun = Formation(), Instant(0)
     found: dict[float, Member] = {}
@@ -157,8 +157,8 @@ def test_one_whose_heartbeats_are_missing_flies_on_for_a_while_and_is_told_to_lo
         formation.follower.connection.check(now)
         found[0.1 * tenth] = formation.judge(0.1 * tenth, heard=False)
     assert formation.follower.connection.state is LinkState.MUTE
-    (told_s,) = [each.at_s for each in formation.notes if each.text == "told to loiter" and each.vehicle == 2]
-    assert told_s == pytest.approx(3.5 + MUTE_S, abs=0.15)
+    (reported_s,) = [each.at_s for each in formation.notes if each.text == "told to loiter" and each.vehicle == 2]
+    assert reported_s == pytest.approx(3.5 + MUTE_S, abs=0.15)
 
 
 def test_one_whose_mode_is_not_known_does_not_come_back() -> None:
@@ -195,13 +195,13 @@ def test_a_command_to_loiter_that_is_shown_to_have_been_revoked_is_not_revoked_a
     assert formation.told() == []
 
 
-def test_one_whose_positions_cannot_be_used_is_told_to_loiter_with_the_reason() -> None:
+def test_one_whose_positions_cannot_be_used_is_commanded_to_loiter_with_the_reason() -> None:
     formation = Formation()
     follower, asked_at = formation.follower, after(Instant(0), 5.9)
     sampler, formation.ages_s[1] = follower.sampler, formation.max_age_s + 0.1
     sampler.refused = True
     follower.round_trips.measure(Timesync(6_000_000_000, asked_at), formation.now)
-    formation.follower.telemetry.take(GlobalPositionInt(1000.0, 0.6, 2.1, 100.0, 100.0, 22.0, 0.0, 0.0, 0.0))
+    formation.follower.telemetry.store(GlobalPositionInt(1000.0, 0.6, 2.1, 100.0, 100.0, 22.0, 0.0, 0.0, 0.0))
     assert formation.judge(6.0) is Member.HOLDING
     (said,) = formation.notes.of("member", 2)[1:]
     assert said.startswith("told to loiter: its TIMESYNC tells another time than the stamps of its positions: ")
@@ -239,12 +239,12 @@ def test_one_that_loiters_keeps_its_height_and_the_next_gets_another_though_that
     assert formation.follower.holds_at_m == pytest.approx(123.0)
 
 
-def test_while_the_station_connects_followers_need_no_leader_and_nobody_needs_telemetry_that_was_never_there() -> None:
+def test_while_the_station_connects_followers_need_no_leader_and_none_needs_telemetry_that_was_never_there() -> None:
     formation = Formation()
     formation.reports(MANUAL, LEADER)
     formation.ages_s = [math.nan, math.nan]
     leader = formation.vehicles[LEADER]
-    formation.membership.judge(leader, formation.estimator, formation.now, connecting=True)
+    formation.membership.update(leader, formation.estimator, formation.now, connecting=True)
     assert formation.follower.member is Member.FLYING
 
 
@@ -254,7 +254,7 @@ def test_one_that_is_to_be_held_for_its_loop_s_delay_loiters() -> None:
     assert formation.judge(1.0) is Member.HOLDING
 
 
-def test_at_the_end_nobody_who_circles_is_told_to_come_back_and_each_has_the_height_of_its_circle() -> None:
+def test_at_the_end_none_who_circles_is_commanded_to_come_back_and_each_has_the_height_of_its_circle() -> None:
     formation = Formation()
     formation.membership.end({FOLLOWER: 130.0})
     formation.silent(FORGOTTEN_AFTER_S + 1.0)

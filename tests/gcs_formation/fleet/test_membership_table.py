@@ -35,7 +35,7 @@ def test_silence_leads_to_loitering_and_back() -> None:
     assert next_membership(Member.RETURNING, **GUIDED) is Member.FLYING
 
 
-def test_one_that_is_not_seen_is_told_nothing_until_it_is_told_blindly() -> None:
+def test_one_that_is_not_seen_is_commanded_nothing_until_it_is_commanded_blindly() -> None:
     unseen = SILENT | {"loiter_may_be_commanded": False}
     unheard = next_membership(Member.FLYING, **unseen)
     assert unheard is next_membership(unheard, **unseen) is Member.UNHEARD

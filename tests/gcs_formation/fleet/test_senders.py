@@ -136,7 +136,7 @@ def test_a_flood_is_reported_once_and_when_it_is_over(garbage_bytes: int, frames
     for at_s in range(20):
         share = 1.0 if 5 <= at_s < 12 else 0.01
         garbage, refused = garbage + round(share * garbage_bytes), refused + round(share * frames)
-        flood.watch(after(Instant(0), float(at_s)), ParserCounts(garbage_bytes=garbage), refused)
+        flood.compare(after(Instant(0), float(at_s)), ParserCounts(garbage_bytes=garbage), refused)
     begun, over = notes.of("flood")
     assert said in begun
     assert "frames of vehicles may be lost" in begun

@@ -63,5 +63,5 @@ def test_nothing_is_left_of_steps_that_something_else_replaced() -> None:
     for _ in range(20):
         added_steps.add(Setpoint(SPEED_MPS, 0.0, 100.0), 6.0, state, MODEL)
     assert added_steps.without(state).heading_rad < -0.1
-    added_steps.forget()
+    added_steps.drop_state()
     assert added_steps.without(state).values() == state.values()

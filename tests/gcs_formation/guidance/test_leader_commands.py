@@ -45,7 +45,7 @@ def test_outside_of_what_it_was_given_the_nearest_holds():
 
 def test_another_leader_has_not_turned_from_where_the_last_one_headed():
     commands = leader(20)
-    commands.forget()
+    commands.drop_state()
     commands.add(instant(2.4), LeaderCommand(20.0, -1.0, 100.0, 0.0))
     begun = commands.at(instant(2.0))
     assert (begun.heading_rad, begun.turn_rps) == (-1.0, 0.0)

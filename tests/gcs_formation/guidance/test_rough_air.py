@@ -41,7 +41,7 @@ def test_a_gust_of_any_size_and_a_wind_that_turns_in_a_minute_are_not() -> None:
 
 def test_another_vehicles_wind_is_no_gust() -> None:
     air = after([0.0] * 10)
-    air.forget()
+    air.drop_state()
     air.observe(8.0, 0.0)
     assert air.changes_mps == 0.0
 

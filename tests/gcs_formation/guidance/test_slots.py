@@ -80,7 +80,7 @@ def test_who_flies_beside_a_turning_leader_keeps_its_place_over_ground_at_the_le
         assert not plan.settled(200.0 + elapsed_s)
         needs = slot_needs(LeaderFlight(speed_mps, np.array([turn_rps]), still, still, still), slots, frame)
         assert needs.speed_mps[0, -1] == pytest.approx(speed_mps, abs=1e-6)
-        assert needs.aside_rad[0, -1] == pytest.approx(0.0, abs=1e-6)
+        assert needs.relative_heading_rad[0, -1] == pytest.approx(0.0, abs=1e-6)
         assert needs.accel_mps2[0, -1] == pytest.approx(0.0, abs=1e-6)
     plan.adopt(plan.arrangement, Transition.standing(plan.goal_m))
     assert not plan.alongside.any()

@@ -11,8 +11,8 @@ from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify import is_nearer, measured
 from gcs_formation.identify.airframe import _flown_by as flown_by_airframe
-from gcs_formation.identify.airframe import fit_airframe, lags_of
-from gcs_formation.identify.fitting import LAGS, WAIT_SIGMA_S, fit, flown_by_lags
+from gcs_formation.identify.airframe import fit_airframe, time_constants_of
+from gcs_formation.identify.fitting import TAUS, WAIT_SIGMA_S, fit, flown_by_time_constants
 from gcs_formation.identify.recording import CYCLE_S, STEP_S, Recording
 
 TRUE = VehicleModel(tau_v_s=2.5, tau_psi_s=2.2, tau_ha_s=0.8, tau_hb_s=2.4)
@@ -34,7 +34,7 @@ def recording(seen, commanded, delay_s=0.0):
 
 def flown(model, commanded, noise=0.0):
     begin = np.array([[22.0], [0.3], [100.0], [0.0]])
-    motion = flown_by_lags(recording(np.repeat(begin, commanded.shape[1], axis=1), commanded), model)
+    motion = flown_by_time_constants(recording(np.repeat(begin, commanded.shape[1], axis=1), commanded), model)
     motion = motion + noise * np.random.default_rng(1).standard_normal(motion.shape) * [[1.0], [0.1], [1.0]]
     climb = np.gradient(motion[2], STEP_S) if noise == 0 else np.zeros(commanded.shape[1])
     return recording(np.vstack((motion, climb[None])), commanded)
@@ -45,8 +45,8 @@ def found():
     return fit([flown(TRUE, stepped())], VehicleModel())
 
 
-@pytest.mark.parametrize("name", LAGS)
-def test_lags_of_equation_7_are_found_again(found, name):
+@pytest.mark.parametrize("name", TAUS)
+def test_time_constants_of_equation_7_are_found_again(found, name):
     estimate = found.estimates[name]
     assert estimate.value == pytest.approx(getattr(TRUE, name), rel=0.1)
     assert estimate.sigma < 0.3 * estimate.value
@@ -72,7 +72,7 @@ def turned_late(dead_s, points=200):
     commanded[1, 150:190] -= 0.25
     begin = np.repeat(np.array([[22.0], [0.3], [100.0], [0.0]]), points, axis=1)
     seen = begin.copy()
-    seen[:3] = flown_by_lags(recording(begin, commanded), TRUE.model_copy(update={"dead_time_s": dead_s}))
+    seen[:3] = flown_by_time_constants(recording(begin, commanded), TRUE.model_copy(update={"dead_time_s": dead_s}))
     seen[1] += 0.003 * np.random.default_rng(3).standard_normal(points)
     return replace(recording(seen, commanded), channels=("heading",))
 
@@ -94,7 +94,7 @@ def test_over_thirty_repeats_the_deviations_hold_the_dead_time_in_nine_of_ten(de
     for seed in range(30):
         sigmas = times * np.array([0.2, np.radians(0.5), 0.3])
         found = fit([told_by_noisy_sensors(seed, hz, sigmas, true)], VehicleModel()).estimates
-        each = ((found[name], getattr(true, name)) for name in ("dead_time_s", *LAGS))
+        each = ((found[name], getattr(true, name)) for name in ("dead_time_s", *TAUS))
         held.append([abs(estimate.value - value) < 1.96 * estimate.sigma for estimate, value in each])
     dead, *lags = np.mean(held, axis=0).tolist()
     assert dead >= 0.9
@@ -110,7 +110,7 @@ def punctual():
 @pytest.mark.parametrize("late_s", [-CYCLE_S / 2, CYCLE_S / 2])
 def test_the_deviations_cover_that_setpoints_wait_for_some_part_of_a_cycle(punctual, late_s):
     found = fit([recording(flown(TRUE, stepped()).seen, stepped(), 0.1 + late_s)], TRUE).estimates
-    for name in LAGS:
+    for name in TAUS:
         assert abs(found[name].value - punctual[name].value) < 2.0 * found[name].sigma
     for name in ("tau_v_s", "tau_psi_s"):
         assert found[name].sigma > 0.7 * WAIT_SIGMA_S
@@ -155,7 +155,7 @@ def test_the_deviations_cover_what_noise_does_and_it_biases_nothing(hz, times, f
     misses = []
     for seed in range(flights):
         found = fit([told_by_noisy_sensors(seed, hz, sigmas)], VehicleModel()).estimates
-        misses.append([(found[name].value - getattr(TRUE, name)) / found[name].sigma for name in LAGS])
+        misses.append([(found[name].value - getattr(TRUE, name)) / found[name].sigma for name in TAUS])
         assert found["tau_v_s"].sigma < 0.04 * times * math.sqrt(10 / hz) * TRUE.tau_v_s
     assert np.sqrt(np.mean(np.square(misses))) < 1.4
     assert np.abs(misses).max() < 3.5
@@ -168,7 +168,7 @@ def test_a_vehicle_that_may_turn_with_less_isnt_taken_for_one_with_a_longer_lag(
     commanded[0] += 4.0
     free = recording(np.repeat(np.array([[26.0], [0.3], [100.0], [0.0]]), 600, axis=1), commanded)
     slow = replace(free, lateral_mps2=np.full(600, 4.0))
-    seen = np.vstack((flown_by_lags(slow, TRUE), np.zeros((1, 600))))
+    seen = np.vstack((flown_by_time_constants(slow, TRUE), np.zeros((1, 600))))
     found = fit([replace(slow, seen=seen)], VehicleModel()).estimates["tau_psi_s"]
     assert found.value == pytest.approx(TRUE.tau_psi_s, rel=0.02)
     assert fit([replace(free, seen=seen)], VehicleModel()).estimates["tau_psi_s"].value > 1.1 * TRUE.tau_psi_s
@@ -225,7 +225,7 @@ def test_an_aircraft_is_found_again_and_answers_slow_changes_sooner_than_steps()
     assert (np.abs(again - seen).max(axis=1) < [0.2, 0.02, 0.5]).all()
     assert airframe.heading_gain == pytest.approx(0.6, rel=0.05)
     assert airframe.drag_mps2 / airframe.thrust_mps2 == pytest.approx(5.4 / 11.0, rel=0.1)
-    model = lags_of(airframe, VehicleModel(), 22.0)
+    model = time_constants_of(airframe, VehicleModel(), 22.0)
     assert model.tau_v_s < 1.5
     assert model.tau_psi_s == pytest.approx(22.0 / (energy.GRAVITY_MPS2 * 0.6), rel=0.15)
     assert math.isclose(model.tau_ha_s + model.tau_hb_s, 3.25, rel_tol=0.1)
@@ -240,7 +240,7 @@ def test_the_part_that_waits_for_an_integrator_is_found_again(hovers):
     commanded = stepped()
     commanded[0] -= 17.0
     begin = np.array([[5.0], [0.3], [100.0], [0.0]])
-    motion = flown_by_lags(recording(np.repeat(begin, POINTS, axis=1), commanded), true)
+    motion = flown_by_time_constants(recording(np.repeat(begin, POINTS, axis=1), commanded), true)
     seen = recording(np.vstack((motion, np.gradient(motion[2], STEP_S)[None])), commanded)
     found = fit([seen], true.model_copy(update={"prompt_share": 0.75, "rest_s": 9.0, "tau_v_s": 0.7}))
     assert found.estimates["prompt_share"].value == pytest.approx(0.6, rel=0.1)
@@ -287,7 +287,7 @@ def flown_with_limited_jerk(commanded, lag_s):
             velocity += cycle_s * accel
     model = VehicleModel(hovers=True, tau_v_s=lag_s, tau_psi_s=lag_s, speed_min_mps=0.0, speed_max_mps=9.0)
     begin = np.array([[5.0], [0.3], [100.0], [0.0]])
-    height = flown_by_lags(recording(np.repeat(begin, commanded.shape[1], axis=1), commanded), model)[2]
+    height = flown_by_time_constants(recording(np.repeat(begin, commanded.shape[1], axis=1), commanded), model)[2]
     motion = np.stack((np.abs(seen), np.unwrap(np.angle(seen)), height, np.gradient(height, STEP_S)))
     return recording(motion, commanded), model
 
@@ -306,7 +306,7 @@ def test_the_lag_of_gentle_changes_is_found_of_a_multirotor_whose_steps_are_held
 
 
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
-def test_of_two_lags_that_are_alike_the_sum_alone_is_said_to_be_known(seed):
+def test_of_two_time_constants_that_are_alike_the_sum_alone_is_said_to_be_known(seed):
     """If the estimates are equal no slope separates them; deviations of 0.02 s, or of 0, used to be stated."""
     true = TRUE.model_copy(update={"tau_ha_s": 0.7, "tau_hb_s": 0.7})
     seen = flown(true, stepped())

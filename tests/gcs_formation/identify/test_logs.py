@@ -15,8 +15,8 @@ from airlink.messages.telemetry import Attitude, GlobalPositionInt, NavControlle
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify import identify, report
-from gcs_formation.identify.believed import begin_with
-from gcs_formation.identify.fitting import LAGS, fit, flown_by_lags
+from gcs_formation.identify.fitting import TAUS, fit, flown_by_time_constants
+from gcs_formation.identify.initial_model import begin_with
 from gcs_formation.identify.recording import STEP_S, Recording, recordings
 from gcs_formation.record.tlog import TlogWriter
 from gcs_formation.vehicle.velocity_setpoint import HEIGHT_S
@@ -45,7 +45,7 @@ def flight(model, moved=(2.0, 0.25, 6.0), speed_mps=22.0, ramp_s=0.0):
             corners = (begin_s, begin_s + ramp_s + 1e-6, begin_s + 12.0 - 1e-6, begin_s + 12.0 + ramp_s)
             commanded[row] += sign * size * np.interp(at_s, corners, (0.0, 1.0, 1.0, 0.0))
     begin = np.repeat(np.array([[speed_mps], [0.3], [100.0], [0.0]]), POINTS, axis=1)
-    motion = flown_by_lags(Recording(1, begin, commanded), model)
+    motion = flown_by_time_constants(Recording(1, begin, commanded), model)
     return commanded, np.vstack((motion, np.gradient(motion[2], STEP_S)[None]))
 
 
@@ -211,9 +211,9 @@ def test_the_time_constants_that_were_simulated_are_found(name, tmp_path):
     assert found[0].excited() == 3
     assert not fitted.unidentified
     assert fitted.model.hovers == true.hovers
-    for lag in LAGS[:2]:
+    for lag in TAUS[:2]:
         assert fitted.estimates[lag].value == pytest.approx(getattr(true, lag), rel=0.12)
-    height_s = sum(fitted.estimates[lag].value for lag in LAGS[2:])
+    height_s = sum(fitted.estimates[lag].value for lag in TAUS[2:])
     assert height_s == pytest.approx(true.tau_ha_s + true.tau_hb_s, rel=0.1)
 
 
@@ -236,11 +236,11 @@ def test_an_axis_that_isnt_excited_is_said_and_the_others_are_given(moved, lacki
     found = identify(log, tmp_path / "mine.yaml")
     assert list(found["unidentified"]) == [lacking]
     assert said in found["unidentified"][lacking]
-    for name, channel in zip(LAGS, ("speed", "heading", "height", "height"), strict=True):
+    for name, channel in zip(TAUS, ("speed", "heading", "height", "height"), strict=True):
         assert (name in found["lags"]) == (channel != lacking)
         if channel not in (lacking, "height"):
             assert found["lags"][name]["value"] == pytest.approx(getattr(PLANE, name), rel=0.12)
-    assert f"not identified, {found['unidentified'][lacking]}; kept as believed" in report(found)
+    assert f"not identified, {found['unidentified'][lacking]}; kept as declared" in report(found)
     assert (tmp_path / "mine.yaml").is_file()
 
 
@@ -249,7 +249,7 @@ def test_a_steady_turn_identifies_no_lag():
     commanded, seen = flight(PLANE)
     commanded[:] = commanded[:, :1]
     commanded[1] += 0.05 * STEP_S * np.arange(POINTS)
-    seen = np.vstack((flown_by_lags(Recording(1, seen, commanded), PLANE), np.zeros((1, POINTS))))
+    seen = np.vstack((flown_by_time_constants(Recording(1, seen, commanded), PLANE), np.zeros((1, POINTS))))
     seen[:3] += np.random.default_rng(1).standard_normal((3, POINTS)) * [[0.1], [0.02], [0.1]]
     with pytest.raises(RecordError, match=r"heading: [0-9]+% would be the standard deviation of its time constant"):
         fit([Recording(1, seen[:, 300:], commanded[:, 300:])], VehicleModel())

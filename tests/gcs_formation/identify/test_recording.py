@@ -43,7 +43,7 @@ def logged(file, until_s=60.0, silent=(), system=3, told_every=1, turn_rps=0.1):
     return file
 
 
-def test_a_log_gives_what_was_told_and_seen(tmp_path):
+def test_a_log_gives_what_was_reported_and_seen(tmp_path):
     (found,) = recordings(logged(tmp_path / "flight.tlog"), {3: 0.2})
     assert (found.system, found.delay_s) == (3, 0.2)
     assert found.duration_s == pytest.approx(60.0 - SETTLING_S, abs=0.5)
@@ -54,12 +54,12 @@ def test_a_log_gives_what_was_told_and_seen(tmp_path):
     assert np.abs(found.commanded[1] - found.seen[1]).max() < 0.03
 
 
-def test_a_setpoint_told_within_a_step_counts_for_what_is_left_of_it():
+def test_a_setpoint_reported_within_a_step_counts_for_what_is_left_of_it():
     told = np.array([[0.0, 1.0], [0.53, 3.0], [2.0, 3.0]])
     assert _held(told, np.array([-0.05, 0.4, 0.5, 0.6, 2.0])) == pytest.approx([1.0, 1.0, 2.4, 3.0, 3.0])
 
 
-def test_setpoints_that_are_told_again_each_second_or_so_break_no_recording(tmp_path):
+def test_setpoints_that_are_commanded_again_each_second_or_so_break_no_recording(tmp_path):
     """Constant setpoints are repeated after a second and a tick, and one of these may be lost."""
     for told_every in (11, 22):
         (found,) = recordings(logged(tmp_path / f"{told_every}.tlog", told_every=told_every))
@@ -148,7 +148,7 @@ def test_slots_are_three_seconds_of_flight_apart_or_as_far_as_the_scenario_has_t
 
 
 @pytest.mark.slow
-def test_multirotors_that_fly_steps_are_said_to_do_as_they_are_told(tmp_path):
+def test_multirotors_that_fly_steps_are_said_to_do_as_they_are_reported(tmp_path):
     """A slot that swung by 30 degrees at 180 m was 50 m off, and its vehicle changed speed in the wrong direction."""
     flown = identification_scenario(load_scenario("configs/px4_copter.yaml", ["formation.shape=line"]))
     summary = gcs_formation.run(flown, clock="virtual", out=tmp_path / "run")
@@ -218,7 +218,7 @@ def test_the_command_says_what_is_missing(tmp_path):
 
 
 @pytest.mark.parametrize("there", ["mine.yaml", "mine.png"])
-def test_files_that_are_there_are_replaced_only_if_told_so(there, tmp_path):
+def test_files_that_are_there_are_replaced_only_if_reported_so(there, tmp_path):
     logged(tmp_path / "still.tlog", turn_rps=0.0)
     (tmp_path / there).write_text("mine")
     command = [str(tmp_path / "still.tlog"), "--out", str(tmp_path / "mine.yaml")]

@@ -29,14 +29,14 @@ def test_a_document_is_neither_a_recording_nor_a_scenario(tmp_path: Path, name: 
     assert said.endswith(f"; allowed: {SOURCES}")
 
 
-def test_a_scenario_that_is_wrong_is_told_as_such(tmp_path: Path) -> None:
+def test_a_scenario_that_is_wrong_is_reported_as_such(tmp_path: Path) -> None:
     source = tmp_path / "list.yaml"
     source.write_text("- 1\n", encoding="utf-8")
     assert refusal(source) == f"{source}:1:1: found a list; allowed: a mapping of scenario keys"
 
 
 @pytest.mark.parametrize("there", [(), ("run.yaml",)])
-def test_a_directory_that_is_no_run_s_is_told_by_what_it_lacks(tmp_path: Path, there: tuple[str, ...]) -> None:
+def test_a_directory_that_is_no_run_s_is_reported_by_what_it_lacks(tmp_path: Path, there: tuple[str, ...]) -> None:
     for name in there:
         (tmp_path / name).write_text(SCENARIO, encoding="utf-8")
     lacking = "flight.tlog" if there else "run.yaml"

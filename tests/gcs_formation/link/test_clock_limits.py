@@ -63,9 +63,9 @@ def test_a_rate_that_changes_in_flight_is_followed_within_a_minute_and_a_half() 
     for number in range(before + 700):
         at_s, rate = PERIOD_S * number, 1.0 if number < before else 1.0 + 30e-6
         shown_s = 50.0 + at_s + (rate - 1.0) * (at_s - PERIOD_S * before)
-        heard_s = at_s + up_s[number] + down_s[number]
+        received_s = at_s + up_s[number] + down_s[number]
         shown = round((shown_s + rate * up_s[number]) * NANOSECONDS)
-        sync.observe(Instant(round(at_s * NANOSECONDS)), shown, Instant(round(heard_s * NANOSECONDS)))
+        sync.observe(Instant(round(at_s * NANOSECONDS)), shown, Instant(round(received_s * NANOSECONDS)))
         late_s = at_s - PERIOD_S * before
         if late_s > 0.0:
             assert abs(sync.to_instant(shown_s) / NANOSECONDS - at_s) < (2.3e-3 if late_s < 100.0 else 1.2e-3)

@@ -265,7 +265,7 @@ def test_jitter_that_stays_is_seen_and_moves_no_window() -> None:
 def test_an_answer_that_comes_late_tells_of_the_offset_then(drift: float) -> None:
     """Taken for the present offset, one that is a second old would be wrong by a second's drift: 11 ms of 15."""
     known = ClockFilter(0.02)
-    known.begin(Instant(0), 0.0, 1e-6)
+    known.initialise(Instant(0), 0.0, 1e-6)
     for quarter in range(1, 401):
         known.correct(after(Instant(0), quarter / 4), drift * quarter / 4, 1e-6)
     known.correct(after(Instant(0), 99.0), drift * 99.0, 1e-6)

@@ -17,7 +17,7 @@ def taken(reports: RadioReports, message: Message, peer: Address = LINE, socket:
     datagram = Datagram(socket, peer, FrameWriter(51, component).encode(message))
     frame = Receiver().first(datagram, Instant(0))
     assert frame is not None
-    return reports.take(frame, datagram, Instant(0))
+    return reports.receive(frame, datagram, Instant(0))
 
 
 def test_a_report_is_about_every_vehicle_that_is_reached_where_it_came_from() -> None:

@@ -45,7 +45,7 @@ class Ground:
         """Take a heartbeat, or telemetry with a stamp, as the station does."""
         self.now = self.now if at_s is None else after(Instant(0), at_s)
         message = BEAT if stamp_s is None else Attitude(stamp_s, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        ruling = Ruling(*self.source_binding.judge(message, 0, peer, self.now))
+        ruling = Ruling(*self.source_binding.rule(message, 0, peer, self.now))
         if ruling.admitted:
             self.connection.heard(self.now, heartbeat=stamp_s is None)
         return ruling
@@ -59,11 +59,11 @@ class Ground:
 def test_before_it_is_heard_the_first_address_counts_and_a_heartbeat_s_more() -> None:
     connection = Connection(0)
     source_binding = SourceBinding(connection, ClockSync())
-    assert source_binding.judge(None, 0, HERE, Instant(0)) == (True, None)
+    assert source_binding.rule(None, 0, HERE, Instant(0)) == (True, None)
     assert connection.peer == HERE
-    source_binding.judge(None, 0, THERE, Instant(0))
+    source_binding.rule(None, 0, THERE, Instant(0))
     assert connection.peer == HERE
-    source_binding.judge(BEAT, 1, THERE, Instant(0))
+    source_binding.rule(BEAT, 1, THERE, Instant(0))
     assert (connection.socket, connection.peer) == (1, THERE)
 
 

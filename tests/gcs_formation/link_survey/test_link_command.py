@@ -73,10 +73,10 @@ def test_a_port_that_is_taken_is_status_3() -> None:
 
 
 @pytest.mark.slow
-def test_nobody_there_is_status_3() -> None:
+def test_none_there_is_status_3() -> None:
     status, _, error = run(f"udpin:127.0.0.1:{free_port()}", "--minutes", "0.05")
     assert status == Status.COULD_NOT_GO_ON
-    assert "found nobody" in error
+    assert "found no autopilot" in error
 
 
 @pytest.mark.slow

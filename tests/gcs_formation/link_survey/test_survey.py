@@ -101,7 +101,7 @@ def test_losses_are_those_that_the_link_made(surveyed: Surveyed, system: int) ->
     assert loss["up"] == pytest.approx(up.loss, rel=0.05, abs=3e-3)
 
 
-def test_bursts_are_told_from_single_losses(surveyed: Surveyed) -> None:
+def test_bursts_are_reported_from_single_losses(surveyed: Surveyed) -> None:
     assert surveyed.vehicle(1)["bursts"]["down"]["mean"] == pytest.approx(3.0, rel=0.15)
     assert surveyed.vehicle(2)["bursts"]["down"]["mean"] == pytest.approx(1.0, abs=0.1)
 
@@ -170,7 +170,7 @@ def test_a_radio_reports_its_signal() -> None:
     radio = RadioReports()
     for errors in (7, 9):
         raw = b"\xfd" + bytes((len(payload), 0, 0, 0, 51, 68, 109, 0, 0)) + bytes((errors, 0)) + payload[2:] + b"\0\0"
-        radio.take(Frame(51, 68, 0, 109, 2, None, raw))
+        radio.receive(Frame(51, 68, 0, 109, 2, None, raw))
     found = radio.figures()
     assert found is not None
     assert (found["rssi"]["p50"], found["remote_rssi"]["worst"], found["txbuf_percent"]["worst"]) == (180, 171, 96)

@@ -70,26 +70,26 @@ class Formation:
 )
 def test_an_order_is_carried_out_and_said_to_be(text: str, done: Any) -> None:
     formation = Formation()
-    assert formation.orders.take(text, START) == (True, f"{text}: accepted")
+    assert formation.orders.execute(text, START) == (True, f"{text}: accepted")
     assert formation.done == [done]
     (said,) = formation.notes
     assert (said.kind, said.text, said.details) == ("order", f"{text}: accepted", {"accepted": True})
 
 
-def test_what_can_not_be_flown_is_refused_with_the_reason_whoever_finds_it() -> None:
+def test_what_can_not_be_flown_is_refused_with_the_reason_any_that_finds_it() -> None:
     formation = Formation()
     formation.refusal = "found 40 m/s; allowed: 16 to 28 m/s"
-    assert formation.orders.take("speed 40", START) == (False, f"speed 40: refused: {formation.refusal}")
+    assert formation.orders.execute("speed 40", START) == (False, f"speed 40: refused: {formation.refusal}")
     for error in (NotFlyableError("a way of 9 m/s", "2 m/s", 3.0), ValueError("no vehicle 9")):
         formation.error = error
-        answer = formation.orders.take("leader 9", START)
+        answer = formation.orders.execute("leader 9", START)
         assert answer == (False, f"leader 9: refused: {error}")
         assert formation.notes[-1].details == {"accepted": False}
     assert formation.done == []
 
 
 def test_what_is_no_order_is_refused_with_what_is_allowed() -> None:
-    answer = Formation().orders.take("sahpe line", START)
+    answer = Formation().orders.execute("sahpe line", START)
     assert not answer.accepted
     assert answer.text.startswith("sahpe line: refused: found 'sahpe line'; allowed: shape NAME [SPACING_M], ")
 
@@ -98,11 +98,11 @@ def test_what_is_no_order_is_refused_with_what_is_allowed() -> None:
 def test_changes_are_for_a_formation_that_flies_and_its_end_for_any_time(phase: Phase) -> None:
     formation, taken = Formation(phase), phase in (Phase.ASSEMBLING, Phase.FLYING)
     for text in ("speed 24", "shape line"):
-        assert formation.orders.take(text, START).accepted is taken
+        assert formation.orders.execute(text, START).accepted is taken
     assert len(formation.done) == 2 * taken
     if not taken:
         assert formation.notes[0].text.endswith(f"the run is {phase.value}; allowed: assembling, flying")
-    assert formation.orders.take("loiter", START).accepted
+    assert formation.orders.execute("loiter", START).accepted
 
 
 def test_planned_orders_that_are_refused_are_left_undone_and_so_is_a_change_that_is_still_postponed() -> None:
@@ -111,7 +111,7 @@ def test_planned_orders_that_are_refused_are_left_undone_and_so_is_a_change_that
     formation.orders.advance(after(START, 6.0))
     formation.refusal = "found 40 m/s"
     formation.orders.advance(after(START, 10.0))
-    assert not formation.orders.take("speed 50", START).accepted
+    assert not formation.orders.execute("speed 50", START).accepted
     assert formation.orders.undone == ["order at 9 s: speed 40: refused: found 40 m/s"], "the operator was told"
     formation.unflown, formation.left = ["the change to line wasn't flown"], ["the change of the formation at 20 s"]
     assert formation.orders.undone[1:] == formation.unflown + formation.left
@@ -133,7 +133,7 @@ def test_the_last_of_several_planned_orders_to_end_the_flight_counts() -> None:
     formation, cut = Formation(planned={9: "rtl", 10: "loiter"}), Formation(planned={9: "rtl", 10: "loiter"})
     for each in (formation, cut):
         each.flight.path_began = START
-    cut.orders.take("land", after(START, 8.0))
+    cut.orders.execute("land", after(START, 8.0))
     for at_s in (9.0, 10.0):
         for each in (formation, cut):
             each.orders.advance(after(START, at_s))

@@ -69,7 +69,7 @@ class Ground:
     def hear(self, *numbers: int, mode: int = m.PLANE_MODE_MANUAL, kind: Heartbeat = PLANE) -> None:
         for number in numbers:
             self.at(number).connection.heard(Instant(0), heartbeat=True)
-            self.at(number).telemetry.take(kind.but(custom_mode=mode))
+            self.at(number).telemetry.store(kind.but(custom_mode=mode))
 
     def advance(self, at_s: float) -> None:
         self.starting.advance(after(Instant(0), at_s))
@@ -92,7 +92,7 @@ class Preflight:
     boot_timeout_s = 600.0
 
 
-def test_nobody_is_commanded_before_all_have_answered() -> None:
+def test_none_is_commanded_before_all_have_answered() -> None:
     ground = Ground()
     ground.hear(1)
     ground.advance(1.0)
@@ -102,7 +102,7 @@ def test_nobody_is_commanded_before_all_have_answered() -> None:
     assert [ground.sent(number, 2.0) for number in (1, 2)] == [True, True]
 
 
-def test_nobody_is_commanded_before_it_is_allowed_and_waiting_for_that_costs_no_time() -> None:
+def test_none_is_commanded_before_it_is_allowed_and_waiting_for_that_costs_no_time() -> None:
     ground = Ground()
     ground.preflight.passed = False
     ground.hear(1, 2)
@@ -176,7 +176,7 @@ def test_one_that_falls_silent_again_in_flight_is_waited_for_without_an_end() ->
         (PLANE.but(autopilot=m.MAV_AUTOPILOT_PX4), "PX4 FIXED_WING"),
     ],
 )
-def test_another_family_is_refused_before_anybody_takes_off_and_not_in_flight(kind: Heartbeat, words: str) -> None:
+def test_another_family_is_refused_before_any_takes_off_and_not_in_flight(kind: Heartbeat, words: str) -> None:
     for phase, expected in (
         (Phase.CONNECTING, [f"vehicle 2 says that it is a {words}; allowed: ArduPlane"]),
         (Phase.FLYING, []),
@@ -221,7 +221,7 @@ def test_a_refusal_is_passed_on_with_its_result_and_the_vehicle_s_own_words() ->
     ground.hear(1, 2)
     ground.advance(1.0)
     ground.sent(2, 1.0, m.MAV_RESULT_DENIED)
-    ground.at(2).telemetry.take(Statustext(m.MAV_SEVERITY_CRITICAL, "PreArm: Compass not calibrated"))
+    ground.at(2).telemetry.store(Statustext(m.MAV_SEVERITY_CRITICAL, "PreArm: Compass not calibrated"))
     ground.advance(1.1)
     assert ground.given_up == [
         "vehicle 2: refused when we set mode GUIDED (DO_SET_MODE: DENIED); it said: 'PreArm: Compass not calibrated'"
@@ -258,7 +258,7 @@ def test_who_is_on_the_ground_once_the_path_has_begun_is_left_to_its_pilot_for_g
 
 
 @pytest.mark.parametrize("phase", [Phase.ENDING, Phase.LOITERING])
-def test_at_the_end_of_a_flight_nobody_is_started_any_more(phase: Phase) -> None:
+def test_at_the_end_of_a_flight_none_is_started_any_more(phase: Phase) -> None:
     ground = Ground(phase)
     ground.hear(1, 2)
     ground.advance(1.0)

@@ -26,7 +26,7 @@ def test_a_directory_that_another_run_records_into_is_left_alone(tmp_path: Path)
     record(tmp_path).close()
 
 
-def test_an_earlier_run_and_anybody_elses_files_are_left_alone_unless_overwriting(tmp_path: Path) -> None:
+def test_an_earlier_run_and_any_elses_files_are_left_alone_unless_overwriting(tmp_path: Path) -> None:
     run, other = tmp_path / "run", tmp_path / "other"
     record(run, overwrite=False).close()
     other.mkdir()
@@ -52,7 +52,7 @@ def test_an_earlier_run_and_anybody_elses_files_are_left_alone_unless_overwritin
         ([Cause.LEADER_READY, Cause.NOT_BEGUN], False),
     ],
 )
-def test_a_run_that_ended_before_it_commanded_anybody_is_replaced(
+def test_a_run_that_ended_before_it_commanded_any_is_replaced(
     tmp_path: Path, causes: list[Cause], replaced: bool
 ) -> None:
     """Although it has a summary, of nothing."""

@@ -8,7 +8,7 @@ import pytest
 
 from formation_scenario import load_scenario
 from gcs_formation.report import load_run
-from gcs_formation.report.error_figures import ALLOWED, LEAST, errors
+from gcs_formation.report.error_figures import ALLOWED, MINIMUM, errors
 from gcs_formation.report.gusts import gusts
 from gcs_formation.report.page import embedded
 from gcs_formation.report.page_parts import after_gusts
@@ -62,7 +62,7 @@ def test_a_gust_north_and_east_is_along_and_across_by_the_course_it_is_met_on(ma
 
 def test_it_is_drawn_from_the_gust_on_and_stands_in_the_table(run):
     figure = errors(run)
-    drawn = [line for axes in figure.axes for line in axes.get_lines() if line.get_label() in (ALLOWED, LEAST)]
+    drawn = [line for axes in figure.axes for line in axes.get_lines() if line.get_label() in (ALLOWED, MINIMUM)]
     assert {abs(np.asarray(line.get_ydata()).item(0)) for line in drawn} == {
         size for error in gusts(run) for size in (error.min_m, error.allowed_m)
     }

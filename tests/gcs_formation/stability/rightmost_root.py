@@ -55,7 +55,7 @@ def _state_terms(
     """Matrix of each delay over position and velocity deviations, without the neutral motion of the group."""
     count = len(damping)
     whole = np.eye(count)
-    positions = whole[:, int(part.hears_nobody_outside) :]
+    positions = whole[:, int(part.is_closed) :]
     velocities = positions if np.ptp(damping) == 0.0 else whole
     relative, speeds = _left_inverse(positions), _left_inverse(velocities)
     sizes = positions.shape[1], velocities.shape[1]

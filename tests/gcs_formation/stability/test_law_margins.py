@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as arrays
 from formation_scenario import load_scenario
 from formation_scenario.consensus_graph import graph_adjacency
 from formation_scenario.model import Scenario
-from formation_scenario.vehicle_rules import all_hear_one
+from formation_scenario.vehicle_rules import all_receive_one
 from gcs_formation.stability import consensus_delay_margin, consensus_margins, law_margins, scenario_delay_margin
 from gcs_formation.stability.consensus_loops import ground_consensus_loops, spanning_components
 from gcs_formation.stability.pid_margins import delay_margin
@@ -80,7 +80,7 @@ def test_the_common_speed_has_a_margin_too() -> None:
     assert scenario_delay_margin(scenario(law, count=2)) == pytest.approx((np.pi - np.arctan(w / 0.5)) / w, rel=1e-2)
 
 
-def test_unlike_lags_count_by_the_worst() -> None:
+def test_unlike_time_constants_count_by_the_worst() -> None:
     plain = {"schema": 1, "law": consensus(0.5), "path": STRAIGHT}
     models = [{"tau_v_s": tau, "tau_psi_s": tau} for tau in (2.0, 4.0)]
     alike = [consensus_margins(scenario(consensus(0.5), tau, tau, 2))[0] for tau in (2.0, 4.0)]
@@ -118,9 +118,9 @@ def test_the_other_laws_keep_their_three_loops() -> None:
 @given(arrays.arrays(np.float64, (5, 5), elements=st.sampled_from([0.0, 0.0, 0.0, 1.0])))
 def test_a_graph_has_a_spanning_tree_if_all_hear_one_vehicle(weights: np.ndarray) -> None:
     hears = np.linalg.matrix_power(np.eye(5) + weights, 4) > 0.0  # directly or through others
-    assert all_hear_one(weights) == hears.all(axis=0).any()
-    if all_hear_one(weights):
-        assert sum(part.hears_nobody_outside for part in spanning_components(weights)) == 1
+    assert all_receive_one(weights) == hears.all(axis=0).any()
+    if all_receive_one(weights):
+        assert sum(part.is_closed for part in spanning_components(weights)) == 1
     else:
         with pytest.raises(ValueError, match="spanning tree"):
             spanning_components(weights)

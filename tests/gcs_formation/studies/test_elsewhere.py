@@ -95,7 +95,7 @@ def plugins_of(named: Path) -> list[str]:
 
 def tasks_of(named: Path) -> list[Task]:
     planned, base = prepare(named, plugins=plugins_of(named))
-    return [Task(each, planned, base) for each in Plan(planned).begin()]
+    return [Task(each, planned, base) for each in Plan(planned).first_flights()]
 
 
 def without_times(found: Any) -> Any:

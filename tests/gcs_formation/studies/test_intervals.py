@@ -26,7 +26,7 @@ def study(**keys):
 def rows_of(planned, kept):
     """Return rows of a study's flights, of which those keep the bound that `kept` says, by sample and seed."""
     found, each = [], planned.seeds.count
-    for planned_flight in Plan(planned).begin():
+    for planned_flight in Plan(planned).first_flights():
         sample, seed = divmod(planned_flight.flight, each)
         far = 20.0 if kept(sample, seed) else 0.0
         found.append({"flight": planned_flight.flight, "seed": planned_flight.seed, **planned_flight.parameters,

@@ -51,7 +51,7 @@ SCENARIO: Any = {
 DELAY, LOSS = "links.default.delay_ms", "links.default.loss"
 DONE: Any = {"flight": 1, "seed": 1, DELAY: 0, "error_x_m.max": 0.1, "exit": 0, "wall_s": 1.0, "cpu_s": 1.0,
              "version": "x", "words": ""}  # fmt: skip
-MOST = ("error_x_m.max",)
+MAXIMUM = ("error_x_m.max",)
 SEARCH = {"parameter": DELAY, "low": 0, "high": 1000, "tolerance": 10, "metric": "error_x_m.max", "below": 1.0}
 
 
@@ -65,7 +65,7 @@ def row(planned, **values):
 
 def test_a_grid_is_every_combination_with_every_seed():
     grid = study(parameters={DELAY: [0, 100], LOSS: {"range": [0.0, 0.1, 3]}}, seeds={"first": 5, "count": 2})
-    flights = list(Plan(grid).begin())
+    flights = list(Plan(grid).first_flights())
     assert [each.flight for each in flights] == list(range(12))
     assert Counter(each.seed for each in flights) == {5: 6, 6: 6}
     assert len({(*each.parameters.values(), each.seed) for each in flights}) == 12
@@ -85,7 +85,7 @@ def test_a_base_brings_along_what_its_file_reads_from_others_beside_it(tmp_path,
     (tmp_path / "study.yaml").write_text(json.dumps({"base": "files/base.yaml", "parameters": {LOSS: [0.0, 0.1]}}))
     monkeypatch.chdir("/")
     planned, keys = prepare(tmp_path / "study.yaml")
-    first = next(iter(Plan(planned).begin()))
+    first = next(iter(Plan(planned).first_flights()))
     found = Task(first, planned, keys).scenario()
     assert [each.model.tau_v_s for each in found.vehicles] == [2.5, 2.5]
     assert found.links.default.trace_file == str(tmp_path / "files" / "late.txt")
@@ -103,7 +103,7 @@ def test_files_that_a_study_names_itself_are_beside_it(tmp_path, monkeypatch):
     (tmp_path / "study.yaml").write_text(json.dumps(keys))
     monkeypatch.chdir("/")
     planned, base = prepare(tmp_path / "study.yaml")
-    flown = [refly_task(each, planned, base, tmp_path).scenario() for each in Plan(planned).begin()]
+    flown = [refly_task(each, planned, base, tmp_path).scenario() for each in Plan(planned).first_flights()]
     assert flown[1].vehicles[0].model.tau_v_s == 2.5 != flown[0].vehicles[0].model.tau_v_s
     late, (default, uplink) = str(tmp_path / "late.txt"), (flown[0].links.default, flown[0].links.uplink)
     assert uplink is not None
@@ -113,7 +113,7 @@ def test_files_that_a_study_names_itself_are_beside_it(tmp_path, monkeypatch):
 def test_cases_set_several_keys_by_a_name():
     frames = {"cases": {"own": {"formation.frame": "follower_heading", "law.speed.kp": 2.0}, "as it is": {}}}
     planned = study(parameters={"slots turn with": frames, DELAY: [0, 100]})
-    flights = list(Plan(planned).begin())
+    flights = list(Plan(planned).first_flights())
     assert [tuple(each.parameters.values()) for each in flights] == list(product(["own", "as it is"], [0, 100]))
     flown = refly_task(flights[1], planned, SCENARIO, Path("x")).scenario()
     assert (flown.formation.frame, flown.law.speed.kp, flown.links.default.delay_ms) == ("follower_heading", 2.0, 100)
@@ -160,7 +160,7 @@ def test_a_table_has_a_row_for_each_sample_and_of_several_seeds_median_and_worst
     planned = study(parameters={DELAY: [0, 100]}, seeds={"count": 3}, metrics=["error_x_m.max", "min_separation_m"])
     rows = [
         row(each, **{"error_x_m.max": 0.1 * each.flight, "min_separation_m": 20.0 - each.flight})
-        for each in Plan(planned).begin()
+        for each in Plan(planned).first_flights()
     ]
     rows[5]["min_separation_m"] = None
     assert sample_table(planned, rows, []).splitlines() == [
@@ -172,8 +172,8 @@ def test_a_table_has_a_row_for_each_sample_and_of_several_seeds_median_and_worst
 
 
 def test_a_table_has_the_least_and_the_most_of_what_each_flight_of_a_sample_draws():
-    planned = study(parameters={DELAY: [0, 100], LOSS: {"uniform": [0.0, 0.1]}}, seeds={"count": 3}, metrics=MOST)
-    rows = [row(each, **{"error_x_m.max": 0.1}) for each in Plan(planned).begin()]
+    planned = study(parameters={DELAY: [0, 100], LOSS: {"uniform": [0.0, 0.1]}}, seeds={"count": 3}, metrics=MAXIMUM)
+    rows = [row(each, **{"error_x_m.max": 0.1}) for each in Plan(planned).first_flights()]
     losses = [each[LOSS] for each in rows[:3]]
     shown = f"| 0 | {min(losses):.3g} to {max(losses):.3g} | 0.1 (0.1) |"
     assert sample_table(planned, rows, []).splitlines()[2] == shown
@@ -211,7 +211,7 @@ def test_points_follow_the_distributions(design):
 
 def test_a_distribution_in_a_grid_is_drawn_for_each_flight_and_the_same_again():
     mixed = study(parameters={DELAY: [0, 100], LOSS: {"uniform": [0.0, 0.1]}}, seeds={"count": 3})
-    losses = [each.parameters[LOSS] for each in Plan(mixed).begin()]
+    losses = [each.parameters[LOSS] for each in Plan(mixed).first_flights()]
     assert len(set(losses)) == 6
     assert all(0.0 <= loss <= 0.1 for loss in losses)
     assert drawn(mixed, 4)[LOSS] == losses[4]
@@ -224,7 +224,7 @@ def test_counts_are_known_without_planning():
 
 def searched(plan, breaks_at):
     """Fly a search whose error is below 1 m up to a delay."""
-    flown, waiting = [], deque(plan.begin())
+    flown, waiting = [], deque(plan.first_flights())
     while waiting:
         planned = waiting.popleft()
         delay = planned.parameters[DELAY]
@@ -281,7 +281,9 @@ def test_flights_in_which_the_seed_changes_nothing_have_no_interval():
     """Equal counts of a limit that no flight broke don't show it: other figures may differ."""
     keys: Any = {"parameters": {DELAY: [0, 300]}, "seeds": {"count": 3}, "metrics": ["violations"]}
     planned = study(**keys, expect=[{"metric": "violations", "below": 1}])
-    flown = [{**row(each, violations=0), "digest": str(each.parameters[DELAY])} for each in Plan(planned).begin()]
+    flown = [
+        {**row(each, violations=0), "digest": str(each.parameters[DELAY])} for each in Plan(planned).first_flights()
+    ]
     verdict = judge(planned, planned.expect[0], flown)
     assert "6 of 6 flights (no interval: the seed changes nothing in these flights); " in str(verdict)
     assert (verdict.to_dict()["interval"], verdict.held) == (None, True)
@@ -396,14 +398,14 @@ def test_a_wrong_study_is_refused_in_words(keys, words):
 def test_some_cases_may_replace_what_the_others_have_from_set():
     cases: Any = {"cases": {"as set": {}, "late": {DELAY: 100}}}
     planned, base = prepare({"base": SCENARIO, "set": {DELAY: 50}, "parameters": {"link": cases}})
-    scenarios = [Task(flight, planned, base).scenario() for flight in Plan(planned).begin()]
+    scenarios = [Task(flight, planned, base).scenario() for flight in Plan(planned).first_flights()]
     assert [each.links.default.delay_ms for each in scenarios] == [50, 100]
 
 
 def test_a_parameter_may_set_a_part_of_what_one_before_it_sets():
     parameters = {"links.default": [{"loss": 0.1}], DELAY: [50], "links.default.jitter_ms": [0]}
     planned, base = prepare({"base": SCENARIO, "parameters": parameters})
-    (flight,) = Plan(planned).begin()
+    (flight,) = Plan(planned).first_flights()
     default = Task(flight, planned, base).scenario().links.default
     assert (default.loss, default.delay_ms) == (0.1, 50)
 
@@ -601,13 +603,13 @@ def test_a_study_flies_resumes_and_flies_one_again_to_the_same_figures(two, tmp_
     ("series", {"summary.json", "run.yaml", "timeseries.parquet", "events.jsonl"})])  # fmt: skip
 def test_records_hold_what_their_level_says(tmp_path, record, kept):
     base = SCENARIO | {"start": {"in_air": True, "run_in_s": 6}, "duration_s": 1}
-    task = Task(Planned(0, 1, {}), Study(metrics=MOST, record=record), base, str(tmp_path / "flight"))
+    task = Task(Planned(0, 1, {}), Study(metrics=MAXIMUM, record=record), base, str(tmp_path / "flight"))
     assert fly(task)["exit"] == 0
     assert {path.name for path in tmp_path.glob("flight/*")} == kept
 
 
 def test_a_flight_that_cannot_be_flown_is_a_row_with_its_words(tmp_path):
-    task = Task(Planned(7, 1, {"path.speed_mps": 90}), Study(metrics=MOST, record="none"), SCENARIO)
+    task = Task(Planned(7, 1, {"path.speed_mps": 90}), Study(metrics=MAXIMUM, record="none"), SCENARIO)
     found = fly(task)
     assert (found["flight"], found["exit"], found["error_x_m.max"]) == (7, 2, None)
     assert "path.speed_mps" in found["words"]
@@ -616,7 +618,7 @@ def test_a_flight_that_cannot_be_flown_is_a_row_with_its_words(tmp_path):
 @pytest.mark.slow
 def test_a_killed_worker_loses_nothing_and_counts_nothing_twice(two, tmp_path):
     planned, base = prepare(two)
-    tasks = deque(Task(each, Study(metrics=MOST, record="none"), base) for each in Plan(planned).begin())
+    tasks = deque(Task(each, Study(metrics=MAXIMUM, record="none"), base) for each in Plan(planned).first_flights())
     with Processes(2) as workers:
         rows = workers.rows(tasks)
         first = next(rows)
@@ -638,7 +640,7 @@ def kill_or_fly(task):
 def test_a_flight_that_kills_its_worker_is_the_only_one_that_is_lost(two, monkeypatch):
     monkeypatch.setattr("gcs_formation.studies.workers.fly", kill_or_fly)
     planned, base = prepare(two)
-    tasks = deque(Task(each, planned, base) for each in Plan(planned).begin())
+    tasks = deque(Task(each, planned, base) for each in Plan(planned).first_flights())
     with Processes(2) as workers:
         flown = list(workers.rows(tasks))
     assert sorted((each["flight"], each["exit"]) for each in flown) == [(0, 3), (1, 0), (2, 0), (3, 0)]
@@ -653,7 +655,7 @@ def test_a_cluster_flies_the_same_as_processes_do_and_survives_a_killed_worker(t
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
         address = cluster.scheduler_address
         assert command("study", two, "--out", there, "--scheduler", address, "--quiet").exit_code == 0
-        tasks = deque(Task(each, Study(metrics=MOST, record="none"), base) for each in Plan(planned).begin())
+        tasks = deque(Task(each, Study(metrics=MAXIMUM, record="none"), base) for each in Plan(planned).first_flights())
         with Cluster(address) as workers:
             rows = workers.rows(tasks)
             first = next(rows)
@@ -670,7 +672,7 @@ def test_a_restarted_scheduler_costs_no_flight_and_one_that_is_gone_ends_the_stu
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr("gcs_formation.studies.cluster.GONE_S", 10.0)
     planned, base = prepare(two)
-    tasks = deque(Task(each, Study(metrics=MOST, record="none"), base) for each in Plan(planned).begin())
+    tasks = deque(Task(each, Study(metrics=MAXIMUM, record="none"), base) for each in Plan(planned).first_flights())
     small = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
     before = distributed.LocalCluster(**small)
     port = int(before.scheduler_address.rpartition(":")[2])
@@ -834,7 +836,7 @@ def test_a_full_disk_costs_no_flight_that_was_flown(tmp_path, monkeypatch):
 
 
 def test_a_flight_whose_record_cannot_be_written_ends_the_study_and_is_no_row(tmp_path):
-    task = Task(Planned(0, 1, {}), Study(metrics=MOST, record="full"), SCENARIO, str(tmp_path / "flight"))
+    task = Task(Planned(0, 1, {}), Study(metrics=MAXIMUM, record="full"), SCENARIO, str(tmp_path / "flight"))
     with files_up_to(10_000), pytest.raises(RecordingError, match="File too large"):
         fly(task)
 

@@ -162,7 +162,7 @@ def test_vehicles_that_all_lie_on_the_ground_are_not_kept_apart(tmp_path):
     replace(flight).keeps_apart(10)
 
 
-def test_a_flight_of_which_a_part_is_not_recorded_keeps_nobody_apart(tmp_path):
+def test_a_flight_of_which_a_part_is_not_recorded_keeps_none_apart(tmp_path):
     flight = flown(tmp_path)
     columns = {
         name: each[np.abs(np.repeat(TIME_S, 3) - 15.0) > 4.0]
@@ -182,14 +182,14 @@ def test_many_violations_are_counted(tmp_path):
     assert in_words(VehicleId(2, 9), "x", 1.0, 2.0).startswith("vehicle 2:9:")
 
 
-def test_a_bound_that_is_no_number_settles_nobody(tmp_path):
+def test_a_bound_that_is_no_number_settles_none(tmp_path):
     with pytest.raises(AssertionError, match="vehicle 2: at 4"):
         flown(tmp_path).settles(before_s=math.nan, followers=2)
 
 
 def test_a_window_in_which_those_named_only_led_is_no_success(tmp_path):
     flight = flown(tmp_path, 3)
-    with pytest.raises(AssertionError, match="none of these followed anybody from 15 s to 30 s\n  3"):
+    with pytest.raises(AssertionError, match="none of these followed from 15 s to 30 s\n  3"):
         flight.stays_within(1.0, followers=3, from_s=15)
 
 
@@ -223,7 +223,7 @@ def test_expectations_none_of_which_was_judged_arent_met(tmp_path):
         replace(flight, summary=Summary(flight.figures, (unjudged,), ())).meets_its_expectations()
 
 
-def test_nobody_settles_where_nobody_follows(tmp_path):
+def test_none_settles_where_none_follows(tmp_path):
     flight = flown(tmp_path)
     alone = replace(flight, summary=Summary({**flight.figures, "followers": {}}, (), ()))
     with pytest.raises(AssertionError, match="none followed that could settle before 5 s"):

@@ -59,6 +59,6 @@ def tell(telemetry: Telemetry) -> Callable[..., None]:
             EkfStatusReport(EKF_READY, 0.0, 0.0, 0.0, 0.0, 0.0),
             SysStatus(0, 0, m.MAV_SYS_STATUS_PREARM_CHECK),
         ):
-            telemetry.take(message)
+            telemetry.store(message)
 
     return told

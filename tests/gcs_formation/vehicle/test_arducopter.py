@@ -49,7 +49,7 @@ def test_at_low_speed_the_nose_keeps_its_heading(speed_mps):
     assert math.hypot(told.vx_mps, told.vy_mps) == pytest.approx(speed_mps)
 
 
-def test_a_leader_that_is_to_stand_turns_its_nose_where_it_is_told_to():
+def test_a_leader_that_is_to_stand_turns_its_nose_where_it_is_commanded_to():
     told = sent(Setpoint(0.0, 2.0, 30.0))
     assert (told.type_mask, told.yaw_rad, told.vx_mps, told.vy_mps) == (VELOCITY_AND_YAW, 2.0, 0.0, 0.0)
 
@@ -71,7 +71,7 @@ def test_it_takes_off_in_guided_armed_first(tell, telemetry):
     assert acts[0].param2 == m.COPTER_MODE_GUIDED
     assert isinstance(acts[2], CommandLong)
     assert acts[2].param7 == 20.0
-    assert [step.name for step in steps if step.takes_off] == ["armed", "told it to take off"]
+    assert [step.name for step in steps if step.takes_off] == ["armed", "commanded it to take off"]
 
 
 def test_in_the_air_nothing_is_left_to_do_but_guided(tell, telemetry):
@@ -106,7 +106,7 @@ def test_it_waits_over_its_home_at_its_own_height_and_comes_down_there(telemetry
     assert isinstance(unknown, CommandLong)
     assert unknown.param2 == m.COPTER_MODE_RTL
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(30.0, -20.0, 0.0)
-    telemetry.take(HomePosition(lat_rad, lon_rad, alt_m, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)))
+    telemetry.store(HomePosition(lat_rad, lon_rad, alt_m, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)))
     (home,) = COPTER.leave("land", 80.0, telemetry)
     assert isinstance(home, CommandInt)
     north_m, east_m, down_m = ORIGIN.to_ned(math.radians(home.x * 1e-7), math.radians(home.y * 1e-7), home.z)
@@ -119,7 +119,7 @@ def test_it_takes_setpoints_in_guided_alone(tell, telemetry):
     for mode, takes in ((m.COPTER_MODE_GUIDED, True), (m.COPTER_MODE_BRAKE, False)):
         tell(mode, armed=True, above_home_m=30.0, status=m.MAV_STATE_ACTIVE)
         assert COPTER.takes_setpoints(telemetry) == takes
-    telemetry.take(heartbeat(m.COPTER_MODE_GUIDED, armed=False))
+    telemetry.store(heartbeat(m.COPTER_MODE_GUIDED, armed=False))
     assert not COPTER.takes_setpoints(telemetry)
 
 
@@ -173,7 +173,7 @@ def test_names_and_units_since_4_7(name, value, refuses, allowed):
     )
     reader = ParameterReader(1, checks)
     for each, found in (IN_ORDER_SINCE_4_7 | {name: value}).items():
-        reader.take(ParamValue(each, found, m.MAV_PARAM_TYPE_REAL32, 1, 0), Instant(0))
+        reader.receive_parameter(ParamValue(each, found, m.MAV_PARAM_TYPE_REAL32, 1, 0), Instant(0))
     assert reader.complete
     (finding,) = reader.findings()
     assert finding.text.startswith(f"{name}: found {value}; allowed: {allowed}")
@@ -196,7 +196,7 @@ def test_a_parameter_that_bounds_what_is_asked_is_named(name, value, refuses):
     checks = COPTER.checks(
         *planned(5.0, 30.0, speed_min_mps=0.0, speed_max_mps=9.0, turn_rate_max_rps=0.4, accel_max_mps2=2.5)
     )
-    assert [found for check in checks if (found := check.judge(IN_ORDER))] == []
-    (finding,) = [found for check in checks if (found := check.judge(IN_ORDER | {name: value}))]
+    assert [found for check in checks if (found := check.finding(IN_ORDER))] == []
+    (finding,) = [found for check in checks if (found := check.finding(IN_ORDER | {name: value}))]
     assert finding.text.startswith(f"{name}: found {value}")
     assert finding.refuses == refuses

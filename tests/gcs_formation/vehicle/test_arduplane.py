@@ -85,12 +85,12 @@ def test_what_says_that_it_is_in_an_emergency_flies_below_10_m_if_it_flew_before
 
 def test_without_a_position_it_flies_if_it_says_so_and_isnt_known_to_stand_if_it_says_that(plane, telemetry):
     for status, flies in ((m.MAV_STATE_ACTIVE, True), (m.MAV_STATE_STANDBY, False)):
-        telemetry.take(heartbeat(m.PLANE_MODE_GUIDED, armed=True, status=status))
+        telemetry.store(heartbeat(m.PLANE_MODE_GUIDED, armed=True, status=status))
         assert plane.is_airborne(telemetry) == flies
         assert not plane.is_grounded(telemetry)
-    telemetry.take(heartbeat(m.PLANE_MODE_GUIDED, armed=False, status=m.MAV_STATE_STANDBY))
+    telemetry.store(heartbeat(m.PLANE_MODE_GUIDED, armed=False, status=m.MAV_STATE_STANDBY))
     assert plane.is_grounded(telemetry)
-    telemetry.take(heartbeat(m.PLANE_MODE_INITIALIZING, armed=False, status=m.MAV_STATE_CALIBRATING))
+    telemetry.store(heartbeat(m.PLANE_MODE_INITIALIZING, armed=False, status=m.MAV_STATE_CALIBRATING))
     assert not plane.is_grounded(telemetry)
 
 
@@ -116,9 +116,9 @@ def test_ready_to_arm_needs_the_estimator_and_the_autopilots_own_checks(plane, t
     ready = next(step for step in plane.start_up(plane.rates_hz(10.0)) if "ready" in step.name)
     tell(m.PLANE_MODE_MANUAL)
     assert ready.done(telemetry)
-    telemetry.take(SysStatus(0, 0, 0))
+    telemetry.store(SysStatus(0, 0, 0))
     assert not ready.done(telemetry)
-    telemetry.take(SysStatus(0, 0, m.MAV_SYS_STATUS_PREARM_CHECK))
+    telemetry.store(SysStatus(0, 0, m.MAV_SYS_STATUS_PREARM_CHECK))
     telemetry.ekf_flags = 830
     assert not ready.done(telemetry)
 
@@ -143,4 +143,4 @@ def test_an_unknown_mode_is_named_by_its_number(plane, telemetry, tell):
     assert plane.mode_name(telemetry) == "GUIDED"
     tell(99)
     assert plane.mode_name(telemetry) == "mode 99"
-    telemetry.take(position(0.0))
+    telemetry.store(position(0.0))

@@ -38,7 +38,7 @@ START, PLANE = Instant(0), ArduPlane(2, ORIGIN, 0.25)
 
 def told(reader: ParameterReader, values: dict[str, float], now: Instant = START) -> None:
     for name, value in values.items():
-        reader.take(ParamValue(name, value, m.MAV_PARAM_TYPE_REAL32, 1400, 65535), now)
+        reader.receive_parameter(ParamValue(name, value, m.MAV_PARAM_TYPE_REAL32, 1400, 65535), now)
 
 
 def findings(**changed: float) -> list[Finding]:
@@ -106,7 +106,7 @@ def test_what_is_lost_is_asked_for_again_and_what_never_comes_is_named() -> None
     assert reader.findings() == [Finding("no answer for TKOFF_ALT, not checked")]
 
 
-def test_parameters_that_nobody_asked_for_are_ignored() -> None:
+def test_parameters_that_none_asked_for_are_ignored() -> None:
     reader = ParameterReader(2, PLANE.checks(MODEL, PATH))
     told(reader, {f"OTHER_{number}": 1.0 for number in range(1000)})
     assert not reader.complete

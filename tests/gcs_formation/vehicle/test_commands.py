@@ -28,7 +28,7 @@ def accepted(command: CommandLong) -> CommandAck:
 @pytest.fixture
 def queue() -> CommandQueue:
     commands = CommandQueue()
-    commands.begin((MODE, ARM), START)
+    commands.send((MODE, ARM), START)
     return commands
 
 
@@ -92,7 +92,7 @@ def test_a_refusal_ends_the_list(queue, result):
 @pytest.fixture
 def insisting() -> CommandQueue:
     commands = CommandQueue()
-    commands.begin((MODE, ARM), START, insist=True)
+    commands.send((MODE, ARM), START, insist=True)
     return commands
 
 
@@ -159,17 +159,17 @@ def test_a_command_in_progress_is_neither_done_nor_refused(queue):
 def test_a_new_list_replaces_the_old_one_and_forgets_its_refusal(queue):
     queue.due(START)
     queue.acknowledge(CommandAck(MODE.command, m.MAV_RESULT_DENIED), START)
-    queue.begin((ARM,), START)
+    queue.send((ARM,), START)
     assert queue.refusal is None
     assert queue.due(START) == ARM
-    queue.begin((), START)
+    queue.send((), START)
     assert queue.outcome is Outcome.ACCEPTED
 
 
 def test_a_command_int_has_no_confirmation_and_is_repeated_as_it_is():
     command = CommandInt(7, 1, m.MAV_FRAME_GLOBAL, m.MAV_CMD_DO_REPOSITION, 0, 0, 0.0, 0.0, 0.0, 0.0, 0, 0, 100.0)
     queue = CommandQueue()
-    queue.begin((command,), START)
+    queue.send((command,), START)
     assert queue.due(START) == queue.due(after(START, RETRY_S)) == command
 
 
@@ -177,7 +177,7 @@ def test_a_repeated_acknowledgement_accepts_nothing_of_the_same_id() -> None:
     """Over a round trip of 1 s each request is sent twice, and answered twice."""
     first, second = (CommandLong(7, 1, m.MAV_CMD_SET_MESSAGE_INTERVAL, param1=id_) for id_ in (30, 33))
     queue = CommandQueue()
-    queue.begin((first, second), START)
+    queue.send((first, second), START)
     assert [queue.due(after(START, at_s)) is not None for at_s in (0.0, RETRY_S)] == [True, True]
     assert queue.acknowledge(accepted(first), after(START, 1.0)) is not None
     assert queue.due(after(START, 1.0)) == second
@@ -189,7 +189,7 @@ def test_a_repeated_acknowledgement_accepts_nothing_of_the_same_id() -> None:
 def test_an_acknowledgement_that_was_lost_is_not_waited_for_longer_than_a_round_trip() -> None:
     first, second = (CommandLong(7, 1, m.MAV_CMD_SET_MESSAGE_INTERVAL, param1=id_) for id_ in (30, 33))
     queue = CommandQueue()
-    queue.begin((first, second), START)
+    queue.send((first, second), START)
     for at_s in (0.0, RETRY_S):
         queue.due(after(START, at_s))
     queue.acknowledge(accepted(first), after(START, RETRY_S + 0.1))  # to the second request; the first was lost

@@ -37,7 +37,7 @@ def test_with_a_lead_the_velocity_asked_for_is_flown(asked):
         assert (north.flies(told[0]), east.flies(told[1])) == pytest.approx((north_mps, east_mps), abs=1e-9)
 
 
-def test_nobody_is_told_more_than_the_fastest_and_the_rest_is_made_up_for_later():
+def test_none_is_reported_more_than_the_fastest_and_the_rest_is_made_up_for_later():
     lead, flown = VelocityLead(PROMPT, REST_S, 6.0, PERIOD_S), Integrator()
     speeds_mps = []
     for _ in range(300):
@@ -56,7 +56,7 @@ def test_a_led_airspeed_is_flown_as_asked(asked):
         assert flown.flies(lead.lead(speed_mps, 14.0)) == pytest.approx(speed_mps, abs=1e-9)
 
 
-def test_airspeeds_that_are_told_keep_the_limits_and_the_rest_is_made_up_for_later():
+def test_airspeeds_that_are_reported_keep_the_limits_and_the_rest_is_made_up_for_later():
     lead, flown = SpeedLead(PROMPT, REST_S, (11.0, 15.0), PERIOD_S), Integrator()
     flown.filled_mps = 14.0
     for asked_mps, told_first_mps in ((15.0, 15.0), (11.5, 11.0)):
@@ -84,12 +84,12 @@ def test_after_something_else_has_led_it_a_lead_begins_with_what_it_flies() -> N
     lead = SpeedLead(PROMPT, REST_S, (11.0, 20.0), PERIOD_S)
     for _ in range(round(300.0 / PERIOD_S)):
         lead.lead(19.5, 19.5)
-    lead.forget()
+    lead.reinitialise()
     assert lead.lead(15.0, 15.0) == pytest.approx(15.0)
     hovering = VelocityLead(PROMPT, REST_S, 20.0, PERIOD_S)
     for _ in range(round(300.0 / PERIOD_S)):
         hovering.lead((5.0, -5.0), AT_REST)
-    hovering.forget()
+    hovering.reinitialise()
     assert hovering.lead((3.0, 1.0), (3.0, 1.0)) == pytest.approx((3.0, 1.0))
 
 

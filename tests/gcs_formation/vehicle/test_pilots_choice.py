@@ -48,7 +48,7 @@ class Flight:
 
     def hears(self, message: Message) -> None:
         (frame,) = StreamParser().feed(self._writer.encode(message))
-        self.plane.take(frame, self.now)
+        self.plane.receive(frame, self.now)
 
     def beats(self, mode: int) -> Member:
         """Take a heartbeat a second later, and judge."""
@@ -59,7 +59,7 @@ class Flight:
 
     def judge(self) -> Member:
         estimator: Any = SimpleNamespace(age_s=lambda *_: 0.0)
-        self.membership.judge(None, estimator, self.now, connecting=False)
+        self.membership.update(None, estimator, self.now, connecting=False)
         return self.plane.member
 
 

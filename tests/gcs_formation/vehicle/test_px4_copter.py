@@ -46,7 +46,7 @@ def tell(telemetry: Telemetry, mode: int, *, armed: bool = False, up_m: float = 
         SysStatus(0, 0, m.MAV_SYS_STATUS_PREARM_CHECK),
         ExtendedSysState(0, landed),
     ):
-        telemetry.take(message)
+        telemetry.store(message)
     return telemetry
 
 
@@ -68,7 +68,7 @@ def sent(setpoint: Setpoint) -> SetPositionTargetLocalNed:
 )
 def test_one_that_takes_off_or_lands_is_airborne_below_10_m(landed_state, airborne):
     seen = tell(Telemetry(ORIGIN, COPTER.stands), COPTER.home_mode, armed=True, up_m=5.0)
-    seen.take(ExtendedSysState(0, landed_state))
+    seen.store(ExtendedSysState(0, landed_state))
     assert COPTER.is_airborne(seen) == airborne
 
 
@@ -96,7 +96,7 @@ def test_a_setpoint_is_a_velocity_over_ground_in_the_local_frame_and_the_nose_tu
     assert told.yaw_rad == pytest.approx(math.pi / 2)
 
 
-def test_hardly_moving_its_nose_is_held_where_it_was_told_to_be_last_and_a_leader_that_stands_turns():
+def test_hardly_moving_its_nose_is_held_where_it_was_commanded_to_be_last_and_a_leader_that_stands_turns():
     """With a yaw rate of 0 alone it drifts, and a leader's nose is the formation's direction."""
     copter = Px4Copter(7, ORIGIN, 0.4)
     for speed_mps, heading_rad, yaw_rad in ((5.0, 0.7, 0.7), (0.3, 2.0, 0.7), (0.0, 1.2, 1.2), (0.3, 2.0, 1.2)):
@@ -105,7 +105,7 @@ def test_hardly_moving_its_nose_is_held_where_it_was_told_to_be_last_and_a_leade
         assert (told.type_mask, told.yaw_rad) == (VELOCITY_AND_YAW, yaw_rad)
 
 
-def test_nobody_is_told_to_climb_or_sink_faster_than_its_model_can():
+def test_none_is_commanded_to_climb_or_sink_faster_than_its_model_can():
     copter = Px4Copter(7, ORIGIN, 0.4, VelocityLead(climb_max_mps=3.0))
     for up_m, sink_mps in ((12.0, -3.0), (-12.0, 3.0), (3.0, -2.0)):
         (told,) = copter.setpoint(Setpoint(0.0, 0.0, HERE.height_m + up_m), HERE)
@@ -113,7 +113,7 @@ def test_nobody_is_told_to_climb_or_sink_faster_than_its_model_can():
         assert told.vz_mps == sink_mps
 
 
-def test_before_and_between_setpoints_it_is_told_to_stand():
+def test_before_and_between_setpoints_it_is_commanded_to_stand():
     """PX4 accepts OFFBOARD only while it receives such messages."""
     (told,) = Px4Copter(7, ORIGIN, 0.4).stand_in()
     assert isinstance(told, SetPositionTargetLocalNed)
@@ -121,9 +121,9 @@ def test_before_and_between_setpoints_it_is_told_to_stand():
     assert (told.vx_mps, told.vy_mps, told.vz_mps, told.yaw_rate_radps) == (0.0, 0.0, 0.0, 0.0)
 
 
-def test_offboard_is_acknowledged_before_it_is_decided_on_and_is_told_until_it_is_shown(telemetry):
+def test_offboard_is_acknowledged_before_it_is_decided_on_and_is_reported_until_it_is_shown(telemetry):
     queue = CommandQueue()
-    queue.begin((COPTER.set_mode(OFFBOARD),), NOW)
+    queue.send((COPTER.set_mode(OFFBOARD),), NOW)
     for number in range(3):
         now = after(NOW, 0.7 * number)
         assert queue.due(now) is not None
@@ -170,10 +170,10 @@ def test_steps_from_the_ground_to_offboard(telemetry):
 def test_it_measures_no_airspeed_and_says_so(telemetry):
     """VFR_HUD's airspeed is NaN."""
     unheard = VfrHud(math.nan, 3.0, 0.5, 50, 20.0, 0.0)
-    telemetry.take(unheard)
+    telemetry.store(unheard)
     assert (telemetry.implausible, math.isnan(telemetry.airspeed_mps)) == (1, True)
     copters = Telemetry(ORIGIN, COPTER.stands)
-    copters.take(unheard)
+    copters.store(unheard)
     assert (copters.implausible, copters.airspeed_mps) == (0, 3.0)
 
 
@@ -217,7 +217,7 @@ def test_a_parameter_that_bounds_what_is_asked_is_named(name, value, refuses):
     checks = COPTER.checks(
         *planned(5.0, 30.0, speed_min_mps=0.0, speed_max_mps=9.0, turn_rate_max_rps=0.4, accel_max_mps2=2.5)
     )
-    assert [found for check in checks if (found := check.judge(IN_ORDER))] == []
-    (finding,) = [found for check in checks if (found := check.judge(IN_ORDER | {name: value}))]
+    assert [found for check in checks if (found := check.finding(IN_ORDER))] == []
+    (finding,) = [found for check in checks if (found := check.finding(IN_ORDER | {name: value}))]
     assert finding.text.startswith(f"{name}: found {value}")
     assert finding.refuses == refuses

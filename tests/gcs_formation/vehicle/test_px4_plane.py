@@ -60,7 +60,7 @@ def px4(telemetry: Telemetry) -> Callable[..., Telemetry]:
             SysStatus(0, 0, m.MAV_SYS_STATUS_PREARM_CHECK),
             ExtendedSysState(0, landed),
         ):
-            telemetry.take(message)
+            telemetry.store(message)
         return telemetry
 
     return told
@@ -99,24 +99,24 @@ def test_the_place_lies_where_air_and_wind_carry_it_and_never_near(heading_rad, 
     assert drift_mps == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_mode_is_told_as_main_and_sub_mode_and_confirmed_by_the_heartbeat_alone(telemetry):
+def test_a_mode_is_reported_as_main_and_sub_mode_and_confirmed_by_the_heartbeat_alone(telemetry):
     """DO_SET_MODE is acknowledged twice, the first time always with 0."""
     told = on_the_wire(PLANE.set_mode(RTL))
     assert isinstance(told, CommandLong)
     assert (told.command, told.param1, told.param2, told.param3) == (176, 1.0, 4.0, 5.0)
     assert PLANE.mode_asked(told) == RTL
     queue, effects, effect = CommandQueue(), EffectWatch(), PLANE.effect(told)
-    queue.begin((PLANE.set_mode(RTL), *PLANE.stand_down()), NOW)
+    queue.send((PLANE.set_mode(RTL), *PLANE.stand_down()), NOW)
     assert queue.due(NOW) is not None
     assert queue.acknowledge(CommandAck(176, m.MAV_RESULT_ACCEPTED), NOW) is not None
     assert queue.acknowledge(CommandAck(176, m.MAV_RESULT_DENIED), NOW) is None
     assert queue.outcome is Outcome.WAITING
     assert effect is not None
-    telemetry.take(beat(HOLD, armed=True))
+    telemetry.store(beat(HOLD, armed=True))
     effects.acknowledged(effect, telemetry, NOW)
     for _ in range(3):
-        telemetry.take(beat(HOLD, armed=True))
-    effects.judge(telemetry, after(NOW, 3.5))
+        telemetry.store(beat(HOLD, armed=True))
+    effects.update(telemetry, after(NOW, 3.5))
     assert effects.missing == "mode RTL"
 
 
@@ -129,11 +129,11 @@ def test_armed_on_the_ground_it_is_active_and_not_airborne(px4):
 
 def test_it_stands_on_the_ground_only_where_it_says_so_and_where_that_is(px4, telemetry):
     assert PLANE.is_grounded(px4(TAKEOFF, armed=True))
-    telemetry.take(ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, m.MAV_LANDED_STATE_UNDEFINED))
+    telemetry.store(ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, m.MAV_LANDED_STATE_UNDEFINED))
     assert not PLANE.is_grounded(telemetry)
     unknown = Telemetry(ORIGIN)
-    unknown.take(beat(HOLD, armed=True))
-    unknown.take(ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, m.MAV_LANDED_STATE_ON_GROUND))
+    unknown.store(beat(HOLD, armed=True))
+    unknown.store(ExtendedSysState(m.MAV_VTOL_STATE_UNDEFINED, m.MAV_LANDED_STATE_ON_GROUND))
     assert not PLANE.is_grounded(unknown)
     assert PLANE.loiter(100.0, unknown) == (PLANE.set_mode(HOLD),)
 
@@ -184,7 +184,7 @@ def test_from_the_ground_streams_take_off_and_arming_and_hold_comes_by_itself(px
     assert walk.start_up.finished
 
 
-def test_one_that_flies_in_another_mode_is_told_hold_and_nothing_else(px4, telemetry):
+def test_one_that_flies_in_another_mode_is_reported_hold_and_nothing_else(px4, telemetry):
     walk = Walk(telemetry)
     px4(RTL, armed=True, up_m=80.0, in_air=True)
     told = [command.command for command in walk.go()]
@@ -201,14 +201,14 @@ def test_take_off_waits_until_the_height_controllers_reference_has_come_up_to_th
     assert [command.command for command in walk.go()] == [m.MAV_CMD_NAV_TAKEOFF]
 
 
-def test_it_loiters_at_a_place_told_after_a_mode_whose_acknowledgement_comes_after_those_of_setpoints(px4):
+def test_it_loiters_at_a_place_reported_after_a_mode_whose_acknowledgement_comes_after_those_of_setpoints(px4):
     seen = px4(HOLD, armed=True, up_m=80.0, in_air=True)
     mode, place = PLANE.loiter(130.0, seen)
     assert PLANE.mode_asked(mode) == HOLD
     assert isinstance(place, CommandInt)
     assert (place.command, place.param1, place.param2, place.z) == (192, -1.0, 1.0, 150.0)
     queue = CommandQueue()
-    queue.begin((mode, place), NOW)
+    queue.send((mode, place), NOW)
     queue.due(NOW)
     assert queue.acknowledge(CommandAck(192, m.MAV_RESULT_ACCEPTED), NOW) is None  # the acknowledgement of a setpoint
 
@@ -217,7 +217,7 @@ def test_home_is_where_it_says_and_rtl_if_it_never_did(px4):
     seen = px4(HOLD, armed=True, up_m=80.0, in_air=True)
     assert [PLANE.mode_asked(command) for command in PLANE.go_home(130.0, seen)] == [RTL]
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(40.0, -60.0, 0.0)
-    seen.take(HomePosition(lat_rad, lon_rad, alt_m, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)))
+    seen.store(HomePosition(lat_rad, lon_rad, alt_m, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)))
     _, place = PLANE.go_home(130.0, seen)
     assert isinstance(place, CommandInt)
     north_m, east_m, _ = ORIGIN.to_ned(math.radians(place.x / 1e7), math.radians(place.y / 1e7), place.z)
@@ -267,19 +267,19 @@ def test_a_parameter_that_bounds_what_is_asked_is_named(name, value, refuses):
     flown = planned(14.0, 80.0, speed_min_mps=11.0, speed_max_mps=20.0, turn_rate_max_rps=0.25, accel_max_mps2=1.0)
     reader = ParameterReader(7, PLANE.checks(*flown), PLANE.parameter)
     two = struct.unpack("<f", struct.pack("<i", 2))[0]
-    reader.take(ParamValue("NAV_DLL_ACT", two, m.MAV_PARAM_TYPE_INT32, 900, 1), NOW)
+    reader.receive_parameter(ParamValue("NAV_DLL_ACT", two, m.MAV_PARAM_TYPE_INT32, 900, 1), NOW)
     for each, its in (in_order | {name: value}).items():
-        reader.take(ParamValue(each, its, m.MAV_PARAM_TYPE_REAL32, 900, 1), NOW)
+        reader.receive_parameter(ParamValue(each, its, m.MAV_PARAM_TYPE_REAL32, 900, 1), NOW)
     (finding,) = reader.findings()
     assert finding.text.startswith(f"{name}: found {value:g}; allowed: ")
     assert finding.refuses is refuses
 
 
 def test_a_long_text_comes_in_chunks_and_is_one(telemetry):
-    telemetry.take(Statustext(4, "a" * 50, 3, 0))
+    telemetry.store(Statustext(4, "a" * 50, 3, 0))
     assert telemetry.texts_reported == 0
-    telemetry.take(Statustext(4, "b" * 50, 3, 1))
-    telemetry.take(Statustext(4, " done\t", 3, 2))
-    telemetry.take(Statustext(4, "Ready\t"))
+    telemetry.store(Statustext(4, "b" * 50, 3, 1))
+    telemetry.store(Statustext(4, " done\t", 3, 2))
+    telemetry.store(Statustext(4, "Ready\t"))
     assert list(telemetry.texts) == ["a" * 50 + "b" * 50 + " done", "Ready"]
     assert telemetry.texts_reported == 2

@@ -47,13 +47,13 @@ def vehicle(tell, telemetry) -> Vehicle:
     tell(0, armed=True, above_home_m=100.0)
     hand_over(made, telemetry)
     answers(made, STAMP_S, NOW)
-    telemetry.take(position(100.0, STAMP_S))
+    telemetry.store(position(100.0, STAMP_S))
     telemetry.airspeed_stamp_s = STAMP_S
     return made
 
 
 def turns(vehicle: Vehicle, heading_rad: float, stamp_s: float) -> None:
-    vehicle.telemetry.take(Attitude(stamp_s, 0.0, 0.0, heading_rad, 0.0, 0.0, TURN_RADPS))
+    vehicle.telemetry.store(Attitude(stamp_s, 0.0, 0.0, heading_rad, 0.0, 0.0, TURN_RADPS))
 
 
 @pytest.mark.parametrize("apart_s", [-0.08, 0.0, 0.1])
@@ -93,15 +93,15 @@ def test_while_it_is_no_sample_it_is_said_why(vehicle: Vehicle, late_s: float) -
 def test_what_is_not_of_one_time_is_said_too_and_of_nothing_nothing_is_said(vehicle: Vehicle) -> None:
     turns(vehicle, 1.0, STAMP_S - APART_LIMIT_S - 0.1)
     assert vehicle.sampler.why_unknown(NOW) == "its position, attitude and airspeed aren't of one time"
-    vehicle.telemetry.take(Attitude(STAMP_S, 0.0, 0.0, math.nan, 0.0, 0.0, 0.0))
+    vehicle.telemetry.store(Attitude(STAMP_S, 0.0, 0.0, math.nan, 0.0, 0.0, 0.0))
     assert vehicle.sampler.why_unknown(NOW) == "it tells no attitude: ATTITUDE's yaw is NaN"
     vehicle.telemetry.airspeed_mps = math.nan
-    assert vehicle.sampler.why_unknown(NOW) == "it has told no airspeed in VFR_HUD"
+    assert vehicle.sampler.why_unknown(NOW) == "it has reported no airspeed in VFR_HUD"
     vehicle.telemetry.motion = None
     assert vehicle.sampler.why_unknown(NOW) is None
-    vehicle.source_binding.judge(vehicle.telemetry.attitude, 0, HERE, NOW)
+    vehicle.source_binding.rule(vehicle.telemetry.attitude, 0, HERE, NOW)
     assert vehicle.sampler.why_unknown(NOW) is None
-    vehicle.source_binding.judge(Attitude(5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0, HERE, NOW)
+    vehicle.source_binding.rule(Attitude(5.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0, HERE, NOW)
     assert (vehicle.sampler.why_unknown(NOW) or "").endswith(": 50 s, where the newest is of 5 s")
 
 
@@ -116,7 +116,7 @@ def test_a_place_is_carried_on_along_its_turn_and_a_multirotors_straight_on(
     assert motion is not None
     motion.north_mps, motion.east_mps, motion.climb_mps = 0.0, 22.0, 1.0
     vehicle.telemetry.stands = stands
-    vehicle.telemetry.take(Attitude(STAMP_S, 0.0, 0.0, math.pi / 2, 0.0, 0.0, turn_radps))
+    vehicle.telemetry.store(Attitude(STAMP_S, 0.0, 0.0, math.pi / 2, 0.0, 0.0, turn_radps))
     for age_s in (0.0, 0.3, 1.0, EXTRAPOLATED_S):
         state, found_s = vehicle.sampler.extrapolated(Instant(round(age_s * NANOSECONDS))) or (None, math.nan)
         assert state is not None
@@ -164,11 +164,11 @@ def test_before_its_clock_is_known_there_is_no_sample(tell, telemetry) -> None:
 def test_a_place_of_zero_and_zero_is_no_error_before_the_first_fix_and_counted_after_it() -> None:
     nowhere = GlobalPositionInt(STAMP_S, 0.0, 0.0, 100.0, 100.0, 0.0, 0.0, 0.0, 0.0)
     telemetry = Telemetry(ORIGIN)
-    telemetry.take(nowhere)
+    telemetry.store(nowhere)
     assert (telemetry.motion, telemetry.implausible) == (None, 0)
-    telemetry.take(position(100.0, STAMP_S))
+    telemetry.store(position(100.0, STAMP_S))
     known = telemetry.motion
-    telemetry.take(nowhere)
+    telemetry.store(nowhere)
     assert (telemetry.motion, telemetry.implausible) == (known, 1)
 
 
@@ -176,7 +176,7 @@ def test_a_place_of_zero_and_zero_is_no_error_before_the_first_fix_and_counted_a
 def test_a_vehicle_flies_on_while_its_stamps_begin_again(vehicle: Vehicle, turns_before: int) -> None:
     """From 2 s before it to 3 s after; positions at 10 Hz take 20 ms, and attitudes are 50 ms older."""
     turn_ms = 2**32
-    vehicle.telemetry.forget()
+    vehicle.telemetry.invalidate()
     vehicle.round_trips = RoundTrips(0.02)
     vehicle.clock = vehicle.round_trips.clock
     vehicle.source_binding = SourceBinding(vehicle.connection, vehicle.clock)
@@ -193,8 +193,8 @@ def test_a_vehicle_flies_on_while_its_stamps_begin_again(vehicle: Vehicle, turns
             asked = vehicle.round_trips.request(Instant(now - NANOSECONDS // 25))
             messages.append(Timesync((stamp_ms + 5) * 1_000_000, asked.ts1_ns))  # half of the mean wait later
         for each in messages:
-            assert vehicle.source_binding.judge(each, 0, HERE, now)[0]
-            vehicle.take(Frame(7, 1, 0, 0, 2, each, b""), now)
+            assert vehicle.source_binding.rule(each, 0, HERE, now)[0]
+            vehicle.receive(Frame(7, 1, 0, 0, 2, each, b""), now)
         sample = vehicle.sampler.new(now, flew=vehicle.flew)
         if number > 0:  # before its first answer their number of rounds is unknown
             assert sample is not None

@@ -64,11 +64,11 @@ class Told:
     def hear(self, message_id: int, message: Message | None = None, *, lost: int = 0) -> None:
         """Receive a frame, the next one after `lost` lost ones."""
         self._number += 1 + lost
-        self.vehicle.take(Frame(2, 1, self._number % 256, message_id, 2, message, b""), self.now)
+        self.vehicle.receive(Frame(2, 1, self._number % 256, message_id, 2, message, b""), self.now)
 
 
 @pytest.mark.parametrize("kind", [ArduPlane, Px4Plane])
-def test_an_aircraft_is_told_what_its_sensor_reads_at_the_true_airspeed(kind):
+def test_an_aircraft_is_reported_what_its_sensor_reads_at_the_true_airspeed(kind):
     """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488): 22 m/s read as 18.95."""
     told = Told(kind)
     told.vehicle.autopilot.airspeed_scale = AirspeedScale(3000.0, 14.0, 29.0)

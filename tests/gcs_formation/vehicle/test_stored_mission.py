@@ -28,12 +28,12 @@ def read(*items: MissionItemInt, needs_mark: bool = True) -> StoredMission:
     """Return a mission that was read without a loss."""
     mission = StoredMission(7, ORIGIN, needs_mark=needs_mark)
     assert isinstance(mission.requests(START)[0], MissionRequestList)
-    mission.take(MissionCount(255, 190, len(items)), START)
+    mission.handle(MissionCount(255, 190, len(items)), START)
     for each in items:
         (asked,) = mission.requests(START)
         assert isinstance(asked, MissionRequestInt)
         assert (asked.target_system, asked.seq) == (7, each.seq)
-        mission.take(each, START)
+        mission.handle(each, START)
     return mission
 
 
@@ -76,7 +76,7 @@ def test_what_is_lost_is_asked_for_again_and_who_never_answers_has_no_mission() 
     mission, now = StoredMission(7, ORIGIN, needs_mark=True), START
     mission.requests(now)
     assert mission.requests(after(now, 0.5)) == []
-    mission.take(MissionCount(255, 190, 2), after(now, 0.6))
+    mission.handle(MissionCount(255, 190, 2), after(now, 0.6))
     mission.requests(after(now, 0.6))
     now = after(now, 2.0)
     (again,) = mission.requests(now)

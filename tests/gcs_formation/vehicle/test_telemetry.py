@@ -19,7 +19,7 @@ ANYTHING = st.floats(allow_nan=True, allow_infinity=True)
 @given(st.tuples(*(ANYTHING,) * 9))
 def test_whatever_a_position_message_holds_only_finite_motion_is_kept(fields):
     telemetry = Telemetry(ORIGIN)
-    telemetry.take(GlobalPositionInt(*fields))
+    telemetry.store(GlobalPositionInt(*fields))
     motion = telemetry.motion
     if motion is not None:
         place = motion.north_m, motion.east_m, motion.height_m, motion.above_home_m
@@ -29,38 +29,38 @@ def test_whatever_a_position_message_holds_only_finite_motion_is_kept(fields):
 @given(st.tuples(*(ANYTHING,) * 7))
 def test_whatever_an_attitude_message_holds_only_an_attitude_is_kept(fields):
     telemetry = Telemetry(ORIGIN)
-    telemetry.take(Attitude(*fields))
+    telemetry.store(Attitude(*fields))
     kept = telemetry.attitude
     assert kept is None or (math.isfinite(kept.time_boot_s) and abs(kept.yaw_rad) <= 2 * math.pi)
 
 
 def test_an_airspeed_that_is_no_longer_a_number_is_a_reading_of_0_which_no_flight_explains(telemetry):
-    telemetry.take(VfrHud(22.0, 22.0, 0.0, 50, 100.0, 0.0))
-    telemetry.take(VfrHud(math.nan, 22.0, 0.0, 50, 100.0, 0.0))
+    telemetry.store(VfrHud(22.0, 22.0, 0.0, 50, 100.0, 0.0))
+    telemetry.store(VfrHud(math.nan, 22.0, 0.0, 50, 100.0, 0.0))
     assert telemetry.airspeed_mps == 0.0
     assert telemetry.implausible == 1
 
 
 @pytest.mark.parametrize("airspeed_mps", [math.inf, -1.0, 1e30])
 def test_an_impossible_airspeed_leaves_the_last_one(telemetry, airspeed_mps):
-    telemetry.take(VfrHud(22.0, 22.0, 0.0, 50, 100.0, 0.0))
-    telemetry.take(VfrHud(airspeed_mps, 22.0, 0.0, 50, 100.0, 0.0))
+    telemetry.store(VfrHud(22.0, 22.0, 0.0, 50, 100.0, 0.0))
+    telemetry.store(VfrHud(airspeed_mps, 22.0, 0.0, 50, 100.0, 0.0))
     assert telemetry.airspeed_mps == 22.0
 
 
 def test_latitude_and_longitude_0_are_an_autopilot_without_a_fix(telemetry):
-    telemetry.take(GlobalPositionInt(1.0, 0.0, 0.0, 584.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    telemetry.store(GlobalPositionInt(1.0, 0.0, 0.0, 584.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     assert telemetry.motion is None
 
 
 def test_an_unknown_heading_doesnt_cost_the_position(telemetry):
-    telemetry.take(position(30.0).but(hdg_rad=math.nan))
+    telemetry.store(position(30.0).but(hdg_rad=math.nan))
     assert telemetry.motion is not None
     assert telemetry.motion.height_m == pytest.approx(30.0, abs=1e-6)
 
 
 def test_velocity_down_becomes_climb_and_height_counts_from_the_origin(telemetry):
-    telemetry.take(position(100.0).but(vz_mps=-2.5, relative_alt_m=80.0))
+    telemetry.store(position(100.0).but(vz_mps=-2.5, relative_alt_m=80.0))
     assert telemetry.motion.climb_mps == 2.5
     assert telemetry.motion.height_m == pytest.approx(100.0, abs=1e-6)
     assert telemetry.motion.above_home_m == 80.0
@@ -70,14 +70,14 @@ def test_after_a_restart_nothing_is_known(telemetry, tell):
     tell(m.PLANE_MODE_GUIDED, armed=True, above_home_m=100.0)
     assert telemetry.complete
     assert telemetry.armed
-    telemetry.forget()
+    telemetry.invalidate()
     assert not telemetry.complete
     assert not telemetry.armed
     assert telemetry.custom_mode is None
 
 
 def test_armed_is_the_safety_bit_of_the_heartbeat(telemetry):
-    telemetry.take(heartbeat(m.PLANE_MODE_MANUAL, armed=False))
+    telemetry.store(heartbeat(m.PLANE_MODE_MANUAL, armed=False))
     assert not telemetry.armed
-    telemetry.take(heartbeat(m.PLANE_MODE_MANUAL, armed=True))
+    telemetry.store(heartbeat(m.PLANE_MODE_MANUAL, armed=True))
     assert telemetry.armed

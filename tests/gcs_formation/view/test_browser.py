@@ -207,7 +207,7 @@ def test_telemetry_that_is_rejected_is_marked_on_its_card_until_it_is_accepted_a
         assert mark.count() == 1
 
 
-def test_a_log_of_anybody_is_shown(flown: Flown, tab: Any) -> None:
+def test_a_log_of_any_is_shown(flown: Flown, tab: Any) -> None:
     with started("view", str(flown.finished / "flight.tlog")) as (_, address):
         tab.goto(address)
         tab.wait_for_selector("#viewer[data-ready]")

@@ -22,7 +22,7 @@ def test_an_order_is_answered_as_it_was_considered(tmp_path: Path) -> None:
             before = controller.plan.arrangement
             considered = orders.consider(order, now)
             assert controller.plan.arrangement == before
-            answers.append((considered, orders.take(order, now)))
+            answers.append((considered, orders.execute(order, now)))
     assert [given.accepted for _, given in answers] == [False] * 6 + [True] * 2
     for considered, given in answers:
         assert considered.accepted == given.accepted

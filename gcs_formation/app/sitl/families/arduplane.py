@@ -10,8 +10,8 @@ from gcs_formation.app.sitl.ardupilot import CALIBRATED, ArduPilotSimulator
 
 GRAVITY_MPS2: Final = 9.81
 BANK_TO_SPARE_DEG: Final = 10.0
-LEAST_BANK_DEG: Final = 45.0
-LEAST_MAX_MPS, MOST_MIN_MPS = 30.0, 10.0
+MIN_BANK_DEG: Final = 45.0
+MIN_MAX_MPS, MAX_MIN_MPS = 30.0, 10.0
 """AIRSPEED_MAX and AIRSPEED_MIN unless the model flies beyond."""
 
 
@@ -39,9 +39,9 @@ class ArduPlaneSimulator(ArduPilotSimulator):
             "TKOFF_ALT": 50,
             "WP_LOITER_RAD": 80,
             "AIRSPEED_CRUISE": cruise_mps,
-            "AIRSPEED_MIN": math.floor(min(model.speed_min_mps, MOST_MIN_MPS)),
-            "AIRSPEED_MAX": math.ceil(max(model.speed_max_mps, LEAST_MAX_MPS)),
-            "ROLL_LIMIT_DEG": math.ceil(max(bank_deg + BANK_TO_SPARE_DEG, LEAST_BANK_DEG)),
+            "AIRSPEED_MIN": math.floor(min(model.speed_min_mps, MAX_MIN_MPS)),
+            "AIRSPEED_MAX": math.ceil(max(model.speed_max_mps, MIN_MAX_MPS)),
+            "ROLL_LIMIT_DEG": math.ceil(max(bank_deg + BANK_TO_SPARE_DEG, MIN_BANK_DEG)),
         }
 
 

@@ -122,7 +122,7 @@ class ArduCopter(ArduPilot):
 
     def forget_setpoints(self) -> None:
         """Restart the lead compensation."""
-        self._lead.forget()
+        self._lead.reinitialise()
 
     def speaks(self, heartbeat: Heartbeat) -> bool:
         """Return whether a heartbeat is from an ArduPilot multirotor or helicopter."""
@@ -134,7 +134,7 @@ class ArduCopter(ArduPilot):
             *self._asked_and_ready(rates_hz),
             self._guided_step(),
             self._armed_step(),
-            StartUpStep("told it to take off", self.is_airborne, self._to_take_off, takes_off=True),
+            StartUpStep("commanded it to take off", self.is_airborne, self._to_take_off, takes_off=True),
             StartUpStep("waited for it to climb", self._has_climbed, timeout_s=60.0),
         )
 
@@ -145,7 +145,7 @@ class ArduCopter(ArduPilot):
             our_heartbeats(self.station.system),
             Check(
                 ("FS_GCS_ENABLE",),
-                "1 (RTL) to 7; without it a copter whose setpoints stop stands where it is until its battery fails",
+                "1 (RTL) to 7; without it a copter whose setpoints stop hovers where it is until its battery fails",
                 lambda value: value in COPTER_LEADS_AWAY,
             ),
             heartbeat_timeout("FS_GCS_TIMEOUT"),
@@ -171,7 +171,7 @@ class ArduCopter(ArduPilot):
                 "m",
                 lambda unit, size_m: (
                     f"{lowest_m(path) / size_m:g} {unit} at most, the lowest height of the path: lower "
-                    "than that, nobody climbs into others on the way home"
+                    "than that, none climbs into others on the way home"
                 ),
                 lambda value: value <= lowest_m(path),
             ),

@@ -33,7 +33,7 @@ from gcs_formation.vehicle.own_fence import FENCE_NAMES, OwnFence, ardupilot_fen
 from gcs_formation.vehicle.startup_step import Command, StartUpStep
 from gcs_formation.vehicle.telemetry import Telemetry
 
-LEAST_TAKE_OFF_M = 50
+MIN_TAKE_OFF_M = 50
 FAILSAFE_BY_HEARTBEAT = (1, 2)
 BEFORE_4_5: Final = {
     "AIRSPEED_MIN": ("ARSPD_FBW_MIN", 1.0),
@@ -108,8 +108,8 @@ class ArduPlane(ArduPilot):
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return the checks of failsafes, limits and the ground station's system id."""
-        told_mps, (least, most, trim, bank) = self.airspeed_to_tell(path.begin_mps), tuple(BEFORE_4_5)
-        envelope = envelope_checks(model, path, told_mps, least, most, trim, bank, ("refused", "refused"))
+        told_mps, (minimum, maximum, trim, bank) = self.airspeed_to_tell(path.begin_mps), tuple(BEFORE_4_5)
+        envelope = envelope_checks(model, path, told_mps, minimum, maximum, trim, bank, ("refused", "refused"))
         return (
             our_heartbeats(self.station.system),
             Check(
@@ -125,8 +125,8 @@ class ArduPlane(ArduPilot):
             heartbeat_timeout("FS_LONG_TIMEOUT"),
             Check(
                 ("TKOFF_ALT",),
-                f"{LEAST_TAKE_OFF_M} m or more; lower, the climb ends before the formation takes over",
-                lambda value: value >= LEAST_TAKE_OFF_M,
+                f"{MIN_TAKE_OFF_M} m or more; lower, the climb ends before the formation takes over",
+                lambda value: value >= MIN_TAKE_OFF_M,
                 lambda _: True,
             ),
             *(check.formerly(*BEFORE_4_5[check.names[0]]) for check in envelope),

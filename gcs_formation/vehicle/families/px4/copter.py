@@ -44,7 +44,7 @@ CUTS_MOTORS = (6, 7)
 """COM_OBL_RC_ACT: terminate, disarm."""
 WITHOUT_STICKS = (0, 3, 4, 5)
 """COM_OBL_RC_ACT: position (return, without a transmitter), return, land, hold."""
-STAND = Setpoint(0.0, 0.0, 0.0)
+HOVER = Setpoint(0.0, 0.0, 0.0)
 ANYWHERE = FlightState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 STREAM_LEADS_TO = {4: frozenset({LOITER, LAND}), 5: frozenset({LOITER})}
 """COM_OBL_RC_ACT: the same; without a transmitter others are a hold and RTL."""
@@ -83,7 +83,7 @@ class Px4Copter(Px4):
 
     def forget_setpoints(self) -> None:
         """Restart the lead compensation."""
-        self._lead.forget()
+        self._lead.reinitialise()
 
     def own_failsafe(self, values: Parameters) -> OwnFailsafe | None:
         """Return its failsafe for lost setpoints, which acts sooner than that for lost heartbeats, or both."""
@@ -96,7 +96,7 @@ class Px4Copter(Px4):
 
     def stand_in(self) -> tuple[Message, ...]:
         """Return a setpoint of zero velocity."""
-        return (velocity_setpoint(self.system, STAND, ANYWHERE, self._lead, self._nose_rad),)
+        return (velocity_setpoint(self.system, HOVER, ANYWHERE, self._lead, self._nose_rad),)
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return the checks of failsafes and limits."""
@@ -124,7 +124,7 @@ class Px4Copter(Px4):
             ),
             Check(
                 ("RTL_RETURN_ALT",),
-                "at most the lowest height of the path: lower than that, nobody climbs into others on the way home",
+                "at most the lowest height of the path: lower than that, none climbs into others on the way home",
                 lambda value: value <= lowest_m(path),
             ),
             climb_check(("MPC_Z_VEL_MAX_UP",), model),

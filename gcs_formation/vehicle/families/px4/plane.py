@@ -89,7 +89,7 @@ class Px4Plane(Px4):
     def forget_setpoints(self) -> None:
         """Restart the lead compensation."""
         if self._lead is not None:
-            self._lead.forget()
+            self._lead.reinitialise()
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return the checks of failsafe and limits."""

@@ -102,7 +102,7 @@ class Px4(Autopilot, ABC):
         return (
             *self._asked_and_ready(rates_hz),
             *self._waits(),
-            StartUpStep("told it to take off", self._is_taking_off, self._to_take_off, takes_off=True),
+            StartUpStep("commanded it to take off", self._is_taking_off, self._to_take_off, takes_off=True),
             self._armable_step(),
             self._armed_step(),
             StartUpStep("waited for it to climb", self._has_climbed, timeout_s=120.0),

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from flight_model.arrays import beside
+from flight_model.arrays import offset_points
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import Scenario, ScenarioError, dump_scenario, load_scenario
 from formation_scenario.mission_files import read_mission
@@ -161,7 +161,7 @@ def test_every_slot_of_a_plan_stays_inside_its_polygon_and_outside_its_circle_at
     at_m = planned_m(planned, np.arange(0.0, planned_end_s(planned), 0.04))
     points = planned.leader_path.at(np.concatenate((np.arange(-planned.run_in_m, 0.0, 0.9), at_m)))
     for forward_m, right_m, _ in slot_schedule(planned)[0].places_m.tolist():
-        north_m, east_m = beside(points.north_m, points.east_m, points.course_rad, forward_m, right_m)
+        north_m, east_m = offset_points(points.north_m, points.east_m, points.course_rad, forward_m, right_m)
         assert (north_m > corners[:, 0].min()).all()
         assert (north_m < corners[:, 0].max()).all()
         assert (east_m > corners[:, 1].min()).all()

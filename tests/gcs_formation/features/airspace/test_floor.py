@@ -96,7 +96,7 @@ def test_a_ridge_on_the_way_counts_also_where_the_ground_beyond_is_low() -> None
 @pytest.mark.parametrize(
     ("speed_mps", "sinks_mps", "radius_m"), [(26.0, 1.5, 600.0), (22.0, 3.0, 500.0), (18.0, 0.0, 400.0)]
 )
-def test_one_that_is_asked_down_over_a_hill_climbs_in_time_by_its_lags(
+def test_one_that_is_asked_down_over_a_hill_climbs_in_time_by_its_time_constants(
     speed_mps: float, sinks_mps: float, radius_m: float
 ) -> None:
     """Flown by model (7), told again each tick, from where it sinks before the hill until behind it."""

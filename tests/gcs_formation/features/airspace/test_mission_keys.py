@@ -13,7 +13,7 @@ from gcs_formation.features.airspace.keys import AirspaceKeys
 from tests.formation_scenario.test_mission_path import HOME, lat_lon, load, plan
 
 
-def test_without_a_feature_that_keeps_it_a_files_fence_is_not_flown_and_that_is_told(
+def test_without_a_feature_that_keeps_it_a_files_fence_is_not_flown_and_that_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     around = [lat_lon(*place) for place in ((-4000, -4000), (6000, -4000), (6000, 6000), (-4000, 6000))]

@@ -165,12 +165,12 @@ def test_a_leader_that_sinks_whatever_it_is_commanded_is_reported_and_another_le
     (leads_s,) = world.times_s("leader", 2)
     assert reported_s - sank_s < 9.0
     assert leads_s - reported_s < 0.2
-    least_m, bodies = 100.0, world.fleet.bodies[1:]
+    min_m, bodies = 100.0, world.fleet.bodies[1:]
     for _ in range(30):
         world.run(1.0)
-        least_m = min(least_m, *(body.state.height_m for body in bodies))
+        min_m = min(min_m, *(body.state.height_m for body in bodies))
     assert world.fleet.bodies[0].state.height_m == 0.0
-    assert least_m > 65.0
+    assert min_m > 65.0
     assert [body.state.height_m for body in bodies] == pytest.approx([100.0, 100.0], abs=0.5)
     assert len(world.times_s("leader")) == len(world.times_s("disobeys")) == 1
 
@@ -179,8 +179,8 @@ def test_one_that_refuses_the_speeds_it_is_commanded_is_reported_and_kept_clear_
     """As an ArduPlane does whose AIRSPEED_MAX is below the commanded speed."""
     world = World(duration_s=60)
 
-    def allow(most_mps: float) -> float:
-        asked = ParamSet(2, m.MAV_COMP_ID_AUTOPILOT1, "AIRSPEED_MAX", most_mps, m.MAV_PARAM_TYPE_REAL32)
+    def allow(max_mps: float) -> float:
+        asked = ParamSet(2, m.MAV_COMP_ID_AUTOPILOT1, "AIRSPEED_MAX", max_mps, m.MAV_PARAM_TYPE_REAL32)
         assert world.vehicle(2).parameters.set(asked)
         return world.now_s
 
@@ -309,7 +309,7 @@ def judged(
     for tick in range(400):
         now, at_s = after(START, 0.1 * tick), 0.1 * tick
         setpoint = (commanded_mps, heading_rad, commanded_m) if at_s >= commanded_from_s else (22.0, 0.0, 100.0)
-        history.begin(vec[i64]([now] * 3))
+        history.begin_tick(vec[i64]([now] * 3))
         history.note([setpoint] * 3)
         for channel in plane.setpoint_channels:
             channel.sent(CommandInt(2, 1, 0, 0), now, 0.0)
@@ -326,7 +326,7 @@ def seen() -> Telemetry:
 
 
 def beat(seen: Telemetry, mode: int) -> None:
-    seen.take(Heartbeat(1, 3, m.MAV_MODE_FLAG_SAFETY_ARMED, mode, m.MAV_STATE_ACTIVE))
+    seen.store(Heartbeat(1, 3, m.MAV_MODE_FLAG_SAFETY_ARMED, mode, m.MAV_STATE_ACTIVE))
 
 
 def test_a_command_that_shows_is_done_and_a_pilots_later_choice_is_the_pilots(seen: Telemetry) -> None:
@@ -338,7 +338,7 @@ def test_a_command_that_shows_is_done_and_a_pilots_later_choice_is_the_pilots(se
         effects.acknowledged(effect, seen, START)
         for i in range(5):
             beat(seen, GUIDED if i == 0 else following)
-            effects.judge(seen, after(START, 1.0 * i))
+            effects.update(seen, after(START, 1.0 * i))
             assert effects.missing is None
 
 
@@ -348,12 +348,12 @@ def test_an_effect_not_shown_in_two_heartbeats_and_2_s_is_missing_until_it_shows
     effect = plane.effect(plane.set_mode(LOITER))
     assert effect is not None
     effects.acknowledged(effect, seen, START)
-    effects.judge(seen, after(START, 4.0))
+    effects.update(seen, after(START, 4.0))
     assert effects.missing is None  # nothing heard since
     for _ in range(2):
         beat(seen, GUIDED)
-    effects.judge(seen, after(START, 4.1))
+    effects.update(seen, after(START, 4.1))
     assert effects.missing is not None
     beat(seen, LOITER)
-    effects.judge(seen, after(START, 5.0))
+    effects.update(seen, after(START, 5.0))
     assert effects.missing is None

@@ -67,7 +67,7 @@ class Ground:
         for tenth in range(round(10 * seconds)):
             now, at_s = after(START, 0.1 * tenth), 0.1 * tenth
             speeds_mps = (22.0, commanded_mps(at_s) if commanded(at_s) else 22.0, 22.0)
-            self.controller.history.begin(vec[i64]([now] * 3))
+            self.controller.history.begin_tick(vec[i64]([now] * 3))
             heights_m = 100.0, commanded_m(at_s), 100.0
             commands = zip(speeds_mps, heights_m, strict=True)
             self.controller.history.note([(each_mps, commanded_rad(at_s), each_m) for each_mps, each_m in commands])
@@ -109,10 +109,10 @@ def test_one_that_obeys_is_not_reported_and_one_that_does_so_again_is_said_to() 
     assert ground.notes.of("obeys", 2) == ["follows its setpoints again"]
 
 
-def test_a_command_that_is_refused_and_told_again_is_reported_once_and_when_it_is_accepted() -> None:
+def test_a_command_that_is_refused_and_commanded_again_is_reported_once_and_when_it_is_accepted() -> None:
     ground = Ground()
     vehicle = ground.second()
-    vehicle.commands.begin((vehicle.autopilot.set_mode(m.PLANE_MODE_LOITER),), START, insist=True)
+    vehicle.commands.send((vehicle.autopilot.set_mode(m.PLANE_MODE_LOITER),), START, insist=True)
     for tenth in range(130):
         now = after(START, 0.1 * tenth)
         if vehicle.commands.due(now) is not None:
@@ -127,11 +127,11 @@ def test_a_command_that_is_refused_and_told_again_is_reported_once_and_when_it_i
 def test_a_refused_command_that_another_replaced_is_not_said_to_be_obeyed() -> None:
     ground = Ground()
     vehicle = ground.second()
-    vehicle.commands.begin((vehicle.autopilot.set_mode(m.PLANE_MODE_LOITER),), START, insist=True)
+    vehicle.commands.send((vehicle.autopilot.set_mode(m.PLANE_MODE_LOITER),), START, insist=True)
     vehicle.commands.due(START)
     vehicle.commands.acknowledge(CommandAck(m.MAV_CMD_DO_SET_MODE, m.MAV_RESULT_DENIED), START)
     ground.monitor.judge_refusals(after(START, 2.0))
-    vehicle.commands.begin((), after(START, 3.0))
+    vehicle.commands.send((), after(START, 3.0))
     ground.monitor.judge_refusals(after(START, 3.0))
     assert len(ground.notes.of("disobeys", 2)) == 1
     assert ground.notes.of("obeys", 2) == []
@@ -290,7 +290,7 @@ def test_an_order_that_is_acknowledged_and_not_obeyed_is_reported_with_the_mode_
 
     def beat(mode: int, at_s: float) -> None:
         armed, flies = m.MAV_MODE_FLAG_SAFETY_ARMED, m.MAV_STATE_ACTIVE
-        follower.telemetry.take(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, armed, mode, flies))
+        follower.telemetry.store(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, armed, mode, flies))
         ground.monitor.judge_commands(after(START, at_s))
 
     beat(m.PLANE_MODE_GUIDED, 0.0)
@@ -322,7 +322,7 @@ def test_setpoints_are_refused_when_none_is_accepted_for_a_second_and_two_heartb
             follower.telemetry.heartbeats += 1
         ground.monitor.judge_refusals(now)
     assert ground.notes.of("disobeys", 2) == ["refuses its setpoints: GUIDED_CHANGE_SPEED: DENIED"] * said
-    channel.forget()
+    channel.invalidate()
     ground.monitor.judge_refusals(after(START, 2.0))
     assert ground.notes.of("obeys", 2) == [], "none was accepted: the run is at its end, or the vehicle was left"
     channel.acknowledged(after(START, 2.1))

@@ -104,8 +104,8 @@ def test_a_follower_beyond_its_margin_loiters_where_that_is_asked_for_and_comes_
     (begun_s,) = [event["t_s"] for event in events if event["text"] == "flying"]
     near, clear = (event["t_s"] - begun_s for event in events if event["kind"] == "delay_margin")
     assert 2.0 < near < 8.0
-    (told_s,) = [event["t_s"] - begun_s for event in events if event["text"] == "told to loiter"]
-    assert near <= told_s < 8.0
+    (reported_s,) = [event["t_s"] - begun_s for event in events if event["text"] == "told to loiter"]
+    assert near <= reported_s < 8.0
     assert 12.0 < clear < 18.0
     assert events[-1]["text"] == "done"
     last = [event["text"] for event in events if event["kind"] == "member" and event.get("vehicle") == "2"][-1]
@@ -118,10 +118,10 @@ def test_a_hold_that_lasts_is_bounded_and_its_follower_comes_back_with_lower_gai
     flown = fly([{"at_s": 2, "delay_ms": 700}], duration_s=200, on_delay="hold")
     events = [json.loads(line) for line in (flown.directory / "events.jsonl").read_text().splitlines()]
     (begun_s,) = [event["t_s"] for event in events if event["text"] == "flying"]
-    (told_s,) = [event["t_s"] - begun_s for event in events if event["text"] == "told to loiter"]
+    (reported_s,) = [event["t_s"] - begun_s for event in events if event["text"] == "told to loiter"]
     (back_s,) = [
         event["t_s"] - begun_s for event in events if event["text"].startswith("was held for 20 s by its dela")
     ]
-    assert back_s - told_s == pytest.approx(20.0, abs=1.5)
+    assert back_s - reported_s == pytest.approx(20.0, abs=1.5)
     assert gains_events(flown)
     flown.stays_within(1.0, from_s=190)

@@ -54,8 +54,8 @@ class Formation:
 
     def look(self, leader: Any = None) -> float:
         """Look once; return the follower's share of the margin in use."""
-        lags_off = [[0.0] * len(self.vehicles)] * 3
-        self.watch.watch(NOW, self.leader if leader is None else leader, lags_off)
+        time_constants_off = [[0.0] * len(self.vehicles)] * 3
+        self.watch.check_loops(NOW, self.leader if leader is None else leader, time_constants_off)
         return float(self.watch.used[1])
 
     def use(self, share: float) -> float:
@@ -72,7 +72,7 @@ class Formation:
             used: list[float] = []
             for one_way_s in (0.0, 0.1):
                 self.delay(self.follower, one_way_s)
-                fresh.watch(NOW, self.leader, NONE_OFF)
+                fresh.check_loops(NOW, self.leader, NONE_OFF)
                 used.append(float(fresh.used[1]))
             self._full = used[0], (used[1] - used[0]) / 0.1
         return self._full
@@ -217,7 +217,7 @@ def test_with_prediction_scatter_uses_the_margin_and_delay_does_not_and_wrong_la
     assert formation.look() == 0.0
     formation.delay(formation.follower, 0.2, scatter_s=0.02)
     assert [formation.look() for _ in range(LASTING_LOOKS)][-1] > 0.0
-    formation.watch.watch(NOW, formation.leader, [[0.0, 0.0], [0.0, 3.0], [0.0, 0.0]])
+    formation.watch.check_loops(NOW, formation.leader, [[0.0, 0.0], [0.0, 3.0], [0.0, 0.0]])
     (said,) = formation.notes
     assert said.text.endswith(
         "of its delay margin: heading doesn't follow as its model says, time constants are 300% off"
@@ -244,12 +244,12 @@ class Slow:
     def look(self, delay_s: float, *, begins: bool = False) -> Any:
         """Look once, with a link of this delay each way; return the law to fly from then on."""
         self.clocks[1].one_way_s, self._retuned = delay_s, None
-        self.watch.watch(NOW, begins=begins)
+        self.watch.check_loops(NOW, begins=begins)
         assert self._retuned in (None, self.watch.scenario)
         return self._retuned and self._retuned.law
 
 
-def test_gains_by_design_are_for_the_delay_that_is_measured_before_anybody_is_commanded() -> None:
+def test_gains_by_design_are_for_the_delay_that_is_measured_before_any_is_commanded() -> None:
     slow, known = Slow(), Slow("law.design_delay_ms=300").given
     assert slow.look(0.298, begins=True) == known
     (said,) = slow.notes

@@ -18,7 +18,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from formation_scenario.orders import End
 from gcs_formation.features.ending.ending import UNANSWERED_FOR_S, SeparatedEnding
-from gcs_formation.features.ending.stack import place_of
+from gcs_formation.features.ending.holding_stack import place_of
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.vehicle.command_delivery import REFUSES_S, Outcome
@@ -50,9 +50,9 @@ def place() -> Place:
 
 def tell(vehicle: Vehicle, mode: int, height_m: float, *, armed: bool = True, status: int = FLYING) -> None:
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(50.0 * vehicle.identity.system, 0.0, -height_m)
-    vehicle.telemetry.take(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, height_m, 0.0, 0.0, 0.0, 0.0))
+    vehicle.telemetry.store(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, height_m, 0.0, 0.0, 0.0, 0.0))
     base = m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
-    vehicle.telemetry.take(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, base, mode, status))
+    vehicle.telemetry.store(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA, base, mode, status))
 
 
 def beat(mode: int, status: int) -> Heartbeat:
@@ -61,7 +61,7 @@ def beat(mode: int, status: int) -> Heartbeat:
 
 def beats(vehicle: Vehicle, mode: int, status: int) -> None:
     """Let an armed vehicle send its mode and status, but no position."""
-    vehicle.telemetry.take(beat(mode, status))
+    vehicle.telemetry.store(beat(mode, status))
 
 
 def sent_to(vehicle: Vehicle, now: Instant = NOW, until: int | None = None) -> list[tuple[int, float]]:
@@ -114,7 +114,7 @@ def loiters_at(height_m: float) -> list[tuple[int, Any]]:
 def ending(*vehicles: Vehicle, manner: End = "loiter", ground: GroundFloor | None = None) -> SeparatedEnding:
     ground = ground or GroundFloor(load_scenario(scenario()))
     end = SeparatedEnding({vehicle.identity: vehicle for vehicle in vehicles}, ground, manner)
-    end.begin(NOW)
+    end.start(NOW)
     end.leave(NOW)
     return end
 
@@ -147,7 +147,7 @@ def test_the_way_home_is_to_where_the_vehicle_says_that_its_home_is(place: Place
     ending(vehicle, manner="rtl", ground=ground)
     assert sent_to(vehicle)[-1][1] == pytest.approx(100.0, abs=0.1)
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(50.0, 4000.0, 0.0)
-    vehicle.telemetry.take(HomePosition(lat_rad, lon_rad, alt_m, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)))
+    vehicle.telemetry.store(HomePosition(lat_rad, lon_rad, alt_m, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)))
     ending(vehicle, manner="rtl", ground=ground)
     assert sent_to(vehicle)[-1][1] == pytest.approx(150.0, abs=1.5)
 
@@ -181,7 +181,7 @@ def test_a_vehicle_armed_on_the_ground_is_disarmed(place: Place):
 
 def test_arming_that_is_under_way_is_called_off(place: Place):
     vehicle = place(1, m.PLANE_MODE_TAKEOFF, 0.0, armed=False, status=WAITING)
-    vehicle.commands.begin(vehicle.autopilot.start_up(vehicle.rates_hz)[4].commands(vehicle.telemetry), NOW)
+    vehicle.commands.send(vehicle.autopilot.start_up(vehicle.rates_hz)[4].commands(vehicle.telemetry), NOW)
     ending(vehicle)
     assert sent_to(vehicle) == [(m.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)]
 
@@ -208,7 +208,7 @@ def test_a_vehicle_that_its_pilot_has_taken_stays_the_pilots(place: Place):
     assert end.pending() == []
 
 
-def test_a_vehicle_that_isnt_heard_is_told_but_not_waited_for(place: Place):
+def test_a_vehicle_that_isnt_heard_is_reported_but_not_waited_for(place: Place):
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
     vehicle.connection.state = LinkState.LOST
     end = ending(vehicle)
@@ -226,9 +226,9 @@ ABOARD = pytest.mark.parametrize("status", [FLYING, m.MAV_STATE_CRITICAL, m.MAV_
 
 
 @ABOARD
-def test_one_that_is_armed_and_has_told_no_position_circles_and_is_not_disarmed(place: Place, status: int):
+def test_one_that_is_armed_and_has_reported_no_position_circles_and_is_not_disarmed(place: Place, status: int):
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
-    vehicle.telemetry.forget()
+    vehicle.telemetry.invalidate()
     beats(vehicle, m.PLANE_MODE_GUIDED, status)
     end = ending(vehicle)
     assert sent_to(vehicle)[0] == CIRCLES
@@ -254,7 +254,7 @@ def test_one_that_restarted_in_flight_circles_until_it_is_known_to_stand(place: 
     assert sent_to(vehicle) == [DISARMED]
 
 
-def test_one_that_restarted_on_the_ground_is_told_nothing(place: Place):
+def test_one_that_restarted_on_the_ground_is_commanded_nothing(place: Place):
     vehicle = place(1, m.PLANE_MODE_MANUAL, 0.0, armed=False, status=WAITING)
     vehicle.restart()
     end = ending(vehicle)
@@ -275,18 +275,18 @@ def test_disarming_is_withdrawn_as_soon_as_the_vehicle_turns_out_to_fly(place: P
     """This happens while the others are still spreading the formation."""
     vehicle = place(1, m.PLANE_MODE_TAKEOFF, 0.0, status=WAITING)
     end = SeparatedEnding({vehicle.identity: vehicle}, GroundFloor(load_scenario(scenario())))
-    end.begin(NOW)
+    end.start(NOW)
     assert vehicle.commands.due(NOW) is not None
-    end.judge(NOW)
+    end.command_by_state(NOW)
     assert vehicle.commands.outcome is Outcome.WAITING
     tell(vehicle, m.PLANE_MODE_TAKEOFF, 1.0)
-    end.judge(NOW)
+    end.command_by_state(NOW)
     assert vehicle.commands.due(LATER) is None
     end.leave(LATER)
     assert vehicle.commands.due(LATER) is None, "it climbs out"
 
 
-def test_one_that_refuses_to_circle_is_told_again_and_is_not_done(place: Place):
+def test_one_that_refuses_to_circle_is_commanded_again_and_is_not_done(place: Place):
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
     end = ending(vehicle)
     for _ in range(3):
@@ -334,7 +334,7 @@ def test_one_that_takes_its_height_after_all_goes_home(place: Place):
     assert end.pending() == []
 
 
-def test_one_that_refuses_to_go_home_circles_where_it_is_and_is_told_again(place: Place):
+def test_one_that_refuses_to_go_home_circles_where_it_is_and_is_commanded_again(place: Place):
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
     end = ending(vehicle, manner="rtl")
     assert accept(vehicle) == m.MAV_CMD_DO_CHANGE_ALTITUDE
@@ -357,7 +357,7 @@ def test_one_that_refuses_its_height_on_its_way_home_turns_back_to_circle_for_go
     assert sent_to(vehicle, after(NOW, REFUSES_S)) == loiters_at(100.0)
 
 
-def test_one_that_never_answers_that_it_is_to_go_home_is_told_to_circle_where_it_is(place: Place):
+def test_one_that_never_answers_that_it_is_to_go_home_is_commanded_to_circle_where_it_is(place: Place):
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
     end = ending(vehicle, manner="rtl")
     late = after(NOW, UNANSWERED_FOR_S + 0.1)
@@ -365,7 +365,7 @@ def test_one_that_never_answers_that_it_is_to_go_home_is_told_to_circle_where_it
     assert sent_to(vehicle, late)[:2] == loiters_at(100.0)
 
 
-def test_nobody_lands_if_one_refuses_its_height(place: Place):
+def test_none_lands_if_one_refuses_its_height(place: Place):
     vehicles = [place(i, m.PLANE_MODE_GUIDED, 100.0) for i in (1, 2)]
     end = ending(*vehicles, manner="land")
     refuse(vehicles[0], m.MAV_RESULT_UNSUPPORTED)

@@ -67,7 +67,7 @@ def test_what_gusts_do_to_a_damped_loop_is_none_in_a_thousand_seconds(damping):
     assert steady_at(3.0 * errors_m / errors_m.std()) == []
 
 
-def test_it_ends_when_the_swings_do_and_what_is_forgotten_begins_anew():
+def test_it_ends_when_the_swings_do_and_what_is_forgotten_begins_again():
     ends_s = TIMES_S[-1]
     found = steady_at(np.concatenate((sine(4.5), np.zeros(TIMES_S.size))))
     assert ends_s < found[-1] < ends_s + PERIOD_S
@@ -75,7 +75,7 @@ def test_it_ends_when_the_swings_do_and_what_is_forgotten_begins_anew():
     for time_s, error_m in zip(TIMES_S.tolist(), sine(4.5).tolist(), strict=True):
         swings.add(time_s, error_m)
     assert swings.steady(ends_s, still=False)
-    swings.forget()
+    swings.clear()
     assert not swings.steady(ends_s, still=True)
 
 

@@ -51,7 +51,7 @@ class Link:
         self.vehicle.bytes_in += 1000
         self.now = after(self.now, 1.0)
         self.load.look(self.now, free_percent)
-        self.budget.watch(self.now)
+        self.budget.due_requests(self.now)
 
     def seconds(self, count: float, *given: float) -> None:
         for _ in range(round(count)):
@@ -105,7 +105,7 @@ def test_answers_that_are_under_way_since_the_link_has_become_longer_are_not_los
         assert not link.load.full
 
 
-def test_losses_are_told_by_direction() -> None:
+def test_losses_are_reported_by_direction() -> None:
     link = Link()
     link.seconds(10, AT_ONCE, 0.2)
     assert link.load.lost_down == pytest.approx(0.2)

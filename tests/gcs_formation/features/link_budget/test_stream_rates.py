@@ -42,7 +42,7 @@ class Streamed:
                 for _ in range(rate_hz):
                     self._number += 1
                     message = Wind(0.0, 3.0, 0.0) if message_id == WIND else None
-                    self.vehicle.take(Frame(2, 1, self._number % 256, message_id, 2, message, b""), now)
+                    self.vehicle.receive(Frame(2, 1, self._number % 256, message_id, 2, message, b""), now)
             for each in self.streams.requests(self.vehicle.rates_hz, unread_hz, now):
                 assert isinstance(each, CommandLong)
                 asked.append((round(each.param1), round(each.param2)))
@@ -50,7 +50,7 @@ class Streamed:
         return asked
 
 
-def test_what_nobody_reads_is_asked_for_rarely_also_of_kinds_that_are_unknown_here() -> None:
+def test_what_none_reads_is_asked_for_rarely_also_of_kinds_that_are_unknown_here() -> None:
     assert sorted(Streamed().hear(8, {WIND: 1, RAW_IMU: 4})) == [(RAW_IMU, 10_000_000), (WIND, 10_000_000)]
 
 

@@ -46,15 +46,17 @@ def rates_hz(world: World, number: int) -> list[float]:
         *(pytest.param(*each, marks=pytest.mark.slow) for each in ((1, stopped), (2, unasked), (2, slowed))),
     ],
 )
-def test_a_vehicle_that_another_ground_station_has_told_to_send_less_is_asked_again(number: int, said: Any) -> None:
+def test_a_vehicle_that_another_ground_station_has_commanded_to_send_less_is_asked_again(
+    number: int, said: Any
+) -> None:
     world = World(duration_s=16 if said is slowed else 10)
     world.fly_to(2.0)
-    told_s = tell(world, number, said(number))
+    reported_s = tell(world, number, said(number))
     world.run(6.0)
     assert rates_hz(world, number) == [10.0, 5.0, 10.0]  # of attitudes half as many
     world.run()
     asked_s, *_ = world.times_s("streams", number, "asked again")
-    assert asked_s - told_s < 2.5
+    assert asked_s - reported_s < 2.5
     again_s = world.times_s("streams", number, "again")[-1]
     assert again_s - asked_s < (10.0 if said is slowed else 4.0)  # seen after 2 s of 10 Hz, 8 s of 2 Hz, and the delay
     assert world.times_s("streams") == world.times_s("streams", number)
@@ -65,7 +67,7 @@ def test_a_vehicle_that_another_ground_station_has_told_to_send_less_is_asked_ag
 
 
 @pytest.mark.slow
-def test_heartbeats_that_were_switched_off_are_asked_for_before_anybody_is_told_to_loiter() -> None:
+def test_heartbeats_that_were_switched_off_are_asked_for_before_any_is_commanded_to_loiter() -> None:
     """At 3.5 s, after three missing heartbeats; the next one comes at once."""
     world = World(duration_s=9)
     world.fly_to(2.0)
@@ -81,7 +83,7 @@ def test_heartbeats_that_were_switched_off_are_asked_for_before_anybody_is_told_
 
 
 @pytest.mark.parametrize("number", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_a_vehicle_that_refuses_to_send_heartbeats_is_told_to_loiter_and_comes_back_with_them(
+def test_a_vehicle_that_refuses_to_send_heartbeats_is_commanded_to_loiter_and_comes_back_with_them(
     number: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its mode is unknown then; if it leads, another takes over. Its telemetry goes on all the time."""
@@ -92,8 +94,8 @@ def test_a_vehicle_that_refuses_to_send_heartbeats_is_told_to_loiter_and_comes_b
     with monkeypatch.context() as patch:
         patch.setitem(HANDLERS, m.MAV_CMD_SET_MESSAGE_INTERVAL, lambda *_: m.MAV_RESULT_DENIED)
         world.run(9.5)
-        (told_s,) = world.times_s("member", number, "told to loiter")
-        assert 4.0 <= told_s - stopped_s <= 5.2
+        (reported_s,) = world.times_s("member", number, "told to loiter")
+        assert 4.0 <= reported_s - stopped_s <= 5.2
         assert world.vehicle(number).pilot.mode.name == "LOITER"
         assert not world.times_s("member", 3, "loiter")
         assert bool(world.times_s("leader")) == (number == 1)
@@ -110,7 +112,7 @@ def test_heartbeats_lost_on_the_way_are_not_missing() -> None:
 
 
 @pytest.mark.slow
-def test_whoever_keeps_switching_telemetry_off_is_answered_ever_more_rarely_and_the_vehicle_loiters() -> None:
+def test_any_that_keeps_switching_telemetry_off_is_answered_ever_more_rarely_and_the_vehicle_loiters() -> None:
     """It's asked after 2.5, 5, 10 s; after 5 s without telemetry it is told to loiter, as after any silence."""
     world = World(duration_s=40)
     world.fly_to(2.0)
@@ -150,11 +152,11 @@ def without(message_id: int, monkeypatch: pytest.MonkeyPatch) -> tuple[World, fl
     return world, stopped_s
 
 
-def test_without_a_position_a_vehicle_is_told_to_loiter(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_position_a_vehicle_is_commanded_to_loiter(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing older than 5 s is predicted from."""
     world, stopped_s = without(m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, monkeypatch)
-    (told_s,) = world.times_s("member", 2, "told to loiter")
-    assert told_s - stopped_s == pytest.approx(5.0, abs=0.3)
+    (reported_s,) = world.times_s("member", 2, "told to loiter")
+    assert reported_s - stopped_s == pytest.approx(5.0, abs=0.3)
     assert not world.times_s("member", 3, "loiter")
 
 

@@ -57,7 +57,7 @@ class Sender:
             self.now = after(self.now, STEP_S)
             if not silent:
                 self._send()
-            self._watch.watch(self.now)
+            self._watch.check_all(self.now)
             while (command := self.vehicle.commands.due(self.now)) is not None:
                 self.asked.append((self.now / NANOSECONDS, int(command.param1), command.param2 * 1e-6))
                 self.vehicle.commands.acknowledge(CommandAck(command.command, self.answer), self.now)

@@ -132,7 +132,7 @@ def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -
             now = Instant(round(now_s * NANOSECONDS))
             setpoints = wanted(vehicles, now_s + vehicles.delay_s)
             acts, since = np.full(count, now + reckoned), np.full(count, max(0, now - reckoned))
-            history.begin(vec[i64](acts.tolist()))
+            history.begin_tick(vec[i64](acts.tolist()))
             state = tables.predict(history, seen, since, acts, each)
             if rule:
                 side = _give_way(picture(vehicles, state, setpoints), side, setpoints)

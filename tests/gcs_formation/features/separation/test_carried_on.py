@@ -61,7 +61,7 @@ class Copter:
 
 @pytest.mark.parametrize("accelerates_s", [0.6, 1.0, 1.5, 6.0])
 @pytest.mark.parametrize("then_mps", [(0.0, 0.0), (0.0, 8.0), (-4.0, 0.0)])
-def test_a_copter_told_otherwise_while_it_accelerates_is_where_it_is_predicted(
+def test_a_copter_commanded_otherwise_while_it_accelerates_is_where_it_is_predicted(
     accelerates_s: float, then_mps: tuple[float, float]
 ) -> None:
     """Predicted without a limit of jerk, 11 of the 12 are up to 2.4 to 8.4 m off within 4 s."""

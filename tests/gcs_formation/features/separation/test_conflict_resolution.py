@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from flight_model.vehicle_arrays import Setpoints
 from gcs_formation.features.separation.conflict_resolution import resolve
-from gcs_formation.features.separation.traffic import BESIDE_M
+from gcs_formation.features.separation.traffic import MARGIN_M
 from tests.gcs_formation.features.separation.encounters import KEPT_M, Vehicles, encounter, picture, wanted
 
 LIMIT_M = 5.0
@@ -162,5 +162,5 @@ def test_the_air_that_carries_a_vehicle_is_part_of_its_way(
     decided = resolve(picture(vehicles, state, commands), np.zeros(2))
     assert bool(decided.side[1]) == manoeuvres
     if manoeuvres:
-        pass_m = 100.0 + KEPT_M + BESIDE_M
+        pass_m = 100.0 + KEPT_M + MARGIN_M
         assert decided.setpoints.height_m[1] == pytest.approx(pass_m - 4.0 * rising_mps)

@@ -157,7 +157,7 @@ def test_heavy_turbulence_brings_near_slots_and_those_that_circle_together_in_fe
 
 
 @pytest.mark.slow
-def test_vehicles_that_climb_a_third_as_fast_as_believed_are_kept_apart(fly: Fly) -> None:
+def test_vehicles_that_climb_a_third_as_fast_as_declared_are_kept_apart(fly: Fly) -> None:
     """As they turn across the way of one flown straight on by its pilot, and near one that doesn't respond."""
     slow = {"vehicles": {"count": 3, "true_model": {"climb_max_mps": 1.0}}}
     assert fly(**TURN, **slow, start=START).to_dict()["safety"]["min_separation_m"] > 6.5
@@ -206,7 +206,7 @@ def test_multirotors_keep_apart_from_one_whose_pilot_stops_it_or_sends_it_back(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("model", "distance_m", "whose"), [("arducopter", 12, 1), ("px4_copter", 25, 2)])
-def test_multirotors_that_stand_keep_apart_from_one_that_is_sent_home_over_a_long_link(
+def test_multirotors_that_hover_keep_apart_from_one_that_is_sent_home_over_a_long_link(
     fly: Fly, model: str, distance_m: float, whose: int
 ) -> None:
     """When detected by its acceleration, it passed at 4.3 m; when they dithered in front of it, at 2.6 m."""

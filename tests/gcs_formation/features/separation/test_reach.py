@@ -97,7 +97,7 @@ def test_the_broad_phase_check_on_plain_numbers_finds_a_pair_where_there_is_one(
     accel = np.hypot(*made.traffic.accel_mps2).tolist()
     slots_m = [(forward, right, up) for forward, right, up in made.slots_m.T.tolist()]
     for _ in range(2):  # the second time in the order found
-        look.begin(states[0], setpoints[0][0], setpoints[0][1])
+        look.begin_test(states[0], setpoints[0][0], setpoints[0][1])
         for place, (state, commands) in enumerate(zip(states, setpoints, strict=True)):
             look.see(
                 place, state, slots_m[place], commands[0], commands[1], early_s[place], timing_s[place], accel[place]

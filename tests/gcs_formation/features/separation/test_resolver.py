@@ -17,7 +17,7 @@ from flight_model.slot import UNKNOWN, Triple
 from flight_model.vehicle_arrays import FlightStates
 from formation_scenario import load_scenario
 from gcs_formation.control.fuzzy_pid import NO_GAINS
-from gcs_formation.control.situation import Decided
+from gcs_formation.control.situation import LawOutput
 from gcs_formation.estimation.projection import Measured
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.separation.resolver import ConflictResolver
@@ -49,7 +49,7 @@ class Crossing:
         """Height of the second vehicle, and the height at which it was told to loiter."""
         self.stands_after_s, self.returns_after_s = math.inf, 0.0
         self.home_m: tuple[float, float] | None = None
-        self.heard_s: float | None = None
+        self.received_s: float | None = None
         """Time until which the second is known to have heard setpoints; None: now."""
         self.seen_s: float | None = None
         """Time of its last known position; None: now."""
@@ -63,7 +63,7 @@ class Crossing:
         links[1].holds_at_m = self.holds_at_m
         links[1].stands_after_s, links[1].returns_after_s = self.stands_after_s, self.returns_after_s
         links[1].home_m = self.home_m
-        links[1].heard = now if self.heard_s is None else after(Instant(0), self.heard_s)
+        links[1].heard = now if self.received_s is None else after(Instant(0), self.received_s)
         tick = Tick(now, 0.0, "flying", 0, links, [age_s] * 2, [0.0] * 2, ours)
         tick.state = tables.states(table)
         commanded_mps = [each.airspeed_mps if self.commanded_mps is None else self.commanded_mps for each in tick.state]
@@ -71,10 +71,10 @@ class Crossing:
         tick.setpoints = [(mps, each.heading_rad, each.height_m) for mps, each in commands]
         tick.slots_m = self.slots_m
         tick.decided = [
-            Decided(column, tick.state[column], tick.setpoints[column], error_m, UNKNOWN, NO_GAINS)
+            LawOutput(column, tick.state[column], tick.setpoints[column], error_m, UNKNOWN, NO_GAINS)
             for column, error_m in enumerate(self.error_m)
         ]
-        self.history.begin(vec[i64]([now] * 2))
+        self.history.begin_tick(vec[i64]([now] * 2))
         self.history.note(tick.setpoints)
         planned = None if planned_m is None else np.full((2, 2), planned_m)
         seen: list[int] = [now, now if self.seen_s is None else after(Instant(0), self.seen_s)]
@@ -103,7 +103,7 @@ def test_of_two_that_are_commanded_the_one_that_surely_receives_manoeuvres() -> 
         each.north, each.east = np.array((0.0, 0.0)), np.array((0.0, 24.0))
         each.heading[:] = (0.0, -0.5)
     assert heard.keep(at_s=10.0).yielding == [False, True]
-    unheard.heard_s = 9.1
+    unheard.received_s = 9.1
     assert unheard.keep(at_s=10.0).yielding[0], "requests and their answers are 0.27 s apart where nothing is lost"
 
 
@@ -323,7 +323,7 @@ def column_of_copters() -> Crossing:
 @pytest.mark.parametrize(
     ("stands_after_s", "silent_s", "gives"), [(3.0, 2.4, False), (3.0, 2.6, True), (math.inf, 9.0, False)]
 )
-def test_one_that_receives_nothing_any_more_may_stand_where_it_is_that_kind(
+def test_one_that_receives_nothing_any_more_may_hover_where_it_is_that_kind(
     stands_after_s: float, silent_s: float, gives: bool
 ) -> None:
     """An ArduCopter stops 3 s after its last setpoint (GUID_TIMEOUT); those behind flew into it."""
@@ -331,7 +331,7 @@ def test_one_that_receives_nothing_any_more_may_stand_where_it_is_that_kind(
     column.stands_after_s = stands_after_s
     for at_s in (10.0, 10.1):
         column.keep(at_s=at_s)
-    column.heard_s = 10.1
+    column.received_s = 10.1
     assert column.keep(at_s=10.1 + silent_s).yielding[0] is gives
 
 
@@ -342,7 +342,7 @@ def standing_column(home_m: tuple[float, float] | None) -> Crossing:
     column.commanded_mps, column.speed[:] = 0.0, 0.0
     for at_s in (10.0, 10.1):
         column.keep(at_s=at_s)
-    column.heard_s = 10.1
+    column.received_s = 10.1
     return column
 
 
@@ -401,7 +401,7 @@ def test_who_is_sent_down_is_clear_of_ground_that_the_wind_takes_it_over() -> No
     assert floor_m(keys, 0.0, wind_east_mps=10.0) == pytest.approx(40.0 + 5.0 + 10.0, abs=2.0)
 
 
-def test_over_ground_that_is_not_known_no_vehicle_is_sent_down_and_anybody_may_be_sent_up(tmp_path: Path) -> None:
+def test_over_ground_that_is_not_known_no_vehicle_is_sent_down_and_any_may_be_sent_up(tmp_path: Path) -> None:
     """The tile's values end 1112 m north of the origin."""
     heights_m = np.full((1201, 1201), 30, dtype=">i2")
     heights_m[:599] = -32768

@@ -76,7 +76,7 @@ def flown(climb_mps: float, models: AutopilotModels) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("climb_mps", [0.0, 0.35, 2.0])
-def test_those_that_climb_with_lags_of_their_own_get_back_and_keep_the_distance(climb_mps: float) -> None:
+def test_those_that_climb_with_time_constants_of_their_own_get_back_and_keep_the_distance(climb_mps: float) -> None:
     until_s, min_m = flown(climb_mps, lags(QUICK_S, SLOW_S))
     assert until_s < 6.0
     assert min_m > KEPT_M

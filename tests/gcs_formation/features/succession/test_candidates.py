@@ -33,5 +33,5 @@ def test_random_differences_between_links_do_not_decide():
     assert best_successor([GOOD, alike], SPACING_M) == 0
 
 
-def test_without_candidates_nobody_leads():
+def test_without_candidates_none_leads():
     assert best_successor([], SPACING_M) is None

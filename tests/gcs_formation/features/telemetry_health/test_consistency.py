@@ -165,7 +165,7 @@ def test_outliers_among_samples_are_no_fault():
     assert flown.fly(300.0, place_of=outlying) is None
 
 
-def test_noise_that_nobody_declared_is_known_within_seconds():
+def test_noise_that_none_declared_is_known_within_seconds():
     flown = Turning(sigma_m=3.0, sigma_mps=0.2)
     flown.variances = 0.01, 0.01
     assert flown.fly(600.0) is None
@@ -192,7 +192,7 @@ def test_a_velocity_that_is_empty_or_opposite_is_replaced_by_the_positions_own(w
     assert off_mps < (0.5 if witness else 2.5)
 
 
-def test_a_velocity_at_half_its_value_is_told_from_a_position_by_the_witness():
+def test_a_velocity_at_half_its_value_is_reported_from_a_position_by_the_witness():
     flown = Turning()
     flown.fly(5.0)
     flown.fly(3.0, velocity_of=lambda told: [each / 2.0 for each in told])
@@ -266,8 +266,10 @@ class TestStamps:
         for i, shift_s in enumerate(shifts_s):
             true_s = 10.0 + i * STEP_S
             arrival_s = true_s + 0.05 + (0.0 if arrivals_s is None else arrivals_s[i])
-            told_ns = round((true_s + shift_s) * 1e9)
-            used = timing.take(told_ns * 1e-9, told_ns, round(arrival_s * 1e9), (22.0 * true_s, 0.0), (22.0, 0.0), 1.0)
+            commanded_ns = round((true_s + shift_s) * 1e9)
+            used = timing.take(
+                commanded_ns * 1e-9, commanded_ns, round(arrival_s * 1e9), (22.0 * true_s, 0.0), (22.0, 0.0), 1.0
+            )
             errors.append(used * 1e-9 - true_s)
         return timing, errors
 

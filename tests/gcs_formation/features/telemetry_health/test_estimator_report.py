@@ -33,7 +33,7 @@ def say():
         nonlocal at_s
         for message in messages:
             at_s += 1.0
-            seen.take(message)
+            seen.store(message)
             report.take(seen, after(Instant(0), at_s))
         return report
 

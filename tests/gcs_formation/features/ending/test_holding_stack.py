@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airlink.endpoint import VehicleId
-from gcs_formation.features.ending.stack import FlyingVehicle, Stack
+from gcs_formation.features.ending.holding_stack import FlyingVehicle, HoldingStack
 from gcs_formation.fleet.circle_heights import STACK_M, Band, loiter_heights, may_meet
 from gcs_formation.vehicle.telemetry import ReportedMotion
 
@@ -33,52 +33,52 @@ def named(*fliers: FlyingVehicle) -> dict[VehicleId, FlyingVehicle]:
     return {VehicleId(1, number): flier for number, flier in enumerate(fliers, 1)}
 
 
-def heights(stack: Stack) -> list[float]:
+def heights(stack: HoldingStack) -> list[float]:
     return [stack.heights_m[each] for each in sorted(stack.heights_m)]
 
 
 def test_everyone_gets_a_height_of_their_own_and_those_out_of_reach_may_share_one() -> None:
-    stack = Stack(GAP_M)
-    stack.take(named(obeys(100.0), obeys(100.0, north_m=30.0), obeys(100.0, north_m=500.0), obeys(90.0)))
+    stack = HoldingStack(GAP_M)
+    stack.assign(named(obeys(100.0), obeys(100.0, north_m=30.0), obeys(100.0, north_m=500.0), obeys(90.0)))
     assert heights(stack) == [105.0, 120.0, 100.0, 90.0]
 
 
 def test_where_more_than_15_m_are_to_be_kept_circles_are_5_m_farther_apart_than_that() -> None:
-    stack = Stack(20.0)
-    stack.take(named(obeys(100.0), obeys(100.0)))
+    stack = HoldingStack(20.0)
+    stack.assign(named(obeys(100.0), obeys(100.0)))
     assert heights(stack) == [100.0, 125.0]
 
 
 def test_in_air_that_moves_them_circles_are_four_standard_deviations_of_their_distance_farther_apart() -> None:
-    stack = Stack(GAP_M, sway_m=3.0)
-    stack.take(named(obeys(100.0), obeys(100.0)))
+    stack = HoldingStack(GAP_M, sway_m=3.0)
+    stack.assign(named(obeys(100.0), obeys(100.0)))
     assert heights(stack) == pytest.approx([100.0, 110.0 + 4.0 * math.hypot(3.0, 3.0)])
-    calm = Stack(GAP_M, sway_m=0.5)
-    calm.take(named(obeys(100.0), obeys(100.0)))
+    calm = HoldingStack(GAP_M, sway_m=0.5)
+    calm.assign(named(obeys(100.0), obeys(100.0)))
     assert heights(calm) == [100.0, 115.0]
 
 
-def test_all_heights_between_which_a_deaf_one_may_be_are_left_to_it() -> None:
+def test_all_heights_between_which_one_that_receives_nothing_may_be_are_left_to_it() -> None:
     """It flies at 100 m, or at the 112 m that it was commanded when it may no longer have heard."""
-    stack = Stack(GAP_M)
-    stack.take(named(deaf(100.0, 112.0), obeys(95.0), obeys(100.0)))
+    stack = HoldingStack(GAP_M)
+    stack.assign(named(deaf(100.0, 112.0), obeys(95.0), obeys(100.0)))
     assert heights(stack) == [112.0, 127.0, 142.0]
 
 
-def test_others_make_room_for_one_that_turns_deaf_and_nothing_changes_when_that_is_over() -> None:
-    stack = Stack(GAP_M)
-    stack.take(named(obeys(100.0), obeys(100.0), obeys(100.0)))
+def test_others_make_room_for_one_that_stops_receiving_and_nothing_changes_when_that_is_over() -> None:
+    stack = HoldingStack(GAP_M)
+    stack.assign(named(obeys(100.0), obeys(100.0), obeys(100.0)))
     assert heights(stack) == [100.0, 115.0, 130.0]
-    stack.take(named(obeys(100.0), obeys(108.0), deaf(108.0, 120.0)))
+    stack.assign(named(obeys(100.0), obeys(108.0), deaf(108.0, 120.0)))
     assert heights(stack) == [135.0, 150.0, 120.0]
-    stack.take(named(obeys(101.0), obeys(110.0), obeys(108.0)))
+    stack.assign(named(obeys(101.0), obeys(110.0), obeys(108.0)))
     assert heights(stack) == [135.0, 150.0, 120.0]
 
 
-def test_who_is_clear_of_a_deaf_one_keeps_a_height() -> None:
-    stack = Stack(GAP_M)
-    stack.take(named(obeys(100.0), obeys(100.0), obeys(100.0)))
-    stack.take(named(obeys(100.0), obeys(114.0), deaf(124.0, 130.0)))
+def test_who_is_clear_of_one_that_receives_nothing_keeps_a_height() -> None:
+    stack = HoldingStack(GAP_M)
+    stack.assign(named(obeys(100.0), obeys(100.0), obeys(100.0)))
+    stack.assign(named(obeys(100.0), obeys(114.0), deaf(124.0, 130.0)))
     assert heights(stack) == [100.0, 145.0, 130.0]
 
 
@@ -107,16 +107,16 @@ def test_who_is_clear_of_a_deaf_one_keeps_a_height() -> None:
         "nobody can be moved",
     ],
 )
-def test_they_may_circle_once_it_no_longer_matters_who_hears(fliers: tuple[FlyingVehicle, ...], apart: bool) -> None:
-    stack = Stack(GAP_M)
-    stack.take(named(*fliers))
+def test_they_may_circle_once_it_no_longer_matters_who_receives(fliers: tuple[FlyingVehicle, ...], apart: bool) -> None:
+    stack = HoldingStack(GAP_M)
+    stack.assign(named(*fliers))
     assert stack.apart(named(*fliers)) is apart
 
 
 def test_circles_at_one_place_are_all_apart() -> None:
-    stack = Stack(GAP_M, 150.0, together=True)
+    stack = HoldingStack(GAP_M, 150.0, together=True)
     fliers = named(obeys(100.0), obeys(100.0, north_m=1000.0))
-    stack.take(fliers)
+    stack.assign(fliers)
     assert heights(stack) == [150.0, 165.0]
     assert not stack.apart(fliers)
 
@@ -126,7 +126,7 @@ BANDS = st.tuples(st.floats(0.0, 90.0), st.floats(0.0, 30.0)).map(lambda each: (
 
 
 @given(st.lists(PLACES, min_size=1, max_size=8), st.lists(BANDS, max_size=4), st.floats(-50.0, 80.0))
-def test_heights_are_free_and_nobody_sinks(drawn: list[tuple[float, float]], taken: list[Band], floor_m: float) -> None:
+def test_heights_are_free_and_none_sinks(drawn: list[tuple[float, float]], taken: list[Band], floor_m: float) -> None:
     places = {VehicleId(1, number): at(*place) for number, place in enumerate(drawn, 1)}
     found = loiter_heights(places, floor_m, taken)
     for identity, height_m in found.items():

@@ -14,7 +14,8 @@ from flight_model.arrays import Array, Mask, within, wrap
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.vehicle_arrays import AutopilotModels, Height, HeightSteps, air_errors
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.features.time_constants.lag_fit import (
+from gcs_formation.features.time_constants.estimator import FINEST, GAP_S, RESOLUTION
+from gcs_formation.features.time_constants.fit import (
     ALIKE_S,
     BATCH_S,
     BOUND,
@@ -29,12 +30,11 @@ from gcs_formation.features.time_constants.lag_fit import (
     SIGNIFICANT,
     STEP_MAX,
 )
-from gcs_formation.features.time_constants.lag_simulation import FREE, STEP_NS, Seen
-from gcs_formation.features.time_constants.lags import FINEST, GAP_S, RESOLUTION
+from gcs_formation.features.time_constants.model_set import FREE, STEP_NS, Seen
 from tests.gcs_formation.tables import Instants
 
 
-class Bank:
+class ModelSet:
     """K simulations of each vehicle from its setpoints alone: airspeed and heading by one lag, height by two."""
 
     def __init__(self, assumed: AutopilotModels, air: Array, height: Array) -> None:
@@ -101,7 +101,7 @@ class Bank:
             values.append(values[-1] + errors[-1] - model.remaining(errors[-1], segment_s))
         self._air = values[-1]
         error = np.abs(errors).reshape(-1, 2, self._columns, count).mean(axis=3).max(axis=0)
-        free: Mask = error < FREE * self._believed.air_rates_max * self._believed.air_lags_s
+        free: Mask = error < FREE * self._believed.air_rates_max * self._believed.air_taus_s
         return np.array(values).reshape(-1, 2, self._columns, count), free
 
     def _through_heights(self, commanded_m: Array, duration_s: Array) -> tuple[Array, Mask]:
@@ -362,7 +362,7 @@ class LagsOnArrays:
             Channel(nodes, columns, first, finest, telemetry_hz, in_use=in_use) for nodes, first, finest in each
         )
         """Airspeed, heading, height."""
-        self._bank = Bank(self._believed, air.at[:, 0], height.at)
+        self._bank = ModelSet(self._believed, air.at[:, 0], height.at)
         self._ticks = max(2, round(BATCH_S * law_hz))
         self._seen: list[Seen] = [(math.nan, math.nan, math.nan, math.nan)] * columns
         self._stamps = [0] * columns
@@ -379,7 +379,7 @@ class LagsOnArrays:
         """(4, C) ratios of the lags of airspeed, heading and height (two) to the assumed ones."""
         return np.exp(np.concatenate([channel.log_ratio.T for channel in self.channels]))
 
-    def hear(self, column: int, stamp: int, motion: Seen) -> None:
+    def add_sample(self, column: int, stamp: int, motion: Seen) -> None:
         """Take a vehicle's measured airspeed, heading, height and climb at `stamp`, m/s, rad, m."""
         self._stamps[column], self._seen[column] = max(stamp, self._stamps[column]), motion
 
@@ -420,6 +420,6 @@ class LagsOnArrays:
             self._apply((self._believed.table[:4] * self.ratios).T.tolist())
         self._bank.begin(~np.broadcast_to(learning, (len(self.channels), gaps.size)), seen[-1])
 
-    def _apply(self, lags_s: list[list[float]]) -> None:
-        for model, (tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s) in zip(self.models, lags_s, strict=True):
+    def _apply(self, taus_s: list[list[float]]) -> None:
+        for model, (tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s) in zip(self.models, taus_s, strict=True):
             model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s = tau_v_s, tau_psi_s, tau_ha_s, tau_hb_s

@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Fits a vehicle's time constants to its telemetry, from simulations by several models (7); see `lags`."""
+"""Fits a vehicle's time constants to its telemetry, from simulations by several models (7)."""
 
 from __future__ import annotations
 
@@ -11,40 +11,46 @@ import numpy as np
 from librt.vecs import vec
 
 from flight_model.autopilot_model import squared, within
-from gcs_formation.features.time_constants.lag_simulation import ResidualBatch
+from gcs_formation.features.time_constants.model_set import ResidualBatch
 
 RATIO_MAX: Final = 2.0
-"""Fitted time constants are between the declared one divided by this and multiplied by it."""
+"""Fitted time constants are between the declared one divided by this and multiplied by it. Tuned: ratio; 1.5 to 3;
+shown by `pytest tests/gcs_formation/features/time_constants`."""
 BOUND: Final = math.log(RATIO_MAX)
 PRIOR_SPREAD: Final = 0.35
-"""Prior standard deviation of the logarithm of a time constant's ratio to the declared one: 40 %."""
+"""Prior standard deviation of the logarithm of a time constant's ratio to the declared one: 40 %. Tuned: a number; 0.2
+to 0.7; shown by `python -m benchmarks.model_draws`."""
 PRIOR_INFORMATION: Final = 1.0 / PRIOR_SPREAD**2
 CORRELATED_S: Final = 1.0
-"""Residuals this far apart count as independent, unless they are found to be correlated for longer."""
+"""Residuals this far apart count as independent, unless they are found to be correlated for longer. Tuned: s; 0.5 to 3;
+by judgement."""
 BATCH_S: Final = 1.0
-"""Interval between fits."""
+"""Interval between fits. Tuned: s; 0.5 to 3; by judgement."""
 ALIKE_S: Final = 60.0
-"""Time constant of the memory of `Persistence`."""
+"""Time constant of the memory of `Persistence`. Tuned: s; 30 to 180; by judgement."""
 STILL_ALIKE: Final = math.exp(-BATCH_S / ALIKE_S)
 PRIOR_BATCHES: Final = 6.0
 """Prior number of successive batches whose residuals are correlated. Also the largest number that the mismatch uses:
-residuals that are correlated for longer may come from wrong time constants."""
+residuals that are correlated for longer may come from wrong time constants. Tuned: batches; 3 to 12; shown by `pytest
+tests/gcs_formation/features/time_constants`."""
 PRIOR_WORTH: Final = 5.0
-"""Weight of that prior, in pairs of batches."""
+"""Weight of that prior, in pairs of batches. Tuned: pairs; 2 to 10; by judgement."""
 STEP_MAX: Final = 0.1
-"""Largest change of a ratio's logarithm at a fit."""
+"""Largest change of a ratio's logarithm at a fit. Tuned: a number; 0.05 to 0.2; by judgement."""
 SETTLED: Final = 1e-3
-"""After a fit that changes a ratio's logarithm by less, the next one waits for a batch with excitation."""
+"""After a fit that changes a ratio's logarithm by less, the next one waits for a batch with excitation. Tuned: a
+number; 1e-4 to 1e-2; by judgement."""
 MIN_SPREAD: Final = 0.02
 """Old samples are forgotten once a ratio's logarithm has a smaller standard deviation, since time constants may change.
-Without excitation nothing is estimated and nothing forgotten."""
+Without excitation nothing is estimated and nothing forgotten. Tuned: a number; 0.01 to 0.05; by judgement."""
 RECENT_S: Final = 20.0
-"""Time constant of the mismatch's memory."""
+"""Time constant of the mismatch's memory. Tuned: s; 10 to 60; by judgement."""
 STILL_RECENT: Final = math.exp(-BATCH_S / RECENT_S)
 FITTED: Final = 2.0
 """Degrees of freedom of the residuals that the mismatch's own fit uses, for a mean and a share."""
 SIGNIFICANT: Final = 2.0
-"""Standard deviations by which the mismatch is reduced, so that chance doesn't count."""
+"""Standard deviations by which the mismatch is reduced, so that chance doesn't count. Tuned: standard deviations; 1.5
+to 3; shown by `pytest tests/gcs_formation/features/time_constants`."""
 
 
 class Nodes:
@@ -95,7 +101,7 @@ class Persistence:
         self._size: float = squared(resolution)
         self._steps: float = 2.0 * self._size
 
-    def take(self, mean: float) -> None:
+    def add_batch(self, mean: float) -> None:
         """Take the mean of a batch's residuals; NaN where it has none."""
         if not math.isnan(mean - self._before):
             self._count = STILL_ALIKE * self._count + 1.0
@@ -117,7 +123,7 @@ class Persistence:
         return (PRIOR_WORTH * PRIOR_BATCHES + self._count * seen) / (PRIOR_WORTH + self._count)
 
 
-class LagFit:
+class TimeConstantFit:
     """The fit of the P time constants of a vehicle's airspeed, heading or height."""
 
     def __init__(self, nodes: Nodes, resolution: float, finest: float, rate_hz: float, *, in_use: bool) -> None:
@@ -155,7 +161,7 @@ class LagFit:
         self._calm_square = self._calm_total = self._calm_count = 0.0
         """Sums over recent samples of batches without excitation: of residuals squared, of residuals, and of 1."""
 
-    def learn(self, tracks: ResidualBatch) -> bool:
+    def update(self, tracks: ResidualBatch) -> bool:
         """Take a batch of samples; refit if it has excitation or time constants still change, and return whether.
 
         Without excitation all simulations agree; the samples then only show how large and how correlated residuals are.
@@ -202,7 +208,7 @@ class LagFit:
             square += residual * residual
             total += residual
         count = float(tracks.count)
-        self._persistence.take(total / count if count > 0.0 else math.nan)
+        self._persistence.add_batch(total / count if count > 0.0 else math.nan)
         if calm:
             self._calm_square += square
             self._calm_total += total
@@ -228,7 +234,7 @@ class LagFit:
             seen: products of the residuals at the present ratios, and of their derivatives, about their means.
             variance: of the residuals that no time constants explain, times the number of correlated batches.
         """
-        log_ratio, most, change = self.log_ratio, 1.0, 0.0
+        log_ratio, maximum, change = self.log_ratio, 1.0, 0.0
         worth = 1.0 / ((variance + self._noise_variance()) * self._alike)
         information = _information(seen, worth)
         pull = [-seen[1 + place][0] * worth - each * PRIOR_INFORMATION for place, each in enumerate(log_ratio)]
@@ -238,8 +244,8 @@ class LagFit:
                 wanted += each * pull[other]
             log_ratio[place] = within(before + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
             change = max(change, abs(log_ratio[place] - before))
-            most = max(most, information[place][place])
-        self._kept = min(1.0, 1.0 / (MIN_SPREAD**2 * most))
+            maximum = max(maximum, information[place][place])
+        self._kept = min(1.0, 1.0 / (MIN_SPREAD**2 * maximum))
         self._settled = change < SETTLED
         if self._in_use:
             self._weights = self._nodes.weights(log_ratio)

@@ -9,13 +9,13 @@ import pytest
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints, advance
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.features.time_constants.lags import LagEstimator
-from gcs_formation.stability.mismatch import LAGS_NOTED
+from gcs_formation.features.time_constants.estimator import TimeConstantEstimator
+from gcs_formation.stability.mismatch import TAUS_OFF_NOTED
 from tests.gcs_formation import tables
-from tests.gcs_formation.features.time_constants.lags_on_arrays import LagsOnArrays
+from tests.gcs_formation.features.time_constants.time_constants_on_arrays import LagsOnArrays
 
 TICK_S, DELAY_S = 0.1, 0.35
-LAGS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
+TAUS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
 BELIEVED = VehicleModel()
 CRUISE_TOLD = 22.0, 0.0, 100.0
 CRUISE = Setpoints(*np.array([[22.0], [0.0], [100.0]]))
@@ -23,7 +23,7 @@ CRUISE = Setpoints(*np.array([[22.0], [0.0], [100.0]]))
 
 def models(ratios):
     """Return a column for each row of four ratios to the default lags."""
-    lags = np.array([getattr(BELIEVED, lag) for lag in LAGS]) * np.array(ratios)
+    lags = np.array([getattr(BELIEVED, lag) for lag in TAUS]) * np.array(ratios)
     limits = [getattr(BELIEVED, key) for key in ("speed_min_mps", "speed_max_mps")]
     limits += [BELIEVED.accel_max_mps2, BELIEVED.turn_rate_max_rps, BELIEVED.climb_max_mps]
     return AutopilotModels.of(np.concatenate((lags, np.tile(limits, (len(lags), 1))), axis=1).T.copy())
@@ -42,15 +42,15 @@ class Watched:
     """An estimator that gets `hz` samples per second, and the largest misfit that it has found."""
 
     def __init__(self, hz, models, history, telemetry_hz, law_hz, *, in_use):
-        self.of = LagEstimator(models, history, hz, law_hz, in_use=in_use)
+        self.of = TimeConstantEstimator(models, history, hz, law_hz, in_use=in_use)
         self.most, self._apart = np.zeros((3, len(models))), round(telemetry_hz / hz)
 
-    def hear(self, column, stamp, motion):
+    def add_sample(self, column, stamp, motion):
         if round(stamp * 1e-9 / TICK_S) % self._apart == 0:
-            self.of.hear(column, stamp, motion)
+            self.of.add_sample(column, stamp, motion)
 
     def learn(self, learning):
-        self.of.learn(learning)
+        self.of.update(learning)
         self.most = np.maximum(self.most, self.of.misfit)
 
 
@@ -66,7 +66,7 @@ def flown(
     in_use=True,
     silent_s=(0, 0),
     lifted_m=None,
-    kind: Any = LagEstimator,
+    kind: Any = TimeConstantEstimator,
 ):
     """Return the estimator of a `kind` after a flight of vehicles whose lags are `ratios` times the assumed ones.
 
@@ -89,8 +89,8 @@ def flown(
             if lifted_m is not None:
                 errors[2] += lifted_m[tick]
             motion = table[4:6, column] + errors[:2], table[2, column] + errors[2], table[3, column]
-            lags.hear(column, tick * tick_ns, (*motion[0].tolist(), float(motion[1]), float(motion[2])))
-        lags.learn([learning] * count)
+            lags.add_sample(column, tick * tick_ns, (*motion[0].tolist(), float(motion[1]), float(motion[2])))
+        lags.update([learning] * count)
         tables.send(history, acts, Setpoints.of(commands))
         # A setpoint acts 3.5 ticks after it was sent.
         for late in (4, 3):
@@ -106,7 +106,7 @@ def ratios_of(lags):
 CORNERS = ((1.3, 0.7, 1.3, 0.7), (0.7, 1.3, 0.7, 1.3), (1.3, 1.3, 1.3, 1.3), (0.7, 0.7, 0.7, 0.7))
 
 
-def test_lags_30_percent_off_are_found_each_vehicle_its_own():
+def test_time_constants_30_percent_off_are_found_each_vehicle_its_own():
     found = ratios_of(flown(CORNERS))
     assert found[:2] == pytest.approx(np.array(CORNERS).T[:2], rel=0.02)
     true_m, found_m = (np.array((1.0, 3.0)) @ ratios for ratios in (np.array(CORNERS).T[2:], found[2:]))
@@ -114,16 +114,16 @@ def test_lags_30_percent_off_are_found_each_vehicle_its_own():
 
 
 @pytest.mark.slow
-def test_lags_are_found_from_0_55_to_1_8_times_the_believed_ones():
+def test_time_constants_are_found_from_0_55_to_1_8_times_the_declared_ones():
     """Interpolation between few simulations costs 0.3 % in airspeed, heading, and the sum of the height's lags."""
     corners = tuple((air, air, slow, fast) for air in (0.55, 1.8) for slow in (0.55, 1.0, 1.8) for fast in (0.55, 1.8))
     found, true = ratios_of(flown(corners, 60)), np.array(corners).T
     assert found[:2] == pytest.approx(true[:2], rel=0.005)
-    own_s = np.array([getattr(BELIEVED, lag) for lag in LAGS[2:]])
+    own_s = np.array([getattr(BELIEVED, lag) for lag in TAUS[2:]])
     assert own_s @ found[2:] == pytest.approx(own_s @ true[2:], rel=0.01)
 
 
-def test_the_model_in_use_has_the_lags_that_were_found():
+def test_the_model_in_use_has_the_time_constants_that_were_found():
     lags = flown(CORNERS[:1])
     assert lags.vehicles[0].model.tau_v_s == pytest.approx(4.0 * 1.3, rel=0.02)
     assert lags.vehicles[0].model.tau_psi_s == pytest.approx(1.5 * 0.7, rel=0.02)
@@ -135,7 +135,7 @@ def test_white_noise_in_the_telemetry_does_not_bias_them():
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))])
-def test_heights_that_turbulence_moves_are_not_taken_for_other_lags(seed):
+def test_heights_that_turbulence_moves_are_not_taken_for_other_time_constants(seed):
     """Gusts displace an aircraft by 1.5 m RMS, for 5 s: many successive samples show the same gust."""
     kept, random = np.exp(-TICK_S / 5.0), np.random.default_rng(seed)
     lifted_m = [0.0]
@@ -146,7 +146,7 @@ def test_heights_that_turbulence_moves_are_not_taken_for_other_lags(seed):
     assert lags.misfit[2][0] < 0.1
 
 
-def test_a_gust_that_the_law_answers_is_not_taken_for_other_lags():
+def test_a_gust_that_the_law_answers_is_not_taken_for_other_time_constants():
     """It sinks by 6 m and is commanded to climb by as much. The misfit was 1 when the calm flight around it counted."""
 
     def share(time_s, lag_s):
@@ -158,24 +158,24 @@ def test_a_gust_that_the_law_answers_is_not_taken_for_other_lags():
     gone = flown(
         np.ones((1, 4)), 80, lambda at_s: (22.0, 0.0, 100.0 + 6.0 * share(at_s, 6.0)), lifted_m=lifted_m, kind=kind
     )
-    assert (gone.most < LAGS_NOTED).all()
+    assert (gone.most < TAUS_OFF_NOTED).all()
 
 
-def test_beyond_half_and_twice_the_believed_lags_nothing_is_taken_and_the_misfit_tells():
+def test_beyond_half_and_twice_the_declared_time_constants_nothing_is_taken_and_the_mismatch_tells():
     lags = flown(((3.0, 3.0, 1.0, 1.0), (0.3, 0.3, 1.0, 1.0)))
     assert ratios_of(lags)[:2] == pytest.approx(np.array(((2.0, 0.5), (2.0, 0.5))))
     assert (np.array(lags.misfit)[:2] > 0.1).all()
     assert (np.array(flown(CORNERS).misfit) < 0.02).all()
 
 
-def test_a_model_that_is_to_stay_stays_and_its_misfit_tells():
+def test_a_model_that_is_to_stay_stays_and_its_mismatch_tells():
     lags = flown(CORNERS, in_use=False)
     assert {each.model.values() for each in lags.vehicles} == {lags.vehicles[0].model.values()}
     assert np.array(lags.misfit)[:2] == pytest.approx(0.3, abs=0.1)
 
 
 @pytest.mark.parametrize("hz", [1, 2, 10 / 3])
-def test_noise_is_not_taken_for_other_lags_however_few_samples_there_are(hz):
+def test_noise_is_not_taken_for_other_time_constants_however_few_samples_there_are(hz):
     """A mean and a share fit two samples exactly; the residuals then say nothing about chance.
 
     Of twenty vehicles that begin off their slots, up to a hundred times as far off as the lags are.
@@ -185,11 +185,11 @@ def test_noise_is_not_taken_for_other_lags_however_few_samples_there_are(hz):
         return 22 + 3 * np.exp(-time_s / 3), 0.2 * np.exp(-time_s / 3), 100 + 8 * np.exp(-time_s / 4)
 
     lags = flown(np.ones((20, 4)), 15, tell, noise=(0.2, 0.01, 0.3), kind=partial(Watched, hz))
-    assert (lags.most < LAGS_NOTED).all()
+    assert (lags.most < TAUS_OFF_NOTED).all()
     assert min(flown(CORNERS, 25, in_use=False, kind=partial(Watched, hz)).of.misfit[0]) > 0.15
 
 
-def test_no_more_is_said_of_a_misfit_than_that_lags_are_farther_off_than_simulated():
+def test_no_more_is_said_of_a_mismatch_than_that_time_constants_are_farther_off_than_simulated():
     assert flown(((1, 6, 1, 1),), 40, in_use=False).misfit[1] == [1.0]
 
 
@@ -205,7 +205,7 @@ def test_bends_finer_than_the_assumed_resolution_teach_after_quiet_flight():
     assert ratios_of(flown(CORNERS, 100, tell, noise=(0.2, 0.01, 0.3))) == pytest.approx(1.0, abs=0.1)
 
 
-def test_straight_flight_teaches_nothing():
+def test_straight_flight_estimates_nothing():
     lags = flown(((1.3, 1.3, 1.3, 1.3),), tell=lambda _: (22.0, 0.0, 100.0), noise=(0.02, 0.001, 0.03))
     assert ratios_of(lags) == pytest.approx(1.0, abs=0.05)
 
@@ -217,11 +217,11 @@ def test_what_was_estimated_stays_in_straight_flight():
     assert ratios_of(flown(CORNERS[:2], 120, tell))[:2] == pytest.approx(np.array(CORNERS[:2]).T[:2], rel=0.02)
 
 
-def test_a_vehicle_that_does_not_fly_as_told_teaches_nothing():
+def test_a_vehicle_that_does_not_fly_as_reported_estimates_nothing():
     assert (ratios_of(flown(CORNERS, learning=False)) == 1.0).all()
 
 
-def test_flight_at_a_rate_limit_teaches_nothing():
+def test_flight_at_a_rate_limit_estimates_nothing():
     """A turn at a limit that is lower than assumed looks like a long lag, but the rest of the turn shows the lag."""
     right = np.ones((1, 4))
     slow = models(right)
@@ -251,7 +251,7 @@ def test_the_same_is_found_as_on_arrays(noise, in_use):
 
     lags, same = (
         flown(CORNERS, 40, tell, noise=noise, in_use=in_use, silent_s=(24.0, 29.0), kind=kind)
-        for kind in (LagEstimator, LagsOnArrays)
+        for kind in (TimeConstantEstimator, LagsOnArrays)
     )
     assert ratios_of(lags) == pytest.approx(same.ratios, rel=1e-9)
     misfit = np.array(lags.misfit)

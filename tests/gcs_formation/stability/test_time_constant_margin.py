@@ -9,13 +9,13 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import PidGains
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability.mismatch import (
-    MOST,
+    MAXIMUM,
     LoopDelay,
     Usage,
-    lag_margin,
-    mismatch_margin_with_lags_off,
+    mismatch_margin_with_taus_off,
     predicted_are_stable,
     predicted_mismatch_margin,
+    tau_margin,
 )
 from gcs_formation.stability.pid_margins import Loop, forward_plant, height_plant, right_plant
 
@@ -49,49 +49,49 @@ def grows(loop, true, delay_s, dt_s=0.01, seconds=40.0):
 
 
 @pytest.mark.parametrize("loop", [X, Y], ids="xy")
-def test_a_loop_flown_with_lags_inside_its_margin_dies_out_and_beyond_it_grows(loop):
-    margin = lag_margin(loop, 1.1)
-    assert 0.2 < margin < MOST
+def test_a_loop_flown_with_time_constants_inside_its_margin_dies_out_and_beyond_it_grows(loop):
+    margin = tau_margin(loop, 1.1)
+    assert 0.2 < margin < MAXIMUM
     options = (-1.0, 1.0)
-    assert not any(grows(loop, loop.with_lags(1.0 + 0.9 * margin * way), 1.1) for way in options)
-    assert any(grows(loop, loop.with_lags(1.0 + 1.1 * margin * way), 1.1) for way in options)
+    assert not any(grows(loop, loop.with_time_constants(1.0 + 0.9 * margin * way), 1.1) for way in options)
+    assert any(grows(loop, loop.with_time_constants(1.0 + 1.1 * margin * way), 1.1) for way in options)
 
 
 @pytest.mark.parametrize("loop", [X, Y, Z], ids="xyz")
 def test_at_the_margin_no_mismatch_of_the_delay_is_left(loop):
     """The number of roots and the crossings of the imaginary axis are computed in different ways."""
-    margin = lag_margin(loop, 0.7)
-    assert mismatch_margin_with_lags_off(loop, 0.7, 0.99 * margin) < 0.4 * predicted_mismatch_margin(loop, 0.7).least()
-    assert mismatch_margin_with_lags_off(loop, 0.7, 1.05 * margin) == 0.0
-    assert mismatch_margin_with_lags_off(loop, 0.7, 0.0) == pytest.approx(predicted_mismatch_margin(loop, 0.7).least())
+    margin = tau_margin(loop, 0.7)
+    assert mismatch_margin_with_taus_off(loop, 0.7, 0.99 * margin) < 0.4 * predicted_mismatch_margin(loop, 0.7).least()
+    assert mismatch_margin_with_taus_off(loop, 0.7, 1.05 * margin) == 0.0
+    assert mismatch_margin_with_taus_off(loop, 0.7, 0.0) == pytest.approx(predicted_mismatch_margin(loop, 0.7).least())
 
 
-def test_with_the_right_lags_the_predicted_loop_is_stable_at_any_delay_and_an_unstable_one_never():
+def test_with_the_right_time_constants_the_predicted_loop_is_stable_at_any_delay_and_an_unstable_one_never():
     unstable = Loop(PidGains(-1.0, 0.0, 0.0), X.plant)
     assert predicted_are_stable(X, [X], 2.0) == [True]
     assert predicted_are_stable(unstable, [unstable], 0.0) == [False]
-    assert lag_margin(unstable, 0.5) == 0.0
+    assert tau_margin(unstable, 0.5) == 0.0
 
 
-def test_longer_lags_are_the_plant_of_the_longer_lags():
+def test_longer_time_constants_are_the_plant_of_the_longer_time_constants():
     longer = VehicleModel(tau_v_s=6.0, tau_ha_s=1.5, tau_hb_s=2.0)
     assert np.allclose(
-        forward_plant(MIXER, MODEL).with_lags(1.5).transfer()[1], forward_plant(MIXER, longer).transfer()[1]
+        forward_plant(MIXER, MODEL).with_time_constants(1.5).transfer()[1], forward_plant(MIXER, longer).transfer()[1]
     )
-    ours, theirs = height_plant(MIXER, MODEL).with_lags(1.5, 2.0 / 3.0), height_plant(MIXER, longer)
+    ours, theirs = height_plant(MIXER, MODEL).with_time_constants(1.5, 2.0 / 3.0), height_plant(MIXER, longer)
     assert sorted(np.roots(ours.transfer()[1])) == pytest.approx(sorted(np.roots(theirs.transfer()[1])))
 
 
 def test_a_loop_without_prediction_does_not_go_by_a_model_and_small_differences_count_as_none():
     delay = LoopDelay(1.1, 0.0)
     predicted = Usage([X], predicted=True)
-    assert predicted.of_lags(delay, 0.3) == pytest.approx(0.3 / lag_margin(X, 1.1))
-    assert predicted.of_lags(delay, 0.05) == pytest.approx(0.05 / lag_margin(X, 1.1))
+    assert predicted.of_lags(delay, 0.3) == pytest.approx(0.3 / tau_margin(X, 1.1))
+    assert predicted.of_lags(delay, 0.05) == pytest.approx(0.05 / tau_margin(X, 1.1))
     assert predicted.of_lags(delay, 0.04) == predicted.of_lags(LoopDelay(math.nan, 0.0), 0.3) == 0.0
     assert Usage([X], predicted=False).of_lags(delay, 0.3) == 0.0
 
 
-def test_lags_are_reckoned_with_up_to_30_percent_off() -> None:
-    thirty = mismatch_margin_with_lags_off(X, 0.6, 0.3)
-    assert mismatch_margin_with_lags_off(X, 0.6) == thirty
-    assert 0.0 < thirty < mismatch_margin_with_lags_off(X, 0.6, 0.0)
+def test_time_constants_are_reckoned_with_up_to_30_percent_off() -> None:
+    thirty = mismatch_margin_with_taus_off(X, 0.6, 0.3)
+    assert mismatch_margin_with_taus_off(X, 0.6) == thirty
+    assert 0.0 < thirty < mismatch_margin_with_taus_off(X, 0.6, 0.0)

@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Simulations of a vehicle from its setpoints alone, by models (7) of several time constants at once; see `lags`."""
+"""Simulations of a vehicle from its setpoints alone, by models (7) of several time constants at once."""
 
 from __future__ import annotations
 
@@ -18,11 +18,14 @@ from gcs_formation.estimation.setpoint_history import SentSetpoints
 
 FREE: Final = 0.6
 """Share of a rate limit beyond which a batch isn't used: at its limit a vehicle doesn't show its time constant, and the
-limit may be lower than declared (the faster an aircraft flies, the slower it turns)."""
+limit may be lower than declared (the faster an aircraft flies, the slower it turns). Tuned: share; 0.4 to 0.8; by
+judgement."""
 STEP_NS: Final = 100_000_000
-"""Approximate time step; in each step the simulations follow the mean of the setpoints that act in it."""
+"""Approximate time step; in each step the simulations follow the mean of the setpoints that act in it. Tuned: ns; 50 to
+200 ms; by judgement."""
 ALIKE_NS: Final = 1_000_000
-"""Steps that differ by no more count as equal, which saves exponentials. The next step makes up for the difference."""
+"""Steps that differ by no more count as equal, which saves exponentials. The next step makes up for the difference.
+Tuned: ns; 0.1 to 5 ms; by judgement."""
 Seen = tuple[float, float, float, float]
 """Airspeed, heading, height and climb, m/s, rad, m."""
 
@@ -58,17 +61,17 @@ class ResidualBatch:
 class FirstOrder:
     """Simulations of airspeed or heading by K time constants."""
 
-    def __init__(self, lags_s: list[float], declared_s: float, rate_max: float, *, turns: bool) -> None:
+    def __init__(self, taus_s: list[float], declared_s: float, rate_max: float, *, turns: bool) -> None:
         """Take the time constants, the declared one, and the rate limit; `turns`: the value is an angle."""
-        self._lags_s, self._values = vec[float](lags_s), vec[float]([0.0] * len(lags_s))
-        self._made_good = vec[float]([0.0] * len(lags_s))
+        self._taus_s, self._values = vec[float](taus_s), vec[float]([0.0] * len(taus_s))
+        self._made_good = vec[float]([0.0] * len(taus_s))
         """Share of an error that a step removes."""
         self._rate_max, self._turns, self._step_s = rate_max, turns, 0.0
         self._free = FREE * rate_max * declared_s
         self._off = 0.0
         """Largest error in the batch, as a mean over the simulations."""
 
-    def begin(self, value: float) -> None:
+    def initialise(self, value: float) -> None:
         """Restart from a value."""
         for node in range(len(self._values)):
             self._values[node] = value
@@ -84,12 +87,12 @@ class FirstOrder:
     def step_by(self, time_s: float) -> None:
         """Set the time step."""
         self._step_s = time_s
-        for node in range(len(self._lags_s)):
-            self._made_good[node] = 1.0 - math.exp(-time_s / self._lags_s[node])
+        for node in range(len(self._taus_s)):
+            self._made_good[node] = 1.0 - math.exp(-time_s / self._taus_s[node])
 
     def step(self, setpoint: float) -> None:
         """Follow a setpoint for a step."""
-        values, lags_s, made_good, off = self._values, self._lags_s, self._made_good, 0.0
+        values, taus_s, made_good, off = self._values, self._taus_s, self._made_good, 0.0
         turns, rate_max = self._turns, self._rate_max
         for node in range(len(values)):
             error = setpoint - values[node]
@@ -98,8 +101,8 @@ class FirstOrder:
             size, share = abs(error), made_good[node]
             off += size
             change = share * error
-            if size > rate_max * lags_s[node]:
-                change = error - remaining(error, self._step_s, lags_s[node], rate_max, 1.0 - share)
+            if size > rate_max * taus_s[node]:
+                change = error - remaining(error, self._step_s, taus_s[node], rate_max, 1.0 - share)
             values[node] = values[node] + change
         self._off = max(self._off, off / float(len(values)))
 
@@ -129,7 +132,7 @@ class SecondOrder:
         self._free_m = FREE * declared.climb_max_mps * (declared.tau_ha_s + declared.tau_hb_s)
         self._off_m = 0.0
 
-    def begin(self, height_m: float, climb_mps: float) -> None:
+    def initialise(self, height_m: float, climb_mps: float) -> None:
         """Restart from a height and a climb."""
         for node in range(len(self._heights_m)):
             self._heights_m[node], self._climbs_mps[node] = height_m, climb_mps
@@ -186,12 +189,12 @@ class SecondOrder:
 class Samples:
     """A vehicle's telemetry at the ticks of a batch; the first sample is the last of the batch before."""
 
-    def __init__(self, most: int) -> None:
-        """Make room for `most` samples."""
+    def __init__(self, maximum: int) -> None:
+        """Make room for `maximum` samples."""
         self.count: i64 = 0
-        self.stamps = vec[i64]([0] * most)
+        self.stamps = vec[i64]([0] * maximum)
         """In order, ns."""
-        self.speeds_mps, self.headings_rad, self.heights_m = (vec[float]([0.0] * most) for _ in range(3))
+        self.speeds_mps, self.headings_rad, self.heights_m = (vec[float]([0.0] * maximum) for _ in range(3))
 
     def add(self, stamp: i64, motion: Seen) -> None:
         """Add a sample if it is newer than the last."""
@@ -217,7 +220,7 @@ class Samples:
         return float(self.stamps[self.count - 1] - self.stamps[0]) / NANOSECONDS
 
 
-class Bank:
+class ModelSet:
     """A vehicle's simulations from its setpoints alone."""
 
     def __init__(self, declared: AutopilotModel, air: list[list[float]], height: list[list[float]]) -> None:
@@ -236,18 +239,18 @@ class Bank:
         """The instant of the simulations, ns."""
         self._step: i64 = 0
 
-    def begin(self, learnt: list[bool], stamp: i64, seen: Seen) -> None:
-        """Restart from what was `seen` those simulations of airspeed, heading and height that aren't `learnt`."""
+    def initialise(self, estimated: list[bool], stamp: i64, seen: Seen) -> None:
+        """Restart from what was `seen` those simulations of airspeed, heading and height that aren't `estimated`."""
         self.flying = not math.isnan(seen[0])
         speed_mps, heading_rad, height_m, climb_mps = seen if self.flying else (0.0, 0.0, 0.0, 0.0)
-        if not any(learnt):
+        if not any(estimated):
             self._at = stamp
-        if not learnt[0]:
-            self._speeds.begin(speed_mps)
-        if not learnt[1]:
-            self._headings.begin(heading_rad)
-        if not learnt[2]:
-            self._heights.begin(height_m, climb_mps)
+        if not estimated[0]:
+            self._speeds.initialise(speed_mps)
+        if not estimated[1]:
+            self._headings.initialise(heading_rad)
+        if not estimated[2]:
+            self._heights.initialise(height_m, climb_mps)
 
     def fly(self, samples: Samples, sent: SentSetpoints, batch: list[ResidualBatch]) -> list[bool]:
         """Fill the empty batches of airspeed, heading and height with the simulations minus telemetry.

@@ -14,15 +14,18 @@ from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Vehicle
 
 COMMANDED_M = 0.5
-"""A vehicle counts as sent to its height if its height setpoint is within this distance of it, m."""
-LEAST_S, MOST_S = 30.0, 300.0
+"""A vehicle counts as sent to its height if its height setpoint is within this distance of it, m. Tuned: m; 0.2 to 2;
+by judgement."""
+LEAST_S, MAX_S = 30.0, 300.0
 """Least time limit of the separation, and the greatest if heights have to be reassigned."""
 RESERVE_S = 15.0
-"""Time added in that limit to the climb to the highest level."""
-BESIDE_M = 5.0
-"""Vertical distance of circles beyond the separation that vehicles need, in calm air."""
+"""Time added in that limit to the climb to the highest level. Tuned: s; 5 to 30; by judgement."""
+MARGIN_M = 5.0
+"""Vertical distance of circles beyond the separation that vehicles need, in calm air. Tuned: m; 3 to 10; by
+judgement."""
 SWAY_SIGMAS = 4.0
-"""In turbulence, this multiple of the standard deviation of two vehicles' relative vertical displacement instead."""
+"""In turbulence, this multiple of the standard deviation of two vehicles' relative vertical displacement instead.
+Tuned: standard deviations; 3 to 5; shown by `pytest tests/gcs_formation/features/separation/test_flights.py`."""
 
 ORIGIN = 0.0, 0.0
 NOWHERE: Mapping[VehicleId, tuple[float, float]] = {}
@@ -57,7 +60,7 @@ class FlyingVehicle:
         self.steered = steered
 
 
-class Stack:
+class HoldingStack:
     """Heights of vehicles that circle one above the other."""
 
     def __init__(
@@ -82,12 +85,12 @@ class Stack:
         """
         self.heights_m: dict[VehicleId, float] = {}
         """Height of each vehicle above the origin."""
-        beside_m = max(BESIDE_M, SWAY_SIGMAS * math.sqrt(2.0) * sway_m)
-        self._gap_m, self._apart_m = (-math.inf, 0.0) if stand else (gap_m, max(STACK_M, gap_m + beside_m))
+        margin_m = max(MARGIN_M, SWAY_SIGMAS * math.sqrt(2.0) * sway_m)
+        self._gap_m, self._apart_m = (-math.inf, 0.0) if stand else (gap_m, max(STACK_M, gap_m + margin_m))
         self._floor_m, self._together, self._first = floor_m, together, first
         self._taken: dict[VehicleId, Band] = {}
 
-    def take(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
+    def assign(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
         """Assign heights to vehicles that have none, and new ones where a vehicle that can't be moved is in the way.
 
         All others keep theirs: reassigned during the climb, they would start it again. Return whether any height has
@@ -174,7 +177,7 @@ class Stack:
 
 def stacked(
     places: Mapping[VehicleId, ReportedMotion],
-    stack: Stack,
+    stack: HoldingStack,
     ground: GroundFloor,
     manner: End,
     ahead: Ahead,

@@ -8,7 +8,7 @@ STEP_M: Final = 20.0
 """Distance between knots."""
 
 
-class LiftCurve:
+class OffsetCurve:
     """A lift by its control points, one for each knot and three more."""
 
     def __init__(self, control_m: list[float]) -> None:

@@ -1,4 +1,4 @@
-"""The model that the search for a vehicle's begins with: its limits are kept, and its lags where nothing is learnt."""
+"""The model with which the search begins: its limits are kept, and its time constants where nothing is estimated."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ NOT_EXTREME: Final = 99.8
 """Percentile of the rates that counts as the largest, since noise has larger ones."""
 
 
-def begin_with(believed: Scenario | None, recordings: Sequence[Recording]) -> VehicleModel:
+def begin_with(accepted: Scenario | None, recordings: Sequence[Recording]) -> VehicleModel:
     """Return the scenario's model of the first vehicle recorded; without one, a shipped one for what the log is of.
 
     A shipped model's limits aren't this vehicle's. They are widened to what was commanded and flown.
     """
-    if believed is not None:
+    if accepted is not None:
         system = recordings[0].system
-        return next((each.model for each in believed.vehicles if each.id == system), believed.vehicles[0].model)
+        return next((each.model for each in accepted.vehicles if each.id == system), accepted.vehicles[0].model)
     aircraft = recordings[0].track.aircraft
     model = VehicleModel.model_validate({} if aircraft is None else shipped_models()[aircraft])
     if not model.hovers and aircraft is not None:
