@@ -31,13 +31,18 @@ SLOTS = np.array([[0.0, 0.0, 0.0], [-BEHIND_M, RIGHT_M, 0.0]])
 class Flight:
     """A leader that flies north at one height, with a follower behind to its right."""
 
-    def __init__(self) -> None:
+    def __init__(self, up_m: float = 0.0) -> None:
+        self.slots_m = SLOTS + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, up_m]])
         hills = [Hill(north_m=each, east_m=RIGHT_M, height_m=40.0, radius_m=250.0) for each in TOPS_M]
         self.ground = Hills(0.0, hills)
         self.offsets_m = SlotClearance(self.ground, CLEARANCE_M, lambda _: BOUNDS, "leader_heading")
-        self._route = SplinePath([[0.0, 0.0, HEIGHT_M], [9000.0, 0.0, HEIGHT_M]])
+        self.take_route()
         self._plan = FormationPlan(load_scenario(scenario())).arrangement
         self.at_m = 0.0
+
+    def take_route(self) -> None:
+        """Fly along a new route, which lies where the one before did."""
+        self._route = SplinePath([[0.0, 0.0, HEIGHT_M], [9000.0, 0.0, HEIGHT_M]])
 
     def on(self, by_m: float, wind_east_mps: float = 0.0) -> None:
         """Fly on."""
@@ -45,7 +50,7 @@ class Flight:
         while self.at_m < until_m:
             self.at_m += TICK_M
             leader = FlightState(self.at_m, 0.0, HEIGHT_M, 0.0, SPEED_MPS, 0.0, 0.0, wind_east_mps)
-            ahead = TrackAhead(self._route, leader, 0, self.at_m, SPEED_MPS, lambda _: SLOTS, self._plan)
+            ahead = TrackAhead(self._route, leader, 0, self.at_m, SPEED_MPS, lambda _: self.slots_m, self._plan)
             self.offsets_m.look_ahead(ahead, [self.at_m, self.at_m])
 
     def missing_m(self, wind_east_mps: float = 0.0) -> float:
@@ -55,7 +60,8 @@ class Flight:
         north = sees - BEHIND_M * math.cos(crab) + RIGHT_M * math.sin(crab)
         east = np.full_like(sees, BEHIND_M * math.sin(crab) + RIGHT_M * math.cos(crab))
         offsets_m = [self.offsets_m.offsets([each, each])[1][0] for each in sees.tolist()]
-        return float((self.ground.height(north, east) + CLEARANCE_M - HEIGHT_M - np.array(offsets_m)).max())
+        flown_m = HEIGHT_M + self.slots_m[1, 2] + np.array(offsets_m)
+        return float((self.ground.height(north, east) + CLEARANCE_M - flown_m).max())
 
 
 @pytest.fixture
@@ -83,3 +89,24 @@ def test_a_wind_that_puts_the_slot_above_other_ground_raises_it_again(programmes
     flight.on(ADVANCE_M, wind_mps)
     assert flight.missing_m(wind_mps) <= TRIFLE_M
     assert len(programmes) == before + 1
+
+
+@pytest.mark.parametrize("up_m", [-8.0, 12.0])
+def test_a_slot_above_its_leader_is_raised_by_as_much_less_and_one_below_by_as_much_more(up_m: float) -> None:
+    flight = Flight(up_m)
+    flight.on(900.0)
+    assert flight.missing_m() <= TRIFLE_M
+    top_m = TOPS_M[0] + BEHIND_M
+    needed_m = 40.0 + CLEARANCE_M - HEIGHT_M - up_m
+    assert flight.offsets_m.offsets([top_m] * 2)[1][0] == pytest.approx(needed_m, abs=0.5)
+
+
+def test_on_another_route_a_slot_goes_on_at_its_height_with_its_slope() -> None:
+    flight = Flight()
+    flight.on(1300.0)
+    offset_m, slope, _ = flight.offsets_m.offsets([flight.at_m] * 2)[1]
+    assert offset_m > 5.0
+    assert slope > 0.01
+    flight.take_route()
+    flight.on(TICK_M)
+    assert flight.offsets_m.offsets([flight.at_m] * 2)[1][:2] == pytest.approx((offset_m, slope), rel=0.02)
