@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import gcs_formation
 from flight_model.arrays import Array
 from formation_scenario import load_scenario
 from gcs_formation.app import run as app_run
@@ -44,59 +43,6 @@ def begun_s(tmp_path: Path) -> float:
     lines = (tmp_path / "run" / "events.jsonl").read_text().splitlines()
     events = [json.loads(line) for line in lines]
     return float(next(event["t_s"] for event in events if event["kind"] == "phase" and event["text"] == "flying"))
-
-
-def test_leaving_the_fence_is_a_violation_by_the_truth_whatever_setpoints_said(fly: Fly, kept_truth):
-    keys: dict[str, Any] = {"safety": {"fence": {"height_max_m": 110}}, "disturbances": [LIFT], "duration_s": 20}
-    wanted = [{"metric": "fence_m", "below": 0.1}, {"metric": "violations", "below": 1}]
-    summary = fly(**keys, expect=wanted)
-    safety, (truth,) = summary.to_dict()["safety"], kept_truth
-    flown_m = np.where(truth["airborne"] > 0, truth["height_m"], 0.0)
-    assert safety["fence_m"] == pytest.approx(flown_m.max() - 110.0, abs=0.01)
-    assert safety["fence_m"] > 15.0
-    assert safety["violations"] == 1
-    assert not summary.held
-    (said,) = [text for text in summary.breaches if "outside the fence" in text]
-    assert f"{safety['fence_m']:.3g} m" in said
-    assert [each.held for each in summary.verdicts] == [False, False]
-
-
-def test_who_is_blown_into_an_exclusion_has_left_the_fence_by_the_truth(fly: Fly, kept_truth, tmp_path: Path):
-    gust = {"at_s": 1, "vehicles": "all", "velocity_mps": [0, 45, 0]}
-    lake = {"kind": "exclusion", "centre_m": [150, 280], "radius_m": 100}
-    summary = fly(safety={"fence": {"areas": [lake]}}, disturbances=[gust], duration_s=9)
-    (truth,), (said,) = kept_truth, summary.breaches
-    away_m = np.hypot(truth["north_m"] - 150.0, truth["east_m"] - 280.0)[truth["airborne"] > 0]
-    assert summary.to_dict()["safety"]["fence_m"] == pytest.approx(100.0 - away_m.min(), abs=0.01)
-    assert 100.0 - away_m.min() > 20.0
-    assert "m inside the exclusion circle at" in said
-    assert said.endswith("allowed: outside it (safety.fence.areas.0)")
-    events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
-    assert any(each["kind"] == "fence" and each["text"].startswith("turned away") for each in events)
-
-
-@pytest.mark.slow
-def test_a_fence_that_none_leaves_is_kept_though_they_take_off_below_it(fly: Fly):
-    fence = {"height_min_m": 80, "height_max_m": 200}
-    safety = fly(safety={"fence": fence}, duration_s=3, start={"in_air": False}).to_dict()["safety"]
-    assert (safety["fence_m"], safety["violations"]) == (0.0, 0)
-
-
-@pytest.mark.slow
-def test_what_a_pilot_flies_outside_is_said_and_is_no_violation(fly: Fly, tmp_path: Path):
-    """At the end the others circle above it, and so outside themselves."""
-    taken = {"at_s": 2, "vehicles": [3], "kind": "pilot", "mode": "LOITER"}
-    lift = {"at_s": 4, "until_s": 9, "vehicles": [3], "velocity_mps": [0, 0, -14]}
-    inside = [{"metric": "fence_m", "below": 0.001}]
-    summary = fly(
-        safety={"fence": {"height_max_m": 140}}, faults=[taken], disturbances=[lift], duration_s=22, expect=inside
-    )
-    assert summary.to_dict()["safety"]["outside_by_pilot_m"]["3"] > 5.0
-    assert summary.verdicts[0].value == 0.0
-    events = [json.loads(line) for line in (tmp_path / "run" / "events.jsonl").read_text().splitlines()]
-    said = [each for each in events if each["kind"] == "fence" and each.get("vehicle") == "3"]
-    assert [each["begins"] for each in said] == [True, False]
-    assert "by its pilot or its failsafe" in said[0]["text"]
 
 
 def test_separation_is_the_vehicles_whatever_the_station_s_ticks_did(fly: Fly, kept_truth):
@@ -176,20 +122,14 @@ def test_steps_that_the_scenario_adds_to_its_setpoints_lead_off_the_path_as_plan
     assert summary.to_dict()["unsafe"] == []
 
 
-def test_a_fence_is_needed_to_be_outside_of_it():
-    keys = scenario(expect=[{"metric": "fence_m", "below": 1}])
-    with pytest.raises(gcs_formation.ScenarioError, match="found fence_m without a fence"):
-        load_scenario(keys)
-
-
 def test_what_is_printed_and_shown_says_over_what_a_figure_is_taken(fly: Fly, tmp_path: Path):
     """The whole flight's clearance stands apart from a window's, the start's error from that after settling."""
-    summary = fly(duration_s=4, safety={"fence": {}})
+    summary = fly(duration_s=4)
     text, cards = summary_text(summary, tmp_path), page_parts.cards(load_run(tmp_path / "run"))
     assert "steady x" in text
     assert "max and rms from t = 0 on, steady: from 30 s after settling on" in text
     assert "from take-off to the end: least separation" in text
     assert "from the path, rms/max m: the leader across 0.00/0.00" in text
-    assert cards.count("whole flight, take-off and end included") == 3
+    assert cards.count("whole flight, take-off and end included") == 2
     assert "Leader from its path" in cards
     assert "Formation&#x27;s centre" in page_parts.from_path(summary.to_dict())
