@@ -18,7 +18,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.frame import StreamParser
 from airlink.messages import Message
-from airlink.messages.telemetry import GlobalPositionInt
+from airlink.messages.telemetry import Attitude, GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from flight_model.slot import UNKNOWN
 from formation_scenario import load_scenario
@@ -26,14 +26,14 @@ from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.estimator import Sample
 from gcs_formation.features.telemetry_health.vehicle_health import Commanded, VehicleHealth
 from gcs_formation.record.tlog import read_tlog
-from gcs_formation.vehicle.telemetry import Telemetry
+from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
 ALOFT_M: Final = 10.0
 GAP_S: Final = 3.0
 """A position so long after the one before isn't counted as flown between, s."""
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
-NOISE: Final = SimpleNamespace(noise=SimpleNamespace(by_quantity=(0.0,) * 6), state=None)
+NOISE: Final[Any] = SimpleNamespace(noise=SimpleNamespace(by_quantity=(0.0,) * 6), state=None)
 """Noise isn't declared, and no filter runs: the checks know what the samples themselves show."""
 
 
@@ -68,10 +68,10 @@ class Reported:
         elapsed_s, self._before_s = motion.stamp_s - self._before_s, motion.stamp_s
         if 0.0 < elapsed_s < GAP_S:
             self.found = self.found._replace(flown_s=self.found.flown_s + elapsed_s)
-        self._examine(Instant(round(motion.stamp_s * 1e9)))
+        self._examine(motion, attitude)
 
-    def _examine(self, now: Instant) -> None:
-        motion, attitude = self.seen.motion, self.seen.attitude
+    def _examine(self, motion: ReportedMotion, attitude: Attitude) -> None:
+        now = Instant(round(motion.stamp_s * 1e9))
         heading_rad = attitude.yaw_rad + attitude.yawspeed_radps * (motion.stamp_s - attitude.time_boot_s)
         speed_mps = self.seen.airspeed_mps
         velocity_mps = motion.north_mps, motion.east_mps

@@ -160,7 +160,7 @@ def _fly_cell(wanted: tuple[Cell, int]) -> Flown:
 
 def record(given: argparse.Namespace, path: Path) -> None:
     """Fly what a file doesn't have, all cells with a seed before those with the next, and add each flight to it."""
-    known, faults = recorded(path), [each for each in FAULTS if given.fault in each]
+    known, faults = recorded(path), [each for each in FAULTS if any(part in each for part in given.fault)]
     cells = [Cell(*each) for each in itertools.product(given.families, faults, given.roles, LINKS)]
     wanted = [(cell, seed) for seed in range(given.seeds) for cell in cells if (cell, seed) not in known]
     with ProcessPoolExecutor(given.workers) as pool, path.open("a") as file:
@@ -191,7 +191,7 @@ def main() -> None:
     """Fly, and print the table."""
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     options.add_argument("--seeds", type=int, default=20)
-    options.add_argument("--fault", default="", help="only faults whose name contains this")
+    options.add_argument("--fault", nargs="+", default=[""], help="only faults whose name contains one of these")
     options.add_argument("--roles", nargs="+", default=list(ROLES), choices=ROLES)
     options.add_argument("--families", nargs="+", default=list(FAMILIES), choices=FAMILIES)
     options.add_argument("--workers", type=int, default=2)
