@@ -1,11 +1,11 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Whether a multirotor's heading can be true: its nose may point anywhere, so its course tells nothing.
+"""Whether a multirotor's heading can be true: its nose may point anywhere, so its course shows nothing.
 
-Two messages tell the heading, ATTITUDE's `yaw` and GLOBAL_POSITION_INT's `hdg`, and the gyroscopes tell how fast it
-turns, ATTITUDE's `yawspeed`. So each heading is compared with the integral of that rate, and the two with each other:
-a heading that is altered on its way is altered in one message, one that its estimator gets wrong jumps in both. (Bank
-and pitch are those of a multirotor's acceleration, but a wind tilts it as well, by more than it accelerates in flight.)
+Two messages report the heading, ATTITUDE's `yaw` and GLOBAL_POSITION_INT's `hdg`, and the gyroscopes measure how fast
+it turns, ATTITUDE's `yawspeed`. So each heading is compared with the integral of that rate, and the two with each
+other: a heading that is altered on its way is altered in one message, one that its estimator gets wrong jumps in both.
+(Bank and pitch are those of a multirotor's acceleration, but a wind tilts it as well, by more than it accelerates.)
 """
 
 from __future__ import annotations
