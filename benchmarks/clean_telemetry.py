@@ -1,7 +1,8 @@
 """False alarms of the checks of telemetry: short flights without faults, each drawn by its seed.
 
-`python -m benchmarks.clean_telemetry --flights 1000` flies them and prints every event `health`. Wind, turbulence and
-gusts, time constants and limits ±30 % off the models, noise of telemetry, delay, jitter, loss, hills, multirotors.
+`python -m benchmarks.clean_telemetry --flights 1000 --record FILE` flies them and prints every event `health`. It
+may be interrupted: what is in the file isn't flown again. Wind, turbulence and gusts, time constants and limits ±30 %
+off the models, noise of telemetry, delay, jitter, loss, hills, multirotors.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from gcs_formation import run
 
-DURATION_S: Final = 60.0
+DURATION_S: Final = 45.0
 TAUS: Final = {
     "plane": {"tau_v_s": 4.0, "tau_psi_s": 1.5, "tau_ha_s": 1.0, "tau_hb_s": 3.0},
     "copter": {"tau_v_s": 0.6, "tau_ha_s": 0.6, "tau_hb_s": 0.6},
@@ -56,7 +57,7 @@ def scenario(seed: int) -> dict[str, Any]:
     keys["wind"] = {"velocity_mps": [*rng.uniform(-max_mps, max_mps, 2).tolist(), 0.0]}
     if rng.random() < 0.6:
         keys["disturbances"] = [{"at_s": 5.0, "kind": "dryden", "wind_6m_mps": float(rng.uniform(3.0, 10.0))}]
-        keys["disturbances"].append({"at_s": 25.0, "velocity_mps": rng.uniform(-3.0, 3.0, 3).tolist()})
+        keys["disturbances"].append({"at_s": 20.0, "velocity_mps": rng.uniform(-3.0, 3.0, 3).tolist()})
     if family == "plane" and rng.random() < 0.3:
         hill = {"north_m": 10.0 * speed_mps, "east_m": 0.0, "height_m": 40.0, "radius_m": 500.0}
         keys["terrain"] = {"hills": [hill], "clearance_m": 50.0}
@@ -108,22 +109,39 @@ def fly(seed: int) -> Clean:
     return Clean(seed, 3.0 * DURATION_S, said)
 
 
+def recorded(path: Path) -> list[Clean]:
+    """Return the flights of a file."""
+    lines = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    return [Clean(seed, flown_s, tuple(alarms)) for seed, flown_s, alarms in lines]
+
+
+def record(given: argparse.Namespace, path: Path) -> None:
+    """Fly what a file doesn't have, and add each flight to it."""
+    known = {each.seed for each in recorded(path)}
+    wanted = [each for each in range(given.first, given.first + given.flights) if each not in known]
+    with ProcessPoolExecutor(given.workers) as pool, path.open("a") as file:
+        for each in pool.map(fly, wanted):
+            file.write(json.dumps(each) + "\n")
+            file.flush()
+
+
 def main() -> None:
     """Fly, and print the alarms."""
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     options.add_argument("--flights", type=int, default=1000)
     options.add_argument("--first", type=int, default=0, help="the first flight's seed")
     options.add_argument("--workers", type=int, default=2)
+    options.add_argument("--record", type=Path, metavar="FILE", help="where flights are kept, one a line")
     given = options.parse_args()
-    alarmed, count, hours = 0, 0, 0.0
-    with ProcessPoolExecutor(given.workers) as pool:
-        for each in pool.map(fly, range(given.first, given.first + given.flights), chunksize=2):
-            count, hours, alarmed = count + 1, hours + each.flown_s / 3600.0, alarmed + bool(each.alarms)
-            for text in each.alarms:
-                print(f"seed {each.seed}: {text}", flush=True)
-            if count % 20 == 0:
-                print(f"... {alarmed} of {count}, {hours:.1f} vehicle hours", flush=True)
-    print(f"{alarmed} of {count} flights without faults had alarms, in {hours:.1f} hours of vehicles' flight")
+    with tempfile.TemporaryDirectory() as directory:
+        path = given.record or Path(directory) / "flights.jsonl"
+        record(given, path)
+        flights = recorded(path)
+    for each in flights:
+        for text in each.alarms:
+            print(f"seed {each.seed}: {text}")
+    alarmed, hours = sum(bool(each.alarms) for each in flights), sum(each.flown_s for each in flights) / 3600.0
+    print(f"{alarmed} of {len(flights)} flights without faults had alarms, in {hours:.1f} hours of vehicles' flight")
 
 
 if __name__ == "__main__":

@@ -1,18 +1,19 @@
 """Faults of telemetry: how soon each is found, and how near vehicles come to one another, by truth.
 
-`python -m benchmarks.telemetry_faults --seeds 20` prints the worst of that many flights for each fault, role, family
-and link. `--combined 30` flies two drawn faults at once, or one that comes and goes, instead. A height that is frozen
-is flown on a path that climbs: in level flight nothing shows it, and nothing harms.
+`python -m benchmarks.telemetry_faults --seeds 20 --record faults.jsonl` prints the worst of that many flights for each
+fault, role, family and link. It may be interrupted: what is in the file isn't flown again, and `--seeds 0` prints the
+table of that. `--combined 30` flies two drawn faults at once, or one that comes and goes, instead. A height that is
+frozen is flown on a path that climbs: in level flight nothing shows it, and nothing harms.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import tempfile
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -55,7 +56,7 @@ LINKS: Final[Mapping[str, Mapping[str, Any]]] = {
 }
 PLANE: Final[Mapping[str, Any]] = {
     "formation": {"shape": "diamond", "spacing_m": 30},
-    "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [600, 0, 100], [1200, 250, 120], [2200, 250, 120]]},
+    "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [400, 0, 100], [1000, 250, 120], [2000, 250, 120]]},
 }
 COPTER: Final[Mapping[str, Any]] = {
     "formation": {"shape": "diamond", "spacing_m": 20},
@@ -63,11 +64,11 @@ COPTER: Final[Mapping[str, Any]] = {
 }
 FAMILIES: Final = {"plane": PLANE, "copter": COPTER}
 CLIMBS: Final[Mapping[str, list[list[float]]]] = {
-    "plane": [[0, 0, 100], [600, 0, 118], [1200, 250, 137], [2200, 250, 167]],
+    "plane": [[0, 0, 100], [400, 0, 112], [1000, 250, 131], [2000, 250, 161]],
     "copter": [[0, 0, 60], [120, 0, 66], [240, 60, 73], [500, 60, 86]],
 }
-BEGINS_S: Final = (8.0, 25.0)
-LASTS_S: Final = 30.0
+BEGINS_S: Final = (5.0, 17.0)
+LASTS_S: Final = 25.0
 TWO_SHARE: Final = 2.0 / 3.0
 EVENTS: Final = ("health", "member", "link", "streams", "airspeed", "sensor")
 """Kinds of events by which a fault is said."""
@@ -133,30 +134,69 @@ def _flown(family: str, faults: list[dict[str, Any]], link: str, seed: int, *, c
     return Flown(min(said_s, default=np.inf) - begun_s, safety["min_separation_m"], safety["min_clearance_m"])
 
 
-def table(given: argparse.Namespace) -> Iterator[list[str]]:
-    """Yield the rows: for each link and role, the latest finding, the least separation and the lowest flight."""
-    with ProcessPoolExecutor(given.workers) as pool:
-        for family in given.families:
-            for fault in (each for each in FAULTS if given.fault in each):
-                for role in given.roles:
-                    cells = list[str]()
-                    for link in LINKS:
-                        flights = list(pool.map(partial(fly, family, role, fault, link), range(given.seeds)))
-                        worst = [max(each.found_s for each in flights)]
-                        worst += [min(each[place] for each in flights) for place in (1, 2)]
-                        cells.append(" / ".join(f"{each:.1f}" for each in worst))
-                    yield [family, fault, role, *cells]
+class Cell(NamedTuple):
+    """Of which flights the worst is sought."""
+
+    family: str
+    fault: str
+    role: str
+    link: str
+
+
+Record = dict[tuple[Cell, int], Flown]
+"""Flights by cell and seed."""
+
+
+def recorded(path: Path) -> Record:
+    """Return the flights of a file."""
+    lines = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    return {(Cell(*each["cell"]), each["seed"]): Flown(*each["flown"]) for each in lines}
+
+
+def _fly_cell(wanted: tuple[Cell, int]) -> Flown:
+    cell, seed = wanted
+    return fly(cell.family, cell.role, cell.fault, cell.link, seed)
+
+
+def record(given: argparse.Namespace, path: Path) -> None:
+    """Fly what a file doesn't have, all cells with a seed before those with the next, and add each flight to it."""
+    known, faults = recorded(path), [each for each in FAULTS if any(part in each for part in given.fault)]
+    cells = [Cell(*each) for each in itertools.product(given.families, faults, given.roles, LINKS)]
+    wanted = [(cell, seed) for seed in range(given.seeds) for cell in cells if (cell, seed) not in known]
+    with ProcessPoolExecutor(given.workers) as pool, path.open("a") as file:
+        for (cell, seed), flown in zip(wanted, pool.map(_fly_cell, wanted), strict=True):
+            file.write(json.dumps({"cell": cell, "seed": seed, "flown": flown}) + "\n")
+            file.flush()
+
+
+def table(known: Record) -> Iterator[list[str]]:
+    """Yield rows: for each link and role the latest finding, the least separation, the lowest flight, and of how many.
+
+    A flight without a finding has it at infinity.
+    """
+    for family, fault, role in itertools.product(FAMILIES, FAULTS, ROLES):
+        flown = [_worst([known[each] for each in known if each[0] == (family, fault, role, link)]) for link in LINKS]
+        if any(flown):
+            yield [family, fault, role, *(each or "–" for each in flown)]
+
+
+def _worst(flights: list[Flown]) -> str:
+    if not flights:
+        return ""
+    worst = [max(each.found_s for each in flights), *(min(each[place] for each in flights) for place in (1, 2))]
+    return " / ".join(f"{each:.1f}" for each in worst) + f" ({len(flights)})"
 
 
 def main() -> None:
     """Fly, and print the table."""
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     options.add_argument("--seeds", type=int, default=20)
-    options.add_argument("--fault", default="", help="only faults whose name contains this")
+    options.add_argument("--fault", nargs="+", default=[""], help="only faults whose name contains one of these")
     options.add_argument("--roles", nargs="+", default=list(ROLES), choices=ROLES)
     options.add_argument("--families", nargs="+", default=list(FAMILIES), choices=FAMILIES)
     options.add_argument("--workers", type=int, default=2)
     options.add_argument("--combined", type=int, default=0, metavar="FLIGHTS")
+    options.add_argument("--record", type=Path, metavar="FILE", help="where flights are kept, one a line")
     given = options.parse_args()
     if given.combined:
         with ProcessPoolExecutor(given.workers) as pool:
@@ -164,7 +204,10 @@ def main() -> None:
         print(markdown(["family", "link", "faults", "found s / separation m / height m"], rows))
         return
     heads = ["family", "fault", "role", *(f"{link}: found s / separation m / height m" for link in LINKS)]
-    print(markdown(heads, list(table(given))))
+    with tempfile.TemporaryDirectory() as directory:
+        path = given.record or Path(directory) / "flights.jsonl"
+        record(given, path)
+        print(markdown(heads, list(table(recorded(path)))))
 
 
 if __name__ == "__main__":

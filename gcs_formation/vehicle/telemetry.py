@@ -46,6 +46,10 @@ ALTITUDE_LIMIT_M: Final = 100e3
 ALONE: Final = 5
 ALONE_S: Final = 1.5
 """An airspeed or attitude is flown without after so many positions alone, over this time, s."""
+ALONE_ATTITUDES: Final = 8
+ALONE_ATTITUDES_S: Final = 1.2
+"""A position isn't reported any more after so many attitudes alone, over this time, s; one that can't be, or isn't
+filled, after `ALONE` of these in a row."""
 APART_LIMIT_S: Final = 2.0
 """Largest difference of stamps between a position and the attitude and airspeed paired with it, s."""
 
@@ -125,6 +129,8 @@ class Telemetry:
     """Name and value of the first field that isn't finite in the newest attitude, empty if all are."""
     _without_position: int = 0
     """Attitudes since the last position."""
+    _refused_positions: int = 0
+    """Positions in a row that can't be, or aren't filled, since the last."""
     _without_airspeed: int = 0
     _without_attitude: int = 0
     """Positions since the last airspeed and attitude that were reported, whose stamps are the next two."""
@@ -184,12 +190,13 @@ class Telemetry:
             self.implausible += not no_fix_yet
             if self.motion is None:
                 self.position_refused = _why_no_position(message)
+            self._refused_positions += 1
             self.unfixed = self.unfixed or no_fix_yet
             return
         self.unfixed = False
         north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
         stamp_s = message.time_boot_s
-        self._without_position = 0
+        self._without_position = self._refused_positions = 0
         self._without_airspeed += 1
         self._without_attitude += 1
         if (self._without_airspeed > ALONE or self._without_attitude > ALONE) and self.complete:
@@ -314,7 +321,9 @@ class Telemetry:
     def lacking(self) -> str:
         """Which quantity isn't reported while the others are: position, attitude or airspeed; empty if all are."""
         position_s = math.nan if self.motion is None else self.motion.stamp_s
-        if self._without_position > ALONE and self._attitude_at_s - position_s > ALONE_S:
+        if self._without_position > ALONE_ATTITUDES and self._attitude_at_s - position_s > ALONE_ATTITUDES_S:
+            return "position"
+        if self._refused_positions > ALONE and self.motion is not None:
             return "position"
         if self._without_attitude > ALONE and position_s - self._attitude_at_s > ALONE_S:
             return "attitude"

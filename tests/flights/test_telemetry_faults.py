@@ -108,6 +108,18 @@ def test_a_multirotors_velocity_is_compared_with_what_was_commanded(fly, effect,
     assert summary["safety"]["min_separation_m"] > 20.0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("vehicles", [[1], "all"])
+def test_a_multirotors_heading_that_jumps_turns_no_slot(fly, vehicles):
+    """The leader hovers at its path's end: where its nose points, slots lie."""
+    path = {"speed_mps": 5, "waypoints_m": [[0, 0, 60], [60, 0, 60]]}
+    summary, events = fly(vehicles, "attitude", "offset", 0.5, **COPTERS | {"path": path})
+    assert health(events)[0] == ("1", "attitude", False)
+    assert events[1]["after_s"] < 2.0
+    assert all(each["kind"] != "member" for each in events)
+    assert summary["safety"]["min_separation_m"] > 27.0
+
+
 def test_a_multirotor_that_brakes_without_a_position_is_kept_clear_of(fly):
     summary, events = fly([1], "position", "missing", duration_s=22.0, **COPTERS)
     assert any("leads the formation" in each["text"] for each in events)

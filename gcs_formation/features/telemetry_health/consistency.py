@@ -39,6 +39,9 @@ that isn't 0 may well be the same: that is straight flight."""
 FROZEN_M: Final = 1.0
 """A height that is the same to the bit while its climb rate says that it moved by this, and five standard deviations
 of that, is frozen, m: heights that are reported in whole metres change after one."""
+FROZEN_FINE_M: Final = 0.5
+FINE_M: Final = 0.1
+"""The same of heights that have changed by less than the second, but not by 0, m: their steps are finer."""
 OPPOSED_SHARE: Final = 0.25
 """A velocity has the wrong sign if its opposite leaves less than this share of what it leaves itself."""
 CONFIRMED: Final = 3
@@ -83,8 +86,9 @@ class Consistency:
         self._unchanged = [0, 0]
         """How many samples in a row had the same position, and the same velocity."""
         self._agrees_s = 0.0
-        self._stood_s, self._passed_m = 0.0, 0.0
-        """For how long a height has been the same, s, and how far it would have moved meanwhile by its rate, m."""
+        self._stood_s, self._passed_m, self._frozen_m = 0.0, 0.0, FROZEN_M
+        """For how long a height has been the same, s, how far it would have moved meanwhile by its rate, m, and from
+        which such distance on it is frozen."""
         self.scatters = False
         """Whether its position scatters too much."""
         self.scatter_m = 0.0
@@ -200,19 +204,21 @@ class Consistency:
         if same and len(self.axes) == 1:
             self._stood_s += elapsed_s
             self._passed_m += (rate_mps + self.axes[0].rate_mps) * elapsed_s / 2.0
-        else:
-            self._stood_s, self._passed_m = 0.0, 0.0
+            return
+        self._stood_s, self._passed_m = 0.0, 0.0
+        if 0.0 < abs(self.axes[0].moved_m) < FINE_M:
+            self._frozen_m = FROZEN_FINE_M
 
     def _is_frozen(self, doubled: float) -> bool:
         """Return whether a height stays the same and its rate says otherwise; `doubled`: noise of a sum, m²/s."""
         if self._unchanged[POSITION] < UNCHANGED or len(self.axes) > 1:
             return False
-        return abs(self._passed_m) > FROZEN_M + SIGMAS * math.sqrt(doubled * self._stood_s)
+        return abs(self._passed_m) > self._frozen_m + SIGMAS * math.sqrt(doubled * self._stood_s)
 
     def _watch_scatter(self) -> None:
         max_m2 = 0.0
         for axis in self.axes:
-            max_m2 = max(max_m2, axis.scatter_m2)
+            max_m2 = max(max_m2, axis.scatter_m2, axis.recent_m2)
         bound_m2 = SCATTER_M * SCATTER_M
         if self.scatters:
             self.scatters = max_m2 > bound_m2 / 4.0
@@ -278,7 +284,7 @@ class Consistency:
         self.wrong = found
 
     def _which(self) -> int:
-        if self._faster or abs(self._passed_m) > FROZEN_M:
+        if self._faster or abs(self._passed_m) > self._frozen_m:
             return POSITION
         if self.doubts_velocity:
             return VELOCITY

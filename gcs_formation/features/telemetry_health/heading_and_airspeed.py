@@ -77,7 +77,11 @@ class HeadingCheck:
 
         `sigma_rad`: standard deviation of the heading's noise.
         """
-        elapsed_s, course_rad = (stamp_ns - self._stamp_ns) * 1e-9, math.atan2(east_mps, north_mps)
+        return self.take_turned(stamp_ns, heading_rad, math.atan2(east_mps, north_mps), sigma_rad)
+
+    def take_turned(self, stamp_ns: int, heading_rad: float, course_rad: float, sigma_rad: float) -> float:
+        """Likewise, with a direction that should turn as the heading does in place of the velocity."""
+        elapsed_s = (stamp_ns - self._stamp_ns) * 1e-9
         if self._stamp_ns and 0.0 < elapsed_s <= GAP_S:
             turned_rad, bent_rad = wrap(heading_rad - self._heading_rad), wrap(course_rad - self._course_rad)
             if self._scatter.known:
@@ -88,7 +92,8 @@ class HeadingCheck:
         return wrap(heading_rad + self.offset_rad) if self.offset_rad != 0.0 else heading_rad
 
     def _judge(self, elapsed_s: float, turned_rad: float, bent_rad: float, sigma_rad: float) -> None:
-        max_rad = FASTER * self._turn_max_rps * elapsed_s + JUMP_RAD + SIGMAS * sigma_rad
+        turns_rad = max(self._turn_max_rps * elapsed_s, abs(bent_rad))
+        max_rad = FASTER * turns_rad + JUMP_RAD + SIGMAS * sigma_rad
         self._quiet_s += elapsed_s
         if abs(turned_rad) > max_rad:
             self.evidence_rad, self.frozen, self._quiet_s = abs(turned_rad - bent_rad), False, 0.0

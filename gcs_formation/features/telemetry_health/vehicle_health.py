@@ -15,6 +15,7 @@ from gcs_formation.features.telemetry_health.commanded_velocity import Commanded
 from gcs_formation.features.telemetry_health.consistency import POSITION, VELOCITY, Consistency
 from gcs_formation.features.telemetry_health.estimator_report import EstimatorReport
 from gcs_formation.features.telemetry_health.heading_and_airspeed import AirspeedJumps, HeadingCheck
+from gcs_formation.features.telemetry_health.nose import BELIEVED, NoseCheck
 from gcs_formation.features.telemetry_health.timing import JITTERS, LATE_S, Timing
 from gcs_formation.vehicle.vehicle import Vehicle
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
@@ -67,6 +68,7 @@ class VehicleHealth:
         self._across = Consistency(2, FASTER * model.speed_max_mps + WIND_MPS)
         self._up = Consistency(1, FASTER * model.climb_max_mps + RISES_MPS)
         self._heading, self._timing = HeadingCheck(model.turn_rate_max_rps), Timing()
+        self._nose = NoseCheck(model.turn_rate_max_rps)
         self._airspeed, self._wind = AirspeedJumps(model.accel_max_mps2), (UNKNOWN, UNKNOWN)
         self._commanded, self._estimator = CommandedVelocity(model), EstimatorReport()
 
@@ -87,7 +89,6 @@ class VehicleHealth:
         own = 1 + round((reported_s + self._timing.shift_s) * NANOSECONDS)
         at = stamp if self._timing.by_arrival else own
         airspeed_mps, heading_rad = sample.airspeed_mps, sample.heading_rad
-        witness = [UNKNOWN, UNKNOWN]
         if not vehicle.telemetry.stands:
             check = vehicle.sampler.airspeed_check
             read = check is None or check.believes
@@ -96,6 +97,7 @@ class VehicleHealth:
             witness = self._by_air(airspeed_mps, heading_rad, known.state)
         else:
             witness = self._commanded.take(own, commanded.acting, velocity_mps, stops=commanded.stops)
+            airspeed_mps, heading_rad = self._over_ground(sample, leads=leads)
         across = self._across.take(at, list(place_m), list(velocity_mps), witness, (noise[0], noise[2]))
         self._up.doubts_velocity = self._across.wrong == VELOCITY
         climb_mps = self._climb_mps(commanded.height_m - height_m - self._up.axes[0].offset_m)
@@ -118,6 +120,16 @@ class VehicleHealth:
             self._across.forget()
             self._up.forget()
         return stamp
+
+    def _over_ground(self, sample: Sample, *, leads: bool) -> tuple[float, float]:
+        """Return a multirotor's ground speed and course (a leader's axis): the sample's if its heading can be true."""
+        attitude, motion = self.vehicle.telemetry.attitude, self.vehicle.telemetry.motion
+        if attitude is None or motion is None:
+            return sample.airspeed_mps, sample.heading_rad
+        nose_rad = self._nose.take(attitude, motion.heading_rad, motion.stamp_s)
+        if self._nose.flown == BELIEVED:
+            return sample.airspeed_mps, sample.heading_rad
+        return ground_motion(nose_rad, sample.north_mps, sample.east_mps, leads=leads)
 
     def _by_air(self, airspeed_mps: float, heading_rad: float, known: FlightState | None) -> list[float]:
         """Return the velocity over ground by airspeed, heading and wind; NaN while that isn't known.
@@ -232,6 +244,8 @@ class VehicleHealth:
         elif self._heading.offset_rad != 0.0:
             degrees = math.degrees(self._heading.evidence_rad)
             found["attitude"] = f"its heading has jumped by {degrees:.0f}°: taken to be as before"
+        if self._nose.finding:
+            found["attitude"] = self._nose.finding
         if seen.not_finite:
             found["attitude"] = f"{seen.not_finite}: flown without"
         if self._airspeed.offset_mps != 0.0:

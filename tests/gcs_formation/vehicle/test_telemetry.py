@@ -81,3 +81,34 @@ def test_armed_is_the_safety_bit_of_the_heartbeat(telemetry):
     assert not telemetry.armed
     telemetry.store(heartbeat(m.PLANE_MODE_MANUAL, armed=True))
     assert telemetry.armed
+
+
+def lacking_after(telemetry, position_of, *, seconds):
+    """Tell attitudes at 10 Hz, and what positions there are, from 1 s on; return when a quantity was first lacking."""
+    for tick in range(round(10 * seconds)):
+        time_s = 1.0 + tick / 10
+        message = position_of(tick, time_s)
+        for each in (Attitude(time_s, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0), *(() if message is None else (message,))):
+            telemetry.take(each)
+        if telemetry.lacking:
+            return telemetry.lacking, time_s - 1.0
+    return "", seconds
+
+
+def test_positions_that_stop_coming_are_lacking_after_a_second_and_a_quarter(telemetry):
+    found, after_s = lacking_after(telemetry, lambda tick, s: position(50.0, s) if tick <= 10 else None, seconds=5)
+    assert (found, after_s) == ("position", pytest.approx(1.0 + 1.25, abs=0.06))
+
+
+def test_positions_at_0_0_in_a_row_are_lacking_at_once_and_single_ones_are_not(telemetry):
+    nowhere = position(50.0, 1.0).but(lat_rad=0.0, lon_rad=0.0)
+
+    def told(tick, s):
+        return nowhere.but(time_boot_s=s) if tick in (3, 4, 5, 6, 7) or tick > 10 else position(50.0, s)
+
+    found, after_s = lacking_after(telemetry, told, seconds=5)
+    assert (found, after_s) == ("position", pytest.approx(1.0 + 0.6))
+
+
+def test_one_position_in_three_that_arrives_is_not_lacking(telemetry):
+    assert lacking_after(telemetry, lambda tick, s: None if tick % 3 else position(50.0, s), seconds=20)[0] == ""

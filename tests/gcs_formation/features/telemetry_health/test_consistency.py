@@ -124,9 +124,11 @@ def climbing(height_of, rate_mps=0.7, seconds=60.0):
     return checked, found_s
 
 
-def test_a_frozen_height_is_found_once_it_should_have_moved_by_a_metre():
-    checked, found_s = climbing(lambda height_m: min(height_m, 7.0), seconds=13.0)  # frozen at 10 s
-    assert found_s == pytest.approx(10.0 + 1.0 / 0.7, abs=2.5 * STEP_S)
+@pytest.mark.parametrize(("step_m", "least_m"), [(0.001, 0.5), (1.0, 1.0)])
+def test_a_frozen_height_is_found_once_it_should_have_moved_by_more_than_its_steps(step_m, least_m):
+    frozen_at_m = 7.0
+    checked, found_s = climbing(lambda height_m: step_m * math.floor(min(height_m, frozen_at_m) / step_m), seconds=13.0)
+    assert found_s == pytest.approx((frozen_at_m + least_m) / 0.7, abs=2.5 * STEP_S)
     assert checked.wrong == POSITION
     assert checked.axes[0].flown_m == pytest.approx(0.7 * 12.9, abs=0.1)
 
@@ -154,6 +156,28 @@ def test_an_outlier_is_no_fault_and_is_not_flown():
     assert flown.off_m()[0] < 0.1
     assert flown.fly(20.0) is None
     assert flown.off_m()[0] < 0.01
+
+
+def test_positions_that_begin_to_scatter_are_found_within_a_second_mostly_and_within_two_and_a_half():
+    found_s = list[float]()
+    for seed in range(20):
+        flown = Turning(seed=seed)
+        flown.fly(6.0)
+        begun_s, noise = flown.time_s, flown.random.standard_normal
+        while not flown.checked.scatters:
+            flown.fly(STEP_S, place_of=lambda place, _s, noise=noise: list(np.add(place, 10.0 * noise(2))))
+        found_s.append(flown.time_s - begun_s)
+    assert np.median(found_s) < 1.0
+    assert max(found_s) < 2.5
+
+
+def test_a_single_outlier_is_no_scatter():
+    flown = Turning()
+    flown.fly(6.0)
+    flown.fly(0.1, place_of=lambda place, _s: [place[0] + 400.0, place[1]])
+    for _ in range(20):
+        flown.fly(0.1)
+        assert not flown.checked.scatters
 
 
 def test_outliers_among_samples_are_no_fault():
