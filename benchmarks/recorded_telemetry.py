@@ -59,7 +59,7 @@ class Reported:
 
     def take(self, message: Message) -> None:
         """Take a message that arrived."""
-        self.seen.take(message)
+        self.seen.store(message)
         motion, attitude = self.seen.motion, self.seen.attitude
         if not isinstance(message, GlobalPositionInt) or motion is None or attitude is None or not self.seen.complete:
             return
