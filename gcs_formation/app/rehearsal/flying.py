@@ -14,6 +14,7 @@ import numpy as np
 
 from airlink.cli import rare_garbage_collection
 from airlink.clock import NANOSECONDS
+from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.extensions import RECORDER
@@ -83,7 +84,7 @@ def _errors(scenario: Scenario, directory: Path, from_s: float) -> tuple[float, 
 
 def _recorded(scenario: Scenario, directory: Path) -> RecordedFlight:
     truth, rows, builder = recorded_truth(directory), Spool(directory / SPOOL), FlightBuilder(scenario)
-    none: dict[object, Array] = {each.vehicle_id: np.zeros((rows.ticks, 2)) for each in scenario.vehicles}
-    for _ in builder.passing(tables(rows.blocks(), scenario, truth and truth.between, none)):
+    none: dict[VehicleId, Array] = {each.vehicle_id: np.zeros((rows.ticks, 2)) for each in scenario.vehicles}
+    for _ in builder.passing(tables(rows.blocks(), scenario, None if truth is None else truth.between, none)):
         pass
     return builder.flight()

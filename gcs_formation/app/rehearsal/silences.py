@@ -31,7 +31,7 @@ FRAME_BYTES: Final = 50
 class Silences(NamedTuple):
     """The silences of uplinks, each longer than `SUCCESSION_S`."""
 
-    count: int
+    number: int
     longest_s: float
     flown_s: float
     """Time for which the links' channels were flown, s."""
@@ -40,8 +40,8 @@ class Silences(NamedTuple):
 
     def __str__(self) -> str:
         """Return it in words."""
-        silent = f"{self.count} silences of more than {SUCCESSION_S:g} s" if self.count else "no long silence"
-        longest = f", the longest of {self.longest_s:.1f} s" if self.count else ""
+        silent = f"{self.number} silences of more than {SUCCESSION_S:g} s" if self.number else "no long silence"
+        longest = f", the longest of {self.longest_s:.1f} s" if self.number else ""
         return f"{silent} in {self.flown_s:.0f} s{longest}"
 
 
@@ -52,19 +52,19 @@ def silences(scenario: Scenario, over: Callable[[], bool]) -> Silences | None:
         return None
     found = _flown(scenario, lossy, scenario.law.rate_hz, over)
     higher = (each for each in BURSTS_HZ if each > scenario.law.rate_hz)
-    if not found.count:
+    if not found.number:
         return found
-    enough = (each for each in higher if not over() and not _flown(scenario, lossy, each, over).count)
+    enough = (each for each in higher if not over() and not _flown(scenario, lossy, each, over).number)
     return found._replace(enough_hz=next(enough, None))
 
 
 def long_silences(found: Silences) -> str | None:
     """Return what silences do to vehicles, and which rate of the law has fewer; None if there was none."""
-    if not found.count:
+    if not found.number:
         return None
     slower = "" if found.enough_hz is None else f"; law.rate_hz of {found.enough_hz:g} or more makes that rare"
     return (
-        f"links: losses come in bursts that silence some vehicle's uplink for over {SUCCESSION_S:g} s, {found.count} "
+        f"links: losses come in bursts that silence some vehicle's uplink for over {SUCCESSION_S:g} s, {found.number} "
         f"times in {found.flown_s:.0f} s and for up to {found.longest_s:.1f} s: it flies on as it was commanded last, "
         f"and can't evade{slower}"
     )

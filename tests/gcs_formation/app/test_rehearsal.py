@@ -75,7 +75,7 @@ def test_bursts_of_losses_that_last_for_seconds_at_a_slow_law_are_named_with_the
         found = silences(load_scenario(flight(vehicles=FOUR, duration_s=200, **keys)), never)
         assert found is not None
         if rate_hz == 2.0 and not ways:
-            assert 1 <= found.count <= 11  # 5.4, and 2.4 standard deviations about it
+            assert 1 <= found.number <= 11  # 5.4, and 2.4 standard deviations about it
             assert 3.0 < found.longest_s < 15.0
         return long_silences(found)
 
