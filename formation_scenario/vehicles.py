@@ -276,7 +276,8 @@ class VehicleCommon(Keys):
     )
     landing: StoredLanding | None = key(
         None,
-        "emulators of fixed wings only: the landing in its stored mission, as a ground station has written it there",
+        "emulators of fixed wings, and PX4's simulators of `run --sitl`: the landing in its stored mission, as a "
+        "ground station has written it there",
         derived="its mission is empty",
     )
 

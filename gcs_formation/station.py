@@ -243,6 +243,7 @@ class Station(Engine):
             self._log_link(vehicle, now)
         if isinstance(message, ParamValue):
             self.gate.receive_parameter(vehicle, message, now)
+            self.gate.take_item(vehicle, message, now)
             self.cycle.beginning.receive_parameter(vehicle, message, now)
         elif isinstance(message, (MissionCount, MissionItemInt)):
             self.gate.take_item(vehicle, message, now)

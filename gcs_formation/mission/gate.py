@@ -105,7 +105,7 @@ class AlwaysExamined(ABC):
 
     @abstractmethod
     def take_item(self, vehicle: Vehicle, message: Message, now: Instant) -> None:
-        """Take a message of the mission protocol."""
+        """Take a message of the mission protocol, or a parameter."""
 
     @abstractmethod
     def refusal(self, *, ready: bool) -> str | None:
@@ -164,7 +164,7 @@ class Gate:
         self.passed = self.passed or (self._confirmed and not self._examined)
 
     def take_item(self, vehicle: Vehicle, message: Message, now: Instant) -> None:
-        """Take a message of the mission protocol."""
+        """Take a message of the mission protocol, or a parameter."""
         for each in self._always:
             each.take_item(vehicle, message, now)
 

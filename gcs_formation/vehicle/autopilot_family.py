@@ -75,6 +75,8 @@ class Autopilot(FamilyTraits, ABC):
         """Lowest and highest airspeed to command by its own parameters, None where these allow the model's."""
         self.landing: LandingSequence | None = None
         """The landing of its stored mission, None without one, or as long as it wasn't read."""
+        self.own_approach_m: float = self.approach_m
+        """Height of the approach by `approach_parameter`, m; the default until that is read."""
         self.heights_m: tuple[float, float] | None = None
         """Lowest and highest height above the origin to command by its own geofence, m; None without one."""
 
@@ -333,7 +335,7 @@ class Autopilot(FamilyTraits, ABC):
     @property
     def highest_approach_m(self) -> float:
         """Greatest height above home of its approach, m."""
-        return self.approach_m if self.landing is None else self.landing.approach_m
+        return self.own_approach_m if self.landing is None else self.landing.approach_m
 
     def hold(self) -> tuple[Command, ...]:
         """Return the command to circle or hover where it is, at its present height."""

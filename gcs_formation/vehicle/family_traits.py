@@ -66,7 +66,9 @@ class FamilyTraits:
     flies_courses: ClassVar[bool] = False
     """Whether a fixed wing is commanded by course over ground instead of heading."""
     approach_m: ClassVar[float] = 0.0
-    """Height above home at which the approach of `land` begins, m, unless its mission has one."""
+    """Height above home at which the approach of `land` begins, m, unless a parameter or its mission says another."""
+    approach_parameter: ClassVar[str] = ""
+    """The parameter that says so, m; "" if none does."""
     lands_by_mission: ClassVar[bool] = False
     """Whether it flies the landing of its stored mission on MAV_CMD_DO_LAND_START."""
     landing_is_marked: ClassVar[bool] = True

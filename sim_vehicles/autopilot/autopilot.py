@@ -18,16 +18,16 @@ from airlink.endpoint import Address
 from airlink.messages import Message
 from airlink.messages.command import SetPositionTargetGlobalInt, SetPositionTargetLocalNed
 from airlink.messages.system import Statustext
+from formation_scenario.stored_landing import items_of, place_of
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.motion import Estimate, Motion
-from sim_vehicles.autopilot.mission_items import Item
+from sim_vehicles.autopilot.mission_items import Item, as_given
 from sim_vehicles.autopilot.missions import Missions, home_of
 from sim_vehicles.autopilot.modes_and_failsafe import FlightMode, GroundStationFailsafe, Request
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.sensors import sensors_of
-from sim_vehicles.autopilot.stored_landing import items_of, place_of
 from sim_vehicles.autopilot.streams import Builders, Streams
 from sim_vehicles.board_clock import BoardClock
 from sim_vehicles.config import FleetConfig
@@ -131,7 +131,8 @@ class Autopilot(ABC):
         start, origin = self.config.start, self.origin
         landing = None if self.config.landing is None else place_of(self.config.landing, start)
         self.missions = self.make_missions(home_of(start, origin))
-        self.missions.items += () if landing is None else items_of(landing, origin)
+        stored = () if landing is None else items_of(self.config.identity.system, landing, origin)
+        self.missions.items += tuple(map(as_given, stored))
         self.sender: Address = self.config.endpoint.address
         """Sender of the last frame."""
         self.sticks = False

@@ -150,6 +150,12 @@ def from_message(message: MissionItem | MissionItemInt) -> Item | int:
     return where if isinstance(where, int) else Item(message.command, FRAMES[message.frame], params, *where)
 
 
+def as_given(message: MissionItemInt) -> Item:
+    """Return the item of a message whose command and frame are known to be stored as they are."""
+    params = message.param1, message.param2, message.param3, message.param4
+    return Item(message.command, message.frame, params, message.x, message.y, message.z)
+
+
 def to_message(item: Item, seq: int, system: int, component: int, *, current: bool) -> MissionItemInt:
     """Return the message with which an item is read back."""
     fields = item.frame, item.command, int(current), 1, *item.params, item.x, item.y, item.z

@@ -20,6 +20,7 @@ from gcs_formation.features.ending.landings import Landings
 from gcs_formation.fleet.circle_heights import GroundFloor, loiter_heights
 from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.phases import Phase
+from gcs_formation.vehicle.families.arducopter.arducopter import ArduCopter
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.telemetry import ReportedMotion
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -106,12 +107,13 @@ def tell(
     armed: bool = True,
     course_rad: float = 0.0,
     rolls_mps: float = 0.0,
+    flies_mps: float = 20.0,
 ) -> None:
     base, status = (m.MAV_MODE_FLAG_SAFETY_ARMED, m.MAV_STATE_ACTIVE) if armed else (0, m.MAV_STATE_STANDBY)
     kind = m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA
     vehicle.telemetry.store(Heartbeat(*kind, base, m.PLANE_MODE_RTL, status))
     lat_rad, lon_rad, alt_m = ORIGIN.from_ned(north_m, east_m, -height_m)
-    speed_mps = 20.0 if armed else rolls_mps
+    speed_mps = flies_mps if armed else rolls_mps
     velocity = speed_mps * math.cos(course_rad), speed_mps * math.sin(course_rad), 0.0
     vehicle.telemetry.store(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, height_m, *velocity, 0.0))
     vehicle.take_off.update_position(vehicle.telemetry)
@@ -197,6 +199,26 @@ def waiting(*vehicles: Vehicle) -> Landings:
     for level, vehicle in reversed(list(enumerate(vehicles))):
         landings.await_turn(vehicle, 100.0 + 15.0 * level)
     return landings
+
+
+def hovering(number: int, east_m: float, height_m: float, noise_mps: float) -> Vehicle:
+    """Return a multirotor that took off, and hovers over its home."""
+    vehicle = Vehicle(VehicleId(1, number), number - 1, ArduCopter(number, ORIGIN, 0.25), CONNECTION, 10.0)
+    for armed, up_m in ((False, 0.0), (True, 20.0), (True, height_m)):
+        tell(vehicle, 0.5, east_m, up_m, armed=armed, course_rad=2.0 * number, flies_mps=noise_mps)
+    vehicle.commands.begin((), NOW)
+    return vehicle
+
+
+@pytest.mark.parametrize(("noise_mps", "mode"), [(0.7, m.COPTER_MODE_LAND), (2.0, None)])
+def test_multirotors_that_hover_land_though_the_speeds_that_they_report_are_noisy(
+    noise_mps: float, mode: int | None
+) -> None:
+    """Four simulated PX4 hovered over their homes for 5 minutes, and none was commanded to land."""
+    each = [hovering(number, 12.0 * number, 85.0 + 15.0 * number, noise_mps) for number in range(1, 5)]
+    landings = waiting(*each)
+    landings.advance(NOW)
+    assert [commanded(one) for one in each] == [mode, None, None, None]
 
 
 def commanded(vehicle: Vehicle) -> int | None:

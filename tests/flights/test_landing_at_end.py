@@ -9,9 +9,12 @@ from typing import Any
 import pytest
 
 import gcs_formation
+from airlink import mavlink as m
 from airlink.clock import Instant, after
+from airlink.messages.command import ParamRequestRead, ParamValue
 from formation_scenario import load_scenario
 from gcs_formation.features.ending.landing_check import LandingCheck
+from gcs_formation.features.ending.landing_places import lowest_circle_m
 from gcs_formation.phases import Phase
 from sim_vehicles.autopilot.modes_and_failsafe import Condition
 from tests.flights.conftest import scenario
@@ -96,6 +99,18 @@ def refused(**keys: Any) -> str:
 def test_where_somebody_can_not_land_none_takes_off(keys: dict[str, Any], why: str) -> None:
     allowed = "allowed: rtl, loiter, or another place or a stored landing for it"
     assert refused(**keys) == f"finish.then: found land, but {why}; {allowed}"
+
+
+def test_others_wait_above_the_approach_that_a_vehicles_own_parameter_says() -> None:
+    """With AUTOLAND_WP_ALT 90 a plane that lands would climb through those that circle from 70 m on."""
+    vehicle = plane(1, 0.0, 0.0)
+    vehicles = {vehicle.identity: vehicle}
+    check = LandingCheck(load_scenario(scenario(finish=LAND)), vehicles)
+    asked = [message for _, message in check.requests(Instant(0)) if isinstance(message, ParamRequestRead)]
+    assert [each.param_id for each in asked] == ["AUTOLAND_WP_ALT"]
+    assert lowest_circle_m(vehicles) == 70.0
+    check.take_item(vehicle, ParamValue("AUTOLAND_WP_ALT", 90.0, m.MAV_PARAM_TYPE_INT16, 1, 0), Instant(0))
+    assert lowest_circle_m(vehicles) == 105.0
 
 
 def test_a_flight_that_goes_on_is_not_refused_for_its_landing() -> None:

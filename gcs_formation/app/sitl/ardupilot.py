@@ -57,6 +57,10 @@ class ArduPilotSimulator(Simulator):
     @abstractmethod
     def _of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]: ...
 
+    def cannot(self, vehicle: Vehicle, scenario: Scenario) -> list[str]:
+        """Return what the scenario says and it can't do: it has no second link by which to be given a mission."""
+        return [*super().cannot(vehicle, scenario), *(["landing (AUTOLAND is used)"] if vehicle.landing else [])]
+
     def reaches(self, craft: Craft) -> bool:
         """Return whether the station listens: the simulator then sends there."""
         return craft.station.kind == "udpin"

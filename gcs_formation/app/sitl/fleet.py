@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -17,6 +17,7 @@ from airlink.endpoint import VehicleId, parse_endpoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.fields import refused
 from formation_scenario.start_states_and_end_times import StartState, start_states
+from formation_scenario.stored_landing import items_of, place_of
 from gcs_formation.app.sitl import families
 from gcs_formation.app.sitl.simulator import Craft, Home, Simulator, kept
 
@@ -38,6 +39,8 @@ class Simulated:
     simulator: Simulator
     program: Path
     craft: Craft
+    lacks: tuple[str, ...] = ()
+    """What the scenario says and the simulator can't do, in words."""
 
 
 class ProgramError(ValueError):
@@ -96,11 +99,22 @@ def _one(
         vehicle.model.hovers,
         speedup,
         kept(simulator.of_scenario(vehicle, scenario), vehicle.autopilot_parameters),
+        ()
+        if vehicle.landing is None
+        else items_of(vehicle.id, place_of(vehicle.landing, start), scenario.origin.geodetic),
     )
     if len(vehicle.endpoints) > 1 or not simulator.reaches(craft):
         found = f"found {', '.join(vehicle.endpoints)} of a simulated {name}"
         raise refused(f"{key}.endpoint", found, simulator.allowed_endpoints)
-    return Simulated(vehicle.vehicle_id, simulator, programs[name], craft)
+    return Simulated(vehicle.vehicle_id, simulator, programs[name], craft, tuple(simulator.cannot(vehicle, scenario)))
+
+
+def not_simulated(fleet: Sequence[Simulated]) -> list[str]:
+    """Return a line for each family whose simulators can't do all that the scenario says."""
+    lacks = dict[str, dict[str, None]]()
+    for each in fleet:
+        lacks.setdefault(each.simulator.name, {}).update(dict.fromkeys(each.lacks))
+    return [f"{name} is flown without: {', '.join(what)}" for name, what in lacks.items() if what]
 
 
 def _programs_allowed(name: str, programs: Mapping[str, Path]) -> str:

@@ -15,9 +15,9 @@ from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import forwarded, import_ahead, require_no_program
 from gcs_formation.app.session import Session
-from gcs_formation.app.sitl.fleet import Simulated, simulated
-from gcs_formation.app.sitl.processes import Running, SimulatorError, ended, running
-from gcs_formation.app.sitl.simulator import TrueMotion
+from gcs_formation.app.sitl.fleet import Simulated, not_simulated, simulated
+from gcs_formation.app.sitl.processes import Running, ended, running
+from gcs_formation.app.sitl.simulator import SimulatorError, TrueMotion
 from gcs_formation.app.sitl.truth import Clocks, LoggedTruth, lacking
 from gcs_formation.record.limits_by_truth import Truth
 from gcs_formation.record.summary import Summary
@@ -55,6 +55,10 @@ def run_simulated(
             session.listening(),
         ):
             _say(session, f"{len(simulators)} started: {', '.join(f'{path}' for path in programs.values())}")
+            for line in not_simulated(fleet):
+                _say(session, line)
+            for each in fleet:
+                each.simulator.prepare(each.craft)
             session.replace = replaced or driver.replace
             session.begin_to_wait()
             driver.run(partial(_over, session, simulators, clocks))
@@ -85,7 +89,8 @@ def _truth(session: Session, fleet: Sequence[Simulated], simulators: Sequence[Ru
         return None
     known = [motion for motion in motions.values() if motion is not None]
     noted = [clocks.noted[each.identity] for each in fleet]
-    return LoggedTruth(known, noted, session.scenario.origin.geodetic).between
+    hovering = [each.craft.hovers for each in fleet]
+    return LoggedTruth(known, noted, hovering, session.scenario.origin.geodetic).between
 
 
 def _say(session: Session, text: str) -> None:

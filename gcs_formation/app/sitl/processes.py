@@ -6,26 +6,22 @@ import os
 import shutil
 import socket
 import subprocess
+import sys
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 from airlink.endpoint import VehicleId
+from gcs_formation.app.sitl import guard
 from gcs_formation.app.sitl.fleet import Simulated
-from gcs_formation.errors import RunAbortedError
+from gcs_formation.app.sitl.simulator import SimulatorError
 
 DIRECTORY, OUTPUT = "simulators", "output.txt"
-END_S: Final = 10.0
-"""Wall time that a simulator gets to close its log, s."""
 LAST_BYTES: Final = 300
 MAX_NUMBERS: Final = 200
 """Of simulators that are distinguished by their numbers."""
-
-
-class SimulatorError(RunAbortedError):
-    """A simulator can't be started."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +44,7 @@ class Running:
 
 @contextmanager
 def running(fleet: Sequence[Simulated], out: Path) -> Generator[list[Running]]:
-    """Run the simulators in `out`, and end them, the newest first.
+    """Run the simulators in `out`, and end them, the newest first; a process of its own does if this one is killed.
 
     Raises:
         SimulatorError: a port that one needs is taken, or a program can't be executed.
@@ -56,7 +52,27 @@ def running(fleet: Sequence[Simulated], out: Path) -> Generator[list[Running]]:
     free = _with_free_ports(fleet)
     shutil.rmtree(out / DIRECTORY, ignore_errors=True)
     with ExitStack() as stack:
-        yield [stack.enter_context(_started(each, out / DIRECTORY / str(each.craft.system))) for each in free]
+        guarded = stack.enter_context(_guard())
+        started = list[Running]()
+        for each in free:
+            started.append(stack.enter_context(_started(each, out / DIRECTORY / str(each.craft.system))))
+            guarded.write(f"{started[-1].process.pid}\n")
+            guarded.flush()
+        yield started
+
+
+@contextmanager
+def _guard() -> Generator[IO[str]]:
+    """Run the process that ends the simulators whose numbers it is given, should this one be killed."""
+    command = [sys.executable, "-I", "-S", str(Path(guard.__file__))]
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, text=True, start_new_session=True)
+    assert process.stdin is not None
+    try:
+        yield process.stdin
+    finally:  # while its input is open, so that it ends none
+        process.kill()
+        process.wait()
+        process.stdin.close()
 
 
 def ended(simulators: Iterable[Running]) -> str:
@@ -93,7 +109,7 @@ def _started(one: Simulated, directory: Path) -> Generator[Running]:
 def _end(process: subprocess.Popen[bytes]) -> None:
     process.terminate()
     try:
-        process.wait(END_S)
+        process.wait(guard.END_S)
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()

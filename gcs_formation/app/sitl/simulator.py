@@ -11,10 +11,16 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from airlink.endpoint import Endpoint
+from airlink.messages.mission import MissionItemInt
 from flight_model.arrays import Array
 from formation_scenario import Scenario, Vehicle
+from gcs_formation.errors import RunAbortedError
 
 Parameters = Mapping[str, float]
+
+
+class SimulatorError(RunAbortedError):
+    """A simulator can't be started, or doesn't take what a vehicle needs."""
 
 
 class Home(NamedTuple):
@@ -41,6 +47,8 @@ class Craft:
     speedup: float = 1.0
     parameters: Parameters = field(default_factory=dict)
     """With which its autopilot is switched on."""
+    mission: tuple[MissionItemInt, ...] = ()
+    """The landing that its stored mission has; empty: it has none."""
 
 
 class Launch(NamedTuple):
@@ -92,6 +100,13 @@ class Simulator(ABC):
         """Return in words what a program lacks that it needs beside it; "" if nothing."""
         return ""
 
+    def cannot(self, vehicle: Vehicle, scenario: Scenario) -> list[str]:
+        """Return in words what the scenario says of the vehicle, or of its surroundings, and the simulator can't do."""
+        lacks = ["disturbances"] if scenario.disturbances else []
+        lacks += ["faults of vehicles"] if scenario.faults else []
+        lacks += [f"navigation of source {vehicle.navigation.source}"] if vehicle.navigation.source != "truth" else []
+        return lacks
+
     @abstractmethod
     def reaches(self, craft: Craft) -> bool:
         """Return whether the simulator can be at the other end of the station's endpoint."""
@@ -103,6 +118,13 @@ class Simulator(ABC):
     @abstractmethod
     def launch(self, program: Path, craft: Craft) -> Launch:
         """Return how a vehicle is started."""
+
+    def prepare(self, craft: Craft) -> None:  # noqa: B027 - most families have all by their parameters
+        """Give a simulator that has just been started what it can't be started with.
+
+        Raises:
+            SimulatorError: it doesn't take it.
+        """
 
     @abstractmethod
     def true_motion(self, directory: Path) -> TrueMotion | None:

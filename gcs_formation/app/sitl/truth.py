@@ -17,6 +17,7 @@ from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, wrap
 from flight_model.earth import GeodeticOrigin, radii_m
+from flight_model.slot import slot_axis
 from gcs_formation.app.sitl.simulator import TrueMotion
 from gcs_formation.station import Station
 
@@ -63,16 +64,21 @@ class LoggedTruth:
         self,
         motions: Sequence[TrueMotion],
         noted: Sequence[Sequence[tuple[float, float]]],
+        hovering: Sequence[bool],
         origin: GeodeticOrigin,
     ) -> None:
-        """Take each vehicle's motion and clock, in the scenario's order.
+        """Take each vehicle's motion and clock and whether it can hover, in the scenario's order.
 
-        Before its first sample and after its last one a vehicle is where that says.
+        Before its first sample and after its last one a vehicle is where that says. The heading of one that hovers is
+        the axis of the slots behind it, as the law and the emulated vehicles define it: its nose may point elsewhere.
         """
         times = [to_run_s(motion.boot_s, clock) for motion, clock in zip(motions, noted, strict=True)]
         begin_s, end_s = min(each[0] for each in times), max(each[-1] for each in times)
         self._time_s = np.arange(math.floor(begin_s / STEP_S), math.ceil(end_s / STEP_S) + 1) * STEP_S
         each = [_at(self._time_s, at_s, motion, origin) for at_s, motion in zip(times, motions, strict=True)]
+        for one, hovers in zip(each, hovering, strict=True):
+            if hovers:
+                one["heading_rad"] = _slot_axes(one)
         self._columns = {name: np.stack([one[name] for one in each], axis=1) for name in each[0]}
 
     def between(self, from_s: float, to_s: float) -> dict[str, Array]:
@@ -104,6 +110,12 @@ def _at(time_s: Array, known_s: Array, motion: TrueMotion, origin: GeodeticOrigi
     found["airborne"] = (found["airborne"] >= 1.0).astype(np.float64)
     found["heading_rad"] = wrap(np.interp(time_s, known_s, np.unwrap(motion.heading_rad)))
     return found | {name: np.zeros_like(time_s) for name in NOUGHT}
+
+
+def _slot_axes(columns: Mapping[str, Array]) -> Array:
+    """Return the axis of slots behind a vehicle that hovers, (T,), by its nose and velocity."""
+    rows = zip(columns["heading_rad"], columns["north_mps"], columns["east_mps"], strict=True)
+    return np.array([slot_axis(nose_rad, north_mps, east_mps) for nose_rad, north_mps, east_mps in rows])
 
 
 def lacking(motions: Mapping[VehicleId, TrueMotion | None], clocks: Clocks) -> str:

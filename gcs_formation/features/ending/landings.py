@@ -20,8 +20,12 @@ from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle
 
 AT_HEIGHT_M = STACK_M / 3
-OVER_HOME_M, OVER_HOME_MPS = 2.0, 0.3
-"""Distance from its home, and speed, within which one that hovers is over it."""
+OVER_HOME_M, OVER_HOME_MPS = 2.0, 1.0
+"""Distance from its home, and speed, within which one that hovers is over it: LAND brakes from that within 0.2 m.
+
+Speeds are noisy, 0.3 m/s each way of a simulated PX4 (its accelerometers have 1.7 m/s²), and all that wait must be
+there at once: below 0.3 m/s four never are.
+"""
 ROLLS_MPS = 1.5
 """Ground speed from which on a landed vehicle still rolls: a receiver says less of one that stands. Tuned: m/s; 0.5 to
 3; by judgement."""

@@ -13,15 +13,22 @@ from typing import Final
 import numpy as np
 
 from formation_scenario import Scenario, Vehicle
+from gcs_formation.app.sitl.missions import give_mission
 from gcs_formation.app.sitl.simulator import Craft, Launch, Simulator, TrueMotion, newest
 from gcs_formation.app.sitl.ulog_truth import read_truth
 
 GCS_PORT, STATION_PORT = 18570, 14550
 """Instance n, which is system n + 1, sends from the first plus n to the second."""
+COMPANION_PORT = 14580
+"""Plus n: of its link to a companion computer."""
 AIRFRAMES: Final = {False: ("10041", "sihsim_airplane"), True: ("10040", "sihsim_quadx")}
 THRUST_N: Final = 10.0
 """With its default thrust of 6 N the simulator's aircraft hardly exceeds 14 m/s."""
 TRIM_TO_SPARE_MPS: Final = 2.0
+ESTIMATOR: Final = {"EKF2_ACC_NOISE": 1.0, "EKF2_GYR_NOISE": 0.1}
+"""The most that they allow. Armed, the simulator's accelerometers have noise of 0.5, 1.7 and 1.4 m/s², its gyros of
+0.14, 0.07 and 0.03 rad/s (Sih::reconstruct_sensors_signals); the defaults are for 0.35 and 0.015. With those,
+velocities are 0.3 m/s off for seconds, which turns a leader's course by 0.05 rad, and the slots behind it by metres."""
 
 
 class Px4Simulator(Simulator):
@@ -31,9 +38,9 @@ class Px4Simulator(Simulator):
     allowed_endpoints = f"one udpin:HOST:{STATION_PORT}, or udpout:127.0.0.1:PORT with PORT {GCS_PORT - 1} + id"
 
     def of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]:
-        """Return its failsafe, and a fixed wing's speeds."""
+        """Return its failsafe, its estimator's settings, and a fixed wing's speeds."""
         model = vehicle.model
-        found: dict[str, float] = {"NAV_DLL_ACT": 2}
+        found: dict[str, float] = {"NAV_DLL_ACT": 2, **ESTIMATOR}
         if not model.hovers:
             found |= {
                 "SIH_T_MAX": THRUST_N,
@@ -42,6 +49,11 @@ class Px4Simulator(Simulator):
                 "FW_AIRSPD_MIN": math.floor(model.speed_min_mps),
             }
         return found
+
+    def cannot(self, vehicle: Vehicle, scenario: Scenario) -> list[str]:
+        """Return what the scenario says and it can't do: its air is still."""
+        wind = [f"wind of {math.hypot(*scenario.wind.velocity_mps):.3g} m/s"] if any(scenario.wind.velocity_mps) else []
+        return [*super().cannot(vehicle, scenario), *wind]
 
     def found_wrong(self, program: Path) -> str:
         """Return that its start-up scripts aren't there, if so."""
@@ -73,6 +85,11 @@ class Px4Simulator(Simulator):
             **{f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in craft.parameters.items()},
         }
         return Launch([str(program), "-i", str(craft.system - 1), "-d", str(_etc(program))], variables)
+
+    def prepare(self, craft: Craft) -> None:
+        """Give the vehicle the landing of its mission, by the link that its companion computer would have."""
+        if craft.mission:
+            give_mission(COMPANION_PORT + craft.system - 1, craft.mission)
 
     def true_motion(self, directory: Path) -> TrueMotion | None:
         """Return the topics of ground truth; none of them is an airspeed, which is the velocity's in still air."""

@@ -84,6 +84,7 @@ class ArduPlane(ArduPilot):
     home_mode = m.PLANE_MODE_RTL
     approach_m = 55.0
     """Default of AUTOLAND_WP_ALT."""
+    approach_parameter = "AUTOLAND_WP_ALT"
     lands_by_mission = True
     mode_names: ClassVar = PLANE
     failsafe_parameters = ("FS_GCS_ENABL", "FS_LONG_ACTN", "FS_LONG_TIMEOUT")

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import signal
 import socket
 import sys
 from contextlib import suppress
 from dataclasses import replace
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
 
+from gcs_formation.app.sitl import guard
 from gcs_formation.app.sitl.fleet import Simulated
-from gcs_formation.app.sitl.processes import SimulatorError, ended, running
-from gcs_formation.app.sitl.simulator import Craft, Launch
+from gcs_formation.app.sitl.processes import ended, running
+from gcs_formation.app.sitl.simulator import Craft, Launch, SimulatorError
 from tests.gcs_formation.app.sitl.test_fleet import PX4_PATH, fleet
 from tests.processes import wait_for
 
@@ -70,3 +74,23 @@ def test_a_program_that_can_not_be_executed_is_named(tmp_path: Path) -> None:
     one = replace(fleet()[0], program=tmp_path / "arduplane")
     with pytest.raises(SimulatorError, match=r"can't run .*arduplane: "):
         running([one], tmp_path).__enter__()
+
+
+def fly_until_killed(out: Path, said: Connection) -> None:
+    """Start simulators, as a ground station does, say their numbers, and wait for good."""
+    with running([as_python(each, WAITS) for each in fleet()], out) as both:
+        said.send([each.process.pid for each in both])
+        signal.pause()
+
+
+def test_simulators_end_with_a_station_that_is_killed(tmp_path: Path) -> None:
+    context = multiprocessing.get_context("fork")
+    hears, says = context.Pipe(duplex=False)
+    station = context.Process(target=fly_until_killed, args=(tmp_path, says))
+    station.start()
+    simulators = hears.recv()
+    assert len(simulators) == len(fleet())
+    assert all(map(guard.ours, simulators))
+    station.kill()
+    station.join()
+    wait_for(lambda: not any(map(guard.ours, simulators)))

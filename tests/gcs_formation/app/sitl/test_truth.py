@@ -97,7 +97,7 @@ def test_vehicles_of_different_clocks_are_brought_to_common_times() -> None:
         moving = (speed, still, still, still, speed)
         return TrueMotion(boot_s + at_s, lat_rad, ORIGIN.lon_rad * ones, ORIGIN.alt_m + height_m, *moving)
 
-    truth = LoggedTruth([motion(3.0), motion(50.0)], [[(0.0, 3.0)], [(0.0, 50.0)]], ORIGIN)
+    truth = LoggedTruth([motion(3.0), motion(50.0)], [[(0.0, 3.0)], [(0.0, 50.0)]], [False, False], ORIGIN)
     rows = truth.between(4.0, 5.0)
     assert rows["time_s"][0] <= 4.0 < rows["time_s"][1]
     assert rows["north_m"] == pytest.approx(SPEED_MPS * np.stack([rows["time_s"]] * 2, axis=1), abs=0.01)
@@ -107,3 +107,18 @@ def test_vehicles_of_different_clocks_are_brought_to_common_times() -> None:
     late = truth.between(20.0, 30.0)
     assert late["north_mps"][-1].tolist() == [0.0, 0.0]
     assert late["north_m"][-1] == pytest.approx(SPEED_MPS * 9.9, abs=0.01)
+
+
+def test_the_heading_of_one_that_hovers_is_the_axis_of_slots_behind_it() -> None:
+    """Its nose points 6 degrees off its course: a formation of 36 m would be judged 3.6 m beside where it is."""
+
+    def heading_deg(speed_mps: float, *, hovers: bool) -> float:
+        still, ones = np.zeros(5), np.ones(5)
+        placed = np.arange(5.0), ORIGIN.lat_rad * ones, ORIGIN.lon_rad * ones, ORIGIN.alt_m * ones
+        moving = (speed_mps * ones, still, still, np.radians(6.0) * ones, still)
+        truth = LoggedTruth([TrueMotion(*placed, *moving)], [[(0.0, 0.0)]], [hovers], ORIGIN)
+        return math.degrees(truth.between(1.0, 2.0)["heading_rad"][0, 0])
+
+    assert heading_deg(5.0, hovers=True) < 1.0
+    assert heading_deg(0.0, hovers=True) == pytest.approx(6.0)
+    assert heading_deg(5.0, hovers=False) == pytest.approx(6.0)

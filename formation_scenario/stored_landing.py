@@ -1,4 +1,4 @@
-"""The landing in an emulated fixed wing's mission, as a ground station has written it there."""
+"""The landing in a fixed wing's mission, as a ground station writes it there: item by item."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import math
 from typing import NamedTuple
 
 from airlink import mavlink as m
+from airlink.messages.mission import MissionItemInt
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.landing import StoredLanding
 from formation_scenario.start_states_and_end_times import StartState
-from sim_vehicles.autopilot.mission_items import E7, Item
 
-NOTHING = (0.0, 0.0, 0.0, 0.0)
+E7 = 1e7
 REACHED_M = 30.0
 """Acceptance radius of the waypoint where the approach begins: the landing begins aligned with the runway."""
 LEADS_M = 400.0
@@ -35,20 +35,24 @@ def place_of(keys: StoredLanding, start: StartState) -> LandingPlace:
     return LandingPlace(north_m, east_m, course_rad, keys.approach_m, keys.height_m)
 
 
-def items_of(landing: LandingPlace, origin: GeodeticOrigin) -> tuple[Item, ...]:
+def items_of(system: int, landing: LandingPlace, origin: GeodeticOrigin) -> tuple[MissionItemInt, ...]:
     """Return DO_LAND_START, two waypoints in line with the runway, and NAV_LAND; heights are above home."""
+    above_home, autopilot = m.MAV_FRAME_GLOBAL_RELATIVE_ALT, m.MAV_COMP_ID_AUTOPILOT1
 
-    def item(command: int, back_m: float, height_m: float, reached_m: float = 0.0) -> Item:
+    def item(seq: int, command: int, back_m: float, height_m: float, reached_m: float = 0.0) -> MissionItemInt:
         north_m = landing.north_m - back_m * math.cos(landing.course_rad)
         east_m = landing.east_m - back_m * math.sin(landing.course_rad)
         lat_rad, lon_rad, _ = origin.from_ned(north_m, east_m, 0.0)
         x, y = (round(math.degrees(each) * E7) for each in (lat_rad, lon_rad))
-        return Item(command, m.MAV_FRAME_GLOBAL_RELATIVE_ALT, (0.0, reached_m, 0.0, 0.0), x, y, height_m)
+        given = 0.0, reached_m, 0.0, 0.0
+        return MissionItemInt(system, autopilot, seq, above_home, command, 0, 1, *given, x, y, height_m)
 
-    far_m = landing.approach_m + LEADS_M
+    begins = MissionItemInt(
+        system, autopilot, 0, above_home, m.MAV_CMD_DO_LAND_START, 0, 1, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0
+    )
     return (
-        Item(m.MAV_CMD_DO_LAND_START, m.MAV_FRAME_GLOBAL_RELATIVE_ALT, NOTHING, 0, 0, 0.0),
-        item(m.MAV_CMD_NAV_WAYPOINT, far_m, landing.height_m, REACHED_M * 2.0),
-        item(m.MAV_CMD_NAV_WAYPOINT, landing.approach_m, landing.height_m, REACHED_M),
-        item(m.MAV_CMD_NAV_LAND, 0.0, 0.0),
+        begins,
+        item(1, m.MAV_CMD_NAV_WAYPOINT, landing.approach_m + LEADS_M, landing.height_m, REACHED_M * 2.0),
+        item(2, m.MAV_CMD_NAV_WAYPOINT, landing.approach_m, landing.height_m, REACHED_M),
+        item(3, m.MAV_CMD_NAV_LAND, 0.0, 0.0),
     )

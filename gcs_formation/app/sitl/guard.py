@@ -1,0 +1,45 @@
+"""A process that ends simulators whose ground station has died: `python guard.py`, numbers of processes on its input.
+
+A station that is killed can't end what it has started, and the next run would find its ports taken, by vehicles that
+fly on. Its end closes this process's input, which is noticed here, whatever the operating system. It runs as a script,
+without the packages around it, so that it is up before the first simulator.
+"""
+
+import os
+import signal
+import sys
+import time
+from contextlib import suppress
+
+END_S = 10.0
+"""Time that a simulator gets to close its log, s."""
+LOOK_S = 0.05
+
+
+def ours(process: int) -> bool:
+    """Return whether a process still runs: each simulator leads a session, another by its number hardly does."""
+    with suppress(OSError):
+        return os.getsid(process) == process and not _is_dead(process)
+    return False
+
+
+def _is_dead(process: int) -> bool:
+    """Return whether it has ended, and only waits for somebody to read its exit status; unknown counts as no."""
+    with suppress(OSError), open(f"/proc/{process}/stat", "rb") as file:  # noqa: PTH123 - nothing but os is imported
+        return file.read().rpartition(b")")[2].split()[0] == b"Z"
+    return False
+
+
+def end(processes: list[int]) -> None:
+    """End them: asked to, and killed where they don't."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        for process in filter(ours, processes):
+            with suppress(OSError):
+                os.kill(process, number)
+        until = time.monotonic() + END_S
+        while any(map(ours, processes)) and time.monotonic() < until:
+            time.sleep(LOOK_S)
+
+
+if __name__ == "__main__":
+    end([int(line) for line in sys.stdin])

@@ -1,0 +1,72 @@
+"""A simulated vehicle is given the landing of its scenario, item by item as it requests them."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from airlink import mavlink as m
+from airlink.clock import Instant
+from airlink.messages.mission import MissionAck, MissionCount, MissionItemInt, MissionRequest, MissionRequestInt
+from flight_model.earth import GeodeticOrigin
+from gcs_formation.app.sitl.fleet import not_simulated
+from gcs_formation.app.sitl.missions import Upload
+from gcs_formation.app.sitl.simulator import SimulatorError
+from gcs_formation.vehicle.stored_mission import LandingSequence, StoredMission
+from tests.gcs_formation.app.sitl.test_fleet import PX4_PATH, fleet
+
+PX4S = {"count": 2, "autopilot": "px4", "endpoint": "udpin:127.0.0.1:14550"}
+ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
+NOW = Instant(0)
+
+
+def given(**landing: float) -> tuple[MissionItemInt, ...]:
+    """Return the items of the second PX4's mission."""
+    return fleet("px4", vehicles=PX4S | {"landing": landing}, path=PX4_PATH)[1].craft.mission
+
+
+def test_what_is_given_is_read_as_the_landing_of_the_scenario() -> None:
+    upload, reader = (
+        Upload(given(approach_m=700, height_m=45, course_deg=90)),
+        StoredMission(2, ORIGIN, needs_mark=True),
+    )
+    assert isinstance(upload.begins, MissionCount)
+    reader.requests(NOW)
+    reader.take(upload.begins, NOW)
+    while not reader.complete:
+        (request,) = reader.requests(NOW)
+        item = upload.answer(request)
+        assert item is not None
+        assert item.target_system == 2
+        reader.take(item, NOW)
+    found = reader.landing(0.0)
+    assert isinstance(found, LandingSequence)
+    assert (math.degrees(found.course_rad), found.approach_m) == pytest.approx((90.0, 45.0), abs=0.01)
+
+
+def test_it_is_over_when_the_vehicle_accepts_it() -> None:
+    upload = Upload(given())
+    assert upload.answer(MissionRequest(254, 190, 3)) is upload.answer(MissionRequestInt(254, 190, 3)) is not None
+    assert upload.answer(MissionRequestInt(254, 190, 4)) is None, "there are four"
+    upload.answer(MissionAck(254, 190, m.MAV_MISSION_ERROR, m.MAV_MISSION_TYPE_FENCE))
+    assert not upload.over, "that is of its fence"
+    upload.answer(MissionAck(254, 190, m.MAV_MISSION_ACCEPTED))
+    assert upload.over
+
+
+def test_a_vehicle_that_refuses_it_is_named() -> None:
+    with pytest.raises(SimulatorError, match=r"vehicle 2: .* refused its mission \(MAV_MISSION_NO_SPACE\)"):
+        Upload(given()).answer(MissionAck(254, 190, m.MAV_MISSION_NO_SPACE))
+
+
+def test_what_a_simulator_can_not_do_is_said_in_a_line() -> None:
+    windy = {"wind": {"velocity_mps": [3, 4, 0]}}
+    noisy = {"navigation": {"source": "noisy"}}
+    assert not_simulated(fleet("px4", vehicles=PX4S, path=PX4_PATH)) == []
+    (line,) = not_simulated(fleet("px4", vehicles=PX4S | noisy, path=PX4_PATH, **windy))
+    assert line == "px4 is flown without: navigation of source noisy, wind of 5 m/s"
+    assert not_simulated(fleet(**windy)) == []
+    gust = {"at_s": 3, "vehicles": "all", "velocity_mps": [1, 0, 0]}
+    (line,) = not_simulated(fleet(disturbances=[gust], faults=[{"at_s": 5, "vehicles": [2], "kind": "crash"}]))
+    assert line == "arduplane is flown without: disturbances, faults of vehicles"
