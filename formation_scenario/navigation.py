@@ -23,8 +23,14 @@ from formation_scenario.fields import (
     one_of,
 )
 
-NAVIGATIONS: Final = ("truth", "noisy", "ins")
-SOURCES = "where its telemetry comes from: the true state, the true state with noise, or inertial navigation"
+NAVIGATIONS: Final = ("truth", "noisy", "estimator", "ins")
+SOURCES = (
+    "where its telemetry comes from: the true state, the true state with noise, the autopilot's own estimate, "
+    "or inertial navigation"
+)
+
+
+OF_FAMILY = "as its family's simulator has it"
 
 
 class TrueNavigation(Keys):
@@ -47,6 +53,36 @@ class NoisyNavigation(Keys):
         0.0, "share of the samples whose position is `outlier_m` off to some side", 0.05
     )
     outlier_m: NonNegative = key(20.0, "how far those are off, m", 50)
+
+
+class EstimatorNavigation(Keys):
+    """The autopilot's own estimate, by which its control loops fly too; errors as its family's simulator has them."""
+
+    source: Literal["estimator"] = key(..., SOURCES)
+    velocity_sigma_mps: NonNegative | None = key(
+        None, "standard deviation of ground velocity north and east, m/s", 0.1, derived=OF_FAMILY
+    )
+    velocity_correlation_s: Positive | None = key(None, "time constant of that, s", 1.3, derived=OF_FAMILY)
+    climb_sigma_mps: NonNegative | None = key(
+        None, "standard deviation of the vertical velocity, m/s", 0.1, derived=OF_FAMILY
+    )
+    climb_correlation_s: Positive | None = key(None, "time constant of that, s", 2, derived=OF_FAMILY)
+    position_sigma_m: NonNegative | None = key(
+        None, "standard deviation of position north and east, m; changes as velocity does", 0.06, derived=OF_FAMILY
+    )
+    height_sigma_m: NonNegative | None = key(
+        None, "the same of height, m; changes as the vertical velocity does", 0.13, derived=OF_FAMILY
+    )
+    heading_offset_deg: Number | None = key(
+        None, "by how much its heading is wrong all the time, degrees", 0.4, derived=OF_FAMILY
+    )
+    heading_sigma_deg: NonNegative | None = key(
+        None, "standard deviation of heading about that, degrees", 0.4, derived=OF_FAMILY
+    )
+    heading_correlation_s: Positive | None = key(None, "time constant of that, s", 10, derived=OF_FAMILY)
+    airspeed_sigma_mps: NonNegative | None = key(
+        None, "standard deviation of airspeed, white, m/s", 0.2, derived=OF_FAMILY
+    )
 
 
 MAX_ACCEL_UG, MAX_GYRO_DEG_PER_H = 1e5, 3600.0
@@ -146,6 +182,7 @@ class OwnNavigation(Keys):
 Navigation = Annotated[
     Annotated[TrueNavigation, Tag("truth")]
     | Annotated[Later[NoisyNavigation], Tag("noisy")]
+    | Annotated[Later[EstimatorNavigation], Tag("estimator")]
     | Annotated[Later[InertialNavigation], Tag("ins")]
     | Annotated[Later[OwnNavigation], Tag(EXTENSION)],
     one_of("source", "truth", NAVIGATIONS),

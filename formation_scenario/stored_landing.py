@@ -47,8 +47,9 @@ def items_of(system: int, landing: LandingPlace, origin: GeodeticOrigin) -> tupl
         given = 0.0, reached_m, 0.0, 0.0
         return MissionItemInt(system, autopilot, seq, above_home, command, 0, 1, *given, x, y, height_m)
 
+    # PX4 takes commands without a position in this frame alone.
     begins = MissionItemInt(
-        system, autopilot, 0, above_home, m.MAV_CMD_DO_LAND_START, 0, 1, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0
+        system, autopilot, 0, m.MAV_FRAME_MISSION, m.MAV_CMD_DO_LAND_START, 0, 1, 0.0, 0.0, 0.0, 0.0, 0, 0, 0.0
     )
     return (
         begins,

@@ -50,6 +50,8 @@ class Fleet(Engine):
             self._booted(each.own_family or family_named(each.family), index, now)
             for index, each in enumerate(config.vehicles)
         ]
+        self._wandering = [vehicle for vehicle in self.vehicles if vehicle.wanders]
+        """Vehicles whose control loops fly by an estimate that is wrong."""
         at = {socket: each for index, each in enumerate(self.vehicles) for socket in config.sockets_of(index)}
         self._at_socket = [at[socket] for socket in range(len(at))]
         """The vehicle of each socket."""
@@ -108,11 +110,7 @@ class Fleet(Engine):
                 if vehicle.config.identity in hit:
                     vehicle.inject(fault, now, ends=ends)
             self._suffering = [vehicle for vehicle in self.vehicles if vehicle.faults.acting]
-        for vehicle in self._suffering:
-            vehicle.now = now
-            vehicle.faults.act()
-        for body in self.bodies:
-            body.fly()
+        self._move(now)
         # Stage by stage for all: the code of a stage stays in a processor's cache, that of all stages doesn't fit.
         awake = list[Vehicle]()
         for vehicle in self.vehicles:
@@ -135,6 +133,16 @@ class Fleet(Engine):
         if sent:
             self._outbox += sent
             sent.clear()
+
+    def _move(self, now: Instant) -> None:
+        """Let what pushes vehicles act, and all fly for a cycle."""
+        for vehicle in self._suffering:
+            vehicle.now = now
+            vehicle.faults.act()
+        for vehicle in self._wandering:
+            vehicle.wander(now)
+        for body in self.bodies:
+            body.fly()
 
     def _booted(self, family: Registered, index: int, now: Instant) -> Vehicle:
         """Return a vehicle of a family that has booted.

@@ -171,6 +171,8 @@ class Body:
         self.steering = Steering()
         self.air_north_mps, self.air_east_mps, self.air_down_mps = wind_mps
         self.disturbance_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self.unknown_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        """Velocity north, east and down at which it flies without knowing, by its estimate's errors."""
         """Velocity of the air besides the wind: north, east, down."""
         self.drift_down_mps: float = 0.0
         """Vertical velocity of the air at the vehicle, as `state.wind_*` horizontally; 0 on the ground."""
@@ -305,8 +307,9 @@ class Body:
         """Apply the air's velocity while airborne."""
         state = self.state
         if self.steering.airborne:
-            state.wind_north_mps, state.wind_east_mps = self.air_north_mps, self.air_east_mps
-            self.drift_down_mps = self.air_down_mps
+            north_mps, east_mps, down_mps = self.unknown_mps
+            state.wind_north_mps, state.wind_east_mps = self.air_north_mps + north_mps, self.air_east_mps + east_mps
+            self.drift_down_mps = self.air_down_mps + down_mps
         else:
             if state.airspeed_mps >= STANDING_MPS and (state.wind_north_mps != 0.0 or state.wind_east_mps != 0.0):
                 self._touch_down()

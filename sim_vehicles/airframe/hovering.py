@@ -67,7 +67,10 @@ class HoveringBody(Body):
 
     def ground_velocity(self) -> Velocity:
         """Return ground velocity north, east and down, m/s."""
-        return self.velocity_mps
+        if not self.steering.airborne:
+            return self.velocity_mps
+        north_mps, east_mps, down_mps = self.velocity_mps
+        return north_mps + self.unknown_mps[0], east_mps + self.unknown_mps[1], down_mps + self.unknown_mps[2]
 
     def ground(self) -> None:
         """Put the vehicle on the ground, at rest."""
@@ -78,7 +81,7 @@ class HoveringBody(Body):
 
     def shown(self) -> Motion:
         """Return its motion as sensed: ground speed in place of airspeed, yaw in place of the slots' axis."""
-        shown, (north_mps, east_mps, down_mps) = self.motion.copy(), self.velocity_mps
+        shown, (north_mps, east_mps, down_mps) = self.motion.copy(), self.ground_velocity()
         shown.airspeed_mps = math.sqrt(north_mps * north_mps + east_mps * east_mps + down_mps * down_mps)
         shown.heading_rad = self.yaw_rad
         return shown
@@ -98,12 +101,14 @@ class HoveringBody(Body):
         self._turn_nose(nose_rad)
         north, east, down = self.velocity_mps
         state = self.state
-        state.north_m += LOOP_S * (north + before[0]) / 2.0
-        state.east_m += LOOP_S * (east + before[1]) / 2.0
-        state.height_m -= LOOP_S * (down + before[2]) / 2.0
+        unknown = self.unknown_mps
+        state.north_m += LOOP_S * ((north + before[0]) / 2.0 + unknown[0])
+        state.east_m += LOOP_S * ((east + before[1]) / 2.0 + unknown[1])
+        state.height_m -= LOOP_S * ((down + before[2]) / 2.0 + unknown[2])
         if state.height_m < 0.0:
             state.height_m, self.velocity_mps, self._sink_aimed_mps = 0.0, (north, east, 0.0), 0.0
-        state.climb_mps, state.airspeed_mps = -self.velocity_mps[2], math.hypot(north, east)
+        north, east, down = self.ground_velocity()
+        state.climb_mps, state.airspeed_mps = -down, math.hypot(north, east)
         turned_rad = wrap(slot_axis(self.yaw_rad, north, east) - state.heading_rad)
         state.heading_rad += turned_rad
         self.turn_rate_radps = turned_rad / LOOP_S

@@ -22,6 +22,7 @@ from formation_scenario.stored_landing import items_of, place_of
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.motion import Estimate, Motion
+from sim_vehicles.autopilot.estimator_errors import StateEstimator
 from sim_vehicles.autopilot.mission_items import Item, as_given
 from sim_vehicles.autopilot.missions import Missions, home_of
 from sim_vehicles.autopilot.modes_and_failsafe import FlightMode, GroundStationFailsafe, Request
@@ -138,6 +139,8 @@ class Autopilot(ABC):
         self.sticks = False
         """Whether a pilot has its transmitter."""
         self._sensors = sensors_of(self.config, fleet, environment.failures)
+        self.wanders: bool = isinstance(self._sensors, StateEstimator)
+        """Whether its control loops fly by an estimate that is wrong."""
         self.keys: Any = self.config.own_keys
         """The keys of a family of an extension, typed by its own model."""
         self.distort: Distortion | None = None
@@ -238,6 +241,11 @@ class Autopilot(ABC):
         if self._sensors is not None:
             motion = self._sensors.sense(motion, self.now)
         return motion if self.distort is None else self.distort(motion, self.now)
+
+    def wander(self, now: Instant) -> None:
+        """Fly by its estimate: its true velocity is off by as much as that is wrong, the other way."""
+        if isinstance(self._sensors, StateEstimator):
+            self.body.unknown_mps = self._sensors.unknown_mps(now)
 
     @property
     def estimate(self) -> Estimate:

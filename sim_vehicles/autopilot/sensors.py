@@ -11,8 +11,9 @@ from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
 from flight_model.arrays import Array
-from formation_scenario.navigation import InertialNavigation, NoisyNavigation, OwnNavigation
+from formation_scenario.navigation import EstimatorNavigation, InertialNavigation, NoisyNavigation, OwnNavigation
 from sim_vehicles.airframe.motion import Estimate, Motion, with_drift
+from sim_vehicles.autopilot.estimator_errors import StateEstimator, errors_of
 from sim_vehicles.autopilot.own_navigator import OwnNavigator
 from sim_vehicles.config import FleetConfig, VehicleConfig
 from sim_vehicles.inertial.navigator import InertialNavigator
@@ -84,7 +85,7 @@ class Sensors:
 
 def sensors_of(
     config: VehicleConfig, fleet: FleetConfig, failures: Failures
-) -> Sensors | InertialNavigator | OwnNavigator | None:
+) -> Sensors | StateEstimator | InertialNavigator | OwnNavigator | None:
     """Return the sensors of a vehicle's telemetry; None if telemetry carries the exact state.
 
     Raises:
@@ -93,6 +94,8 @@ def sensors_of(
     keys, own = config.navigation, (config.identity, fleet.seed)
     if isinstance(keys, OwnNavigation):
         return OwnNavigator(keys, fleet.registered, *own, failures)
+    if isinstance(keys, EstimatorNavigation):
+        return StateEstimator(errors_of(keys, config.family), *own)
     if isinstance(keys, InertialNavigation):
         return InertialNavigator(keys, fleet.origin, config.start.heading_rad, *own)
     return Sensors(keys, *own) if isinstance(keys, NoisyNavigation) else None

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from formation_scenario import Scenario, Vehicle
-from gcs_formation.app.sitl.ardupilot import CALIBRATED, ArduPilotSimulator
+from gcs_formation.app.sitl.ardupilot import CALIBRATED, COMPASS, ArduPilotSimulator
 
 GRAVITY_MPS2: Final = 9.81
 BANK_TO_SPARE_DEG: Final = 10.0
@@ -20,7 +20,7 @@ class ArduPlaneSimulator(ArduPilotSimulator):
 
     name = "arduplane"
     model = "plane"
-    own = CALIBRATED | {
+    own = CALIBRATED | COMPASS | {
         "ARSPD_USE": 1,
         "TRIM_THROTTLE": 50,
         "RC3_MIN": 1000,
