@@ -32,6 +32,7 @@ EXTENSIONS: dict[str, tuple[str, ...]] = {
     "drift_predictor": ("law.predictor={type: drift}",),
     "radio_link": ("links.default={process: radio, parameters: {range_m: 3000}}",),
     "icing_fault": ("faults=[{kind: icing, at_s: 1, until_s: 3, vehicles: [2]}]",),
+    "rough_air_disturbance": ("disturbances=[{kind: rough_air, at_s: 0}]",),
     "thermal_disturbance": ("disturbances=[{kind: thermal, at_s: 0, parameters: {north_m: 50}}]",),
     "skywalker_aircraft": ("vehicles.1.model={aircraft: skywalker, parameters: {payload_kg: 1}}",),
     "survey_navigation": ("vehicles.1.navigation={source: survey, parameters: {north_m: 2}}",),

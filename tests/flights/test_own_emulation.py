@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -25,6 +27,7 @@ from sim_vehicles.autopilot.faults import OURS
 from sim_vehicles.families import FAMILIES
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "extensions"
+ROUGH_AIR = EXAMPLES / "rough_air_disturbance.py"
 KINDS = ("radio_link", "icing_fault", "thermal_disturbance", "skywalker_aircraft", "survey_navigation", "quiet_family")
 HEAD = "from pydantic import BaseModel\nfrom gcs_formation.extend import *\nfrom sim_vehicles.families import Plane\n"
 
@@ -324,3 +327,13 @@ def test_stress_draws_the_faults_of_extensions(own):
     drawn = {fault.kind for seed in range(1, 25) for fault in draw(seed, registry=registry).faults}
     assert "icing" in drawn
     assert drawn & {"crash", "freeze", "restart", "ignore", "pilot"}
+
+
+def test_rough_air_is_as_that_of_ardu_pilots_simulator() -> None:
+    """SIM_WIND_TURB 1: each of 1200 steps a second keeps 0.98 of the last; standard deviation 1 m/s."""
+    found: Any = runpy.run_path(str(ROUGH_AIR))["RoughAir"]
+    air = found.__new__(found)
+    air.keys, air.random, air.dt_s = found.Keys(), np.random.default_rng(1), 0.02
+    down_mps = np.array([air.velocity_mps(None)[2] for _ in range(20_000)])
+    assert down_mps.std() == pytest.approx(10.0 * 0.02 / math.sqrt(1.0 - 0.98**2), rel=0.03)
+    assert (down_mps[1:] * down_mps[:-1]).mean() == pytest.approx(0.98 ** (1200 * 0.02), abs=0.03)

@@ -20,15 +20,19 @@ class ArduPlaneSimulator(ArduPilotSimulator):
 
     name = "arduplane"
     model = "plane"
-    own = CALIBRATED | COMPASS | {
-        "ARSPD_USE": 1,
-        "TRIM_THROTTLE": 50,
-        "RC3_MIN": 1000,
-        "RC3_MAX": 2000,
-        "RC3_TRIM": 1000,
-        "SERVO3_MIN": 1000,
-        "SERVO3_MAX": 2000,
-    }
+    own = (
+        CALIBRATED
+        | COMPASS
+        | {
+            "ARSPD_USE": 1,
+            "TRIM_THROTTLE": 50,
+            "RC3_MIN": 1000,
+            "RC3_MAX": 2000,
+            "RC3_TRIM": 1000,
+            "SERVO3_MIN": 1000,
+            "SERVO3_MAX": 2000,
+        }
+    )
 
     def _of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]:
         model, cruise_mps = vehicle.model, scenario.path.begin_mps
