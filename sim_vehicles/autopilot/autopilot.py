@@ -23,7 +23,7 @@ from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.motion import Estimate, Motion
 from sim_vehicles.autopilot.estimator_errors import StateEstimator
-from sim_vehicles.autopilot.mission_items import Item, as_given
+from sim_vehicles.autopilot.mission_items import Item, of_landing
 from sim_vehicles.autopilot.missions import Missions, home_of
 from sim_vehicles.autopilot.modes_and_failsafe import FlightMode, GroundStationFailsafe, Request
 from sim_vehicles.autopilot.parameters import ParameterServer
@@ -132,8 +132,7 @@ class Autopilot(ABC):
         start, origin = self.config.start, self.origin
         landing = None if self.config.landing is None else place_of(self.config.landing, start)
         self.missions = self.make_missions(home_of(start, origin))
-        stored = () if landing is None else items_of(self.config.identity.system, landing, origin)
-        self.missions.items += tuple(map(as_given, stored))
+        self.missions.items += () if landing is None else tuple(map(of_landing, items_of(landing, origin)))
         self.sender: Address = self.config.endpoint.address
         """Sender of the last frame."""
         self.sticks = False

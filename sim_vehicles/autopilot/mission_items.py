@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from airlink import mavlink as m
 from airlink.messages.mission import MissionItem, MissionItemInt
+from formation_scenario.stored_landing import LandingItem
 
 E7 = 1e7
 HIGHEST_M = 2**23 / 100
@@ -150,10 +151,11 @@ def from_message(message: MissionItem | MissionItemInt) -> Item | int:
     return where if isinstance(where, int) else Item(message.command, FRAMES[message.frame], params, *where)
 
 
-def as_given(message: MissionItemInt) -> Item:
-    """Return the item of a message whose command and frame are known to be stored as they are."""
-    params = message.param1, message.param2, message.param3, message.param4
-    return Item(message.command, message.frame, params, message.x, message.y, message.z)
+def of_landing(item: LandingItem) -> Item:
+    """Return the stored item of a landing's."""
+    lat_e7, lon_e7 = item.place_e7 or (0, 0)
+    frame = m.MAV_FRAME_MISSION if item.place_e7 is None else m.MAV_FRAME_GLOBAL_RELATIVE_ALT
+    return Item(item.command, frame, (0.0, item.reached_m, 0.0, 0.0), lat_e7, lon_e7, item.height_m)
 
 
 def to_message(item: Item, seq: int, system: int, component: int, *, current: bool) -> MissionItemInt:

@@ -99,9 +99,7 @@ def _one(
         vehicle.model.hovers,
         speedup,
         kept(simulator.of_scenario(vehicle, scenario), vehicle.autopilot_parameters),
-        ()
-        if vehicle.landing is None
-        else items_of(vehicle.id, place_of(vehicle.landing, start), scenario.origin.geodetic),
+        () if vehicle.landing is None else items_of(place_of(vehicle.landing, start), scenario.origin.geodetic),
     )
     if len(vehicle.endpoints) > 1 or not simulator.reaches(craft):
         found = f"found {', '.join(vehicle.endpoints)} of a simulated {name}"

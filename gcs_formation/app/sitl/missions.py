@@ -14,6 +14,7 @@ from airlink import mavlink as m
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages import Message
 from airlink.messages.mission import MissionAck, MissionCount, MissionItemInt, MissionRequest, MissionRequestInt
+from formation_scenario.stored_landing import LandingItem
 from gcs_formation.app.sitl.simulator import SimulatorError
 
 PLANNER: Final = (254, m.MAV_COMP_ID_MISSIONPLANNER)
@@ -23,6 +24,19 @@ LIMIT_S: Final = 60.0
 RETRY_S: Final = 1.0
 LOOK_S: Final = 0.1
 MOST_BYTES: Final = 2048
+
+
+def mission_of(system: int, landing: Sequence[LandingItem]) -> tuple[MissionItemInt, ...]:
+    """Return the items of a landing as they are given to a vehicle."""
+    return tuple(_message(system, seq, each) for seq, each in enumerate(landing))
+
+
+def _message(system: int, seq: int, item: LandingItem) -> MissionItemInt:
+    # PX4 takes commands without a position in the frame MISSION alone.
+    frame = m.MAV_FRAME_MISSION if item.place_e7 is None else m.MAV_FRAME_GLOBAL_RELATIVE_ALT
+    given = 0.0, item.reached_m, 0.0, 0.0
+    fields = frame, item.command, 0, 1, *given, *(item.place_e7 or (0, 0)), item.height_m
+    return MissionItemInt(system, m.MAV_COMP_ID_AUTOPILOT1, seq, *fields)
 
 
 class Upload:
@@ -72,7 +86,8 @@ def give_mission(port: int, items: Sequence[MissionItemInt]) -> None:
                 next_s = now_s + RETRY_S
                 _send(link, writer.encode(upload.begins))
             for frame in parser.feed(_received(link)):
-                item = upload.answer(frame.message) if frame.system == upload.system else None
+                message = frame.message if frame.system == upload.system else None
+                item = None if message is None else upload.answer(message)
                 if item is not None:
                     next_s = now_s + RETRY_S
                     _send(link, writer.encode(item))

@@ -11,9 +11,9 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from airlink.endpoint import Endpoint
-from airlink.messages.mission import MissionItemInt
 from flight_model.arrays import Array
 from formation_scenario import Scenario, Vehicle
+from formation_scenario.stored_landing import LandingItem
 from gcs_formation.errors import RunAbortedError
 
 Parameters = Mapping[str, float]
@@ -47,7 +47,7 @@ class Craft:
     speedup: float = 1.0
     parameters: Parameters = field(default_factory=dict)
     """With which its autopilot is switched on."""
-    mission: tuple[MissionItemInt, ...] = ()
+    landing: tuple[LandingItem, ...] = ()
     """The landing that its stored mission has; empty: it has none."""
 
 

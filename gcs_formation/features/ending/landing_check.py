@@ -82,8 +82,9 @@ class LandingCheck(AlwaysExamined):
 
         Where it only warns, those that can't land circle over their homes at the end.
         """
-        readers = (*self._readers.values(), *self._heights.values())
-        if self._judged or not (ready and all(reader.complete for reader in readers)):
+        read = [reader.complete for reader in self._readers.values()]
+        read += [reader.complete for reader in self._heights.values()]
+        if self._judged or not (ready and all(read)):
             return None
         grounded = not any(each.airborne for each in self._vehicles.values())
         why = LandingOrder(self._vehicles, self._ground, planned=grounded).refusal

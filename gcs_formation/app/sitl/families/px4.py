@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from formation_scenario import Scenario, Vehicle
-from gcs_formation.app.sitl.missions import give_mission
+from gcs_formation.app.sitl.missions import give_mission, mission_of
 from gcs_formation.app.sitl.simulator import Craft, Launch, Simulator, TrueMotion, newest
 from gcs_formation.app.sitl.ulog_truth import read_truth
 
@@ -88,8 +88,8 @@ class Px4Simulator(Simulator):
 
     def prepare(self, craft: Craft) -> None:
         """Give the vehicle the landing of its mission, by the link that its companion computer would have."""
-        if craft.mission:
-            give_mission(COMPANION_PORT + craft.system - 1, craft.mission)
+        if craft.landing:
+            give_mission(COMPANION_PORT + craft.system - 1, mission_of(craft.system, craft.landing))
 
     def true_motion(self, directory: Path) -> TrueMotion | None:
         """Return the topics of ground truth; none of them is an airspeed, which is the velocity's in still air."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
@@ -11,7 +12,7 @@ from airlink.clock import Instant
 from airlink.messages.mission import MissionAck, MissionCount, MissionItemInt, MissionRequest, MissionRequestInt
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.app.sitl.fleet import not_simulated
-from gcs_formation.app.sitl.missions import Upload
+from gcs_formation.app.sitl.missions import Upload, mission_of
 from gcs_formation.app.sitl.simulator import SimulatorError
 from gcs_formation.vehicle.stored_mission import LandingSequence, StoredMission
 from tests.gcs_formation.app.sitl.test_fleet import PX4_PATH, fleet
@@ -23,7 +24,7 @@ NOW = Instant(0)
 
 def given(**landing: float) -> tuple[MissionItemInt, ...]:
     """Return the items of the second PX4's mission."""
-    return fleet("px4", vehicles=PX4S | {"landing": landing}, path=PX4_PATH)[1].craft.mission
+    return mission_of(2, fleet("px4", vehicles=PX4S | {"landing": landing}, path=PX4_PATH)[1].craft.landing)
 
 
 def test_what_is_given_is_read_as_the_landing_of_the_scenario() -> None:
@@ -61,7 +62,7 @@ def test_a_vehicle_that_refuses_it_is_named() -> None:
 
 
 def test_what_a_simulator_can_not_do_is_said_in_a_line() -> None:
-    windy = {"wind": {"velocity_mps": [3, 4, 0]}}
+    windy: dict[str, Any] = {"wind": {"velocity_mps": [3, 4, 0]}}
     noisy = {"navigation": {"source": "noisy"}}
     assert not_simulated(fleet("px4", vehicles=PX4S, path=PX4_PATH)) == []
     (line,) = not_simulated(fleet("px4", vehicles=PX4S | noisy, path=PX4_PATH, **windy))
