@@ -17,9 +17,9 @@ LOOK_S = 0.05
 
 
 def ours(process: int) -> bool:
-    """Return whether a process still runs: each simulator leads a session, another by its number hardly does."""
+    """Return whether a process still runs: each simulator leads a process group, another by its number hardly does."""
     with suppress(OSError):
-        return os.getsid(process) == process and not _is_dead(process)
+        return os.getpgid(process) == process and not _is_dead(process)
     return False
 
 

@@ -65,7 +65,7 @@ def running(fleet: Sequence[Simulated], out: Path) -> Generator[list[Running]]:
 def _guard() -> Generator[IO[str]]:
     """Run the process that ends the simulators whose numbers it is given, should this one be killed."""
     command = [sys.executable, "-I", "-S", str(Path(guard.__file__))]
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, text=True, start_new_session=True)
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, text=True, process_group=0)
     assert process.stdin is not None
     try:
         yield process.stdin
@@ -88,7 +88,8 @@ def _started(one: Simulated, directory: Path) -> Generator[Running]:
         (directory / name).write_text(text, encoding="utf-8")
     with (directory / OUTPUT).open("wb") as output:
         try:
-            # A session of its own: Ctrl-C reaches only us, so that the vehicles can be commanded to loiter first.
+            # A process group of its own: Ctrl-C reaches only us, so that the vehicles can be commanded to loiter first.
+            # No session: Linux shares processors between sessions, whatever their niceness.
             process = subprocess.Popen(
                 launch.command,
                 cwd=directory,
@@ -96,7 +97,7 @@ def _started(one: Simulated, directory: Path) -> Generator[Running]:
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,
-                start_new_session=True,
+                process_group=0,
             )
         except OSError as error:
             raise SimulatorError(f"can't run {launch.command[0]}: {error.strerror or error}") from error
