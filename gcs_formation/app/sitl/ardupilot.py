@@ -29,10 +29,6 @@ CALIBRATED: Final = {
     for axis in "XYZ"
 }
 """The simulator's accelerometers count as calibrated only if their offsets aren't 0."""
-COMPASS: Final = {
-    f"COMPASS_OFS{which}_{axis}": value for which in ("", 2, 3) for axis, value in zip("XYZ", (5, 13, -18), strict=True)
-}
-"""The offsets that the simulator's compasses have (SIM_MAG1_OFS); uncalibrated, headings are up to 0.8 degrees off."""
 DEFAULTS = "set.parm"
 SIM_FIELDS: Final = ("Lat", "Lng", "Alt", "Yaw")
 SIM2_FIELDS: Final = ("VN", "VE", "VD", "As")

@@ -5,8 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 from formation_scenario import Scenario, Vehicle
-from gcs_formation.app.sitl.ardupilot import CALIBRATED, COMPASS, ArduPilotSimulator
+from gcs_formation.app.sitl.ardupilot import CALIBRATED, ArduPilotSimulator
 
+COMPASS: Final = {
+    f"COMPASS_OFS{which}_{axis}": value for which in ("", 2, 3) for axis, value in zip("XYZ", (5, 13, -18), strict=True)
+}
 TRANSMITTER: Final = {
     f"RC{channel}_{end}": value for channel in range(1, 9) for end, value in (("MIN", 1000), ("MAX", 2000))
 }

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from formation_scenario import Scenario, Vehicle
-from gcs_formation.app.sitl.ardupilot import CALIBRATED, COMPASS, ArduPilotSimulator
+from gcs_formation.app.sitl.ardupilot import CALIBRATED, ArduPilotSimulator
 
 GRAVITY_MPS2: Final = 9.81
 BANK_TO_SPARE_DEG: Final = 10.0
@@ -20,19 +20,15 @@ class ArduPlaneSimulator(ArduPilotSimulator):
 
     name = "arduplane"
     model = "plane"
-    own = (
-        CALIBRATED
-        | COMPASS
-        | {
-            "ARSPD_USE": 1,
-            "TRIM_THROTTLE": 50,
-            "RC3_MIN": 1000,
-            "RC3_MAX": 2000,
-            "RC3_TRIM": 1000,
-            "SERVO3_MIN": 1000,
-            "SERVO3_MAX": 2000,
-        }
-    )
+    own = CALIBRATED | {
+        "ARSPD_USE": 1,
+        "TRIM_THROTTLE": 50,
+        "RC3_MIN": 1000,
+        "RC3_MAX": 2000,
+        "RC3_TRIM": 1000,
+        "SERVO3_MIN": 1000,
+        "SERVO3_MAX": 2000,
+    }
 
     def _of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]:
         model, cruise_mps = vehicle.model, scenario.path.begin_mps
