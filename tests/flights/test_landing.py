@@ -206,7 +206,7 @@ def hovering(number: int, east_m: float, height_m: float, noise_mps: float) -> V
     vehicle = Vehicle(VehicleId(1, number), number - 1, ArduCopter(number, ORIGIN, 0.25), CONNECTION, 10.0)
     for armed, up_m in ((False, 0.0), (True, 20.0), (True, height_m)):
         tell(vehicle, 0.5, east_m, up_m, armed=armed, course_rad=2.0 * number, flies_mps=noise_mps)
-    vehicle.commands.begin((), NOW)
+    vehicle.commands.send((), NOW)
     return vehicle
 
 

@@ -34,13 +34,13 @@ def test_what_is_given_is_read_as_the_landing_of_the_scenario() -> None:
     )
     assert isinstance(upload.begins, MissionCount)
     reader.requests(NOW)
-    reader.take(upload.begins, NOW)
+    reader.handle(upload.begins, NOW)
     while not reader.complete:
         (request,) = reader.requests(NOW)
         item = upload.answer(request)
         assert item is not None
         assert item.target_system == 2
-        reader.take(item, NOW)
+        reader.handle(item, NOW)
     found = reader.landing(0.0)
     assert isinstance(found, LandingSequence)
     assert (math.degrees(found.course_rad), found.approach_m) == pytest.approx((90.0, 45.0), abs=0.01)
