@@ -89,7 +89,7 @@ def lacking_after(telemetry, position_of, *, seconds):
         time_s = 1.0 + tick / 10
         message = position_of(tick, time_s)
         for each in (Attitude(time_s, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0), *(() if message is None else (message,))):
-            telemetry.take(each)
+            telemetry.store(each)
         if telemetry.lacking:
             return telemetry.lacking, time_s - 1.0
     return "", seconds
