@@ -11,6 +11,7 @@ from pydantic import Field
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.energy import AirframeParameters
+from formation_scenario.battery import EmulatedBattery
 from formation_scenario.brought_keys import brought_words
 from formation_scenario.fields import (
     MAX_SYSTEM_ID,
@@ -278,6 +279,11 @@ class VehicleCommon(Keys):
         None,
         "emulators of fixed wings only: the landing in its stored mission, as a ground station has written it there",
         derived="its mission is empty",
+    )
+    battery: EmulatedBattery | None = key(
+        None,
+        "emulators only: its battery, drained by time and throttle",
+        derived="it tells 95 % for ever",
     )
 
     @property

@@ -10,6 +10,7 @@ from airlink.clock import NEVER, Instant, after
 from airlink.engine import Datagram
 from airlink.messages.system import Timesync
 from formation_scenario.surroundings import Fault
+from sim_vehicles.airframe.battery import Battery
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.autopilot.autopilot import CRITICAL, Autopilot
@@ -45,6 +46,7 @@ class Vehicle(Autopilot):
         self.wake = now
         """When its next cycle has something to do."""
         self.faults = InjectedFaults(self)
+        self.battery = None if self.config.battery is None else Battery(self.config.battery, now)
         self._messages = self.make_message_handler()
         self._tells_time_at_once = self.tells_time_at_once
         self._boot(now, self.config.clock.offset_s)
@@ -83,6 +85,8 @@ class Vehicle(Autopilot):
                 self._messages.take(sender, frame)
         if self.reboots:
             self.restart()
+        if self.battery is not None:
+            self.drain()
         if self.pilot.under_way and self.pilot.progress(self.body.motion):
             self.tell_heartbeat()
             if not self.pilot.airborne:

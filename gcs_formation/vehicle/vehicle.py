@@ -60,6 +60,7 @@ class Member(Enum):
     UNHEARD = "not heard: told nothing until it is"
     HOLDING = "told to loiter"
     RETURNING = "told to come back"
+    HOMEWARD = "sent home"
 
 
 class SendingLimits:
@@ -142,8 +143,8 @@ class Vehicle:
         """Steps after those of its autopilot in each start-up."""
         self.start_up = self._started_afresh()
         # holds_at_m: the height at which it was last commanded to loiter while the others fly on; unfit: why its
-        # telemetry can't be flown by in the formation, empty if it can
-        self.member, self.holds_at_m, self.unfit = Member.STARTING, math.nan, ""
+        # telemetry can't be flown by in the formation, sent_home: why it is to fly home while they fly on, or empty
+        self.member, self.holds_at_m, self.unfit, self.sent_home = Member.STARTING, math.nan, "", ""
         self.bytes_in = self.bytes_out = 0
         self.effects, self.pilots_choice, self.take_off = EffectWatch(), PilotsChoice(), TakeOff()
         self.restarts, self._flew_before = 0, False

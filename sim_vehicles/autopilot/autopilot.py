@@ -18,6 +18,7 @@ from airlink.endpoint import Address
 from airlink.messages import Message
 from airlink.messages.command import SetPositionTargetGlobalInt, SetPositionTargetLocalNed
 from airlink.messages.system import Statustext
+from sim_vehicles.airframe.battery import Battery, throttle_of
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.motion import Estimate, Motion
@@ -116,6 +117,8 @@ class Autopilot(ABC):
     disarm_at: Instant
     report_at: Instant
     """When it says next why it can't be armed."""
+    battery: Battery | None
+    """Its battery; None: it tells one that isn't drained."""
     reboots: bool
     """Whether it was commanded to restart."""
     ignores: bool
@@ -185,6 +188,15 @@ class Autopilot(ABC):
         self.failsafe.heartbeat(system, self.now)
         if acted and not self.failsafe.active:
             self.say(WARNING, self.failsafe_off_text)
+
+    def drain(self) -> None:
+        """Take what has flowed from its battery, if it has one."""
+        battery, model, motion = self.battery, self.config.model, self.body.motion
+        if battery is not None:
+            climb_mps, cruise_mps = model.climb_max_mps, max(self.fleet.cruise_mps, 1.0)
+            flies = self.pilot.airborne
+            throttle = throttle_of(motion, cruise_mps, climb_mps, hovers=model.hovers) if flies else 0.0
+            battery.drain(throttle, self.now)
 
     def tell_heartbeat(self) -> None:
         """Send a HEARTBEAT now, to all peers."""

@@ -96,7 +96,11 @@ def sys_status(v: Autopilot) -> Message:
     working = SENSORS if v.estimate.received else SENSORS & ~RECEIVER
     healthy = working | FENCE | (PREARM_CHECK if _passes(v) else 0)
     known = SENSORS | PREARM_CHECK
-    return SysStatus(known, known, healthy, LOAD_PERMILLE, BATTERY_V, BATTERY_A, BATTERY_PERCENT)
+    battery = v.battery
+    if battery is None:
+        return SysStatus(known, known, healthy, LOAD_PERMILLE, BATTERY_V, BATTERY_A, BATTERY_PERCENT)
+    v.drain()
+    return SysStatus(known, known, healthy, LOAD_PERMILLE, battery.voltage_v, battery.current_a, battery.percent)
 
 
 def _passes(v: Autopilot) -> bool:
@@ -104,9 +108,15 @@ def _passes(v: Autopilot) -> bool:
     return v.ready if v.pilot.condition.armed else v.armable
 
 
-def battery_status(_: Autopilot) -> Message:
+def battery_status(v: Autopilot) -> Message:
     """Return BATTERY_STATUS of the battery in SYS_STATUS; its cells are unknown."""
-    return BatteryStatus(0, 0, 0, NO_TEMPERATURE, CELLS_V, BATTERY_A, NOT_COUNTED, NOT_COUNTED, BATTERY_PERCENT)
+    battery = v.battery
+    if battery is None:
+        return BatteryStatus(0, 0, 0, NO_TEMPERATURE, CELLS_V, BATTERY_A, NOT_COUNTED, NOT_COUNTED, BATTERY_PERCENT)
+    v.drain()
+    total_v = (battery.voltage_v, *[math.nan] * 9)
+    used_mah = int(battery.consumed_mah)
+    return BatteryStatus(0, 0, 0, NO_TEMPERATURE, total_v, battery.current_a, used_mah, NOT_COUNTED, battery.percent)
 
 
 def system_time(v: Autopilot) -> Message:

@@ -101,7 +101,8 @@ MODULES = {
             Declared(
                 "BATTERY_STATUS",
                 "one battery; its cells' voltages, or its total in the first element, NaN for the rest.",
-                last="battery_remaining",
+                last="time_remaining",
+                optional="time_remaining",
             ),
             Declared(
                 "WIND", "the autopilot's wind estimate: the direction it comes from, its speed, its downward speed."
