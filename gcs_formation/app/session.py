@@ -56,7 +56,7 @@ from gcs_formation.record.run_directory import FLUSH_S, GOES_ON, RECORDING, SPOO
 from gcs_formation.record.several_links import with_several_links
 from gcs_formation.record.summary import Summary, summarise
 from gcs_formation.record.timeseries import Spool, spools, write_parquet
-from gcs_formation.record.unfinished import recorded_events
+from gcs_formation.record.unfinished import recorded_events, set_before
 from gcs_formation.recorder import Event
 from gcs_formation.stability import scenario_delay_margin
 
@@ -100,6 +100,9 @@ class Session:
     """Lets an engine that wraps the flight's take its place on the network."""
     emulators_failure: Callable[[], str | None] | None = None
     """Returns what failed of the emulated vehicles' extensions, if they have any."""
+    _orders: OrderSocket | None = None
+    _is_restored = False
+    """Whether parameters that were set have their values back."""
     _left_at: Instant | None = None
     """When the flight ended, or the operator left it."""
 
@@ -140,7 +143,7 @@ class Session:
         began_us, resumed = begun or (clock.utc_at_0_us, None)
         self.recorder = _opened(scenario, options, began_us, resume=resumed is not None)
         read = not emulated and resumed is None
-        caution = PreFlightOptions(read, options.confirm, options.dry_run, options.take)
+        caution = PreFlightOptions(read, options.confirm, options.dry_run, options.set_parameters, options.take)
         self._keeps_utc = emulated if (given := scenario.telemetry.station_utc) is None else given
         utc_s = began_us / MICROSECONDS if self._keeps_utc else None
         self.station = TimedStation(
@@ -150,6 +153,7 @@ class Session:
             details = {"speedup": options.speedup}
             self.recorder.event(Event(Instant(0), RECORDING, f"with --speedup {options.speedup:g}", None, details))
         if resumed is not None:
+            self.station.gate.restoration.take_over(set_before(self.recorder.path))
             self.recorder.event(Event(resumed.at, RECORDING, GOES_ON, None, {"epoch_us": began_us}))
         schedule = LinkSchedule(scenario, self.station.flight)
         self.link_processes, schedule.processes.places = schedule.processes, self._reported
@@ -160,7 +164,6 @@ class Session:
         self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
         self._spent, self._began_at, self._resumed = Stopwatch(), self.station.flight.since, resumed
         self._shown_s, self._reminded_s, self._next_look = 0.0, 0.0, Instant(0)
-        self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if options.confirm else None
         self.recorder.tell_events_to(self._heard)
         self._sinks = self._opened_sinks()
@@ -217,7 +220,16 @@ class Session:
         if not (self.station.flight.ended or left):
             return False
         self._left_at = self._left_at or self.clock.now()
-        return True
+        return self._has_restored()
+
+    def _has_restored(self) -> bool:
+        """Return whether the parameters that were set have their values back, or can't get them; begin that."""
+        restoration, now = self.station.gate.restoration, self.clock.now()
+        if self._is_restored or not restoration.has_some:
+            return True
+        restoration.begin(now)
+        self._is_restored = restoration.over(now)
+        return self._is_restored
 
     def _show_progress(self, wall_s: float) -> None:
         if wall_s - self._shown_s > PROGRESS_S:

@@ -13,7 +13,7 @@ from mypy_extensions import mypyc_attr
 from airlink import mavlink as m
 from airlink.endpoint import ComponentId
 from airlink.messages import Message
-from airlink.messages.command import CommandInt, CommandLong, ParamValue
+from airlink.messages.command import CommandInt, CommandLong, ParamSet, ParamValue
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint, within
 from flight_model.earth import GeodeticOrigin
@@ -157,6 +157,8 @@ class Autopilot(ABC):
     """Time from the last setpoint until it hovers, s; infinite if it flies on, or changes mode by its failsafe."""
     returns_after_s: ClassVar[float] = 0.0
     """Longest time from the last setpoint until its failsafe sends it home, s; 0: it has no such failsafe."""
+    tells_time_with_home: ClassVar[bool] = False
+    """Whether HOME_POSITION, which comes on request, has its time since boot, as TIMESYNC has."""
     stands: ClassVar[bool] = False
     """Whether it hovers where it waits, and so needs no loiter height of its own as circling vehicles do."""
     flies_courses: ClassVar[bool] = False
@@ -420,6 +422,10 @@ class Autopilot(ABC):
     def parameter(self, reported: ParamValue) -> float:
         """Return a parameter's value from its PARAM_VALUE."""
         return reported.param_value
+
+    def set_parameter(self, name: str, value: float, kind: int) -> ParamSet:
+        """Return PARAM_SET of a parameter of a MAV_PARAM_TYPE."""
+        return ParamSet(self.system, m.MAV_COMP_ID_AUTOPILOT1, name, value, kind)
 
     def stand_down(self) -> tuple[Command, ...]:
         """Return the commands that keep a vehicle on the ground; one in flight refuses them."""
