@@ -76,6 +76,8 @@ class VehicleConfig:
     """The landing in its stored mission; None: the mission is empty."""
     battery: EmulatedBattery | None = None
     """Its battery; None: it tells one that isn't drained."""
+    onboard_log: bool = False
+    """Whether it writes a log of its own."""
     signing_key: SigningKey | None = None
     """The key that it has been set up with; None: it signs nothing, and refuses nothing."""
     further_endpoints: tuple[Endpoint, ...] = ()
@@ -147,6 +149,7 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             set_up=vehicle.autopilot_parameters is not None,
             landing=vehicle.landing,
             battery=vehicle.battery,
+            onboard_log=vehicle.onboard_log,
             further_endpoints=tuple(parse_endpoint(text).opposite() for text in vehicle.endpoints[1:]),
             signing_key=_signing_key(vehicle, scenario),
         )

@@ -25,6 +25,7 @@ from sim_vehicles.airframe.motion import Estimate, Motion
 from sim_vehicles.autopilot.mission_items import Item
 from sim_vehicles.autopilot.missions import Missions, home_of
 from sim_vehicles.autopilot.modes_and_failsafe import FlightMode, GroundStationFailsafe, Request
+from sim_vehicles.autopilot.onboard_log import OnboardLog
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.sensors import sensors_of
@@ -119,6 +120,8 @@ class Autopilot(ABC):
     """When it says next why it can't be armed."""
     battery: Battery | None
     """Its battery; None: it tells one that isn't drained."""
+    onboard_log: OnboardLog | None = None
+    """Its own log, if it writes one."""
     reboots: bool
     """Whether it was commanded to restart."""
     ignores: bool

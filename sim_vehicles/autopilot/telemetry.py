@@ -28,6 +28,7 @@ from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.autopilot.autopilot import Autopilot
 from sim_vehicles.autopilot.modes_and_failsafe import system_status
+from sim_vehicles.autopilot.onboard_log import OnboardLog
 from sim_vehicles.autopilot.streams import Builders
 
 SENSORS: Final = (
@@ -251,6 +252,21 @@ def extended_sys_state(v: Autopilot) -> Message:
 def autopilot_version(v: Autopilot) -> Message:
     """Return AUTOPILOT_VERSION, which tells ground stations the vehicle's capabilities."""
     return AutopilotVersion(v.capabilities, v.version)
+
+
+def write_state(v: Autopilot, log: OnboardLog) -> None:
+    """Write an armed vehicle's state to its own log, by its own clock."""
+    if not v.pilot.condition.armed:
+        return
+    time_us, motion, estimate = v.time_ns // 1000, v.sensed, v.estimate
+    lat, lon, alt = v.origin.from_ned(motion.north_m, motion.east_m, -motion.height_m)
+    pitch = _asin(min(max(motion.climb_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0)) + estimate.pitch_error_rad
+    attitude_rad = _bank(motion) + estimate.bank_error_rad, pitch, motion.heading_rad
+    log.write_mode(time_us, int(v.pilot.mode))
+    log.write_motion(time_us, attitude_rad, (lat, lon, alt, motion.height_m), _read(v, motion.airspeed_mps))
+    if v.pilot.mode == v.guided_mode and not v.config.model.hovers:
+        speed_mps, height_m = _read(v, motion.airspeed_setpoint_mps), motion.height_setpoint_m
+        log.write_setpoint(time_us, speed_mps, motion.heading_setpoint_rad, height_m + v.origin.alt_m)
 
 
 def _length(north: float, east: float) -> float:

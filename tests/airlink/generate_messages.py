@@ -167,6 +167,9 @@ Protocol (FTP)".
             Declared("FILE_TRANSFER_PROTOCOL", "one packet of MAVLink FTP, as bytes."),
             Declared("LOG_REQUEST_LIST", "asks for the list of stored logs."),
             Declared("LOG_ENTRY", "one stored log, of `num_logs`; there is none where that is 0."),
+            Declared("LOG_REQUEST_DATA", "asks for `count` bytes of a stored log, from `ofs` on."),
+            Declared("LOG_DATA", "a part of a stored log; fewer than 90 bytes end what was asked for."),
+            Declared("LOG_REQUEST_END", "ends the transfer of logs, and lets the vehicle log again."),
         ),
     ),
     "mission": Module(
