@@ -56,9 +56,8 @@ def test_a_setpoint_is_a_command_each_of_airspeed_altitude_above_the_sea_and_cou
 
 
 def test_its_failsafe_is_asked_for_since_it_would_fly_on_for_ever() -> None:
-    check = Px4Course(3, GeodeticOrigin(0.6, 2.1, 0.0), 0.25).checks(
-        VehicleModel(), PathPlan(waypoints_m=((0, 0, 9),))
-    )[0]
+    autopilot, path = Px4Course(3, GeodeticOrigin(0.6, 2.1, 0.0), 0.25), ((0.0, 0.0, 90.0), (900.0, 0.0, 90.0))
+    check = autopilot.checks(VehicleModel(), PathPlan(waypoints_m=path))[0]
     assert check.names == ("NAV_DLL_ACT",)
     assert "flies its last course for ever" in check.allowed
 
