@@ -17,7 +17,7 @@ from sim_vehicles.autopilot.autopilot import CRITICAL, Autopilot
 from sim_vehicles.autopilot.faults import InjectedFaults
 from sim_vehicles.autopilot.message_handler import MessageHandler
 from sim_vehicles.autopilot.modes_and_failsafe import FlightMode, Request
-from sim_vehicles.autopilot.onboard_log import OnboardLog
+from sim_vehicles.autopilot.onboard_log import LOG_FILE, OnboardLog
 from sim_vehicles.autopilot.streams import Streams
 from sim_vehicles.autopilot.telemetry import BUILDERS, write_state
 from sim_vehicles.board_clock import BoardClock
@@ -52,6 +52,8 @@ class Vehicle(Autopilot):
         self.battery = None if self.config.battery is None else Battery(self.config.battery, now)
         writes = self.config.onboard_log and self.config.family in LOGS
         self.onboard_log = OnboardLog(LOGS[self.config.family]) if writes else None
+        if self.onboard_log is not None:
+            self.parameters.files.serve(LOG_FILE, self.onboard_log.copy)
         self._messages = self.make_message_handler()
         self._tells_time_at_once = self.tells_time_at_once
         self._boot(now, self.config.clock.offset_s)

@@ -15,6 +15,7 @@ from airlink.messages import Message
 from airlink.messages.command import LogEntry
 from airlink.messages.system import Heartbeat, Timesync
 from airlink.signing.signed_links import SignedLinks, receiver_of
+from gcs_formation.log_fetch.by_ftp import FtpTransfer
 from gcs_formation.log_fetch.transfer import LogTransfer
 
 HEARTBEAT: Final = Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
@@ -33,7 +34,7 @@ class Wanted:
     def __init__(self, socket: int, system: int, number: int | None, peer: Address | None) -> None:
         """Expect it at a socket; `peer`: where it is, if that is known."""
         self.socket, self.system, self.number, self.peer = socket, system, number, peer
-        self.transfer: LogTransfer | None = None
+        self.transfer: LogTransfer | FtpTransfer | None = None
         self.autopilot: int | None = None
         """Its MAV_AUTOPILOT, None before its first heartbeat."""
         self.armed = False
@@ -45,7 +46,9 @@ class Wanted:
     @property
     def over(self) -> bool:
         """Whether nothing more comes of it."""
-        return bool(self.failure) or (self.transfer is not None and self.transfer.over)
+        transfer = self.transfer
+        offers_none = isinstance(transfer, LogTransfer) and transfer.offers_none
+        return bool(self.failure) or (transfer is not None and transfer.over and not offers_none)
 
     @property
     def booted_s(self) -> float | None:
@@ -146,6 +149,8 @@ class LogFetch(Engine):
             self._send(each, Timesync(0, now, each.system, m.MAV_COMP_ID_AUTOPILOT1), now)
         if each.transfer is None:
             each.transfer = LogTransfer(each.system, each.number, now, partial(self._kept, name))
+        elif isinstance(each.transfer, LogTransfer) and each.transfer.offers_none:
+            each.transfer = FtpTransfer(each.system, each.number, now, partial(self._kept, name))
         self._send_all(each, each.transfer.requests(now), now)
 
     def _take(self, each: Wanted, frame: Frame, peer: Address, now: Instant) -> None:

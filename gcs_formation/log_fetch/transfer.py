@@ -66,6 +66,11 @@ class LogTransfer:
         """Whether it has come to an end."""
         return self.stage in (Stage.DONE, Stage.FAILED)
 
+    @property
+    def offers_none(self) -> bool:
+        """Whether the vehicle has shown no log at all in this way."""
+        return self.stage is Stage.FAILED and not self.entries
+
     def chunks(self) -> list[bytes]:
         """Remove and return what has come without a gap, in order."""
         ready, self._ready = self._ready, []

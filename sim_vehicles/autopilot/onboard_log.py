@@ -16,6 +16,8 @@ from airlink.endpoint import Address
 from airlink.messages.command import LogData, LogEntry, LogRequestData
 from airlink.messages.payload import DEG
 
+LOG_FILE: Final = "APM/LOGS/00000001.BIN"
+"""Where it is, for MAVLink FTP."""
 HEAD: Final = b"\xa3\x95"
 FMT: Final = 128
 EVERY_S: Final = 0.1
@@ -101,6 +103,10 @@ class OnboardLog:
         self.put("OFG", time_us, speed_mps, math.degrees(heading_rad) % 360.0, alt_m)
 
     # How it is sent.
+
+    def copy(self) -> bytes:
+        """Return what has been written."""
+        return bytes(self.content)
 
     @property
     def entry(self) -> LogEntry:

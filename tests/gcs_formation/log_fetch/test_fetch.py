@@ -8,20 +8,26 @@ import pytest
 
 from airlink.clock import NANOSECONDS, Instant, RealClock, after
 from airlink.endpoint import ComponentId, parse_endpoint
-from airlink.messages.command import LogEntry
+from airlink.engine import Datagram
+from airlink.frame import StreamParser
+from airlink.messages.command import LogEntry, LogRequestList
 from gcs_formation.identify.logs.dataflash import read_dataflash
+from gcs_formation.log_fetch.by_ftp import FtpTransfer
 from gcs_formation.log_fetch.fetch import ARMED, LogFetch
 from gcs_formation.log_fetch.log_times import last_s
 from gcs_formation.log_fetch.session import PART, LogFiles, _figures, _write
+from gcs_formation.log_fetch.transfer import Stage
 from sim_vehicles.autopilot.modes_and_failsafe import Request
-from tests.flights.in_memory import World
+from tests.flights.in_memory import Between, World
 
 STATION = ComponentId(255, 25)
 
 
-def flown(seconds: float, *, down: bool = True, **keys: Any) -> World:
+def flown(seconds: float, *, down: bool = True, between: type[Between] = Between, **keys: Any) -> World:
     """Fly two vehicles that write logs, then put them on the ground and disarm them."""
-    world = World(vehicles={"count": 2, "onboard_log": True, **keys}, formation={"shape": "line", "spacing_m": 40})
+    world = World(
+        between, vehicles={"count": 2, "onboard_log": True, **keys}, formation={"shape": "line", "spacing_m": 40}
+    )
     world.run(seconds)
     for vehicle in world.fleet.vehicles if down else []:
         assert vehicle.pilot.request(Request.TOUCH_DOWN)
@@ -85,7 +91,28 @@ def test_an_armed_vehicle_sends_none_and_that_is_said() -> None:
 
 def test_one_without_logs_says_so() -> None:
     fetch = fetching(flown(2.0, onboard_log=False))
-    assert [each.transfer.failure for each in fetch.wanted.values() if each.transfer] == ["it has no logs"] * 2
+    assert [each.transfer.failure for each in fetch.wanted.values() if each.transfer] == [
+        "found no log ; there are: none"
+    ] * 2
+
+
+class WithoutLogRequests(Between):
+    """The vehicles get no LOG_REQUEST_LIST, as those whose firmware has none."""
+
+    def take(self, datagram: Datagram, now: Instant) -> None:
+        asked = [frame.message for frame in StreamParser().feed(datagram.data)]
+        if not any(isinstance(each, LogRequestList) for each in asked):
+            super().take(datagram, now)
+
+
+def test_where_logs_cannot_be_requested_they_come_by_mavlink_ftp() -> None:
+    world = flown(3.0, between=WithoutLogRequests)
+    fetch = fetching(world, kept=lambda name, _: 500 if name == "2" else 0)
+    for name, each in fetch.wanted.items():
+        assert isinstance(each.transfer, FtpTransfer)
+        assert (each.transfer.stage, each.failure) == (Stage.DONE, "")
+        content = bytes(world.vehicle(int(name)).onboard_log.content)
+        assert b"".join(each.transfer.chunks()) == content[500 if name == "2" else 0 :]
 
 
 def test_one_that_is_not_there_is_named() -> None:
