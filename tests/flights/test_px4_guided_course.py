@@ -1,5 +1,6 @@
 """PX4 fixed wings in Guided Course: they follow by three commands, and a pilot's Hold takes over as any mode does."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -14,7 +15,8 @@ from gcs_formation.vehicle.families.px4.guided_course import GUIDED_COURSE, Px4C
 from gcs_formation.vehicle.vehicle import Member
 from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, received
 from sim_vehicles.autopilot.modes_and_failsafe import Px4Mode
-from tests.flights.in_memory import World
+from sim_vehicles.fleet import Fleet
+from tests.flights.in_memory import Between, World
 
 KEYS: dict[str, Any] = {
     "vehicles": {"count": 2, "model": {"firmware": "px4"}, "px4_guided": "course"},
@@ -80,8 +82,24 @@ def test_an_emulated_one_denies_courses_outside_the_mode_and_of_other_types() ->
     assert given(world, COURSE, 0.0, 90.0) == DENIED
 
 
-def test_an_earlier_version_does_not_have_the_mode() -> None:
-    world = World(vehicles={"count": 2, "model": {"firmware": "px4"}}, formation=KEYS["formation"])
-    world.run(1.0)
-    assert not world.vehicle(2).switch(Px4Mode.GUIDED_COURSE)
-    assert world.vehicle(2).mode is Px4Mode.HOLD
+class Earlier(Between):
+    """The vehicles' version is 1.17, which doesn't have the mode."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        config = fleet.vehicles[0].fleet
+        vehicles = tuple(replace(each, family="px4_plane") for each in config.vehicles)
+        super().__init__(Fleet(replace(config, vehicles=vehicles)))
+
+
+PATH = {"speed_mps": 22, "waypoints_m": [[0, 0, 60], [900, 0, 60]]}
+GROUND: dict[str, Any] = {"start": {"in_air": False}, "path": PATH}
+
+
+def test_on_the_ground_it_is_seen_whether_a_vehicle_has_the_mode() -> None:
+    world = World(**KEYS | GROUND)
+    world.run(9.0)
+    assert [each.mode for each in world.fleet.vehicles] == [Px4Mode.TAKEOFF] * 2
+    earlier = World(Earlier, **KEYS | GROUND)
+    earlier.run(30.0)
+    assert "set mode GUIDED_COURSE on the ground, which versions from 1.18 have" in str(earlier.station.course.failure)
+    assert not any(each.pilot.condition.armed for each in earlier.between.fleet.vehicles)

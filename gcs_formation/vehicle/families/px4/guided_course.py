@@ -21,12 +21,15 @@ from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.command import CommandInt
 from flight_model.autopilot_model import FlightState, Setpoint
-from gcs_formation.vehicle.autopilot_family import Command, KnownSetpoints
+from gcs_formation.vehicle.autopilot_family import Command, KnownSetpoints, StartUpStep
 from gcs_formation.vehicle.families.px4.plane import Px4Plane, course_over_ground_rad
-from gcs_formation.vehicle.families.px4.px4 import LOITER
+from gcs_formation.vehicle.families.px4.px4 import LOITER, TAKEOFF
 from gcs_formation.vehicle.mode_names import AUTO, px4_mode
+from gcs_formation.vehicle.telemetry import Telemetry
 
 GUIDED_COURSE: Final = px4_mode(AUTO, 19)
+HAS_COURSE: Final = (GUIDED_COURSE, TAKEOFF)
+"""Modes that show that it has the mode: itself, and the one that follows."""
 SPEED: Final = m.MAV_CMD_DO_CHANGE_SPEED
 COURSE: Final = m.MAV_CMD_GUIDED_CHANGE_HEADING
 ALTITUDE: Final = m.MAV_CMD_DO_CHANGE_ALTITUDE
@@ -65,6 +68,14 @@ class Px4Course(Px4Plane):
         if course is None:
             found.append(self._course(setpoint, where))
         return found
+
+    def _waits(self) -> tuple[StartUpStep, ...]:
+        """Return also one that sees on the ground whether it has the mode: earlier versions refuse it."""
+        name = "set mode GUIDED_COURSE on the ground, which versions from 1.18 have"
+        return (*super()._waits(), StartUpStep(name, self._has_course, lambda _: (self.set_mode(GUIDED_COURSE),)))
+
+    def _has_course(self, seen: Telemetry) -> bool:
+        return self.is_airborne(seen) or seen.armed or seen.custom_mode in HAS_COURSE
 
     def _speed(self, setpoint: Setpoint, where: FlightState) -> CommandInt:
         reading_mps, lead = self.airspeed_to_tell(setpoint.speed_mps), self._lead
