@@ -59,7 +59,7 @@ class Restoration:
 
     def begin(self, now: Instant) -> None:
         """Begin, unless it has begun."""
-        if self._until is not NEVER:
+        if self._until != NEVER:
             return
         self.due, self._until = now, after(now, LIMIT_S)
         for identity, changes in self._changes.items():

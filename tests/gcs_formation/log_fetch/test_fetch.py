@@ -91,9 +91,7 @@ def test_an_armed_vehicle_sends_none_and_that_is_said() -> None:
 
 def test_one_without_logs_says_so() -> None:
     fetch = fetching(flown(2.0, onboard_log=False))
-    assert [each.transfer.failure for each in fetch.wanted.values() if each.transfer] == [
-        "found no log ; there are: none"
-    ] * 2
+    assert [each.transfer.failure for each in fetch.wanted.values() if each.transfer] == ["it has no logs"] * 2
 
 
 class WithoutLogRequests(Between):
