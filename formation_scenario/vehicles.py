@@ -11,6 +11,7 @@ from pydantic import Field
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.energy import AirframeParameters
+from formation_scenario.battery import EmulatedBattery
 from formation_scenario.brought_keys import brought_words
 from formation_scenario.fields import (
     MAX_SYSTEM_ID,
@@ -49,7 +50,7 @@ MAX_CLOCK_S = 4e6
 CLOCKS: Final = ("round_trip", *brought_words("telemetry.clock"))
 """How we map vehicles' stamps to one clock ourselves."""
 AUTOPILOTS: Final = ("emulator", "arduplane", "arducopter", "px4")
-Family = Literal["arduplane", "arducopter", "px4_plane", "px4_copter"]
+Family = Literal["arduplane", "arducopter", "px4_plane", "px4_copter", "px4_course"]
 ARDUPILOTS: Final[dict[str, Family]] = {"arduplane": "arduplane", "arducopter": "arducopter"}
 """Autopilots that are of one family whatever the model is."""
 FAMILIES: Final[tuple[str, ...]] = get_args(Family)
@@ -247,6 +248,12 @@ class VehicleCommon(Keys):
         "emulator",
         "what flies the vehicle: an emulator, a real autopilot, or one of a family that an extension registers",
     )
+    px4_guided: Literal["hold", "course"] = key(
+        "hold",
+        "PX4 fixed wings: the mode in which they follow, Hold by DO_REPOSITION, or Guided Course, which versions from "
+        "1.18 have and which a pilot's Hold takes over",
+        "course",
+    )
     parameters: OwnKeys = key(None, f"beside autopilot: {OF_AN_EXTENSION}", {})
     model: Model = key(
         VehicleModel(),
@@ -279,6 +286,16 @@ class VehicleCommon(Keys):
         "emulators of fixed wings, and PX4's simulators of `run --sitl`: the landing in its stored mission, as a "
         "ground station has written it there",
         derived="its mission is empty",
+    )
+    battery: EmulatedBattery | None = key(
+        None,
+        "emulators only: its battery, drained by time and throttle",
+        derived="it tells 95 % for ever",
+    )
+    onboard_log: Flag = key(
+        False,
+        "emulated ArduPilots only: whether it writes a log of its own while armed, which stations can fetch",
+        True,
     )
 
     @property
@@ -319,7 +336,9 @@ def family_of(vehicle: VehicleCommon) -> Family:
     if named in ARDUPILOTS:
         return ARDUPILOTS[named]
     if named == "px4" or model.firmware == "px4":
-        return "px4_copter" if model.hovers else "px4_plane"
+        if model.hovers:
+            return "px4_copter"
+        return "px4_plane" if vehicle.px4_guided == "hold" else "px4_course"
     return "arducopter" if model.hovers else "arduplane"
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Final
 
-from airlink.clock import NANOSECONDS, Instant, after, seconds_between
+from airlink.clock import NANOSECONDS, NEVER, Instant, after, seconds_between
 from airlink.endpoint import Address, Endpoint, VehicleId
 from airlink.engine import Datagram, Engine
 from airlink.frame import Frame, FrameWriter, ParserCounts
@@ -113,9 +113,13 @@ class Station(Engine):
         return out
 
     def next_timer(self) -> Instant | None:
-        """Return the instant of the next tick, TIMESYNC request or delayed setpoint; None after the run's end."""
+        """Return the instant of the next tick, TIMESYNC request or delayed setpoint.
+
+        After the run's end, None, or when parameters are restored.
+        """
         if self.flight.ended:
-            return None
+            due = self.gate.restoration.due
+            return None if due == NEVER else due
         soonest = min(self._next_tick, self._heartbeats.next_probe)
         return min(soonest, self._dispatch.due)
 
@@ -149,6 +153,10 @@ class Station(Engine):
 
     def handle_timer(self, now: Instant) -> None:
         """Do what is due: TIMESYNC requests and delayed setpoints at any time, everything else at ticks."""
+        if self.gate.restoration.due != NEVER:
+            self._send_all(self.gate.restoration.requests(now), now)
+        if self.flight.ended:
+            return
         if self._was_away(now):
             for vehicle in self._each:
                 vehicle.forget_requests(now)

@@ -13,6 +13,7 @@ from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from airlink.signing.key import ALLOWED, KeyFileError, SigningKey, read_key
 from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
 from formation_scenario import Scenario, Vehicle
+from formation_scenario.battery import EmulatedBattery
 from formation_scenario.extensions import EMULATED_FAMILY, Registered, Registry
 from formation_scenario.fields import VehicleSelection, refused
 from formation_scenario.landing import StoredLanding
@@ -73,6 +74,10 @@ class VehicleConfig:
     """Whether the scenario gives some of them itself."""
     landing: StoredLanding | None = None
     """The landing in its stored mission; None: the mission is empty."""
+    battery: EmulatedBattery | None = None
+    """Its battery; None: it tells one that isn't drained."""
+    onboard_log: bool = False
+    """Whether it writes a log of its own."""
     signing_key: SigningKey | None = None
     """The key that it has been set up with; None: it signs nothing, and refuses nothing."""
     further_endpoints: tuple[Endpoint, ...] = ()
@@ -143,6 +148,8 @@ def fleet_config(scenario: Scenario) -> FleetConfig:
             parameters=_parameters(vehicle),
             set_up=vehicle.autopilot_parameters is not None,
             landing=vehicle.landing,
+            battery=vehicle.battery,
+            onboard_log=vehicle.onboard_log,
             further_endpoints=tuple(parse_endpoint(text).opposite() for text in vehicle.endpoints[1:]),
             signing_key=_signing_key(vehicle, scenario),
         )

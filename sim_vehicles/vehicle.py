@@ -10,20 +10,24 @@ from airlink.clock import NEVER, Instant, after
 from airlink.engine import Datagram
 from airlink.messages.system import Timesync
 from formation_scenario.surroundings import Fault
+from sim_vehicles.airframe.battery import Battery
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.autopilot.autopilot import CRITICAL, Autopilot
 from sim_vehicles.autopilot.faults import InjectedFaults
 from sim_vehicles.autopilot.message_handler import MessageHandler
 from sim_vehicles.autopilot.modes_and_failsafe import FlightMode, Request
+from sim_vehicles.autopilot.onboard_log import LOG_FILE, OnboardLog
 from sim_vehicles.autopilot.streams import Streams
-from sim_vehicles.autopilot.telemetry import BUILDERS
+from sim_vehicles.autopilot.telemetry import BUILDERS, write_state
 from sim_vehicles.board_clock import BoardClock
 from sim_vehicles.config import FleetConfig
 
 INITIALISING_S: Final = 1.0
 TIMESYNC_S: Final = 10.0
 FIRST_REPORT_S: Final = 15.0
+LOGS: Final = {"arduplane": "ArduPlane", "arducopter": "ArduCopter"}
+"""Families that write logs of their own, and the firmwares' names there."""
 REPORT_S: Final = 30.0
 """When after boot, and then how often, an ArduPilot says why it can't be armed (`AP_Arming::update`)."""
 
@@ -45,6 +49,11 @@ class Vehicle(Autopilot):
         self.wake = now
         """When its next cycle has something to do."""
         self.faults = InjectedFaults(self)
+        self.battery = None if self.config.battery is None else Battery(self.config.battery, now)
+        writes = self.config.onboard_log and self.config.family in LOGS
+        self.onboard_log = OnboardLog(LOGS[self.config.family]) if writes else None
+        if self.onboard_log is not None:
+            self.parameters.files.serve(LOG_FILE, self.onboard_log.copy)
         self._messages = self.make_message_handler()
         self._tells_time_at_once = self.tells_time_at_once
         self._boot(now, self.config.clock.offset_s)
@@ -83,6 +92,10 @@ class Vehicle(Autopilot):
                 self._messages.handle(sender, frame)
         if self.reboots:
             self.restart()
+        if self.battery is not None:
+            self.drain()
+        if self.onboard_log is not None and self.onboard_log.due(now):
+            write_state(self, self.onboard_log)
         if self.pilot.under_way and self.pilot.progress(self.body.motion):
             self.tell_heartbeat()
             if not self.pilot.airborne:
@@ -108,6 +121,9 @@ class Vehicle(Autopilot):
         listed = self.parameters.next_of_list()
         if listed is not None:
             self.link.answer(*listed)
+        if self.onboard_log is not None and self.onboard_log.sending and not self.pilot.condition.armed:
+            for peer, block in self.onboard_log.next_blocks():
+                self.link.answer(peer, block)
         if now >= self.missions.next_due():
             for peer, message in self.missions.reminders(now):
                 self.link.answer(peer, message)
@@ -119,7 +135,8 @@ class Vehicle(Autopilot):
 
     def plan(self) -> None:
         """End the cycle: set when there is next something to do other than to read frames."""
-        if self.parameters.listing or self.pilot.under_way or self.flies_mission:
+        busy = self.parameters.listing or self.pilot.under_way or self.flies_mission
+        if busy or self.onboard_log is not None:
             self.wake = self.now
             return
         # Compiled, `min` of two is a comparison; of more, it is a call.

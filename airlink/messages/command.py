@@ -926,6 +926,108 @@ LOG_ENTRY: Final = Kind(
     "LOG_ENTRY", 118, 56, (14, 14), ("id", "num_logs", "last_log_num", "time_utc", "size"), LogEntry(0, 0, 0, 0, 0)
 )
 
+
+@mypyc_attr(acyclic=True, free_list_len=1)
+class LogRequestData(Message):
+    """LOG_REQUEST_DATA (119): asks for `count` bytes of a stored log, from `ofs` on."""
+
+    def __init__(self, target_system: int, target_component: int, id: int, ofs: int, count: int) -> None:
+        self.target_system = target_system
+        self.target_component = target_component
+        self.id = id
+        self.ofs = ofs
+        self.count = count
+
+    def kind(self) -> Kind:
+        return LOG_REQUEST_DATA
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u32(payload, self.ofs)
+        put_u32(payload, self.count)
+        put_u16(payload, self.id)
+        put_u8(payload, self.target_system)
+        put_u8(payload, self.target_component)
+
+    def addressee(self) -> int:
+        return self.target_system
+
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return LogRequestData(
+            get_u8(frame, begin + 10, end),
+            get_u8(frame, begin + 11, end),
+            get_u16(frame, begin + 8, end),
+            get_u32(frame, begin, end),
+            get_u32(frame, begin + 4, end),
+        )
+
+
+LOG_REQUEST_DATA: Final = Kind(
+    "LOG_REQUEST_DATA",
+    119,
+    116,
+    (12, 12),
+    ("target_system", "target_component", "id", "ofs", "count"),
+    LogRequestData(0, 0, 0, 0, 0),
+)
+
+
+@mypyc_attr(acyclic=True, free_list_len=1)
+class LogData(Message):
+    """LOG_DATA (120): a part of a stored log; fewer than 90 bytes end what was asked for."""
+
+    def __init__(self, id: int, ofs: int, count: int, data: tuple[int, ...]) -> None:
+        self.id = id
+        self.ofs = ofs
+        self.count = count
+        self.data = data
+
+    def kind(self) -> Kind:
+        return LOG_DATA
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u32(payload, self.ofs)
+        put_u16(payload, self.id)
+        put_u8(payload, self.count)
+        put_octets(payload, self.data, 90)
+
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return LogData(
+            get_u16(frame, begin + 4, end),
+            get_u32(frame, begin, end),
+            get_u8(frame, begin + 6, end),
+            get_octets(frame, begin + 7, end, 90),
+        )
+
+
+LOG_DATA: Final = Kind("LOG_DATA", 120, 134, (97, 97), ("id", "ofs", "count", "data"), LogData(0, 0, 0, ()))
+
+
+@mypyc_attr(acyclic=True, free_list_len=1)
+class LogRequestEnd(Message):
+    """LOG_REQUEST_END (122): ends the transfer of logs, and lets the vehicle log again."""
+
+    def __init__(self, target_system: int, target_component: int) -> None:
+        self.target_system = target_system
+        self.target_component = target_component
+
+    def kind(self) -> Kind:
+        return LOG_REQUEST_END
+
+    def write(self, payload: BytesWriter) -> None:
+        put_u8(payload, self.target_system)
+        put_u8(payload, self.target_component)
+
+    def addressee(self) -> int:
+        return self.target_system
+
+    def read(self, frame: bytes, begin: i64, end: i64) -> Message:
+        return LogRequestEnd(get_u8(frame, begin, end), get_u8(frame, begin + 1, end))
+
+
+LOG_REQUEST_END: Final = Kind(
+    "LOG_REQUEST_END", 122, 203, (2, 2), ("target_system", "target_component"), LogRequestEnd(0, 0)
+)
+
 KINDS: Final = (
     COMMAND_INT,
     COMMAND_LONG,
@@ -943,4 +1045,7 @@ KINDS: Final = (
     FILE_TRANSFER_PROTOCOL,
     LOG_REQUEST_LIST,
     LOG_ENTRY,
+    LOG_REQUEST_DATA,
+    LOG_DATA,
+    LOG_REQUEST_END,
 )

@@ -502,6 +502,7 @@ class BatteryStatus(Message):
         current_consumed: int,
         energy_consumed: int,
         battery_remaining: int,
+        time_remaining: int = 0,
     ) -> None:
         self.id = id
         self.battery_function = battery_function
@@ -512,6 +513,7 @@ class BatteryStatus(Message):
         self.current_consumed = current_consumed
         self.energy_consumed = energy_consumed
         self.battery_remaining = battery_remaining
+        self.time_remaining = time_remaining
 
     def kind(self) -> Kind:
         return BATTERY_STATUS
@@ -526,7 +528,8 @@ class BatteryStatus(Message):
         put_u8(payload, self.battery_function)
         put_u8(payload, self.type)
         put_i8(payload, self.battery_remaining)
-        put_zeros(payload, 18)
+        put_i32(payload, self.time_remaining)
+        put_zeros(payload, 14)
 
     def read(self, frame: bytes, begin: i64, end: i64) -> Message:
         return BatteryStatus(
@@ -539,6 +542,7 @@ class BatteryStatus(Message):
             get_i32(frame, begin, end),
             get_i32(frame, begin + 4, end),
             get_i8(frame, begin + 35, end),
+            get_i32(frame, begin + 36, end),
         )
 
 
@@ -557,6 +561,7 @@ BATTERY_STATUS: Final = Kind(
         "current_consumed",
         "energy_consumed",
         "battery_remaining",
+        "time_remaining",
     ),
     BatteryStatus(0, 0, 0, 0, (), 0.0, 0, 0, 0),
 )

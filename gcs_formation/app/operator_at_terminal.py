@@ -57,6 +57,8 @@ class RunOptions:
     """`fly` only: whether the run ends before the first command."""
     resume: bool = False
     """`fly` only: whether the unfinished run in `out` is continued."""
+    set_parameters: bool = False
+    """`fly` only: whether parameters are set that aren't as the check asks for, and restored after the flight."""
     take: bool = False
     """`fly` only: whether vehicles are taken over too that fly under somebody else's command."""
     forward: tuple[Forward, ...] = ()

@@ -33,6 +33,7 @@ SHORT = {
     Member.UNHEARD: "not heard",
     Member.HOLDING: "told to loiter",
     Member.RETURNING: "coming back",
+    Member.HOMEWARD: "sent home",
 }
 
 

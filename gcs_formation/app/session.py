@@ -40,6 +40,7 @@ from gcs_formation.record.limits_by_truth import Truth
 from gcs_formation.record.run_directory import FLUSH_S, GOES_ON, RECORDING, SPOOL, RunDirectory
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.timeseries import Spool
+from gcs_formation.record.unfinished import set_before
 from gcs_formation.recorder import Event
 
 MOST_DIGITS = 5
@@ -82,6 +83,9 @@ class Session:
     """Lets an engine that wraps the flight's take its place on the network."""
     emulators_failure: Callable[[], str | None] | None = None
     """Returns what failed of the emulated vehicles' extensions, if they have any."""
+    _orders: OrderSocket | None = None
+    _is_restored = False
+    """Whether parameters that were set have their values back."""
     _left_at: Instant | None = None
     """When the flight ended, or the operator left it."""
 
@@ -122,7 +126,7 @@ class Session:
         began_us, resumed = begun or (clock.utc_at_0_us, None)
         self.recorder = _opened(scenario, options, began_us, resume=resumed is not None)
         read = not emulated and resumed is None
-        caution = PreFlightOptions(read, options.confirm, options.dry_run, options.take)
+        caution = PreFlightOptions(read, options.confirm, options.dry_run, options.set_parameters, options.take)
         self._keeps_utc = emulated if (given := scenario.telemetry.station_utc) is None else given
         utc_s = began_us / MICROSECONDS if self._keeps_utc else None
         self.station = TimedStation(
@@ -132,6 +136,7 @@ class Session:
             details = {"speedup": options.speedup}
             self.recorder.event(Event(Instant(0), RECORDING, f"with --speedup {options.speedup:g}", None, details))
         if resumed is not None:
+            self.station.gate.restoration.take_over(set_before(self.recorder.path))
             self.recorder.event(Event(resumed.at, RECORDING, GOES_ON, None, {"epoch_us": began_us}))
         schedule = LinkSchedule(scenario, self.station.flight)
         self.link_processes, schedule.processes.places = schedule.processes, self._reported
@@ -142,7 +147,6 @@ class Session:
         self._faults = InjectedFaults(scenario, self.recorder) if emulated else None
         self._spent, self._began_at, self._resumed = Stopwatch(), self.station.flight.since, resumed
         self._shown_s, self._reminded_s, self._next_look = 0.0, 0.0, Instant(0)
-        self._orders: OrderSocket | None = None
         self._confirmation = self._confirming() if options.confirm else None
         self.recorder.tell_events_to(self._heard)
         self._sinks = self._opened_sinks()
@@ -199,7 +203,16 @@ class Session:
         if not (self.station.flight.ended or left):
             return False
         self._left_at = self._left_at or self.clock.now()
-        return True
+        return self._has_restored()
+
+    def _has_restored(self) -> bool:
+        """Return whether the parameters that were set have their values back, or can't get them; begin that."""
+        restoration, now = self.station.gate.restoration, self.clock.now()
+        if self._is_restored or not restoration.has_some:
+            return True
+        restoration.begin(now)
+        self._is_restored = restoration.over(now)
+        return self._is_restored
 
     def _show_progress(self, wall_s: float) -> None:
         if wall_s - self._shown_s > PROGRESS_S:

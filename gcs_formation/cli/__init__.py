@@ -25,6 +25,7 @@ COMMANDS = {
     "identify": ("gcs_formation.cli.run_and_fly", "Find a vehicle's model from a flight; write a vehicle file."),
     "init": ("gcs_formation.cli.no_flight", "Write an example scenario to begin with."),
     "link": ("gcs_formation.cli.link", "Measure links without a flight, and say what they carry."),
+    "logs": ("gcs_formation.cli.logs", "Fetch the autopilots' own logs after a flight."),
     "report": ("gcs_formation.cli.no_flight", "Draw the figures and the page of a finished run."),
     "run": ("gcs_formation.cli.run_and_fly", "Fly a scenario with emulated vehicles."),
     "schema": ("gcs_formation.cli.no_flight", "Print the JSON schema of scenarios, or the reference of their keys."),

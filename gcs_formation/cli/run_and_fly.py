@@ -49,6 +49,7 @@ FLY_EXAMPLES = examples(
     "gcs-formation fly --resume runs/flown                     takes over what flies of a run that was killed",
     "gcs-formation fly arduplane.yaml --confirm                asks before any vehicle is armed",
     "gcs-formation fly arduplane.yaml --take                   also those that somebody else flies",
+    "gcs-formation fly arduplane.yaml --dry-run --set-parameters   which parameters it would set, from which value",
 )
 IDENTIFY_EXAMPLES = examples(
     "gcs-formation identify arduplane.yaml --out skywalker.yaml   flies steps, then fits",
@@ -154,6 +155,14 @@ def _with_simulators(sitl: tuple[str, ...], clock: str) -> Fly[Summary]:
 @click.option(
     "--take", "--retake", "take", is_flag=True, help="Take over also those that fly under somebody's command."
 )
+@click.option(
+    "--fetch-logs", is_flag=True, help="After the flight fetch the autopilots' own logs into the run directory."
+)
+@click.option(
+    "--set-parameters",
+    is_flag=True,
+    help="Set parameters that the check asks for, restore them after the flight; failsafes are never touched.",
+)
 def fly(**given: Any) -> None:
     """Fly SCENARIO with vehicles that are up already, at the scenario's endpoints."""
     _resume(given)
@@ -165,8 +174,14 @@ def fly(**given: Any) -> None:
         fail("--confirm: found beside --dry-run, which arms none; allowed: one of them")
     if given["confirm"] and not (sys.stdin is not None and sys.stdin.isatty()):
         fail("--confirm: found no terminal to ask on; allowed: a terminal as standard input, or no --confirm")
+    fetches = given.pop("fetch_logs")
+    if given["dry_run"] and fetches:
+        fail("--fetch-logs: found beside --dry-run, which flies nothing; allowed: one of them")
     if given["dry_run"]:
         sys.exit(_done(rehearse, _tell_rehearsal, **given))
+    if fetches:
+        flown = list[Scenario]()
+        sys.exit(_done(partial(_fly_noted, flown), partial(_conclude_with_logs, flown), **given))
     sys.exit(_done(fly_scenario, _conclude, **given))
 
 
@@ -246,6 +261,32 @@ def _tell_rehearsal(
         click.echo(rehearsal_text(report))
         click.echo(f"recorded in {recorded_in(options.out)}")
     return _interrupted(options) if interrupts.count else Status.FINE
+
+
+def _fly_noted(
+    flown: list[Scenario], scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts
+) -> Summary:
+    flown.append(scenario)
+    return fly_scenario(scenario, options, progress, interrupts)
+
+
+def _conclude_with_logs(
+    flown: list[Scenario],
+    summary: Summary,
+    options: RunOptions,
+    interrupts: Interrupts,
+    *,
+    quiet: bool,
+    as_json: bool,
+) -> Status:
+    """Print the result, then fetch the autopilots' own logs; the exit status is the flight's."""
+    from gcs_formation.cli.logs import fetched, words  # noqa: PLC0415 - only `--fetch-logs` needs it
+
+    status = _conclude(summary, options, interrupts, quiet=quiet, as_json=as_json)
+    found, _ = fetched(options.out, flown[-1])
+    for line in words(options.out, found):
+        tell(line, err=True)
+    return status
 
 
 def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, *, quiet: bool, as_json: bool) -> Status:

@@ -31,6 +31,8 @@ ORDER_COMES_S: Final = 5.0
 judgement."""
 BACK_S: Final = 3.0
 """Largest age of telemetry with which a vehicle may return to the formation. Tuned: s; 1 to 5; by judgement."""
+KEEP_HEIGHTS: Final = (Member.HOLDING, Member.HOMEWARD)
+"""Memberships of vehicles that have been commanded to a height of their own."""
 PARTED: Final = "parted by "
 """Beginning of the text about a vehicle that has left the formation; by whom follows."""
 FAILSAFE_S: Final = 3.0
@@ -89,6 +91,8 @@ class Membership:
         """Return the membership in words, and for a loitering vehicle why its positions can't be used."""
         if vehicle.member is Member.PARTED:
             return self._parting_text(vehicle, now)
+        if vehicle.member is Member.HOMEWARD:
+            return f"{vehicle.member.value}: {vehicle.sent_home}"
         why = vehicle.unfit or (vehicle.sampler.why_unknown(now) if vehicle.sampler.refused else None)
         holds = vehicle.member is Member.HOLDING and why is not None
         return f"{vehicle.member.value}: {why}" if holds else vehicle.member.value
@@ -107,7 +111,7 @@ class Membership:
         """Decide whether a vehicle flies in the formation; `fresh`: what is known of it is recent enough for that."""
         if seconds_between(vehicle.round_trips.received_at(now), now) > UNANSWERED_S:
             vehicle.left_alone(now)
-        if fresh and vehicle.member is Member.FLYING and vehicle.follows_setpoints:
+        if fresh and vehicle.member is Member.FLYING and vehicle.follows_setpoints and not vehicle.sent_home:
             return
         vehicle.pilots_choice.confirm_mode(vehicle.telemetry, waiting=vehicle.commands.outcome is Outcome.WAITING)
         if vehicle.member is Member.HOLDING:
@@ -131,6 +135,8 @@ class Membership:
             fresh=fresh,
             loiter_may_be_commanded=heard or forgotten,
             order_may_come=self._order_may_come(vehicle, now),
+            sent_home=vehicle.sent_home != "",
+            homeward=vehicle.telemetry.custom_mode == vehicle.autopilot.home_mode,
         )
         return next_membership(vehicle.member, seen)
 
@@ -167,6 +173,9 @@ class Membership:
         if vehicle.member is Member.HOLDING:
             vehicle.holds_at_m, vehicle.holds_from = self._holding_height_m(vehicle, now), now
             vehicle.commands.send(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now, insist=True)
+        elif vehicle.member is Member.HOMEWARD:
+            vehicle.holds_at_m = self._holding_height_m(vehicle, now)
+            vehicle.commands.send(autopilot.go_home(vehicle.holds_at_m, vehicle.telemetry), now, insist=True)
         elif vehicle.member is Member.RETURNING or (vehicle.member is Member.FLYING and revokes):
             vehicle.commands.send((autopilot.set_mode(autopilot.guided_mode),), now, insist=True)
         elif vehicle.member is Member.PARTED and vehicle.pilots_choice.mode is not None:
@@ -191,9 +200,14 @@ class Membership:
         kept_m = {
             i: each.holds_at_m
             for i, each in self._vehicles.items()
-            if i in places and each is not vehicle and each.member is Member.HOLDING and not math.isnan(each.holds_at_m)
+            if i in places and each is not vehicle and each.member in KEEP_HEIGHTS and not math.isnan(each.holds_at_m)
         }
-        own = places.get(vehicle.identity)
-        taken = [(kept_m[i], kept_m[i]) for i in kept_m if own is not None and may_meet(own, places[i])]
+        own, homeward = places.get(vehicle.identity), vehicle.member is Member.HOMEWARD
+        at_home = {i for i in kept_m if homeward and self._vehicles[i].member is Member.HOMEWARD}
+        near = [i for i in kept_m if i in at_home or (own is not None and may_meet(own, places[i]))]
+        taken = [(kept_m[i], kept_m[i]) for i in near]
         free = {i: place for i, place in places.items() if i not in kept_m}
-        return loiter_heights(free, self._floor_m, taken)[vehicle.identity]
+        floor_m, home_m = self._floor_m, vehicle.telemetry.home_m
+        if homeward and own is not None and home_m is not None:
+            floor_m = max(floor_m, self._ground.over_way((own.north_m, own.east_m), home_m))
+        return loiter_heights(free, floor_m, taken)[vehicle.identity]

@@ -48,6 +48,8 @@ class Seen:
         fresh: bool,
         loiter_may_be_commanded: bool,
         order_may_come: bool,
+        sent_home: bool = False,
+        homeward: bool = False,
     ) -> None:
         """Take it.
 
@@ -59,9 +61,12 @@ class Seen:
             loiter_may_be_commanded: whether it is heard, or has been silent for so long that the others no longer keep
                 clear of it.
             order_may_come: whether a recently sent command to loiter may still reach it.
+            sent_home: whether it is to fly home while the others fly on.
+            homeward: whether it's in the mode in which it flies home.
         """
         self.started, self.guided, self.loiters, self.fresh = started, guided, loiters, fresh
         self.loiter_may_be_commanded, self.order_may_come = loiter_may_be_commanded, order_may_come
+        self.sent_home, self.homeward = sent_home, homeward
 
 
 class Transition:
@@ -90,6 +95,14 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
         "it is in a mode to which none of our commands leads",
         lambda seen: not (seen.guided or seen.loiters),
     ),
+    Transition(COMMANDABLE, Member.HOMEWARD, "it is to fly home", lambda seen: seen.sent_home),
+    Transition(
+        (Member.HOMEWARD,),
+        Member.HOMEWARD,
+        "it flies home, or hasn't obeyed yet",
+        lambda seen: seen.homeward or seen.guided or seen.loiters,
+    ),
+    Transition((Member.HOMEWARD,), Member.PARTED, "its pilot has chosen another mode", lambda _: True),
     # A silent vehicle may not receive a command to loiter, and flies on by its last setpoint; the others keep clear.
     Transition(
         UNCOMMANDED,

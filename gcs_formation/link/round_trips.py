@@ -119,6 +119,11 @@ class RoundTrips:
         """Record an answer to any message."""
         self._answered = now
 
+    @property
+    def answers_commands(self) -> bool:
+        """Whether it has answered anything."""
+        return self._answered != NEVER
+
     def awaits(self, message: Message | None) -> bool:
         """Return whether a message answers a pending request."""
         return isinstance(message, Timesync) and message.tc1_ns != 0 and message.ts1_ns in self._pending

@@ -89,12 +89,17 @@ class Ending:
     def command_by_state(self, now: Instant) -> None:
         """Command vehicles by their present state; one whose place is unknown counts as flying until it is known."""
         for identity, vehicle in self._ours.items():
-            if vehicle.member is Member.PARTED:
+            if self._is_left_alone(vehicle):
                 continue
             commanded = self._obeys(identity, vehicle)
             wanted = commanded if commanded in FOR_GOOD else self._wanted(vehicle)
             if wanted is not commanded:
                 self._tell(identity, vehicle, wanted, now)
+
+    def _is_left_alone(self, vehicle: Vehicle) -> bool:
+        """Return whether a vehicle is its pilot's, or flies home already while the others are to circle here."""
+        homeward = vehicle.member is Member.HOMEWARD and self.manner == "loiter"
+        return homeward or vehicle.member is Member.PARTED
 
     def _obeys(self, identity: VehicleId, vehicle: Vehicle) -> EndCommand:
         """Return what a vehicle was commanded; one that flew and has restarted since has forgotten it."""
@@ -178,7 +183,7 @@ class Ending:
             return False
         if vehicle.commands.outcome is Outcome.WAITING:
             return True
-        ours = identity in self._ours and vehicle.member is not Member.PARTED
+        ours = identity in self._ours and not self._is_left_alone(vehicle)
         return ours and self._obeys(identity, vehicle) not in FOR_GOOD and may_be_armed(vehicle)
 
 

@@ -13,6 +13,7 @@ from airlink.endpoint import VehicleId
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from formation_scenario import Scenario
+from gcs_formation.mission.restoration import Restoration
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.checks import Finding
@@ -36,6 +37,8 @@ class PreFlightOptions:
     """Whether to wait for the operator's confirmation when all vehicles are ready."""
     rehearse: bool = False
     """Whether the run ends at that point."""
+    set_parameters: bool = False
+    """Whether parameters are set that aren't as the check asks for, and restored after the flight."""
     take: bool = False
     """Whether vehicles that fly already under somebody's command are taken over without a question."""
 
@@ -144,6 +147,8 @@ class Gate:
         """Vehicles that have been looked at."""
         self._refused, self._gave_up = list[str](), False
         """What prevents the take-off, in words, and whether that has ended the run."""
+        self.restoration = Restoration(vehicles, note)
+        """What has been set, and gets its values back."""
         self.warnings: dict[VehicleId, tuple[str, ...]] = {}
         """Findings that don't prevent the take-off."""
 
@@ -151,6 +156,16 @@ class Gate:
     def examines(self) -> bool:
         """Whether vehicles are looked at before the first command."""
         return bool(self._examined)
+
+    @property
+    def sets_parameters(self) -> bool:
+        """Whether parameters of vehicles on the ground may be set."""
+        return self._caution.set_parameters and not self._caution.rehearse
+
+    @property
+    def says_what_to_set(self) -> bool:
+        """Whether it is only said which parameters would be set."""
+        return self._caution.set_parameters and self._caution.rehearse
 
     def hold(self, examination: AlwaysExamined) -> None:
         """Hold all start-ups until an examination is over that every flight has, emulated ones too."""
@@ -264,6 +279,7 @@ class Gate:
 
     def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
+        self.restoration.take(vehicle, message, now)
         for each in self._examinations:
             each.receive_parameter(vehicle, message, now)
 

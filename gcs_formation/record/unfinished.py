@@ -35,6 +35,7 @@ from gcs_formation.record.run_directory import (
     event_shape,
 )
 from gcs_formation.record.timeseries import PHASES, SLOT, Spool
+from gcs_formation.vehicle.parameter_setting import Change
 
 ACCEPTED = ": accepted"
 GAVE_UP = (Cause.FAILURE, Cause.NOT_BEGUN, Cause.GIVEN_UP)
@@ -75,6 +76,19 @@ def recorded_speedup(directory: Path) -> float:
     events = recorded_events(directory)[0]
     known = (event["speedup"] for event in events if event["kind"] == RECORDING and "speedup" in event)
     return float(next(known, 1.0))
+
+
+def set_before(directory: Path) -> list[tuple[str, Change]]:
+    """Return the parameters that an unfinished record's flight has set and not restored, and each one's vehicle."""
+    found = dict[tuple[str, str], Change]()
+    for event in recorded_events(directory)[0]:
+        key = str(event.get("vehicle")), str(event.get("name"))
+        if event.get("kind") == "parameters" and event.get("restored"):
+            found.pop(key, None)
+        elif event.get("kind") == "parameters" and "param_type" in event:
+            change = Change(key[1], int(event["param_type"]), float(event["before"]), float(event["after"]))
+            found.setdefault(key, change)
+    return [(whose, change) for (whose, _), change in found.items()]
 
 
 def read_past(directory: Path, scenario: Scenario, now: Instant, *, take: bool) -> PastFlight:

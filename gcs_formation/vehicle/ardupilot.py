@@ -33,6 +33,7 @@ def our_heartbeats(system: int) -> Check:
         f"{system}, this ground station; heartbeats of others don't hold off the failsafe",
         lambda value: value == system,
         lambda _: True,
+        asks=float(system),
     )
 
 
@@ -51,6 +52,7 @@ class ArduPilot(Autopilot, ABC):
 
     slow_messages = (m.MAVLINK_MSG_ID_EKF_STATUS_REPORT, *Autopilot.slow_messages)
     start_up_messages = slow_messages
+    tells_time_with_home = True
 
     def says_airborne(self, telemetry: Telemetry) -> bool:
         """Return whether its heartbeats show ACTIVE."""

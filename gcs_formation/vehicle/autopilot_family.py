@@ -11,7 +11,7 @@ from mypy_extensions import mypyc_attr
 from airlink import mavlink as m
 from airlink.endpoint import ComponentId
 from airlink.messages import Message
-from airlink.messages.command import CommandInt, CommandLong, ParamValue
+from airlink.messages.command import CommandInt, CommandLong, ParamSet, ParamValue
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint, within
 from flight_model.earth import GeodeticOrigin
@@ -302,6 +302,10 @@ class Autopilot(FamilyTraits, ABC):
     def parameter(self, reported: ParamValue) -> float:
         """Return a parameter's value from its PARAM_VALUE."""
         return reported.param_value
+
+    def set_parameter(self, name: str, value: float, kind: int) -> ParamSet:
+        """Return PARAM_SET of a parameter of a MAV_PARAM_TYPE."""
+        return ParamSet(self.system, m.MAV_COMP_ID_AUTOPILOT1, name, value, kind)
 
     def stand_down(self) -> tuple[Command, ...]:
         """Return the commands that keep a vehicle on the ground; one in flight refuses them."""

@@ -17,6 +17,7 @@ from airlink.messages.command import ParamRequestRead, ParamValue
 from flight_model.energy import GRAVITY_MPS2
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
+from gcs_formation.vehicle.parameter_setting import Change, is_untouched
 
 RETRY_S = 0.7
 TRIES = 24
@@ -55,6 +56,8 @@ class Check:
     """The check of the same parameter in earlier versions, under another name and in another unit."""
     bounds: Callable[[float], tuple[str, float]] | None = None
     """The key of the model that a value bounds, and the bound, airspeeds as reported; None if it bounds none."""
+    asks: float | None = None
+    """The nearest allowed value, to which it may be set on consent; None where only its owner can say."""
     old: bool = False
     """Whether only versions have it that are rare by now: it's asked for once the newer name isn't answered."""
 
@@ -68,6 +71,7 @@ class Check:
             lambda value: self.holds(unit * value),
             lambda value: self.refuses(unit * value),
             bounds=None if bounds is None else lambda value: bounds(unit * value),
+            asks=None if self.asks is None else self.asks / unit,
             old=True,
         )
         return replace(self, older=older)
@@ -83,6 +87,18 @@ class Check:
         if self.bounds is None or self.holds(values[name]):
             return None
         return *self.bounds(values[name]), f"{name} {values[name]:g}"
+
+    def change(self, values: Mapping[str, float]) -> tuple[str, float, float] | None:
+        """Return the parameter's name, its value among `values`, and the one that is asked for; None if it is allowed.
+
+        None also for what is unknown, and for what only its owner can set.
+        """
+        name = next((name for name in self.names if name in values), None)
+        if name is None:
+            return None if self.older is None else self.older.change(values)
+        if self.asks is None or is_untouched(name) or self.holds(values[name]):
+            return None
+        return name, values[name], self.asks
 
     @property
     def all_names(self) -> tuple[str, ...]:
@@ -119,6 +135,7 @@ def climb_check(names: tuple[str, ...], model: VehicleModel, unit: str = "m/s", 
         f"{fastest / size:g} {unit} or more, its model's climb_max_mps; it changes its height no faster",
         lambda value: size * value >= fastest,
         bounds=lambda value: ("climb_max_mps", size * value),
+        asks=fastest / size,
     )
 
 
@@ -161,6 +178,7 @@ def envelope_checks(
             lambda value: value <= slowest,
             lambda value: value > told_mps,
             bounds=lambda value: ("speed_min_mps", value),
+            asks=slowest,
         ),
         Check(
             (maximum,),
@@ -168,17 +186,20 @@ def envelope_checks(
             lambda value: value >= fastest,
             lambda value: value < told_mps,
             bounds=lambda value: ("speed_max_mps", value),
+            asks=fastest,
         ),
         Check(
             (trim,),
             f"{cruises}, to which throttle and pitch are trimmed",
             lambda value: abs(value - told_mps) <= TRIM_OFF_MPS,
+            asks=told_mps,
         ),
         Check(
             (bank,),
             f"{bank_deg:.0f} degrees or more, for its model's turn_rate_max_rps at {speed:g} m/s",
             lambda value: value >= round(bank_deg),
             bounds=lambda value: ("turn_rate_max_rps", math.tan(math.radians(value)) * GRAVITY_MPS2 / speed),
+            asks=float(round(bank_deg)),
         ),
     ]
 
@@ -193,6 +214,7 @@ class ParameterReader:
         self._system, self._checks, self._value_of = system, checks, value_of
         self._tries = {name: 0 for check in checks for name in check.all_names}
         self._values: dict[str, float] = {}
+        self._kinds: dict[str, int] = {}
         self._next = Instant(0)
 
     @property
@@ -214,6 +236,7 @@ class ParameterReader:
         """Take a parameter; ones not requested are ignored. Names not yet tried are requested at once."""
         if message.param_id in self._tries:
             self._values[message.param_id] = self._value_of(message)
+            self._kinds[message.param_id] = message.param_type
             if not any(self._tries[name] for name in self._missing()):
                 self._next = now
 
@@ -225,6 +248,11 @@ class ParameterReader:
     def bounds(self) -> list[tuple[str, float, str]]:
         """Return the model's keys that parameters bound further, the bounds, and the parameters in words."""
         return [bound for check in self._checks if (bound := check.bound(self._values)) is not None]
+
+    def changes(self) -> list[Change]:
+        """Return what would have to be set so that all is allowed, as far as that may be set."""
+        asked = (change for check in self._checks if (change := check.change(self._values)) is not None)
+        return [Change(name, self._kinds[name], before, after_) for name, before, after_ in asked]
 
     def findings(self) -> list[Finding]:
         """Return what isn't allowed, and what could not be read."""

@@ -61,6 +61,8 @@ class FamilyTraits:
     """Time from the last setpoint until it hovers, s; infinite if it flies on, or changes mode by its failsafe."""
     returns_after_s: ClassVar[float] = 0.0
     """Longest time from the last setpoint until its failsafe sends it home, s; 0: it has no such failsafe."""
+    tells_time_with_home: ClassVar[bool] = False
+    """Whether HOME_POSITION, which comes on request, has its time since boot, as TIMESYNC has."""
     stands: ClassVar[bool] = False
     """Whether it hovers where it waits, and so needs no loiter height of its own as circling vehicles do."""
     flies_courses: ClassVar[bool] = False

@@ -15,6 +15,7 @@ class Member(Enum):
     UNHEARD = "not heard: told nothing until it is"
     HOLDING = "told to loiter"
     RETURNING = "told to come back"
+    HOMEWARD = "sent home"
 
 
 CIRCLING: Final = (Member.HOLDING, Member.RETURNING)

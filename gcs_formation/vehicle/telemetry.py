@@ -14,6 +14,7 @@ from airlink.messages import Message
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import (
     Attitude,
+    BatteryStatus,
     EkfStatusReport,
     EstimatorStatus,
     ExtendedSysState,
@@ -24,6 +25,7 @@ from airlink.messages.telemetry import (
     VfrHud,
 )
 from flight_model.earth import GeodeticOrigin
+from gcs_formation.vehicle.reported_battery import ReportedBattery
 
 AIRBORNE_M: Final = 10.0
 """Height above home from which an armed vehicle counts as flying, whatever it reports."""
@@ -116,6 +118,7 @@ class Telemetry:
     unfixed: bool = False
     """Whether positions come, but without a fix."""
     sensors_healthy: int = 0
+    battery: ReportedBattery = field(default_factory=ReportedBattery)
     landed_state: int = m.MAV_LANDED_STATE_UNDEFINED
     home_m: tuple[float, float] | None = None
     """Its home north and east of the origin, m; None while unknown."""
@@ -160,8 +163,8 @@ class Telemetry:
             self.ekf_flags = message.flags
             self.estimator_reports += 1
             self.estimator_ratios = message.vel_ratio, message.pos_horiz_ratio, message.pos_vert_ratio
-        elif isinstance(message, SysStatus):
-            self.sensors_healthy = message.onboard_control_sensors_health
+        elif isinstance(message, (SysStatus, BatteryStatus)):
+            self._take_status(message)
         elif isinstance(message, ExtendedSysState):
             self.landed_state = message.landed_state
         elif isinstance(message, HomePosition):
@@ -173,6 +176,12 @@ class Telemetry:
             self.take_text(message)
         elif isinstance(message, GpsRawInt):
             self.fix = message.fix_type, message.satellites_visible
+
+    def _take_status(self, message: SysStatus | BatteryStatus) -> None:
+        """Store which sensors are healthy, and the battery."""
+        if isinstance(message, SysStatus):
+            self.sensors_healthy = message.onboard_control_sensors_health
+        self.battery.take(message)
 
     def take_heartbeat(self, message: Heartbeat) -> None:
         """Store whether the vehicle is armed, and its mode."""
@@ -288,7 +297,7 @@ class Telemetry:
         self.armed, self.flight_status = False, m.MAV_STATE_UNINIT
         self.airspeed_mps = self.airspeed_stamp_s = self.hud_heading_rad = math.nan
         self.ekf_flags = self.sensors_healthy = 0
-        self.estimator_ratios = (0.0, 0.0, 0.0)
+        self.estimator_ratios, self.battery = (0.0, 0.0, 0.0), ReportedBattery()
         self.landed_state, self.home_m = m.MAV_LANDED_STATE_UNDEFINED, None
         self.home_height_m, self.position_refused = math.nan, ""
 

@@ -11,7 +11,7 @@ from airlink.frame import Frame
 from airlink.messages import Message
 from airlink.messages.command import CommandAck
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
-from airlink.messages.telemetry import Attitude, GlobalPositionInt
+from airlink.messages.telemetry import Attitude, GlobalPositionInt, HomePosition
 from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.link.frame_history import TURN_S
 from gcs_formation.link.link_health import STALE_AFTER_S
@@ -82,8 +82,8 @@ class Vehicle(VehicleState):
             self._take_probe(message, now, timed)
         elif isinstance(message, SystemTime):
             self._take_utc(message)
-        elif isinstance(message, CurrentMode):
-            self._take_mode(message)
+        elif isinstance(message, (CurrentMode, HomePosition)):
+            self._take_seldom(message, now, timed)
         elif isinstance(message, Heartbeat):
             self._take_heartbeat(message, now)
         elif message is not None:
@@ -143,7 +143,12 @@ class Vehicle(VehicleState):
         return request
 
     def probe(self, now: Instant) -> Message:
-        """Return a TIMESYNC request, which goes out on each of its links, and count it."""
+        """Return a TIMESYNC request, which goes out on each of its links, and count it.
+
+        Of a vehicle that answers none, a command whose answer tells its time.
+        """
+        if self.links is None and self.autopilot.tells_time_with_home and self._by_command.asks(self.round_trips, now):
+            return self.ask(self.autopilot.home_request())
         for link in self.each_link[1:]:
             link.sequence.asked += 1
             link.round_trips.request(now, self.identity.system)
@@ -182,8 +187,10 @@ class Vehicle(VehicleState):
             shown = effect.shown(self.telemetry) == effect.expected
             commands.take_heartbeat(shown=shown, known=autopilot.mode_asked(command) == autopilot.guided_mode, now=now)
 
-    def _take_mode(self, message: CurrentMode) -> None:
-        if not self.autopilot.setpoints_set_mode:
+    def _take_seldom(self, message: CurrentMode | HomePosition, now: Instant, timed: bool) -> None:
+        if isinstance(message, HomePosition):
+            self._take_home(message, now, timed)
+        elif not self.autopilot.setpoints_set_mode:
             self.telemetry.custom_mode = message.custom_mode
         elif self.member is Member.FLYING:
             self.pilots_choice.see(message.custom_mode, self.autopilot.guided_mode, self.telemetry)
@@ -209,12 +216,27 @@ class Vehicle(VehicleState):
         self.sequence.answers += 1
         if not self.round_trips.is_answer(answer):
             return
-        self.round_trips.hear(now)
         trips = self.round_trips
+        trips.hear(now)
         overtaken = self.history.copies_come(now) and answer.ts1_ns < trips.answered_to
         trips.answered_to = max(trips.answered_to, Instant(answer.ts1_ns))
-        if not timed or overtaken:  # while copies come, one overtaken is the copy of an answer that was lost
-            return
+        if timed and not overtaken:  # while copies come, one overtaken is the copy of an answer that was lost
+            self._measure(answer, now)
+
+    def _take_home(self, message: HomePosition, now: Instant, timed: bool) -> None:
+        self.telemetry.store(message)
+        if timed and self.autopilot.tells_time_with_home:
+            self._by_command.tell(message.time_usec * 1000, now)
+            self._measure_by_command()
+
+    def _measure_by_command(self) -> None:
+        """Take the answer to a command that tells its time, if it is complete."""
+        found = self._by_command.take_answer()
+        if found is not None:
+            self._measure(*found)
+
+    def _measure(self, answer: Timesync, now: Instant) -> None:
+        """Take its time and the round trip of an answer that arrived at `now`."""
         if not 0 < answer.tc1_ns <= CLOCK_LIMIT_NS:
             self.telemetry.implausible += 1
         elif self.source_binding.accepts(answer.tc1_ns / NANOSECONDS, now) and self.round_trips.measure(answer, now):
@@ -264,6 +286,9 @@ class Vehicle(VehicleState):
         self.round_trips.hear(now)
         if self._is_of_other_link(ack):
             return
+        if ack.command == m.MAV_CMD_REQUEST_MESSAGE and ack.result == ACCEPTED:
+            self._by_command.acknowledged(now)
+            self._measure_by_command()
         if self.commands.outcome is Outcome.WAITING:
             accepted = self.commands.acknowledge(ack, now, early=self._mode_is_missing())
             effect = self.autopilot.effect(accepted) if accepted is not None else None

@@ -14,6 +14,7 @@ from airlink.clock import LONG_AGO, Instant
 from airlink.endpoint import Address, VehicleId
 from airlink.messages import KINDS
 from gcs_formation.estimation.airspeed import AirspeedCheck
+from gcs_formation.link.clock_by_command import ClockByCommand
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.frame_history import FrameHistory
 from gcs_formation.link.link_health import Connection, JitterMeter, LinkState, SequenceTracker
@@ -118,9 +119,9 @@ class VehicleState:
         """Steps after those of its autopilot in each start-up."""
         self.start_up = self._started_afresh()
         # holds_at_m: the height at which it was last commanded to loiter while the others fly on; unfit: why its
-        # telemetry can't be flown by in the formation, empty if it can
-        self.member, self.holds_at_m, self.unfit = Member.STARTING, math.nan, ""
-        self.bytes_in = self.bytes_out = 0
+        # telemetry can't be flown by in the formation, sent_home: why it is to fly home while they fly on, or empty
+        self.member, self.holds_at_m, self.unfit, self.sent_home = Member.STARTING, math.nan, "", ""
+        self.bytes_in, self.bytes_out, self._by_command = 0, 0, ClockByCommand()
         self.effects, self.pilots_choice, self.take_off = EffectWatch(), PilotsChoice(), TakeOff()
         self.restarts, self._flew_before = 0, False
         """Number of restarts of its clock; whether it may have been flying at the last one."""

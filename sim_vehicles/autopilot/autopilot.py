@@ -19,6 +19,7 @@ from airlink.messages import Message
 from airlink.messages.command import SetPositionTargetGlobalInt, SetPositionTargetLocalNed
 from airlink.messages.system import Statustext
 from formation_scenario.stored_landing import items_of, place_of
+from sim_vehicles.airframe.battery import Battery, throttle_of
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.motion import Estimate, Motion
@@ -26,6 +27,7 @@ from sim_vehicles.autopilot.estimator_errors import StateEstimator
 from sim_vehicles.autopilot.mission_items import Item, of_landing
 from sim_vehicles.autopilot.missions import Missions, home_of
 from sim_vehicles.autopilot.modes_and_failsafe import FlightMode, GroundStationFailsafe, Request
+from sim_vehicles.autopilot.onboard_log import OnboardLog
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.autopilot.pilot import Pilot
 from sim_vehicles.autopilot.sensors import sensors_of
@@ -117,6 +119,10 @@ class Autopilot(ABC):
     disarm_at: Instant
     report_at: Instant
     """When it says next why it can't be armed."""
+    battery: Battery | None
+    """Its battery; None: it tells one that isn't drained."""
+    onboard_log: OnboardLog | None = None
+    """Its own log, if it writes one."""
     reboots: bool
     """Whether it was commanded to restart."""
     ignores: bool
@@ -188,6 +194,15 @@ class Autopilot(ABC):
         self.failsafe.heartbeat(system, self.now)
         if acted and not self.failsafe.active:
             self.say(WARNING, self.failsafe_off_text)
+
+    def drain(self) -> None:
+        """Take what has flowed from its battery, if it has one."""
+        battery, model, motion = self.battery, self.config.model, self.body.motion
+        if battery is not None:
+            climb_mps, cruise_mps = model.climb_max_mps, max(self.fleet.cruise_mps, 1.0)
+            flies = self.pilot.airborne
+            throttle = throttle_of(motion, cruise_mps, climb_mps, hovers=model.hovers) if flies else 0.0
+            battery.drain(throttle, self.now)
 
     def tell_heartbeat(self) -> None:
         """Send a HEARTBEAT now, to all peers."""

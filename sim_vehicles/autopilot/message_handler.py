@@ -16,6 +16,8 @@ from airlink.messages.command import (
     CommandInt,
     CommandLong,
     LogEntry,
+    LogRequestData,
+    LogRequestEnd,
     LogRequestList,
     RequestDataStream,
     SetMode,
@@ -66,8 +68,8 @@ class MessageHandler:
                 self._take_ping(message, frame)
             case SetupSigning():
                 set_up_signing(vehicle, message)
-            case LogRequestList():
-                vehicle.answer(LogEntry(0, 0, 0, 0, 0))
+            case LogRequestList() | LogRequestData() | LogRequestEnd():
+                self._take_log_request(message)
             case NamedValueFloat(name=name, value=value) if name == MISSION_TIME and math.isfinite(value):
                 vehicle.environment.receive_mission_time(value, vehicle.now)
             case MissionItem() | MissionItemInt() if message.current in commands.AT_ONCE:
@@ -80,6 +82,15 @@ class MessageHandler:
                     vehicle.answer(answer)
             case _:
                 pass
+
+    def _take_log_request(self, message: LogRequestList | LogRequestData | LogRequestEnd) -> None:
+        vehicle, log = self._vehicle, self._vehicle.onboard_log
+        if isinstance(message, LogRequestList):
+            vehicle.answer(LogEntry(0, 0, 0, 0, 0) if log is None else log.entry)
+        elif log is not None and isinstance(message, LogRequestData):
+            log.ask(vehicle.sender, message)
+        elif log is not None:
+            log.stop(vehicle.sender)
 
     def _results_of(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
         """Carry out a command; return each MAV_RESULT to acknowledge it with."""

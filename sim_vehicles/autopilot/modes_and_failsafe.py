@@ -66,6 +66,7 @@ class Px4Mode(IntEnum):
     MISSION = 0x04040000
     RTL = 0x05040000
     LAND = 0x06040000
+    GUIDED_COURSE = 0x13040000
 
 
 FlightMode = Mode | CopterMode | Px4Mode

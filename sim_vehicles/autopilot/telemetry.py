@@ -28,6 +28,7 @@ from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.airframe.motion import Motion
 from sim_vehicles.autopilot.autopilot import Autopilot
 from sim_vehicles.autopilot.modes_and_failsafe import system_status
+from sim_vehicles.autopilot.onboard_log import OnboardLog
 from sim_vehicles.autopilot.streams import Builders
 
 SENSORS: Final = (
@@ -96,7 +97,11 @@ def sys_status(v: Autopilot) -> Message:
     working = SENSORS if v.estimate.received else SENSORS & ~RECEIVER
     healthy = working | FENCE | (PREARM_CHECK if _passes(v) else 0)
     known = SENSORS | PREARM_CHECK
-    return SysStatus(known, known, healthy, LOAD_PERMILLE, BATTERY_V, BATTERY_A, BATTERY_PERCENT)
+    battery = v.battery
+    if battery is None:
+        return SysStatus(known, known, healthy, LOAD_PERMILLE, BATTERY_V, BATTERY_A, BATTERY_PERCENT)
+    v.drain()
+    return SysStatus(known, known, healthy, LOAD_PERMILLE, battery.voltage_v, battery.current_a, battery.percent)
 
 
 def _passes(v: Autopilot) -> bool:
@@ -104,9 +109,15 @@ def _passes(v: Autopilot) -> bool:
     return v.ready if v.pilot.condition.armed else v.armable
 
 
-def battery_status(_: Autopilot) -> Message:
+def battery_status(v: Autopilot) -> Message:
     """Return BATTERY_STATUS of the battery in SYS_STATUS; its cells are unknown."""
-    return BatteryStatus(0, 0, 0, NO_TEMPERATURE, CELLS_V, BATTERY_A, NOT_COUNTED, NOT_COUNTED, BATTERY_PERCENT)
+    battery = v.battery
+    if battery is None:
+        return BatteryStatus(0, 0, 0, NO_TEMPERATURE, CELLS_V, BATTERY_A, NOT_COUNTED, NOT_COUNTED, BATTERY_PERCENT)
+    v.drain()
+    total_v = (battery.voltage_v, *[math.nan] * 9)
+    used_mah = int(battery.consumed_mah)
+    return BatteryStatus(0, 0, 0, NO_TEMPERATURE, total_v, battery.current_a, used_mah, NOT_COUNTED, battery.percent)
 
 
 def system_time(v: Autopilot) -> Message:
@@ -241,6 +252,21 @@ def extended_sys_state(v: Autopilot) -> Message:
 def autopilot_version(v: Autopilot) -> Message:
     """Return AUTOPILOT_VERSION, which tells ground stations the vehicle's capabilities."""
     return AutopilotVersion(v.capabilities, v.version)
+
+
+def write_state(v: Autopilot, log: OnboardLog) -> None:
+    """Write an armed vehicle's state to its own log, by its own clock."""
+    if not v.pilot.condition.armed:
+        return
+    time_us, motion, estimate = v.time_ns // 1000, v.sensed, v.estimate
+    lat, lon, alt = v.origin.from_ned(motion.north_m, motion.east_m, -motion.height_m)
+    pitch = _asin(min(max(motion.climb_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0)) + estimate.pitch_error_rad
+    attitude_rad = _bank(motion) + estimate.bank_error_rad, pitch, motion.heading_rad
+    log.write_mode(time_us, int(v.pilot.mode))
+    log.write_motion(time_us, attitude_rad, (lat, lon, alt, motion.height_m), _read(v, motion.airspeed_mps))
+    if v.pilot.mode == v.guided_mode and not v.config.model.hovers:
+        speed_mps, height_m = _read(v, motion.airspeed_setpoint_mps), motion.height_setpoint_m
+        log.write_setpoint(time_us, speed_mps, motion.heading_setpoint_rad, height_m + v.origin.alt_m)
 
 
 def _length(north: float, east: float) -> float:

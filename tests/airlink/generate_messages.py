@@ -101,7 +101,8 @@ MODULES = {
             Declared(
                 "BATTERY_STATUS",
                 "one battery; its cells' voltages, or its total in the first element, NaN for the rest.",
-                last="battery_remaining",
+                last="time_remaining",
+                optional="time_remaining",
             ),
             Declared(
                 "WIND", "the autopilot's wind estimate: the direction it comes from, its speed, its downward speed."
@@ -166,6 +167,9 @@ Protocol (FTP)".
             Declared("FILE_TRANSFER_PROTOCOL", "one packet of MAVLink FTP, as bytes."),
             Declared("LOG_REQUEST_LIST", "asks for the list of stored logs."),
             Declared("LOG_ENTRY", "one stored log, of `num_logs`; there is none where that is 0."),
+            Declared("LOG_REQUEST_DATA", "asks for `count` bytes of a stored log, from `ofs` on."),
+            Declared("LOG_DATA", "a part of a stored log; fewer than 90 bytes end what was asked for."),
+            Declared("LOG_REQUEST_END", "ends the transfer of logs, and lets the vehicle log again."),
         ),
     ),
     "mission": Module(

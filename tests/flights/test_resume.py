@@ -63,8 +63,11 @@ class Kept(Notes):
         self.directory.event(event)
 
 
+TIMES = [each.to_bytes(3, "little") for each in (m.MAVLINK_MSG_ID_TIMESYNC, m.MAVLINK_MSG_ID_HOME_POSITION)]
+
+
 class Obedient(Between):
-    """Records COMMAND_LONGs and heartbeats to the vehicles; their answers to TIMESYNC can be suppressed."""
+    """Records COMMAND_LONGs and heartbeats to the vehicles; their answers that tell their time can be suppressed."""
 
     tells_time = True
 
@@ -82,8 +85,8 @@ class Obedient(Between):
         super().take(datagram, now)
 
     def datagrams_to_send(self) -> list[Datagram]:
-        sent, timesync = super().datagrams_to_send(), m.MAVLINK_MSG_ID_TIMESYNC.to_bytes(3, "little")
-        return [each for each in sent if self.tells_time or each.data[HEADER_V2 - 3 : HEADER_V2] != timesync]
+        sent = super().datagrams_to_send()
+        return [each for each in sent if self.tells_time or each.data[HEADER_V2 - 3 : HEADER_V2] not in TIMES]
 
 
 class Killed:

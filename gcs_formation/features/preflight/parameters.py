@@ -9,6 +9,7 @@ from airlink.messages.command import ParamValue
 from gcs_formation.core.cycle import Cycle
 from gcs_formation.features.preflight.own_fences import OwnFences
 from gcs_formation.features.preflight.read_limits import ReadLimits
+from gcs_formation.features.preflight.setting import ParameterSetting
 from gcs_formation.mission.gate import Examination
 from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -28,6 +29,7 @@ class ParameterExamination(Examination):
             checks = autopilot.checks(planned.model, scenario.path)
             self._readers[planned.vehicle_id] = ParameterReader(planned.id, checks, autopilot.parameter)
         self._fences, self._judged = OwnFences(scenario), set[VehicleId]()
+        self._setting = ParameterSetting(self._gate)
 
     @property
     def complete(self) -> bool:
@@ -42,12 +44,15 @@ class ParameterExamination(Examination):
         reader = self._readers[vehicle.identity]
         if not reader.complete:
             return list(reader.requests(now))
+        if not self._setting.done(vehicle, reader, now):
+            return self._setting.requests(vehicle, now)
         self._judge(vehicle, reader, now)
         return []
 
     def receive_parameter(self, vehicle: Vehicle, message: ParamValue, now: Instant) -> None:
         """Take a parameter reported by a vehicle."""
         self._readers[vehicle.identity].receive_parameter(message, now)
+        self._setting.take(vehicle, message, now)
 
     def objections(self) -> list[str]:
         """Return in words what can't be flown within the limits that vehicles tell."""
@@ -55,7 +60,7 @@ class ParameterExamination(Examination):
 
     def _judge(self, vehicle: Vehicle, reader: ParameterReader, now: Instant) -> None:
         """Record the findings. Those that prevent a take-off are warnings for a vehicle already in flight."""
-        findings, flies = reader.findings(), vehicle.airborne
+        findings, flies = [*reader.findings(), *self._setting.findings(vehicle, reader)], vehicle.airborne
         self._limits.apply(vehicle, reader.bounds())
         self._fences.apply(vehicle, vehicle.autopilot.own_fence(reader.values))
         news = self._limits.take_news()

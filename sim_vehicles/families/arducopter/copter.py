@@ -2,7 +2,7 @@
 
 """An emulated ArduCopter: its commands, and how it differs from other families.
 
-Unlike a real one it has no transmitter and no battery, its RTL flies at one speed, its SMART_RTL straight home at the
+Unlike a real one it has no transmitter, its RTL flies at one speed, its SMART_RTL straight home at the
 height that it has, and in modes that leave thrust to the throttle it sinks instead of falling.
 
 Source: ArduPilot documentation, "Copter Commands in Guided Mode"; answers of ArduCopter 4.7, and what it flew by them.

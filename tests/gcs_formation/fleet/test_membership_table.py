@@ -66,8 +66,29 @@ def test_an_order_to_loiter_that_comes_late_is_taken_back_and_isnt_a_pilots_choi
         assert next_membership(member, **ELSEWHERE | {"order_may_come": True}) is Member.PARTED
 
 
+@pytest.mark.parametrize("member", [Member.FLYING, Member.UNHEARD, Member.HOLDING, Member.RETURNING])
+def test_one_that_is_sent_home_flies_there_until_its_pilot_takes_it(member: Member) -> None:
+    """A pilot who has it already keeps it; given back, it is sent home."""
+    assert next_membership(member, **GUIDED, sent_home=True) is Member.HOMEWARD
+    assert next_membership(member, **ELSEWHERE, sent_home=True) is Member.PARTED
+    obeyed = ELSEWHERE | {"sent_home": True, "homeward": True}
+    for seen in (GUIDED | {"sent_home": True}, LOITERS | {"sent_home": True}, obeyed, obeyed | {"fresh": False}):
+        assert next_membership(Member.HOMEWARD, **seen) is Member.HOMEWARD
+    assert next_membership(Member.HOMEWARD, **ELSEWHERE, sent_home=True) is Member.PARTED
+    assert next_membership(Member.PARTED, **ELSEWHERE, sent_home=True) is Member.PARTED
+
+
 def test_every_row_of_the_table_decides_somewhere() -> None:
-    names = ("started", "guided", "loiters", "fresh", "loiter_may_be_commanded", "order_may_come")
+    names = (
+        "started",
+        "guided",
+        "loiters",
+        "fresh",
+        "loiter_may_be_commanded",
+        "order_may_come",
+        "sent_home",
+        "homeward",
+    )
     deciding = set()
     for member, *known in product(Member, *[(False, True)] * len(names)):
         seen = Seen(**{name: bool(each) for name, each in zip(names, known, strict=True)})

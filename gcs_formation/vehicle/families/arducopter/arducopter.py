@@ -66,6 +66,7 @@ def _renamed(
     holds: Callable[[float], bool],
     refuses: Callable[[float], bool] = lambda _: False,
     bounds: str = "",
+    asks: float | None = None,
 ) -> Check:
     """Return the check of a parameter that 4.7.0 renamed and converted from centimetres to metres.
 
@@ -76,6 +77,7 @@ def _renamed(
         holds: whether a value in metres is allowed.
         refuses: whether it prevents the take-off of all vehicles.
         bounds: the key of the model that it bounds, if any.
+        asks: the nearest allowed value in metres, if it may be set.
     """
     older = Check(
         names[1:],
@@ -83,9 +85,16 @@ def _renamed(
         lambda value: holds(value * CM),
         lambda value: refuses(value * CM),
         bounds=(lambda value: (bounds, value * CM)) if bounds else None,
+        asks=None if asks is None else asks / CM,
     )
     return Check(
-        names[:1], allowed(unit, 1.0), holds, refuses, older, bounds=(lambda value: (bounds, value)) if bounds else None
+        names[:1],
+        allowed(unit, 1.0),
+        holds,
+        refuses,
+        older,
+        bounds=(lambda value: (bounds, value)) if bounds else None,
+        asks=asks,
     )
 
 
@@ -158,6 +167,7 @@ class ArduCopter(ArduPilot):
                 lambda value: value >= fastest,
                 lambda value: value < speed,
                 "speed_max_mps",
+                fastest,
             ),
             _renamed(
                 ("WP_ACC", "WPNAV_ACCEL"),
@@ -165,6 +175,7 @@ class ArduCopter(ArduPilot):
                 lambda unit, size_m: f"{model.accel_max_mps2 / size_m:g} {unit} or more, its model's accel_max_mps2",
                 lambda value: value >= model.accel_max_mps2,
                 bounds="accel_max_mps2",
+                asks=model.accel_max_mps2,
             ),
             _renamed(
                 ("RTL_ALT_M", "RTL_ALT"),

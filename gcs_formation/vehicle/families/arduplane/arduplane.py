@@ -129,6 +129,7 @@ class ArduPlane(ArduPilot):
                 f"{MIN_TAKE_OFF_M} m or more; lower, the climb ends before the formation takes over",
                 lambda value: value >= MIN_TAKE_OFF_M,
                 lambda _: True,
+                asks=float(MIN_TAKE_OFF_M),
             ),
             *(check.formerly(*BEFORE_4_5[check.names[0]]) for check in envelope),
             climb_check(("TECS_CLMB_MAX",), model),

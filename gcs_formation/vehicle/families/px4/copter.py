@@ -121,6 +121,7 @@ class Px4Copter(Px4):
                 lambda value: value >= fastest,
                 lambda value: value < speed,
                 bounds=lambda value: ("speed_max_mps", value),
+                asks=fastest,
             ),
             Check(
                 ("RTL_RETURN_ALT",),

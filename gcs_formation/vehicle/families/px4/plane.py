@@ -13,6 +13,7 @@ Reference" and "Safety Configuration (Failsafes)"; what it accepts and refuses w
 from __future__ import annotations
 
 import math
+from typing import ClassVar
 
 from mypy_extensions import mypyc_attr
 
@@ -59,6 +60,8 @@ class Px4Plane(Px4):
     setpoint_commands = (m.MAV_CMD_DO_REPOSITION,) * 3
     setpoints_set_mode = True
     """DO_REPOSITION without the flag for this (its second parameter) is UNSUPPORTED."""
+    left_alone: ClassVar[str] = "circles where the last setpoint led"
+    """What it does without setpoints, in words."""
     flies_courses = True
     lands_by_mission = True
     landing_is_marked = False
@@ -95,7 +98,7 @@ class Px4Plane(Px4):
         """Return the checks of failsafe and limits."""
         ways = "raised to it", "lowered to it"
         return (
-            heartbeats_lost("circles where the last setpoint led"),
+            heartbeats_lost(self.left_alone),
             *envelope_checks(
                 model,
                 path,
@@ -110,6 +113,7 @@ class Px4Plane(Px4):
                 ("NAV_LOITER_RAD",),
                 f"up to {LARGEST_CIRCLE_M:g} m; wider circles may meet, and bend the course",
                 lambda value: abs(value) <= LARGEST_CIRCLE_M,
+                asks=LARGEST_CIRCLE_M,
             ),
             climb_check(("FW_T_CLMB_R_SP",), model),
             climb_check(("FW_T_SINK_R_SP",), model),
@@ -132,7 +136,7 @@ class Px4Plane(Px4):
 
         PX4 flies a course over ground: the direction of airspeed along the heading plus the station's wind estimate.
         """
-        course_rad = _course_rad(setpoint, where)
+        course_rad = course_over_ground_rad(setpoint, where)
         north_m = where.north_m + AIM_M * math.cos(course_rad)
         east_m = where.east_m + AIM_M * math.sin(course_rad)
         reading_mps, lead = self.airspeed_to_tell(setpoint.speed_mps), self._lead
@@ -145,7 +149,7 @@ class Px4Plane(Px4):
         reading_mps, lead = self.airspeed_to_tell(setpoint.speed_mps), self._lead
         if lead is not None:
             reading_mps = lead.led(reading_mps, self.airspeed_to_tell(where.airspeed_mps))
-        return reading_mps, _course_rad(setpoint, where), setpoint.height_m
+        return reading_mps, course_over_ground_rad(setpoint, where), setpoint.height_m
 
     @property
     def prompt_share(self) -> float:
@@ -199,7 +203,7 @@ class Px4Plane(Px4):
         return self.is_airborne(seen) or risen_m >= self._home_above_sea_m(seen)
 
 
-def _course_rad(setpoint: Setpoint, where: FlightState) -> float:
+def course_over_ground_rad(setpoint: Setpoint, where: FlightState) -> float:
     """Return the course over ground of airspeed along a setpoint's heading, plus the wind."""
     north_mps = setpoint.speed_mps * math.cos(setpoint.heading_rad) + where.wind_north_mps
     east_mps = setpoint.speed_mps * math.sin(setpoint.heading_rad) + where.wind_east_mps

@@ -17,7 +17,7 @@ from typing import ClassVar
 from mypy_extensions import mypyc_attr
 
 from airlink import mavlink as m
-from airlink.messages.command import ParamValue
+from airlink.messages.command import ParamSet, ParamValue
 from airlink.messages.system import Heartbeat
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.checks import Check
@@ -95,6 +95,11 @@ class Px4(Autopilot, ABC):
         if reported.param_type != m.MAV_PARAM_TYPE_INT32:
             return reported.param_value
         return float(struct.unpack("<i", struct.pack("<f", reported.param_value))[0])
+
+    def set_parameter(self, name: str, value: float, kind: int) -> ParamSet:
+        """Return PARAM_SET, with an integer's bytes in the float field."""
+        sent = struct.unpack("<f", struct.pack("<i", round(value)))[0] if kind == m.MAV_PARAM_TYPE_INT32 else value
+        return super().set_parameter(name, sent, kind)
 
     def start_up(self, rates_hz: Mapping[int, float]) -> tuple[StartUpStep, ...]:
         """Return the steps: streams, ready, take-off, which ends in HOLD, guided mode; those done are skipped."""

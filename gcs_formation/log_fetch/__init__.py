@@ -1,0 +1,1 @@
+"""Fetches the autopilots' own logs after a flight, and lays their clocks beside the flight's."""
