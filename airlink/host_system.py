@@ -17,6 +17,8 @@ from tempfile import TemporaryDirectory
 from typing import IO, Any, Final
 
 LINUX: Final = sys.platform == "linux"
+STATUS_OF_PROCESS: Final = "/proc/{}/stat" if LINUX else ""
+"""File with the state of a process of a number; empty where there is none."""
 
 
 def recvmmsg() -> Any:  # noqa: ANN401 - a function of the C library

@@ -45,7 +45,9 @@ class TlogWriter:
         self._file.flush()
 
     def close(self) -> None:
-        """Write the buffer and close the file."""
+        """Write the buffer and close the file, once."""
+        if self._file.closed:
+            return
         try:
             self.flush()
         finally:

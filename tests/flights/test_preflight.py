@@ -287,7 +287,7 @@ def test_while_one_is_not_ready_no_vehicle_is_commanded(confirm: bool) -> None:
     assert world.station.flight.phase is Phase.FAILED
     assert world.station.course.failure
     assert world.station.course.failure == (
-        "vehicle 2: not done within 30 s after we asked for telemetry (it has told no position)"
+        "vehicle 2: not done within 30 s after we asked for telemetry (it has reported no position)"
     )
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
 

@@ -83,8 +83,11 @@ def test_what_cannot_be_true_on_the_ground_keeps_everybody_there(change: Alterin
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        (of(GlobalPositionInt, lat_rad=0.0, lon_rad=0.0), "told no position: GLOBAL_POSITION_INT's lat and lon are 0"),
-        (of(GlobalPositionInt, lat_rad=2.0), "told no position: GLOBAL_POSITION_INT's lat is 115 degrees"),
+        (
+            of(GlobalPositionInt, lat_rad=0.0, lon_rad=0.0),
+            "reported no position: GLOBAL_POSITION_INT's lat and lon are 0",
+        ),
+        (of(GlobalPositionInt, lat_rad=2.0), "reported no position: GLOBAL_POSITION_INT's lat is 115 degrees"),
         (of(Attitude, roll_rad=math.nan), "it tells no attitude: ATTITUDE's roll is NaN"),
         (of(Attitude, roll_rad=40.0), "it tells no attitude: ATTITUDE's roll is 40 rad"),
         (of(VfrHud, airspeed_mps=math.nan), "it has reported no airspeed in VFR_HUD"),

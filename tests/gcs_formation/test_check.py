@@ -59,12 +59,12 @@ def test_the_json_has_the_consensus_margin_alone(check) -> None:
     assert json.loads(printed)["delay_margin_s"] == {"consensus": pytest.approx(margin_s, abs=1e-9)}
 
 
-def test_the_graph_is_printed_as_who_hears_whom(check) -> None:
+def test_the_graph_is_printed_as_who_receives_from_whom(check) -> None:
     _, printed = check()
-    assert "vehicle 2 hears 1 (1), 3 (1)" in printed
+    assert "vehicle 2 receives from 1 (1), 3 (1)" in printed
     _, printed = check("--set", "law.consensus.graph=[[0,0,0,0],[2.5,0,0,0],[1,0,0,0],[1,0,0,0]]")
-    assert "vehicle 1 hears nobody" in printed
-    assert "vehicle 2 hears 1 (2.5)" in printed
+    assert "vehicle 1 receives from none" in printed
+    assert "vehicle 2 receives from 1 (2.5)" in printed
 
 
 @pytest.mark.parametrize(("compensated", "warned"), [("true", False), ("false", True)])
@@ -362,7 +362,9 @@ def test_a_lap_without_room_in_the_fence_is_warned_of_and_has_it_in_one_as_much_
         keys = {"vehicles": {"count": 4}, "path": path, "start": {"in_air": True}, "safety": {"fence": fence}}
         return cramped_pattern(load_scenario(keys | {"wind": {"velocity_mps": [0, wind_mps, 0]}}))
 
-    found = re.search(r"no room for a lap before the path .* vehicles are turned away; (\d+) m more", str(said(0.0)))
+    found = re.search(
+        r"no room for a holding pattern before the path .* vehicles are turned away; (\d+) m more", str(said(0.0))
+    )
     assert found is not None
     assert said(int(found[1])) is None
     assert said(0.9 * int(found[1])) is not None

@@ -57,7 +57,7 @@ def test_telemetry_of_which_a_single_loss_has_vehicles_loiter_is_reported(
     """Five in a square at 0.5 Hz with 2 % loss loitered eight times in 80 s among each other, and came within 3.1 m."""
     links = f"links.default={{delay_ms: {delay_ms}, loss: {loss}}}"
     planned = load_scenario(PLAIN, [f"telemetry.rate_hz={rate_hz}", links])
-    told = [text for text in check_report(planned)["warnings"] if "told to loiter, among the others" in text]
+    told = [text for text in check_report(planned)["warnings"] if "commanded to loiter, among the others" in text]
     if not least:
         assert told == []
     else:

@@ -83,7 +83,12 @@ def test_no_other_file_is_found(flying, name):
     assert open_file(flying, name) == (NAK, bytes([NOT_FOUND]))
 
 
-@pytest.mark.parametrize("opcode", [LIST, 6, 7, 14, 200, 255])
+def test_a_directory_that_is_not_there_is_not_listed(flying):
+    ((answer, request, _, _, data, _),) = ask(flying, LIST, b"/")
+    assert (answer, request, data) == (NAK, LIST, bytes([NOT_FOUND]))
+
+
+@pytest.mark.parametrize("opcode", [6, 7, 14, 200, 255])
 def test_other_requests_are_refused(flying, opcode):
     ((answer, request, _, _, data, _),) = ask(flying, opcode, b"/")
     assert (answer, request, data) == (NAK, opcode, bytes([UNKNOWN_COMMAND]))

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO, Final
 
 from airlink.endpoint import VehicleId
+from airlink.host_system import STATUS_OF_PROCESS
 from gcs_formation.app.sitl import guard
 from gcs_formation.app.sitl.fleet import Simulated
 from gcs_formation.app.sitl.simulator import SimulatorError
@@ -64,7 +65,7 @@ def running(fleet: Sequence[Simulated], out: Path) -> Generator[list[Running]]:
 @contextmanager
 def _guard() -> Generator[IO[str]]:
     """Run the process that ends the simulators whose numbers it is given, should this one be killed."""
-    command = [sys.executable, "-I", "-S", str(Path(guard.__file__))]
+    command = [sys.executable, "-I", "-S", str(Path(guard.__file__)), STATUS_OF_PROCESS]
     process = subprocess.Popen(command, stdin=subprocess.PIPE, text=True, process_group=0)
     assert process.stdin is not None
     try:

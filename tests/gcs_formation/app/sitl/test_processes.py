@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from airlink.host_system import STATUS_OF_PROCESS
 from gcs_formation.app.sitl import guard
 from gcs_formation.app.sitl.fleet import Simulated
 from gcs_formation.app.sitl.processes import ended, running
@@ -90,7 +91,7 @@ def test_simulators_end_with_a_station_that_is_killed(tmp_path: Path) -> None:
     station.start()
     simulators = hears.recv()
     assert len(simulators) == len(fleet())
-    assert all(map(guard.ours, simulators))
+    assert all(guard.ours(each, STATUS_OF_PROCESS) for each in simulators)
     station.kill()
     station.join()
-    wait_for(lambda: not any(map(guard.ours, simulators)))
+    wait_for(lambda: not any(guard.ours(each, STATUS_OF_PROCESS) for each in simulators))

@@ -49,7 +49,7 @@ class Watched:
         if round(stamp * 1e-9 / TICK_S) % self._apart == 0:
             self.of.add_sample(column, stamp, motion)
 
-    def learn(self, learning):
+    def update(self, learning):
         self.of.update(learning)
         self.most = np.maximum(self.most, self.of.misfit)
 

@@ -383,7 +383,7 @@ class LagsOnArrays:
         """Take a vehicle's measured airspeed, heading, height and climb at `stamp`, m/s, rad, m."""
         self._stamps[column], self._seen[column] = max(stamp, self._stamps[column]), motion
 
-    def learn(self, learning: list[bool]) -> None:
+    def update(self, learning: list[bool]) -> None:
         """Take the newest samples at a tick; `learning` (C,): vehicles that fly by their setpoints.
 
         The models' lags are fitted once in `BATCH_S`.
