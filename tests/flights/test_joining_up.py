@@ -83,7 +83,7 @@ def test_copters_that_took_off_9_m_apart_join_up_without_the_rule(shape, air, tm
 def test_planes_beside_a_slow_leader_are_in_their_slots_by_the_first_pass_of_the_start(frame, tmp_path):
     """In turns that need 0.8 of the spare speed they were out of their slots, pass after pass, for 900 s.
 
-    The way to the first pass takes 109 s, or 175 s in the follower's own frame, where heading loops at the side are
+    The way to the first pass takes 109 s, or 179 s in the follower's own frame, where heading loops at the side are
     slower, so that the straight before the path is longer, and the leader turns wider.
     """
     keys = PLANES | {
