@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from formation_scenario import ScenarioError
 from gcs_formation import run
 
 DURATION_S: Final = 45.0
@@ -32,7 +33,7 @@ class Clean(NamedTuple):
 
     seed: int
     flown_s: float
-    """Time in the air of all its vehicles together, s."""
+    """Time in the air of all its vehicles together, s; 0: what was drawn can't be flown, and was refused."""
     alarms: tuple[str, ...]
 
 
@@ -102,7 +103,10 @@ def _link(rng: np.random.Generator) -> dict[str, Any]:
 def fly(seed: int) -> Clean:
     """Fly a seed's flight."""
     with tempfile.TemporaryDirectory() as directory:
-        run(scenario(seed), clock="virtual", out=directory, overwrite=True)
+        try:
+            run(scenario(seed), clock="virtual", out=directory, overwrite=True)
+        except ScenarioError:
+            return Clean(seed, 0.0, ())
         events = [json.loads(line) for line in (Path(directory) / "events.jsonl").read_text().splitlines()]
     health = [each for each in events if each["kind"] == "health"]
     said = tuple(f"{each['t_s']:.1f} s: {each['vehicle']}: {each['text']}" for each in health)
@@ -136,7 +140,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as directory:
         path = given.record or Path(directory) / "flights.jsonl"
         record(given, path)
-        flights = recorded(path)
+        flights = [each for each in recorded(path) if each.flown_s > 0.0]
     for each in flights:
         for text in each.alarms:
             print(f"seed {each.seed}: {text}")

@@ -321,6 +321,10 @@ class ScenarioError(Exception):
         )
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
+    def __reduce__(self) -> tuple[type[ScenarioError], tuple[Sequence[Problem]]]:
+        """Return what another process needs to raise it: its problems, without the scenario that has them."""
+        return ScenarioError, (self.problems,)
+
 
 def refused(key: str, found: str, allowed: str = "", file: str | None = None) -> ScenarioError:
     """Return the error of a single problem without a line."""

@@ -1,3 +1,5 @@
+import pickle
+
 import pytest
 import yaml
 from hypothesis import given
@@ -24,6 +26,15 @@ def message(tmp_path, text: str) -> str:
     with pytest.raises(ScenarioError) as refused:
         load_scenario(path)
     return str(refused.value).replace(str(path), "a.yaml")
+
+
+@pytest.mark.parametrize("keys", ["nonsense: 1\n", "formation: {spacing_m: 3}\nwind: {velocity_mps: [60, 0, 0]}\n"])
+def test_a_refusal_comes_out_of_another_process_as_it_is(keys):
+    with pytest.raises(ScenarioError) as refused:
+        load_scenario(yaml.safe_load(BASE + keys))
+    again = pickle.loads(pickle.dumps(refused.value))
+    assert isinstance(again, ScenarioError)
+    assert (str(again), again.problems) == (str(refused.value), refused.value.problems)
 
 
 def test_a_wrong_word_names_file_line_column_key_choices_and_the_nearest(tmp_path):
