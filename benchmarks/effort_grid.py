@@ -31,8 +31,8 @@ from gcs_formation.control.follower import LawInput
 from gcs_formation.control.setpoint import Target
 from gcs_formation.estimation import estimator
 from gcs_formation.record.figures_of_merit import setpoint_steps
+from gcs_formation.record.parquet import read_parquet
 from gcs_formation.record.run_directory import TIMESERIES
-from gcs_formation.record.timeseries import read_parquet
 from gcs_formation.studies.dataset import markdown
 
 NOISE = PAPER.with_name("noise.yaml")

@@ -27,8 +27,9 @@ from formation_scenario import dump_scenario, load_scenario
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run
+from gcs_formation.record.parquet import write_parquet
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES
-from gcs_formation.record.timeseries import GAINS, MIXED, PHASES, SPOOLED, write_parquet
+from gcs_formation.record.timeseries import GAINS, MIXED, PHASES, SPOOLED
 
 RATE_HZ = 10.0
 BROWSERS = ("/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome")

@@ -29,7 +29,7 @@ from gcs_formation.record.radio import with_radio
 from gcs_formation.record.run_directory import SPOOL, TIMESERIES, RunDirectory
 from gcs_formation.record.several_links import with_several_links
 from gcs_formation.record.summary import Summary, summarise
-from gcs_formation.record.timeseries import Spool, spools, write_parquet
+from gcs_formation.record.timeseries import Spool, spools
 from gcs_formation.record.unfinished import recorded_events
 from gcs_formation.stability import scenario_delay_margin
 
@@ -86,6 +86,8 @@ class Conclusion:
         vehicles = [str(each.vehicle_id) for each in self._scenario.vehicles]
         passing = gathering.passing(derived(with_several_links(blocks, links), events, vehicles))
         if self._options.record in {"full", "series"}:
+            from gcs_formation.record.parquet import write_parquet  # noqa: PLC0415 - check's short flights write none
+
             write_parquet(self._recorder.path / TIMESERIES, passing)
         else:
             for _ in passing:

@@ -38,10 +38,11 @@ from gcs_formation.record.json_shape import (
     misfit,
 )
 from gcs_formation.record.link_verdicts import LinkFigures
+from gcs_formation.record.parquet import read_parquet
 from gcs_formation.record.path_distance import FIGURES
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES, event_shape
 from gcs_formation.record.summary import SCHEMA, summarise
-from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, Spool, flying, read_parquet
+from gcs_formation.record.timeseries import ERROR, GROUND, MEASURED, Spool, flying
 from gcs_formation.stability import scenario_delay_margin
 
 Events = tuple[Mapping[str, Any], ...]

@@ -22,8 +22,9 @@ from formation_scenario.fields import distinct_texts
 from gcs_formation.link.link_health import STALE_AFTER_S
 from gcs_formation.record import timeseries
 from gcs_formation.record.expectations import crash_planned_s
+from gcs_formation.record.parquet import read_parquet
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG
-from gcs_formation.record.timeseries import ERROR, TRUTH, flying, read_parquet
+from gcs_formation.record.timeseries import ERROR, TRUTH, flying
 from gcs_formation.record.tlog import read_tlog
 
 REGAINED_M = 1.0

@@ -26,9 +26,10 @@ from gcs_formation.phases import COMMANDED
 from gcs_formation.record.coverage import Coverage, coverage
 from gcs_formation.record.expectations import FAILINGS, covered, none_flew
 from gcs_formation.record.flight import RecordedFlight, split
+from gcs_formation.record.parquet import read_parquet
 from gcs_formation.record.run_directory import SCENARIO, TIMESERIES
 from gcs_formation.record.summary import Summary
-from gcs_formation.record.timeseries import PHASES, read_parquet
+from gcs_formation.record.timeseries import PHASES
 
 AXES = "xyz"
 MAX_NAMED = 8

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_formation.record.timeseries import flying, read_parquet
+from gcs_formation.record.parquet import read_parquet
+from gcs_formation.record.timeseries import flying
 from tests.flights.conftest import Fly
 
 STRAIGHT = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [3000, 0, 100], [6000, 0, 100]]}

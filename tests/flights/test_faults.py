@@ -27,8 +27,8 @@ from gcs_formation.app.run import run
 from gcs_formation.cli import main
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.phases import Cause, Phase
+from gcs_formation.record.parquet import read_parquet
 from gcs_formation.record.run_directory import RunDirectory
-from gcs_formation.record.timeseries import read_parquet
 from gcs_formation.recorder import Event
 from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
 from sim_vehicles.fleet import Fleet

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import gcs_formation
-from gcs_formation.record.timeseries import flying, read_parquet
+from gcs_formation.record.parquet import read_parquet
+from gcs_formation.record.timeseries import flying
 from tests.flights.conftest import Fly
 
 HILLY = Path(__file__).parents[2] / "configs" / "hills.yaml"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gcs_formation
-from gcs_formation.record import timeseries
+from gcs_formation.record import parquet
 from tests.flights.conftest import scenario
 
 FAR = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [3000, 0, 100], [6000, 800, 120], [9500, 800, 120]]}
@@ -32,7 +32,7 @@ def test_after_two_minutes_jitter_hardly_shows(tmp_path: Path, jitter_ms: float,
         )
         out = tmp_path / str(seed)
         gcs_formation.run(plan, clock="virtual", out=out)
-        table = timeseries.read_parquet(out / "timeseries.parquet")
+        table = parquet.read_parquet(out / "timeseries.parquet")
         for vehicle in (2, 3):
             rows = table["vehicle"] == vehicle
             mission_s, error_m = table["mission_time_s"][rows], table["error_x_m"][rows]

@@ -14,8 +14,9 @@ from scipy.spatial.distance import pdist
 import gcs_formation
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.mission import reconfiguration
+from gcs_formation.record.parquet import read_parquet
 from gcs_formation.record.run_directory import TIMESERIES
-from gcs_formation.record.timeseries import TRUTH, read_parquet
+from gcs_formation.record.timeseries import TRUTH
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 WIND: dict[str, Any] = {

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_formation.record.timeseries import read_parquet
+from gcs_formation.record.parquet import read_parquet
 from tests.flights.conftest import Fly
 
 BEND = [[0, 0, 100], [300, 0, 100], [480, 120, 100], [480, 420, 100], [300, 600, 100]]

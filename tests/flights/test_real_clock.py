@@ -15,7 +15,7 @@ import yaml
 from click.testing import CliRunner, Result
 
 from gcs_formation.cli import main
-from gcs_formation.record.timeseries import read_parquet
+from gcs_formation.record.parquet import read_parquet
 from tests.flights.conftest import scenario
 from tests.processes import LIMIT_S, STATION, VEHICLES, events_of, free_port, started, wait_for, wait_for_event
 

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 import yaml
 
-from gcs_formation.record.timeseries import Spool, read_parquet
+from gcs_formation.record.parquet import read_parquet
+from gcs_formation.record.timeseries import Spool
 from tests.flights.test_real_clock import emulators_of, late_s, path
 from tests.processes import LIMIT_S, STATION, events_of, started, wait_for, wait_for_event
 

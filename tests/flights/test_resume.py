@@ -25,8 +25,9 @@ from gcs_formation.app.fly import taken_up
 from gcs_formation.app.operator_at_terminal import RunOptions
 from gcs_formation.cli import main
 from gcs_formation.phases import Cause, Phase
+from gcs_formation.record.parquet import read_parquet
 from gcs_formation.record.run_directory import GOES_ON, RECORDING, SPOOL, RunDirectory
-from gcs_formation.record.timeseries import Spool, read_parquet
+from gcs_formation.record.timeseries import Spool
 from gcs_formation.record.tlog import read_tlog
 from gcs_formation.record.unfinished import epoch_us, read_past
 from gcs_formation.recorder import Event, Tick

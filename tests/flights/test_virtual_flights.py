@@ -13,7 +13,8 @@ import pytest
 from pymavlink import mavutil
 
 import gcs_formation
-from gcs_formation.record.timeseries import PHASES, read_parquet
+from gcs_formation.record.parquet import read_parquet
+from gcs_formation.record.timeseries import PHASES
 from tests.flights.conftest import Fly, scenario
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -19,7 +19,8 @@ from formation_scenario import load_scenario
 from formation_scenario.consensus_graph import graph_adjacency
 from gcs_formation import Summary
 from gcs_formation.guidance.tracking import project
-from gcs_formation.record.timeseries import flying, read_parquet
+from gcs_formation.record.parquet import read_parquet
+from gcs_formation.record.timeseries import flying
 from gcs_formation.stability import consensus_delay_margin, scenario_delay_margin
 from gcs_formation.stability.consensus_loops import laplacian
 from tests.gcs_formation.stability.rightmost_root import consensus_rightmost_root

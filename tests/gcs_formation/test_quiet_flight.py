@@ -11,8 +11,8 @@ import pytest
 
 import gcs_formation
 from gcs_formation.record.figures_of_merit import setpoint_steps
+from gcs_formation.record.parquet import read_parquet
 from gcs_formation.record.run_directory import TIMESERIES
-from gcs_formation.record.timeseries import read_parquet
 from tests.processes import events_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"

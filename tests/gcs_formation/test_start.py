@@ -23,7 +23,7 @@ import pathlib, sys
 import numpy
 import gcs_formation.app.run, gcs_formation.cli.run_and_fly
 from gcs_formation.record.figures_of_merit import (percentile)
-from gcs_formation.record.timeseries import write_parquet
+from gcs_formation.record.parquet import write_parquet
 percentile(numpy.zeros(3), 50)
 flags = ("active", "leads", "yielding", "airborne")
 write_parquet(pathlib.Path("/dev/null"), [dict.fromkeys(("phase", "t_s", *flags), numpy.zeros(3))])

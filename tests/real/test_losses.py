@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from gcs_formation.record.timeseries import read_parquet
+from gcs_formation.record.parquet import read_parquet
 from tests.flights.test_resume import armings_us
 from tests.processes import STATION, events_of, free_ports, started, wait_for_event
 from tests.real import test_px4

@@ -47,9 +47,8 @@ class Axis:
         """How far it has moved since the sample before, m."""
         self.noise_m2 = 0.0
         """Variance of the position's noise by what samples gain one after the other, m²."""
-        self.scatter_m2 = self.recent_m2 = 0.0
-        """The same, with a limit on what one sample adds: an outlier is no noise. The second has a third of the memory:
-        it shows sooner that noise has begun, and scatters more itself."""
+        self.scatter_m2 = 0.0
+        """The same, with a limit on what one sample adds: an outlier is no noise."""
         self.gain_m = 0.0
         """What it gained on the velocities last, m."""
         self.excess_m = 0.0
@@ -83,7 +82,6 @@ class Axis:
         product_m2 = 0.0 - gained_m * self.gain_m
         product_m2 = min(max(product_m2, -SCATTER_LIMIT * SCATTER_M * SCATTER_M), SCATTER_LIMIT * SCATTER_M * SCATTER_M)
         self.scatter_m2 += share * (product_m2 - self.scatter_m2)
-        self.recent_m2 += min(3.0 * share, 1.0) * (product_m2 - self.recent_m2)
         self.gain_m = gained_m
         return gained_m
 

@@ -218,7 +218,7 @@ class Consistency:
     def _watch_scatter(self) -> None:
         max_m2 = 0.0
         for axis in self.axes:
-            max_m2 = max(max_m2, axis.scatter_m2, axis.recent_m2)
+            max_m2 = max(max_m2, axis.scatter_m2)
         bound_m2 = SCATTER_M * SCATTER_M
         if self.scatters:
             self.scatters = max_m2 > bound_m2 / 4.0

@@ -18,7 +18,7 @@ from airlink.clock import Instant
 from airlink.messages.command import SetPositionTargetGlobalInt
 from airlink.messages.mission import MissionItemReached
 from airlink.messages.payload import DEG
-from flight_model.autopilot_model import finite, wrap
+from flight_model.autopilot_model import finite
 from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
@@ -345,9 +345,7 @@ class Plane(Vehicle):
         return Mode[name]
 
     def landed(self) -> None:
-        """Turn the nose into the course over ground, as it touches down in a crosswind, and disarm a while later."""
-        state, (north_mps, east_mps, _) = self.body.state, self.body.ground_velocity()
-        state.heading_rad += wrap(math.atan2(east_mps, north_mps) - state.heading_rad)
+        """Disarm a while after it has touched down."""
         self.disarm_at = delayed(self.now, self.parameters["LAND_DISARMDELAY"])
 
     def _begin_mission(self) -> None:

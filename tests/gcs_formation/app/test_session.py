@@ -25,9 +25,9 @@ from gcs_formation.app.session import Session
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.identify import identify
 from gcs_formation.phases import Phase
+from gcs_formation.record.parquet import read_parquet
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary
-from gcs_formation.record.timeseries import read_parquet
 from gcs_formation.record.unfinished import recorded_events
 from gcs_formation.report import load_run
 from gcs_formation.testing.flight_plan import FlownFlight

@@ -24,7 +24,8 @@ from gcs_formation.record.figures_of_merit import (
     settled_at_s,
 )
 from gcs_formation.record.flight import RecordedFlight
-from gcs_formation.record.timeseries import DISTURBANCE, ERROR, GAINS, LAW_ERROR, MIXED, STATE, TRUTH, write_parquet
+from gcs_formation.record.parquet import write_parquet
+from gcs_formation.record.timeseries import DISTURBANCE, ERROR, GAINS, LAW_ERROR, MIXED, STATE, TRUTH
 from gcs_formation.report import RunData, load_run
 from gcs_formation.report.page import write_report
 

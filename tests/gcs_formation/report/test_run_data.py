@@ -7,7 +7,7 @@ import pytest
 
 from formation_scenario import dump_scenario, load_scenario
 from gcs_formation.errors import RecordError
-from gcs_formation.record.timeseries import read_parquet, write_parquet
+from gcs_formation.record.parquet import read_parquet, write_parquet
 from gcs_formation.report import load_run
 
 

@@ -10,9 +10,9 @@ import pytest
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from formation_scenario.expectation import Expectation
+from gcs_formation.record.parquet import read_parquet, write_parquet
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary
-from gcs_formation.record.timeseries import read_parquet, write_parquet
 from gcs_formation.record.verdict import Verdict
 from gcs_formation.testing.flight_plan import FlownFlight, in_words
 

@@ -13,7 +13,7 @@ import pytest
 from airlink.frame import FrameWriter
 from airlink.messages.system import Heartbeat, RadioStatus, Timesync
 from gcs_formation.errors import RecordError
-from gcs_formation.record.timeseries import read_parquet
+from gcs_formation.record.parquet import read_parquet
 from gcs_formation.view.log import LogRecording
 from gcs_formation.view.recording import COLUMN, COLUMNS, chosen, described, packed, state_at
 from gcs_formation.view.run import CONCLUDES_S, SILENT_S, RunRecording

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gcs_formation.record.timeseries import read_parquet
+from gcs_formation.record.parquet import read_parquet
 from tests.flights.conftest import Fly
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gcs_formation.core.feature import derived
 from gcs_formation.features.telemetry_health.series import health_columns, spells
-from gcs_formation.record.timeseries import read_parquet, write_parquet
+from gcs_formation.record.parquet import read_parquet, write_parquet
 
 
 def health(t_s: float, vehicle: str, quantity: str, *, healthy: bool) -> dict[str, Any]:
