@@ -29,6 +29,7 @@ class TlogWriter:
         self._file.truncate(sum(_STAMP_BYTES + len(raw) for _, raw in read_tlog(path)))
         self._epoch_us = epoch_us
         self._waiting = BytesWriter()
+        self._is_closed = False
 
     def write(self, now: Instant, raws: list[bytes]) -> None:
         """Append frames to the buffer that `flush` writes."""
@@ -46,8 +47,9 @@ class TlogWriter:
 
     def close(self) -> None:
         """Write the buffer and close the file, once."""
-        if self._file.closed:
+        if self._is_closed:
             return
+        self._is_closed = True
         try:
             self.flush()
         finally:
