@@ -13,7 +13,7 @@ Cells = Annotated[int, Field(strict=True, ge=1, le=14)]
 
 
 class EmulatedBattery(Keys):
-    """A battery that is drained by time and throttle, and told in SYS_STATUS and BATTERY_STATUS."""
+    """A battery that is drained by time and throttle, and reported in SYS_STATUS and BATTERY_STATUS."""
 
     capacity_mah: Annotated[Positive, Field(ge=10.0, le=1e6)] = key(5000.0, "its capacity, mAh", 8000)
     charged_percent: Percent = key(100.0, "how much of it is left when the vehicle is switched on, %", 80)

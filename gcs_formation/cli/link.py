@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import FrameType
 from typing import Any
 
 import click
 
-from airlink.cli import SIGNALS, Number, Status, examples, fail, say, tell
+from airlink.cli import Number, Status, examples, fail, say, tell
 from airlink.cli.output_directory import OUT, refusal
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import Endpoint
+from gcs_formation.cli.interrupts import Interrupts
 from gcs_formation.cli.run_and_fly import EndpointType
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.link_survey import report
@@ -95,22 +94,8 @@ def link(
     sys.exit(Status.INTERRUPTED if interrupted.count else Status.FINE)
 
 
-class _Interrupts:
+class _Interrupts(Interrupts):
     """While entered, a termination signal ends the survey; what was measured so far is printed."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self._before: dict[signal.Signals, Any] = {}
-
-    def __enter__(self) -> None:
-        self._before = {number: signal.signal(number, self._note) for number in SIGNALS}
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _note(self, _number: int, _frame: FrameType | None) -> None:
-        self.count += 1
 
     def ends(self, survey: LinkSurvey, now: Instant) -> bool:
         """Return whether to end: by a signal, or as no vehicle is there."""

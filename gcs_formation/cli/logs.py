@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-import signal
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import FrameType
 from typing import Any, Final
 
 import click
 
-from airlink.cli import SIGNALS, Status, WholeNumber, examples, fail, say, tell
+from airlink.cli import Status, WholeNumber, examples, fail, say, tell
 from formation_scenario import Scenario
 from gcs_formation.cli import PLUGINS
+from gcs_formation.cli.interrupts import Interrupts
 from gcs_formation.cli.no_flight import load
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.log_fetch.fetch import Wanted
@@ -81,23 +80,12 @@ def _what(run_dir: Path, each: dict[str, Any]) -> str:
     return f"{each['file']}, {each['bytes']} bytes; {clock}"
 
 
-class _Interrupts:
+class _Interrupts(Interrupts):
     """While entered, a termination signal ends the transfer; what has come is kept."""
 
     def __init__(self) -> None:
-        self.count = 0
-        self._before: dict[signal.Signals, Any] = {}
+        super().__init__()
         self._shown: dict[str, int] = {}
-
-    def __enter__(self) -> None:
-        self._before = {number: signal.signal(number, self._note) for number in SIGNALS}
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _note(self, _number: int, _frame: FrameType | None) -> None:
-        self.count += 1
 
     def ends(self, wanted: Mapping[str, Wanted]) -> bool:
         """Return whether to end; say of each log when another tenth of it has come."""

@@ -63,7 +63,7 @@ class FormationController:
         self.models = from_scenario.autopilot_models(scenario)
         """The autopilot model of every column; its lags are updated by the lag estimator."""
         self._law = law_kind(scenario).make(scenario, self.models)
-        self._leader_amid = scenario.leader is None and law_kind(scenario).mutual
+        self._leads_as_centroid = scenario.leader is None and law_kind(scenario).mutual
         self.history = SetpointHistory(scenario.law.rate_hz)
         """The setpoints sent, and when each acts."""
         self._projection = from_scenario.projection(scenario, self.history, self.models)
@@ -91,7 +91,7 @@ class FormationController:
 
     def _virtual_leader(self) -> VirtualLeader:
         filters, model = self.estimator.filters, self.models[VIRTUAL]
-        return VirtualLeader(filters, self.history, model, self._frame, amid=self._leader_amid)
+        return VirtualLeader(filters, self.history, model, self._frame, as_centroid=self._leads_as_centroid)
 
     @property
     def leader_m(self) -> float:
@@ -266,9 +266,9 @@ class FormationController:
                 self.models[column].reach(speeds_mps[0], speeds_mps[1])
 
     def _acts_at(self, now: Instant, links: list[VehicleLink]) -> vec[i64]:
-        """Return when each column's present setpoint acts; for a virtual leader amid the followers, their mean."""
+        """Return when each column's present setpoint acts; for a leader that is their centroid the mean."""
         acts = vec[i64]([_acts(now, link) for link in links])
-        if self._leader_amid:
+        if self._leads_as_centroid:
             acts[0] = sum([acts[column] for column in self._every_column[1:]]) // (self.columns - 1)
         return acts
 
@@ -309,7 +309,7 @@ class FormationController:
         flown = self.last_tick
         if leader.begins(flown=flown is not None):
             slots = self._slots.planned(now, math.nan if flown is None else flown.mission_time_s)
-            leader.place_amid(now, slots.each, self.guidance.speed_mps, self._turn_rps)
+            leader.place_at_centroid(now, slots.each, self.guidance.speed_mps, self._turn_rps)
         else:
             leader.carry_on(now)
 

@@ -26,19 +26,25 @@ class VirtualLeader:
         model: AutopilotModel,
         frame: Frame,
         *,
-        amid: bool,
+        as_centroid: bool,
     ) -> None:
         """Take the columns' `filters`, the setpoints' `history`, the leader's model and the slots' frame.
 
-        `amid`: the law commands it, so that it is always the followers' centroid.
+        `as_centroid`: the law commands it, so that it is always the followers' centroid.
         """
-        self._filters, self._history, self._model, self._frame, self._amid = filters, history, model, frame, amid
+        self._filters, self._history, self._model, self._frame, self._as_centroid = (
+            filters,
+            history,
+            model,
+            frame,
+            as_centroid,
+        )
 
     def begins(self, *, flown: bool) -> bool:
         """Return whether its place is its followers' centroid; `flown`: it has had setpoints."""
-        return self._amid or not flown
+        return self._as_centroid or not flown
 
-    def place_amid(self, now: Instant, slots: list[Slot], speed_mps: float, turn_rps: float) -> None:
+    def place_at_centroid(self, now: Instant, slots: list[Slot], speed_mps: float, turn_rps: float) -> None:
         """Set its state to the followers' centroid, once all of them are known.
 
         Args:
@@ -52,7 +58,7 @@ class VirtualLeader:
         if len(states) < len(followers):
             return
         state, stamp = centroid(states, slots[1:], speed_mps, turn_rps, self._frame), now
-        if self._amid:
+        if self._as_centroid:
             stamp = Instant(sum(each.stamp for each in followers) // len(followers))
         self._filters[VIRTUAL].place(state, stamp)
 

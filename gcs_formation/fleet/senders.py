@@ -14,7 +14,8 @@ from airlink.endpoint import Address, ComponentId, VehicleId
 from airlink.engine import Datagram
 from airlink.frame import Frame
 from airlink.messages.system import Heartbeat
-from gcs_formation.link.link_health import STALE_AFTER_NS, LinkState
+from gcs_formation.link.frame_loss import STALE_AFTER_NS
+from gcs_formation.link.link_health import LinkState
 from gcs_formation.phases import Flight, Phase
 from gcs_formation.recorder import GiveUp, Note
 from gcs_formation.vehicle.autopilot_family import STATION

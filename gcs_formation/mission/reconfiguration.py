@@ -32,7 +32,7 @@ TRY_AGAIN_S: Final = 1.0
 GATHERS_LATE_S: Final = 30.0
 """Time without ways to the slots after which that is reported."""
 AMID: Final = 2.0
-"""Vehicles within this multiple of the farthest slot's distance from the leader count as amid the formation."""
+"""Vehicles within this multiple of the farthest slot's distance from the leader count as within the formation."""
 GATHERED_M: Final = 300.0
 """Vehicles this near the leader count as having taken off with it; the law leads others to their slots."""
 

@@ -19,7 +19,7 @@ from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.fields import distinct_texts
-from gcs_formation.link.link_health import STALE_AFTER_S
+from gcs_formation.link.frame_loss import STALE_AFTER_S
 from gcs_formation.record import timeseries
 from gcs_formation.record.expectations import crash_planned_s
 from gcs_formation.record.parquet import read_parquet

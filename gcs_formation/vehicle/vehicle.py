@@ -14,7 +14,7 @@ from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, HomePosition
 from flight_model.autopilot_model import FlightState, Setpoint
 from gcs_formation.link.frame_history import TURN_S
-from gcs_formation.link.link_health import STALE_AFTER_S
+from gcs_formation.link.frame_loss import STALE_AFTER_S
 from gcs_formation.link.vehicle_links import Links
 from gcs_formation.vehicle.command_delivery import (
     UNDER_WAY,

@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from airlink.clock import Instant, after
-from gcs_formation.link.link_health import MODULUS, SequenceTracker
+from gcs_formation.link.frame_loss import MODULUS, SequenceTracker
 
 AT_ONCE = Instant(0), Instant(0)
 

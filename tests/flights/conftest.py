@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,10 @@ from typing import Any
 import pytest
 
 import gcs_formation
+from flight_model.arrays import Array
 from gcs_formation import Summary
+from gcs_formation.app import run as app_run
+from sim_vehicles.truth import TruthRecord
 
 Fly = Callable[..., Summary]
 STRAIGHT = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [2000, 0, 100], [4000, 0, 100]]}
@@ -38,3 +42,19 @@ def fly(tmp_path: Path) -> Fly:
         return gcs_formation.run(scenario(**keys), clock="virtual", out=tmp_path / "run", overwrite=True)
 
     return run
+
+
+@pytest.fixture
+def kept_truth(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Array]]:
+    """Keep the rows of each flight's truth, which `run` deletes."""
+    found = list[dict[str, Array]]()
+
+    def read(directory: Path) -> TruthRecord | None:
+        record = original(directory)
+        if record is not None:
+            found.append(record.between(-math.inf, math.inf))
+        return record
+
+    original = app_run.recorded_truth
+    monkeypatch.setattr(app_run, "recorded_truth", read)
+    return found

@@ -3,40 +3,20 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from flight_model.arrays import Array
 from formation_scenario import load_scenario
-from gcs_formation.app import run as app_run
 from gcs_formation.app.result_text import summary_text
 from gcs_formation.report import load_run, page_parts
-from sim_vehicles.truth import TruthRecord
 from tests.flights.conftest import Fly, scenario
 
 LIFT = {"at_s": 3, "vehicles": "all", "velocity_mps": [0, 0, -3.5]}
 """Air that rises faster than anybody can sink."""
 BENDS = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [500, 0, 100], [1000, 350, 108], [1600, 350, 108]]}
-
-
-@pytest.fixture
-def kept_truth(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Array]]:
-    """Keep the rows of each flight's truth, which `run` deletes."""
-    found = list[dict[str, Array]]()
-
-    def read(directory: Path) -> TruthRecord | None:
-        record = original(directory)
-        if record is not None:
-            found.append(record.between(-math.inf, math.inf))
-        return record
-
-    original = app_run.recorded_truth
-    monkeypatch.setattr(app_run, "recorded_truth", read)
-    return found
 
 
 def begun_s(tmp_path: Path) -> float:

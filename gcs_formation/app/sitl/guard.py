@@ -39,6 +39,7 @@ def end(processes: list[int], status: str) -> None:
             if ours(process, status):
                 with suppress(OSError):
                     os.kill(process, number)
+        # Real time and sleep, as processes of the machine are waited for; no flight has a clock here.
         until = time.monotonic() + END_S
         while any(ours(each, status) for each in processes) and time.monotonic() < until:
             time.sleep(LOOK_S)

@@ -74,6 +74,7 @@ def give_mission(port: int, items: Sequence[MissionItemInt]) -> None:
         SimulatorError: it refuses it, or doesn't answer within `LIMIT_S`.
     """
     upload, writer, parser = Upload(items), FrameWriter(*PLANNER), StreamParser()
+    # Real time and sleep, as a simulator of the machine is waited for before the flight has a clock.
     began_s = next_s = time.monotonic()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
         link.settimeout(LOOK_S)
@@ -101,7 +102,7 @@ def _send(link: socket.socket, data: bytes) -> None:
 
 
 def _received(link: socket.socket) -> bytes:
-    """Return what came, if something did; an answer that nobody listens there counts as nothing."""
+    """Return what came, if something did; an answer that no process receives there counts as nothing."""
     try:
         return link.recv(MOST_BYTES)
     except TimeoutError:

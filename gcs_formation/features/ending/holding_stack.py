@@ -25,7 +25,7 @@ MARGIN_M = 5.0
 judgement."""
 SWAY_SIGMAS = 4.0
 """In turbulence, this multiple of the standard deviation of two vehicles' relative vertical displacement instead.
-Tuned: standard deviations; 3 to 5; shown by `pytest tests/gcs_formation/features/separation/test_flights.py`."""
+Tuned: standard deviations; 3 to 5; by judgement."""
 
 ORIGIN = 0.0, 0.0
 NOWHERE: Mapping[VehicleId, tuple[float, float]] = {}

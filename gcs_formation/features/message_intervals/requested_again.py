@@ -19,7 +19,8 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.messages import KINDS
-from gcs_formation.link.link_health import LinkState, SequenceTracker
+from gcs_formation.link.frame_loss import SequenceTracker
+from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import Note
 from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle

@@ -24,7 +24,7 @@ LASTS_S: Final = 30.0
 
 @dataclass
 class Encounter:
-    """A vehicle giving way to another."""
+    """A vehicle that avoids another."""
 
     begun: Instant
     min_m: float = math.inf
@@ -84,5 +84,5 @@ class Encounters:
 
 def _way(tick: Tick, column: int, side: float) -> str:
     """Return how a vehicle manoeuvres, for the event."""
-    aside = "upwards" if side > 0.0 else "downwards"
-    return aside if tick.replaced[column][HEIGHT] else "as high"
+    vertically = "upwards" if side > 0.0 else "downwards"
+    return vertically if tick.replaced[column][HEIGHT] else "as high"

@@ -1,4 +1,4 @@
-"""The virtual leader amid its followers, from followers that are in its slots."""
+"""The virtual leader at its followers' centroid, from followers that are in its slots."""
 
 import math
 

@@ -1,7 +1,8 @@
 """The table of link states."""
 
 from airlink.clock import Instant, after
-from gcs_formation.link.link_health import LOST_AFTER_S, STALE_AFTER_S, Connection, LinkState
+from gcs_formation.link.frame_loss import STALE_AFTER_S
+from gcs_formation.link.link_health import LOST_AFTER_S, Connection, LinkState
 
 START = Instant(0)
 

@@ -13,7 +13,8 @@ from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.frame_history import TURN_S
-from gcs_formation.link.link_health import LOST_AFTER_S, STALE_AFTER_S, Connection, LinkState
+from gcs_formation.link.frame_loss import STALE_AFTER_S
+from gcs_formation.link.link_health import LOST_AFTER_S, Connection, LinkState
 from gcs_formation.link.source_binding import BOTH_TALK_S, DISBELIEVED_S, MAX_RIVALS, SourceBinding
 
 HERE, THERE = Address("127.0.0.1", 40000), Address("127.0.0.1", 50000)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -11,30 +10,11 @@ import numpy as np
 import pytest
 
 import gcs_formation
-from flight_model.arrays import Array
 from formation_scenario import load_scenario
-from gcs_formation.app import run as app_run
-from sim_vehicles.truth import TruthRecord
 from tests.flights.conftest import Fly, scenario
 
 LIFT = {"at_s": 3, "vehicles": "all", "velocity_mps": [0, 0, -3.5]}
 """Air that rises faster than anybody can sink."""
-
-
-@pytest.fixture
-def kept_truth(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Array]]:
-    """Keep the rows of each flight's truth, which `run` deletes."""
-    found = list[dict[str, Array]]()
-
-    def read(directory: Path) -> TruthRecord | None:
-        record = original(directory)
-        if record is not None:
-            found.append(record.between(-math.inf, math.inf))
-        return record
-
-    original = app_run.recorded_truth
-    monkeypatch.setattr(app_run, "recorded_truth", read)
-    return found
 
 
 def test_leaving_the_fence_is_a_violation_by_the_truth_whatever_setpoints_said(fly: Fly, kept_truth):

@@ -18,7 +18,8 @@ from airlink.messages import KINDS
 from airlink.messages.command import CommandAck
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.features.message_intervals.requested_again import ASK_AGAIN_MAX_S, ASK_AGAIN_S, MessageIntervals
-from gcs_formation.link.link_health import STALE_AFTER_S, Connection, LinkState
+from gcs_formation.link.frame_loss import STALE_AFTER_S
+from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.vehicle.command_delivery import CommandQueue
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from tests.gcs_formation.noted import Noted
