@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks import PAPER, both_ways, flown, parser
 from flight_model.arrays import Array
 from flight_model.gain_design import UNMODELLED
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from formation_scenario import Scenario
 from gcs_formation.control import follower, laws
 from gcs_formation.control.follower import LawInput
@@ -48,9 +48,9 @@ D1_MAX_M, NOISE_MAX_M, SETTLED_MAX_S = (0.02, 0.03), (0.25, 0.25), 25.0
 class Differences(follower.FollowerController):
     """A follower's law that differentiates mixed errors instead of computing rates from states."""
 
-    _before: Triple | None = None
+    _before: Vector3 | None = None
 
-    def _slopes(self, pair: LawInput, axis_rad: float, target: Target, forward: Triple, dt_s: float) -> Triple:  # noqa: ARG002
+    def _slopes(self, pair: LawInput, axis_rad: float, target: Target, forward: Vector3, dt_s: float) -> Vector3:  # noqa: ARG002
         before, self._before = self._before or self.mixed, self.mixed
         speed, heading, height = ((now - then) / dt_s for now, then in zip(self.mixed, before, strict=True))
         return speed, heading, height

@@ -37,7 +37,7 @@ from flight_model.frequency_response import (
     sensitivity_peak,
     stable_delay_s,
 )
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 
 BANDWIDTHS = np.geomspace(1.5, 0.03, 60)
 """Bandwidths that are tried, rad/s, the fastest first."""
@@ -310,7 +310,7 @@ def consensus_gains(
     position_m: float,
     sampling_s: float,
     links_s: float,
-) -> Triple:
+) -> Vector3:
     """Return k1 in 1/s², k2 and k3 in 1/s; k1 is the least one tried if none keeps the bounds.
 
     Args:

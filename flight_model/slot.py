@@ -9,9 +9,9 @@ CHANNELS: Final = ("speed", "heading", "height")
 """The controlled quantities, each with a loop of its own."""
 HEIGHT: Final = 2
 """Index of the height among them."""
-Triple = tuple[float, float, float]
+Vector3 = tuple[float, float, float]
 """Values for forward, right and up, or for the channels."""
-UNKNOWN: Triple = (math.nan, math.nan, math.nan)
+UNKNOWN: Vector3 = (math.nan, math.nan, math.nan)
 """An unknown value, or a setpoint that wasn't sent."""
 HOVER_MPS: Final = 0.3
 """Ground speed at which course and heading have equal weight."""
@@ -21,7 +21,7 @@ NOSE_SHARE: Final = 10.0
 """Increase of the heading's weight per m/s below that speed."""
 
 
-def all_finite(values: Triple) -> bool:
+def all_finite(values: Vector3) -> bool:
     """Return whether none of three values is NaN or infinite."""
     total = values[0] + values[1] + values[2]
     return total - total == 0.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from flight_model.arrays import Array, Indices, all_of, within, wrap
 from flight_model.autopilot_model import AutopilotModel, FlightState
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 _NODES = ((_GAUSS + 1) / 2)[:, None]
@@ -138,7 +138,7 @@ class Setpoints(Columns):
         super().__init__(speed_mps, heading_rad, height_m)
 
     @classmethod
-    def from_each(cls, setpoints: Iterable[Triple]) -> Setpoints:
+    def from_each(cls, setpoints: Iterable[Vector3]) -> Setpoints:
         """Return the setpoints of vehicles, one after another."""
         return cls.of(np.array(list(setpoints)).T)
 

@@ -12,9 +12,9 @@ from mypy_extensions import mypyc_attr
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import FlightState
-from flight_model.slot import UNKNOWN, Triple
+from flight_model.slot import UNKNOWN, Vector3
+from gcs_formation.control.law_interface import LawOutput
 from gcs_formation.control.setpoint import AS_DECIDED, Replaced
-from gcs_formation.control.situation import LawOutput
 from gcs_formation.vehicle.vehicle import Vehicle
 
 Detail = str | int | float | bool | None
@@ -123,13 +123,13 @@ class Tick:
         """The states that the law acted on, predicted to the time when setpoints take effect."""
         self.virtual_leader: FlightState | None = None
         """State of a virtual leader at this instant; None with a real one."""
-        self.setpoints: list[Triple] = [UNKNOWN] * count
+        self.setpoints: list[Vector3] = [UNKNOWN] * count
         """Airspeed in m/s, heading in rad and height in m; NaN if none is sent."""
         self.replaced: list[Replaced] = [AS_DECIDED] * count
         """Which of these differ from the law's."""
         self.yielding = [False] * count
         """Columns whose setpoints are the separation rule's instead of the law's."""
-        self.slots_m: list[Triple] = [UNKNOWN] * count
+        self.slots_m: list[Vector3] = [UNKNOWN] * count
         """Forward, right and up; NaN for the leader."""
         self.slots_left = False
         """Whether heights of the end are flown, so that there are no slots."""
@@ -138,7 +138,7 @@ class Tick:
         self.events: list[Event] = []
         """Events on beginning and end of replacements."""
 
-    def error_of(self, column: int) -> Triple:
+    def error_of(self, column: int) -> Vector3:
         """Return a vehicle's formation error, forward, right and up; NaN for the leader, and without slots."""
         decided = self.decided[column]
         if decided is None or self.slots_left:
@@ -146,11 +146,11 @@ class Tick:
         return decided.error_m
 
     @property
-    def error_m(self) -> list[Triple]:
+    def error_m(self) -> list[Vector3]:
         """The errors of all columns."""
         return [self.error_of(column) for column in range(len(self.decided))]
 
-    def replace(self, column: int, setpoint: Triple) -> None:
+    def replace(self, column: int, setpoint: Vector3) -> None:
         """Replace a column's setpoint, and record which components changed."""
         speed_mps, heading_rad, height_m = self.setpoints[column]
         faster, turned, higher = self.replaced[column]

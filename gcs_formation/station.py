@@ -58,8 +58,8 @@ class Station(Engine):
         """Number of valid frames that weren't accepted as any vehicle's."""
         parts = Parts(scenario, recorder, self._note, self._send_all, utc_at_0_s, caution, resumed, signing)
         self.scenario, self.cycle = parts.scenario, parts.cycle
-        self.controller, self.course = parts.controller, parts.course
-        self.flight, self.vehicles, self.networks = self.course.flight, parts.vehicles, parts.networks
+        self.controller, self.phase_machine = parts.controller, parts.phase_machine
+        self.flight, self.vehicles, self.networks = self.phase_machine.flight, parts.vehicles, parts.networks
         self.gate, self.orders = parts.gate, parts.orders
         self.signatures, self.radio_reports = parts.signatures, parts.radio_reports
         self._endpoints, self._receiver, self._senders = parts.endpoints, parts.receiver, parts.senders

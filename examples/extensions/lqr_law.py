@@ -4,7 +4,7 @@ from pydantic import BaseModel, Field
 
 from gcs_formation.extend import FollowerLaw, register_law
 
-Triple = tuple[float, float, float]
+Vector3 = tuple[float, float, float]
 GAINS = (1.2, 2.6), (1.0, 1.6), (1.6, 3.6)
 """Of error and rate: speed, heading, height."""
 
@@ -23,7 +23,7 @@ class Lqr(FollowerLaw):
         """Start with empty integrals."""
         self.integrals = [0.0, 0.0, 0.0]
 
-    def feedback(self, error: Triple, error_rate: Triple, dt_s: float) -> list[float]:
+    def feedback(self, error: Vector3, error_rate: Vector3, dt_s: float) -> list[float]:
         """Return what is added to the feed-forward: speed m/s, heading rad, height m."""
         output = list[float]()
         for channel, (of_error, of_rate) in enumerate(GAINS):

@@ -92,9 +92,9 @@ class Conclusion:
         else:
             for _ in passing:
                 pass
-        flight, course = gathering.flight(), self._station.course
-        if course.failure is None and flight.truth:
-            course.failure = down_at_end(flight)
+        flight, phase_machine = gathering.flight(), self._station.phase_machine
+        if phase_machine.failure is None and flight.truth:
+            phase_machine.failure = down_at_end(flight)
         summary = summarise(
             RunOutcome(
                 scenario=self._scenario,
@@ -109,13 +109,13 @@ class Conclusion:
                 frames_refused=self._station.refused(),
                 simulated_s=seconds_between(self._times.began, self._times.now),
                 wall_s=wall_s,
-                cut_short=self._station.course.cut_short,
-                assembled=self._station.course.assembled,
+                cut_short=self._station.phase_machine.cut_short,
+                assembled=self._station.phase_machine.assembled,
                 undone=tuple(self._station.orders.undone),
-                unsafe=tuple(self._station.course.unsafe),
-                flying_on=dict(self._station.course.flying_on),
-                not_landed=self._station.course.not_landed,
-                failure=self._station.course.failure,
+                unsafe=tuple(self._station.phase_machine.unsafe),
+                flying_on=dict(self._station.phase_machine.flying_on),
+                not_landed=self._station.phase_machine.not_landed,
+                failure=self._station.phase_machine.failure,
                 features=self._station.features,
                 measure=self._options.measure,
             )

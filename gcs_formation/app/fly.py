@@ -32,7 +32,7 @@ def rehearse(scenario: Scenario, options: RunOptions, progress: Progress, interr
     """
     session = _flown(scenario, options, progress, interrupts)
     session.recorder.close()
-    failure = session.station.course.failure
+    failure = session.station.phase_machine.failure
     if failure is not None or not session.station.gate.rehearsed:
         raise RunAbortedError(failure or "interrupted before every vehicle was ready")
     return rehearsed(session.station)

@@ -20,8 +20,8 @@ from formation_scenario.expectation import Expectation
 from gcs_formation.recorder import Event, Recorder
 
 if TYPE_CHECKING:
-    from gcs_formation.mission.course import Course
     from gcs_formation.mission.gate import Gate
+    from gcs_formation.mission.phase_machine import FlightPhaseMachine
 
 ClockName = Literal["real", "virtual"]
 Record = Literal["full", "series", "summary", "none"]
@@ -117,13 +117,13 @@ class Interrupts:
         # Both the shell and the kernel signal a closed terminal: that isn't a second request.
         self.count = max(self.count, 1) if number == signal.SIGHUP else self.count + 1
 
-    def heed(self, course: Course, now: Instant) -> bool:
+    def heed(self, phase_machine: FlightPhaseMachine, now: Instant) -> bool:
         """Do what the interrupts so far ask for; return whether the run ends without waiting for vehicles."""
         while self._heeded < self.count:
             self._heeded += 1
             if self._heeded == 1:
-                course.stop(now)
-            elif self._heeded > 2 or not course.go_home_at_once(now):
+                phase_machine.stop(now)
+            elif self._heeded > 2 or not phase_machine.go_home_at_once(now):
                 self._left = True
         return self._left
 

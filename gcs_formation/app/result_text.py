@@ -252,7 +252,7 @@ def _where(station: Station, now: Instant) -> str:
     flight, scenario = station.flight, station.scenario
     mission_s = flight.mission_time_s(now)
     since = "" if math.isnan(mission_s) else f", t = {mission_s:.1f} of {scenario.duration_s:g} s"
-    failure = f"; {station.course.failure}" if station.course.failure else ""
+    failure = f"; {station.phase_machine.failure}" if station.phase_machine.failure else ""
     return f"{scenario.name}: {flight.phase.value}{since}, {now / NANOSECONDS:.1f} s after the start{failure}"
 
 

@@ -284,7 +284,7 @@ def over(session: Session, emulators: subprocess.Popen[bytes], said: _Said | Non
 
     `said` takes the process's output, if extensions may fail in it.
     """
-    course = session.station.course
+    phase_machine = session.station.phase_machine
     if emulators.stdout is not None:
         session.begin_to_wait()
         if emulators.stdout.read(1) is not None:  # the emulators are up, or have exited
@@ -293,10 +293,10 @@ def over(session: Session, emulators: subprocess.Popen[bytes], said: _Said | Non
             else:
                 said.output = emulators.stdout
             emulators.stdout = None
-    if course.failure is None and emulators.poll() is not None and not session.station.flight.ended:
+    if phase_machine.failure is None and emulators.poll() is not None and not session.station.flight.ended:
         last = emulators.stderr.read().decode(errors="replace").strip() if emulators.stderr else ""
         last = last or f"exit status {emulators.returncode}"
-        course.fail(f"the emulated vehicles' process has ended: {last}", session.clock.now())
+        phase_machine.fail(f"the emulated vehicles' process has ended: {last}", session.clock.now())
     return session.attend()
 
 

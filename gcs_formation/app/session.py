@@ -177,16 +177,16 @@ class Session:
 
     def attend(self) -> bool:
         """Serve the operator and show progress, after every event; return whether the flight has ended."""
-        if self.recorder.failure is not None and self.station.course.failure is None:
-            self.station.course.fail(self.recorder.failure, self.clock.now())
-        if self._sinks is not None and self._sinks.failure is not None and self.station.course.failure is None:
-            self.station.course.fail(self._sinks.failure, self.clock.now())
+        if self.recorder.failure is not None and self.station.phase_machine.failure is None:
+            self.station.phase_machine.fail(self.recorder.failure, self.clock.now())
+        if self._sinks is not None and self._sinks.failure is not None and self.station.phase_machine.failure is None:
+            self.station.phase_machine.fail(self._sinks.failure, self.clock.now())
         if self.emulators_failure is not None or self.link_processes.failure is not None:
             self._heed_extensions()
         if self.lying is not None and self.station.cycle.findings.silent_aloft and self.clock.now() >= self._next_look:
             self._next_look = after(self.clock.now(), LOOK_S)
             self.station.cycle.findings.lie(self.lying())
-        left = self.interrupts.heed(self.station.course, self.clock.now())
+        left = self.interrupts.heed(self.station.phase_machine, self.clock.now())
         self._injected.note(self.station.recorded_ticks)
         if self.recorder.is_beside and self.station.commands_anybody:
             self.recorder.replace_earlier()
@@ -227,8 +227,8 @@ class Session:
         failure = self.link_processes.failure
         if failure is None and self.emulators_failure is not None:
             failure = self.emulators_failure()
-        if failure is not None and self.station.course.failure is None:
-            self.station.course.fail(failure, self.clock.now())
+        if failure is not None and self.station.phase_machine.failure is None:
+            self.station.phase_machine.fail(failure, self.clock.now())
 
     def _reported(self, vehicle: VehicleId) -> Place:
         """Return where a vehicle last said that it is."""
@@ -243,7 +243,7 @@ class Session:
         if self._resumed is not None:
             self.recorder.close()
             return RunAbortedError(str(error))
-        self.station.course.fail(str(error), self.clock.now(), begun=False)
+        self.station.phase_machine.fail(str(error), self.clock.now(), begun=False)
         try:
             self.conclude(None)
         except RunAbortedError as failed:
@@ -256,7 +256,7 @@ class Session:
 
     def _confirming(self) -> Confirmation:
         def decline(reason: str) -> None:
-            self.station.course.fail(reason, self.clock.now())
+            self.station.phase_machine.fail(reason, self.clock.now())
 
         return Confirmation(self.station.gate, self.recorder, sys.stdin.fileno(), decline)
 
@@ -268,7 +268,7 @@ class Session:
         Raises:
             RunAbortedError: the station or its record failed; what was recorded is kept.
         """
-        wall_s, course = self._spent.wall_s, self.station.course
+        wall_s, phase_machine = self._spent.wall_s, self.station.phase_machine
         self._close_sinks()
         self.signing.keep()
         if self.script.has_new:
@@ -276,9 +276,9 @@ class Session:
         self.recorder.close()
         if self.recorder.failure is not None:
             raise RecordingError(self.recorder.failure)
-        failure = None if course.failure is None else course.failure + self._hurry()
+        failure = None if phase_machine.failure is None else phase_machine.failure + self._hurry()
         begun = self._resumed is not None or bool(Spool(self.recorder.path / SPOOL).ticks)
-        resumable = begun and not (self.emulated or course.flown)
+        resumable = begun and not (self.emulated or phase_machine.flown)
         if failure is not None and resumable:  # by `fly --resume`, from what is recorded
             raise RunAbortedError(failure)
         try:
@@ -306,7 +306,7 @@ class Session:
         if self._sinks is not None:
             self._sinks.close()
             if self._sinks.failure is not None:
-                self.station.course.failure = self.station.course.failure or self._sinks.failure
+                self.station.phase_machine.failure = self.station.phase_machine.failure or self._sinks.failure
 
     def _hurry(self) -> str:
         """Return the note that a high --speedup may have caused a failure; "" at a lower speedup."""

@@ -19,13 +19,13 @@ import numpy as np
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel, FlightState, rotated
-from flight_model.slot import UNKNOWN, Slot, Triple
+from flight_model.slot import UNKNOWN, Slot, Vector3
 from formation_scenario.fields import Frame
 from formation_scenario.slot_frame import axis_rad
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
+from gcs_formation.control.law_interface import CycleInput, Law, LawOutput
 from gcs_formation.control.setpoint import Envelope, LeaderMotion, Target, feed_forward, formation_error, slot_target
-from gcs_formation.control.situation import Law, LawOutput, Situation
 from gcs_formation.estimation.estimator import MIN_AIRSPEED_MPS
 
 _Reference = tuple[LeaderMotion, float]
@@ -52,7 +52,7 @@ class ConsensusLaw(Law):
     """The protocol of all vehicles, including the leader. It keeps no state between ticks."""
 
     def __init__(
-        self, gains: Triple, weights: Array, members: list[int], frame: Frame, models: list[AutopilotModel]
+        self, gains: Vector3, weights: Array, members: list[int], frame: Frame, models: list[AutopilotModel]
     ) -> None:
         """Take the constants and the graph of protocol (3).
 
@@ -93,19 +93,19 @@ class ConsensusLaw(Law):
     def retune(self, parameters: LawParameters) -> None:
         """Do nothing: k1, k2 and k3 don't come from the gain design."""
 
-    def decide(self, situation: Situation, dt_s: float) -> list[LawOutput]:  # noqa: ARG002 - no memory, no rates
+    def decide(self, cycle_input: CycleInput, dt_s: float) -> list[LawOutput]:  # noqa: ARG002 - no memory, no rates
         """Return the setpoints of all vehicles; inactive ones are left out of the sums."""
-        if situation.lead.leader != self._leader or situation.active != self._active:
-            self._connect(situation.lead.leader, situation.active)
-        states, slots, models = situation.states, situation.slots, self._models
+        if cycle_input.lead.leader != self._leader or cycle_input.active != self._active:
+            self._connect(cycle_input.lead.leader, cycle_input.active)
+        states, slots, models = cycle_input.states, cycle_input.slots, self._models
         everyone = range(len(models))
         flown = [states.of(column, column) for column in everyone]
         leaders = [states.of(self._leader, column) for column in everyone]
-        references = [_reference(situation, each, leaders[each], models[self._leader]) for each in everyone]
+        references = [_reference(cycle_input, each, leaders[each], models[self._leader]) for each in everyone]
         own = list(map(self._deviation, flown, references, slots))
-        sums = self._protocol(situation, references, slots, own)
+        sums = self._protocol(cycle_input, references, slots, own)
         # One share for all vehicles: a different one for each would change the graph's weights.
-        share = min(min(situation.bandwidth[p]) for p in self._members)
+        share = min(min(cycle_input.bandwidth[p]) for p in self._members)
         return [
             LawOutput(
                 p,
@@ -118,18 +118,18 @@ class ConsensusLaw(Law):
             for p in self._members
         ]
 
-    def _error(self, column: int, leader: FlightState, state: FlightState, slot: Slot) -> Triple:
+    def _error(self, column: int, leader: FlightState, state: FlightState, slot: Slot) -> Vector3:
         axis = axis_rad(self._frame, leader.heading_rad, state.heading_rad)
         return UNKNOWN if column == self._leader else formation_error(leader, state, slot, axis)
 
     def _protocol(
-        self, situation: Situation, references: list[_Reference], slots: list[Slot], own: list[_Deviation]
+        self, cycle_input: CycleInput, references: list[_Reference], slots: list[Slot], own: list[_Deviation]
     ) -> list[tuple[float, float]]:
         """Return each vehicle's sum over its neighbours in (3), north and east in m/s²."""
         k1, k2 = self._k1, self._k2
         sums = [(0.0, 0.0)] * len(own)
         for p, q, weight in self._edges:
-            there, here = self._deviation(situation.states.of(q, p), references[p], slots[q]), own[p]
+            there, here = self._deviation(cycle_input.states.of(q, p), references[p], slots[q]), own[p]
             north = k1 * (there.north_m - here.north_m) + k2 * (there.north_mps - here.north_mps)
             east = k1 * (there.east_m - here.east_m) + k2 * (there.east_mps - here.east_mps)
             sums[p] = sums[p][0] + weight * north, sums[p][1] + weight * east
@@ -144,7 +144,7 @@ class ConsensusLaw(Law):
         neighbours: tuple[float, float],
         share: float,
         model: AutopilotModel,
-    ) -> Triple:
+    ) -> Vector3:
         """Return one vehicle's setpoint: the slot's own motion, plus u of (3) converted by its time constants."""
         axis, turn_rps, bend_rps2 = leader.state.heading_rad, leader.turn_rps, leader.bend_rps2
         slot = self._seen(slot, leader, axis)
@@ -184,13 +184,13 @@ class ConsensusLaw(Law):
         return _Deviation(state, rotated(-heading_rad, slot.forward_m, slot.right_m), target)
 
 
-def _reference(situation: Situation, column: int, flown: FlightState, model: AutopilotModel) -> _Reference:
+def _reference(cycle_input: CycleInput, column: int, flown: FlightState, model: AutopilotModel) -> _Reference:
     """Return the guidance's reference motion at the instant of one vehicle's state; `model` is the leader's.
 
     The reference doesn't lag behind the guidance: it is the leader's setpoints minus the lead for its time constants.
     """
-    lead, path = situation.lead, situation.lead.path
-    commanded, later_s = lead.commanded[column], (situation.states.instant(column) - lead.at) / NANOSECONDS
+    lead, path = cycle_input.lead, cycle_input.lead.path
+    commanded, later_s = lead.commanded[column], (cycle_input.states.instant(column) - lead.at) / NANOSECONDS
     swung_rad = (path.turn_rps + path.bend_rps2 * later_s / 2) * later_s
     lag_s = model.tau_ha_s + model.tau_hb_s
     state = FlightState(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from flight_model.autopilot_model import FlightState
-from flight_model.slot import Slot, Triple, all_finite
-from gcs_formation.control.situation import LawOutput
+from flight_model.slot import Slot, Vector3, all_finite
+from gcs_formation.control.law_interface import LawOutput
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.projection import States
 from gcs_formation.guidance.tracking import RouteHeading
@@ -72,7 +72,7 @@ class FiniteStates(States):
         return self._states.instant(whose)
 
 
-def require_setpoint(part: str, column: int, setpoint: Triple) -> None:
+def require_setpoint(part: str, column: int, setpoint: Vector3) -> None:
     """Raise NotFiniteError if a setpoint isn't finite: airspeed m/s, heading rad and height m."""
     if not all_finite(setpoint):
         raise NotFiniteError(part, column, f"setpoint: {_listed(SETPOINT, list(setpoint))}")

@@ -14,7 +14,7 @@ from typing import Final
 from mypy_extensions import mypyc_attr
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, rate, rotated, within, wrap
-from flight_model.slot import UNKNOWN, Slot, Triple, all_finite
+from flight_model.slot import UNKNOWN, Slot, Vector3, all_finite
 from formation_scenario.fields import Frame
 from gcs_formation.control.fuzzy_pid import NO_GAINS, ChannelConstants, FuzzyGainScheduler, Gains, Pid
 from gcs_formation.control.outside import Feedback
@@ -88,7 +88,7 @@ class LawInput:
         state: FlightState,
         slot: Slot,
         model: AutopilotModel,
-        commanded: Triple,
+        commanded: Vector3,
         wind_variance: float,
         bandwidth: list[float],
         replaced: Replaced,
@@ -152,7 +152,7 @@ class Controller(ABC):
             self.feedback.reset()
         self.setpoint = self.error_m = self.mixed = UNKNOWN
 
-    def _output(self, slopes: Triple, right_share: float, pair: LawInput, dt_s: float) -> Triple:
+    def _output(self, slopes: Vector3, right_share: float, pair: LawInput, dt_s: float) -> Vector3:
         """Return the feedback, which is added to the feed-forward; `slopes` are the mixed errors' rates of change.
 
         `right_share` scales the bandwidth of the second loop: rightward velocity, or heading.
@@ -252,7 +252,7 @@ class FollowerController(Controller):
         target.speed_mps -= slot.right_m * crab_rps
         return target, -pair.model.tau_v_s * slot.right_m * crab_rps2, pair.model.tau_psi_s * crab_rps
 
-    def _errors_to_mix(self, pair: LawInput, target: Target) -> Triple:
+    def _errors_to_mix(self, pair: LawInput, target: Target) -> Vector3:
         """Return the errors that enter the mixer: `error_m`, corrected for the heading in the follower's own frame.
 
         While the follower's heading differs from its slot's by some angle, the follower's frame swings a slot at the
@@ -266,7 +266,7 @@ class FollowerController(Controller):
         off = math.sin(wrap(pair.state.heading_rad - target.heading_rad))
         return x_m + pair.slot.right_m * off, y_m - _missing_trail_m(target, pair.slot) * off, z_m
 
-    def _slopes(self, pair: LawInput, axis_rad: float, target: Target, forward: Triple, dt_s: float) -> Triple:
+    def _slopes(self, pair: LawInput, axis_rad: float, target: Target, forward: Vector3, dt_s: float) -> Vector3:
         """Return the rates of change of the mixed errors, from the states and not from earlier errors.
 
         The rates of the follower and of its target are means over the tick that ends: a leader whose turn rate begins
@@ -309,8 +309,8 @@ class FollowerController(Controller):
         return 1.0 if self._trailing is None else swing_share(pair.slot.right_m, pair.leader.state.airspeed_mps)
 
     def _limited(
-        self, pair: LawInput, target: Target, forward: Triple, output: Triple, gust: tuple[float, float], dt_s: float
-    ) -> Triple:
+        self, pair: LawInput, target: Target, forward: Vector3, output: Vector3, gust: tuple[float, float], dt_s: float
+    ) -> Vector3:
         """Return the setpoint within the envelope, and update the integrators by what was limited.
 
         Corrections of the feed-forward grow no faster than the vehicle can follow, but may shrink at any rate, or the

@@ -17,7 +17,7 @@ from mypy_extensions import i64
 
 from flight_model.arrays import Array
 from flight_model.autopilot_model import within
-from flight_model.slot import UNKNOWN, Triple
+from flight_model.slot import UNKNOWN, Vector3
 
 LEVELS = {"ZR": 0.0, "PL": 0.5, "PH": 1.0}
 SETS: Final = 5
@@ -101,7 +101,7 @@ class GainRange:
     base: float = 0.7
     span: float = 0.6
 
-    def gains(self, nominal: PidGains, outputs: Triple) -> PidGains:
+    def gains(self, nominal: PidGains, outputs: Vector3) -> PidGains:
         """Gains at the scheduler's outputs (F_p, F_i, F_d)."""
         f_p, f_i, f_d = outputs
         return PidGains(
@@ -147,7 +147,7 @@ class FuzzyGainScheduler:
         rates: list[float] = inputs[1].ravel().tolist()
         return np.array(list(map(self.factors, errors, rates))).reshape(*inputs.shape[1:], 3)
 
-    def factors(self, error: float, error_rate: float) -> Triple:
+    def factors(self, error: float, error_rate: float) -> Vector3:
         """Return F_p, F_i, F_d in [0, 1] for normalised inputs, which are clipped to [-1, 1]."""
         across = (within(error, -1.0, 1.0) + 1.0) * ((SETS - 1) / 2)
         down = (within(error_rate, -1.0, 1.0) + 1.0) * ((SETS - 1) / 2)

@@ -6,17 +6,17 @@ from typing import Any
 
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel, FlightState
-from flight_model.slot import UNKNOWN, Triple, all_finite
+from flight_model.slot import UNKNOWN, Vector3, all_finite
 from formation_scenario import Scenario
 from formation_scenario.extensions import Registered
 from formation_scenario.slot_assignment import column_ids
 from formation_scenario.slot_frame import axis_rad
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
+from gcs_formation.control.law_interface import CycleInput, Law, LawOutput
 from gcs_formation.control.outside import guarded, made, three_numbers
 from gcs_formation.control.plain_values import FollowerSlot, plain_state, vehicle_name
 from gcs_formation.control.setpoint import Envelope, formation_error
-from gcs_formation.control.situation import Law, LawOutput, Situation
 from gcs_formation.errors import NotFiniteError
 
 
@@ -37,13 +37,13 @@ class LawOverAll(Law):
     def retune(self, parameters: LawParameters) -> None:
         """Keep its own gains."""
 
-    def decide(self, situation: Situation, dt_s: float) -> list[LawOutput]:
+    def decide(self, cycle_input: CycleInput, dt_s: float) -> list[LawOutput]:
         """Return the followers' setpoints.
 
         Raises:
             NotFiniteError: the law raised an error, or returned no three finite numbers for a follower.
         """
-        leader = situation.lead.leader
+        leader = cycle_input.lead.leader
         if leader != self._leader:
             self._leader = leader
             guarded(self._entry, self._law.reset)
@@ -51,25 +51,25 @@ class LawOverAll(Law):
         for column, identity in enumerate(self._identities):
             if column != leader and identity is not None:
                 state, led, slot = (
-                    situation.states.of(column, column),
-                    situation.states.of(leader, column),
-                    situation.slots[column],
+                    cycle_input.states.of(column, column),
+                    cycle_input.states.of(leader, column),
+                    cycle_input.slots[column],
                 )
                 axis = axis_rad(self._frame, led.heading_rad, state.heading_rad)
                 error_m = formation_error(led, state, slot, axis)
                 decided.append(LawOutput(column, state, UNKNOWN, error_m, UNKNOWN, NO_GAINS))
-                if situation.active[column]:
+                if cycle_input.active[column]:
                     speeds_mps = self._models[column].speed_min_mps, self._models[column].speed_max_mps
                     place = slot.forward_m, slot.right_m, slot.up_m
                     name = vehicle_name(identity)
                     seen.append(FollowerSlot(name, plain_state(state), plain_state(led), place, error_m, speeds_mps))
         found = guarded(self._entry, lambda: dict(self._law.setpoints(seen, dt_s)))
         for each in decided:
-            if situation.active[each.column]:
+            if cycle_input.active[each.column]:
                 each.setpoint = self._within(each.column, each.state, found)
         return decided
 
-    def _within(self, column: int, state: FlightState, found: dict[Any, Any]) -> Triple:
+    def _within(self, column: int, state: FlightState, found: dict[Any, Any]) -> Vector3:
         identity = self._identities[column]
         assert identity is not None
         name, entry = vehicle_name(identity), self._entry

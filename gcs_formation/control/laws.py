@@ -10,17 +10,17 @@ from typing import Final
 import numpy as np
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, rate, rotated, within, wrap
-from flight_model.slot import Triple, all_finite
+from flight_model.slot import Vector3, all_finite
 from formation_scenario import Scenario
 from formation_scenario import law as keys
 from formation_scenario.extensions import FORMATION_LAW, LAW, LAW_KINDS
 from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.follower import BRAKING_SHARE, Controller, FollowerController, LawInput, LawParameters
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, ChannelConstants, FuzzyGainScheduler, GainRange, PidGains
+from gcs_formation.control.law_interface import CycleInput, Law, LawOutput
 from gcs_formation.control.law_over_all import LawOverAll
 from gcs_formation.control.outside import Feedback
 from gcs_formation.control.setpoint import LeaderMotion, Mixer, error_rate, formation_error, lead_height
-from gcs_formation.control.situation import Law, LawOutput, Situation
 from gcs_formation.guidance.leader_commands import LeaderCommand
 
 HOVER_MPS: Final = 0.02
@@ -52,7 +52,7 @@ class VelocityController(Controller):
         lead_rad = math.atan2(across_mps, along_mps) if speed_mps > HOVER_MPS else 0.0
         self.setpoint = speed_mps, axis_rad + lead_rad, height_m
 
-    def _limited(self, pair: LawInput, forward: Triple, output: Triple, dt_s: float) -> Triple:
+    def _limited(self, pair: LawInput, forward: Vector3, output: Vector3, dt_s: float) -> Vector3:
         """Return velocities and height within the limits, and update the integrators by what was limited.
 
         A correction is no faster than the vehicle can brake from before it reaches its slot.
@@ -92,7 +92,7 @@ class VelocityController(Controller):
         return within(height_m, state.height_m - reach_m, state.height_m + reach_m)
 
 
-def _feed_forward(pair: LawInput) -> Triple:
+def _feed_forward(pair: LawInput) -> Vector3:
     """Return the feed-forward: velocities along and across the leader's heading, and height.
 
     The velocity is that of a point in the leader's turning frame, plus its acceleration times the vehicle's time
@@ -155,17 +155,17 @@ class FormationLaw(Law):
         for controller in self._controllers:
             controller.retune(parameters)
 
-    def decide(self, situation: Situation, dt_s: float) -> list[LawOutput]:
+    def decide(self, cycle_input: CycleInput, dt_s: float) -> list[LawOutput]:
         """Return the followers' setpoints; the controllers of inactive ones are reset."""
-        if situation.lead.leader != self._leader:
-            self._lead_by(situation.lead.leader)
-        its_model, states = self._models[self._leader].held(dt_s), situation.states
+        if cycle_input.lead.leader != self._leader:
+            self._lead_by(cycle_input.lead.leader)
+        its_model, states = self._models[self._leader].held(dt_s), cycle_input.states
         # Each stage runs for all followers: its code then stays in the processor's cache, which can't hold all stages.
         flown = [states.of(column, column) for column in self._followers]
         pairs = list[LawInput | None]()
         for i, column in enumerate(self._followers):
-            active = situation.active[column]
-            pairs.append(self._pair(situation, column, flown[i], its_model, dt_s) if active else None)
+            active = cycle_input.active[column]
+            pairs.append(self._pair(cycle_input, column, flown[i], its_model, dt_s) if active else None)
         for i, pair in enumerate(pairs):
             controller = self._controllers[self._followers[i]]
             if pair is None:
@@ -182,12 +182,12 @@ class FormationLaw(Law):
         return decided
 
     def _pair(
-        self, situation: Situation, column: int, state: FlightState, its_model: AutopilotModel, dt_s: float
+        self, cycle_input: CycleInput, column: int, state: FlightState, its_model: AutopilotModel, dt_s: float
     ) -> LawInput:
         """Return a follower and its leader when the follower's setpoint acts; `its_model`: the leader's, `held`."""
-        leader = situation.states.of(self._leader, column)
-        motion = leader_motion(situation.lead.commanded[column], leader, its_model, dt_s)
-        slot = situation.slots[column]
+        leader = cycle_input.states.of(self._leader, column)
+        motion = leader_motion(cycle_input.lead.commanded[column], leader, its_model, dt_s)
+        slot = cycle_input.slots[column]
         if self._to_north:
             slot = slot.turned(leader.heading_rad, motion.begun_rps, motion.bend_rps2)
         return LawInput(
@@ -195,10 +195,10 @@ class FormationLaw(Law):
             state,
             slot,
             self._models[column].held(dt_s),
-            situation.commanded(column),
-            situation.wind_variance[column] + situation.wind_variance[self._leader],
-            situation.bandwidth[column],
-            situation.replaced[column],
+            cycle_input.commanded(column),
+            cycle_input.wind_variance[column] + cycle_input.wind_variance[self._leader],
+            cycle_input.bandwidth[column],
+            cycle_input.replaced[column],
         )
 
 

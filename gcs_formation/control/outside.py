@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, TypeVar
 
-from flight_model.slot import Triple, all_finite
+from flight_model.slot import Vector3, all_finite
 from formation_scenario.extensions import Registered
 from gcs_formation.errors import NotFiniteError, RunAbortedError
 
@@ -30,7 +30,7 @@ def guarded(entry: Registered, call: Callable[[], Result]) -> Result:
     return entry.call(call, lambda why: NotFiniteError(str(entry), None, why), (NotFiniteError,))
 
 
-def three_numbers(values: Iterable[Any]) -> Triple:
+def three_numbers(values: Iterable[Any]) -> Vector3:
     """Return three numbers as floats; ValueError or TypeError if they are something else."""
     first, second, third = values
     return float(first), float(second), float(third)
@@ -43,7 +43,7 @@ class Feedback:
         """Make an instance for one column."""
         self._entry, self._column, self._law = entry, column, made(entry, keys)
 
-    def output(self, mixed: Triple, slopes: Triple, replaced: tuple[bool, bool, bool], dt_s: float) -> Triple:
+    def output(self, mixed: Vector3, slopes: Vector3, replaced: tuple[bool, bool, bool], dt_s: float) -> Vector3:
         """Return what it adds to the feed-forward, m/s, rad, m.
 
         Raises:
@@ -57,7 +57,7 @@ class Feedback:
             raise NotFiniteError(f"{self._entry} ({self._entry.where})", self._column, f"feedback: {values}")
         return output
 
-    def limited(self, excess: Triple) -> None:
+    def limited(self, excess: Vector3) -> None:
         """Take what the limits added to the last output."""
         self._law.excess = excess
 

@@ -9,7 +9,7 @@ from typing import Any
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.autopilot_model import Setpoint as Commanded
 from flight_model.path import Route
-from flight_model.slot import Triple, all_finite
+from flight_model.slot import Vector3, all_finite
 from formation_scenario.extensions import Registered
 from gcs_formation.control.outside import guarded, made
 from gcs_formation.control.plain_values import GuidedLeader, RoutePoint, Setpoint, plain_state
@@ -49,7 +49,7 @@ class OwnGuidance:
             self._dt_s,
         )
 
-        def setpoint() -> Triple:
+        def setpoint() -> Vector3:
             speed_mps, heading_rad, height_m = self._own.steer(leader)
             return float(speed_mps), float(heading_rad), float(height_m)
 

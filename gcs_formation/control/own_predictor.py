@@ -16,7 +16,7 @@ from formation_scenario.slot_assignment import column_ids
 from gcs_formation.control.outside import guarded, made
 from gcs_formation.control.plain_values import MeasuredVehicle, Setpoint, State, plain_state, vehicle_name
 from gcs_formation.errors import NotFiniteError
-from gcs_formation.estimation.projection import Measured, Prediction, States
+from gcs_formation.estimation.projection import MeasuredStates, Prediction, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 
@@ -41,11 +41,11 @@ class OwnPrediction(States):
         self._identities: list[VehicleId | None] = list(column_ids(scenario))
         self._history, self._models = history, models
         self._by_model = Prediction(history, models, scenario.telemetry.rate_hz)
-        self._measured: Measured | None = None
+        self._measured: MeasuredStates | None = None
         self._seen: list[MeasuredVehicle] = []
         self._found: dict[tuple[int, int], FlightState] = {}
 
-    def predict(self, measured: Measured) -> OwnPrediction:
+    def predict(self, measured: MeasuredStates) -> OwnPrediction:
         """Take a tick's states, and show them to the predictor.
 
         Raises:
@@ -85,7 +85,7 @@ class OwnPrediction(States):
         state.wind_north_mps, state.wind_east_mps = wind_north_mps, wind_east_mps
         return state
 
-    def _vehicle(self, column: int, measured: Measured) -> MeasuredVehicle:
+    def _vehicle(self, column: int, measured: MeasuredStates) -> MeasuredVehicle:
         identity = self._identities[column]
         return MeasuredVehicle(
             None if identity is None else vehicle_name(identity),

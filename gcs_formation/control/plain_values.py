@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import FlightState
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 
 
 class State(NamedTuple):
@@ -39,9 +39,9 @@ class FollowerSlot(NamedTuple):
     """Its own, when its setpoint acts."""
     leader: State
     """Its leader's at that time."""
-    slot_m: Triple
+    slot_m: Vector3
     """Its slot: forward, right and up of the leader."""
-    error_m: Triple
+    error_m: Vector3
     """Its formation error: positive when it is behind, left of and below its slot."""
     speed_mps: tuple[float, float]
     """Lowest and highest speed that it can be commanded."""
@@ -60,7 +60,7 @@ class FollowerModel(NamedTuple):
     """Whether it is commanded by velocity over ground."""
     speed_mps: float
     """The path's airspeed at its start."""
-    slots_m: tuple[Triple, ...]
+    slots_m: tuple[Vector3, ...]
     """Its slots during the run: forward, right and up of the leader."""
 
 

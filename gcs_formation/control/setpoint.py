@@ -14,7 +14,7 @@ from typing import Final
 from mypy_extensions import mypyc_attr
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, rotated, within, wrap
-from flight_model.slot import Slot, Triple, all_finite
+from flight_model.slot import Slot, Vector3, all_finite
 from formation_scenario.fields import Frame
 from formation_scenario.slot_frame import axis_rad
 
@@ -64,7 +64,7 @@ class Target:
         self.heading_rad = heading_rad
 
 
-def formation_error(leader: FlightState, follower: FlightState, slot: Slot, axis_rad: float) -> Triple:
+def formation_error(leader: FlightState, follower: FlightState, slot: Slot, axis_rad: float) -> Vector3:
     """Return x_c - x_rc, y_c - y_rc, z_c - z_rc in m; positive when the follower is behind, left, below.
 
     Both states are of the same instant; x and y are along and across `axis_rad`.
@@ -75,8 +75,8 @@ def formation_error(leader: FlightState, follower: FlightState, slot: Slot, axis
 
 
 def error_rate(
-    leader: FlightState, follower: FlightState, error_m: Triple, slot: Slot, axis_rad: float, axis_turn_rps: float
-) -> Triple:
+    leader: FlightState, follower: FlightState, error_m: Vector3, slot: Slot, axis_rad: float, axis_turn_rps: float
+) -> Vector3:
     """Return the rate of change of `formation_error`, m/s: (8), from velocities over ground and its axes' turn rate."""
     leader_north_mps, leader_east_mps = leader.ground_mps()
     north_mps, east_mps = follower.ground_mps()
@@ -130,7 +130,7 @@ def centroid(
     return leader
 
 
-def mix(mixer: Mixer, target: Target, follower: FlightState, error_m: Triple) -> Triple:
+def mix(mixer: Mixer, target: Target, follower: FlightState, error_m: Vector3) -> Vector3:
     """Return e_v in m/s, e_psi in rad and e_z in m of (13), v1 and psi1 replaced by the slot's target."""
     return (
         mixer.k_v * (target.speed_mps - follower.airspeed_mps) + mixer.k_x * error_m[0],
@@ -176,7 +176,7 @@ def feed_forward(
     slot: Slot,
     model: AutopilotModel,
     updraught_mps: float,
-) -> Triple:
+) -> Vector3:
     """Return the speed, heading and height setpoints that hold `target` (errata item 29).
 
     The speed and heading that the slot needs change with three things: the leader's velocity; the axes' turn rate, in
@@ -260,7 +260,7 @@ class TrailingSlot:
         change_ps = due_ps - rate_rps * (math.cos(off_rad) - slot.forward_mps / speed)
         return turn + rate_rps, leader.bend_rps2 + change_ps / held_s
 
-    def crab(self, drift_mps: float, gust_mps2: float, speed_mps: float, dt_s: float) -> Triple:
+    def crab(self, drift_mps: float, gust_mps2: float, speed_mps: float, dt_s: float) -> Vector3:
         """Return the angle by which a follower crabs to the right, and its first two derivatives.
 
         `drift_mps` is the drift to the right, relative to the leader. The angle follows it with a lag of
@@ -297,7 +297,7 @@ class Envelope:
         self.reach_m = model.climb_max_mps * (model.tau_ha_s + model.tau_hb_s)
         self.model = model
 
-    def limit(self, speed_mps: float, heading_rad: float, height_m: float) -> Triple:
+    def limit(self, speed_mps: float, heading_rad: float, height_m: float) -> Vector3:
         """Return the limited setpoints.
 
         The heading isn't wrapped: it is the slot's own heading plus a correction, whose sign is the side to turn to and

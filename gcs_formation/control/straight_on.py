@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from flight_model.autopilot_model import AutopilotModel, within
-from flight_model.slot import UNKNOWN, Triple, all_finite
+from flight_model.slot import UNKNOWN, Vector3, all_finite
 from gcs_formation.control.finite import is_finite
-from gcs_formation.estimation.projection import Measured
+from gcs_formation.estimation.projection import MeasuredStates
 from gcs_formation.guidance.path_ahead import AHEAD_M
 
 
@@ -23,7 +23,7 @@ class StraightOn:
         self._speed_mps = self._heading_rad = 0.0
         self._begun = False
 
-    def known(self, measured: Measured, leader: int, last: Triple) -> Measured:
+    def known(self, measured: MeasuredStates, leader: int, last: Vector3) -> MeasuredStates:
         """Return the measured states, with others in place of those that aren't finite, which become inactive.
 
         `last`: the leader's last setpoint, if that is finite; otherwise its own motion is continued.
@@ -32,13 +32,13 @@ class StraightOn:
         active = [measured.active[column] and is_finite(measured.states[column]) for column in columns]
         known = [column for column in columns if active[column]]
         if not known:
-            return Measured(measured.states, measured.stamps, active, measured.acts)
+            return MeasuredStates(measured.states, measured.stamps, active, measured.acts)
         if not self._begun:
             state = measured.states[leader if active[leader] else known[0]]
             speed_mps, heading_rad, _ = last if all_finite(last) else (state.airspeed_mps, state.heading_rad, 0.0)
             self._speed_mps, self._heading_rad, self._begun = speed_mps, heading_rad, True
         states = [measured.states[column if is_finite(measured.states[column]) else known[0]] for column in columns]
-        return Measured(states, measured.stamps, active, measured.acts)
+        return MeasuredStates(states, measured.stamps, active, measured.acts)
 
     def ahead_m(self, seconds: float) -> list[tuple[float, float]]:
         """Return the way on within some time: points north and east of here, m, from here."""
@@ -46,7 +46,7 @@ class StraightOn:
         north, east = math.cos(self._heading_rad), math.sin(self._heading_rad)
         return [(AHEAD_M * step * north, AHEAD_M * step * east) for step in range(1 + steps)]
 
-    def setpoints(self, known: Measured) -> list[Triple]:
+    def setpoints(self, known: MeasuredStates) -> list[Vector3]:
         """Return the setpoints of a tick, NaN for inactive vehicles: airspeed, heading and height."""
         setpoints = [UNKNOWN] * len(self._models)
         for column, model in enumerate(self._models):

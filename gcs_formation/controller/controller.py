@@ -14,7 +14,7 @@ from mypy_extensions import i64
 from airlink.clock import NANOSECONDS, Instant, nanoseconds
 from flight_model.arrays import Array
 from flight_model.autopilot_model import FlightState, finite, within
-from flight_model.slot import UNKNOWN, Slot, Triple
+from flight_model.slot import UNKNOWN, Slot, Vector3
 from formation_scenario import Scenario
 from gcs_formation import from_scenario
 from gcs_formation.control.finite import (
@@ -25,9 +25,9 @@ from gcs_formation.control.finite import (
     require_decision,
     require_slots,
 )
+from gcs_formation.control.law_interface import CycleInput, Lead
 from gcs_formation.control.laws import law_kind, law_parameters
 from gcs_formation.control.setpoint import AS_DECIDED, Envelope
-from gcs_formation.control.situation import Lead, Situation
 from gcs_formation.control.straight_on import StraightOn
 from gcs_formation.controller.bandwidth import Bandwidth
 from gcs_formation.controller.leader_steering import LeaderSteering
@@ -36,7 +36,7 @@ from gcs_formation.controller.slots_over_ground import SlotsOverGround
 from gcs_formation.controller.virtual_leader import VIRTUAL, VirtualLeader
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.estimator import Sample, StateEstimator
-from gcs_formation.estimation.projection import Measured, States
+from gcs_formation.estimation.projection import MeasuredStates, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.extend.in_flight import OnTicks, on_ticks
 from gcs_formation.guidance.path_ahead import path_ahead
@@ -75,7 +75,7 @@ class FormationController:
         """The last tick at which there was a leader to follow."""
         self._bandwidth = Bandwidth(self.columns, self._dt_s)
         self._outside = on_ticks(scenario, self.models)
-        self._placed, self.slots_m = list[Slot](), list[Triple]()
+        self._placed, self.slots_m = list[Slot](), list[Vector3]()
         """The slots commanded last, and their places in the form that a tick records."""
         self._acts = vec[i64]([0] * self.columns)
         """When each column's present setpoint acts."""
@@ -164,7 +164,7 @@ class FormationController:
             return False
         return True
 
-    def decide(self, tick: Tick, bandwidth: list[list[float]], *, begin_regardless: bool = False) -> Measured:
+    def decide(self, tick: Tick, bandwidth: list[list[float]], *, begin_regardless: bool = False) -> MeasuredStates:
         """Put the setpoints of guidance and law into a tick; return the states that they are for.
 
         Args:
@@ -179,7 +179,7 @@ class FormationController:
             measured = self._fly_straight_on(tick, measured)
         return measured
 
-    def _decide(self, tick: Tick, measured: Measured, bandwidth: list[list[float]], *, assembled: bool) -> None:
+    def _decide(self, tick: Tick, measured: MeasuredStates, bandwidth: list[list[float]], *, assembled: bool) -> None:
         """Put the setpoints of guidance and law into a tick.
 
         If a part of that returns a value that isn't finite, or fails to compute one, set `fault`.
@@ -221,7 +221,7 @@ class FormationController:
         self.assembly.assess(tick, self.guidance, slots_rest=self.plan.settled(tick.now / NANOSECONDS))
         self.last_tick = tick
 
-    def _fly_straight_on(self, tick: Tick, measured: Measured) -> Measured:
+    def _fly_straight_on(self, tick: Tick, measured: MeasuredStates) -> MeasuredStates:
         """Put setpoints into a tick that need neither guidance nor law; return the states that are finite."""
         last = UNKNOWN if self.last_tick is None else self.last_tick.setpoints[self.last_tick.leader]
         known = self._straight_on.known(measured, tick.leader, last)
@@ -272,14 +272,14 @@ class FormationController:
             acts[0] = sum([acts[column] for column in self._every_column[1:]]) // (self.columns - 1)
         return acts
 
-    def _measured(self, active: list[bool], acts: vec[i64]) -> Measured:
+    def _measured(self, active: list[bool], acts: vec[i64]) -> MeasuredStates:
         """Return the measured states; a vehicle never heard from gets the leader's, so that no value is NaN."""
         filters = self.estimator.filters
         leader = filters[self.plan.leader]
         assert leader.state is not None
         states: list[FlightState] = [leader.state if each.state is None else each.state for each in filters]
         stamps = vec[i64]([leader.stamp if each.state is None else each.stamp for each in filters])
-        return Measured(states, stamps, active, acts)
+        return MeasuredStates(states, stamps, active, acts)
 
     def _by_law(self, tick: Tick, states: States, lead: Lead) -> None:
         """Put the law's setpoints into a tick, and the quantities behind them."""
@@ -287,7 +287,7 @@ class FormationController:
         require_slots(slots, tick.active)
         variance = [each.wind_variance for each in self.estimator.filters]
         replaced = [AS_DECIDED] * self.columns if self.last_tick is None else self.last_tick.replaced
-        situation = Situation(
+        cycle_input = CycleInput(
             states, lead, slots, self.history, variance, tick.active, self._bandwidth.shares, replaced
         )
         if commanded_slots is not self._placed:  # the same list while the slots don't change
@@ -295,7 +295,7 @@ class FormationController:
             self.slots_m = [(each.forward_m, each.right_m, each.up_m) for each in commanded_slots]
             self.slots_m[tick.leader] = UNKNOWN
         tick.slots_m = self.slots_m
-        for each in self._law.decide(situation, self._dt_s):
+        for each in self._law.decide(cycle_input, self._dt_s):
             column = each.column
             if tick.active[column]:
                 require_decision(each, tick.leader)

@@ -7,12 +7,12 @@ from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.autopilot_model import AutopilotModel, FlightState, finite
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from formation_scenario import Scenario
 from gcs_formation import from_scenario
 from gcs_formation.control.finite import GUIDANCE, require_route, require_setpoint
+from gcs_formation.control.law_interface import Lead
 from gcs_formation.control.setpoint import Envelope
-from gcs_formation.control.situation import Lead
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.estimation.projection import States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
@@ -80,7 +80,7 @@ class LeaderSteering:
         """Note the one that is sent."""
         self._commanded_rad = tick.setpoints[tick.leader][1]
 
-    def turn_bounds(self, tick: Tick, slots_m: list[Triple], sigma_rad: float) -> TurnBounds:
+    def turn_bounds(self, tick: Tick, slots_m: list[Vector3], sigma_rad: float) -> TurnBounds:
         """Return what bounds changes of the leader's turn rate: its followers, noise, and the delay of its link."""
         link = tick.links[tick.leader]
         round_trip_s = 2.0 * link.delay_s + link.dead_s if self._compensates and finite(link.delay_s) else 0.0
@@ -142,7 +142,7 @@ class LeaderSteering:
             self.guidance.go_on_from(self._commanded_rad, state, model)
             self.forget_steps()
 
-    def _goes_on(self, leader: int, commanded: Triple, outside: OnTicks | None) -> Triple:
+    def _goes_on(self, leader: int, commanded: Vector3, outside: OnTicks | None) -> Vector3:
         """Return with which command the law takes the leader to go on: the guidance's, unless filters replace it."""
         if outside is not None:
             commanded = outside.goes_on(commanded)

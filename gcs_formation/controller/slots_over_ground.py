@@ -8,7 +8,7 @@ from flight_model.slot import Slot
 from formation_scenario import Scenario
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation import from_scenario
-from gcs_formation.control.situation import Lead
+from gcs_formation.control.law_interface import Lead
 from gcs_formation.estimation.projection import States
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.guidance.slot_clearance import TrackAhead

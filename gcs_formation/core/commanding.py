@@ -22,10 +22,10 @@ class Wanted(Stage):
 
     def run(self, cycle: Cycle) -> None:
         """Do what is due."""
-        now, course = cycle.now, cycle.course
-        cycle.late = course.waited_long_enough(cycle.last_tick, now)
+        now, phase_machine = cycle.now, cycle.phase_machine
+        cycle.late = phase_machine.waited_long_enough(cycle.last_tick, now)
         cycle.mission_s = cycle.flight.mission_time_s(now)
-        cycle.opening = course.opening
+        cycle.opening = phase_machine.opening
         self._orders.advance(now)
         if cycle.opening is None:
             cycle.reconfiguration.advance(now, cycle.mission_s)

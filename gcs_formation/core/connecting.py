@@ -70,7 +70,7 @@ class Start(Stage):
         self._gate.open_if_ready()
         self._starting.advance(now)
         if self._gate.rehearsed:
-            cycle.course.end_rehearsal(now)
+            cycle.phase_machine.end_rehearsal(now)
 
 
 class Begin(Stage):
@@ -85,7 +85,7 @@ class Begin(Stage):
     def run(self, cycle: Cycle) -> None:
         """Begin if it is time; decide by the phase whether this cycle commands the formation."""
         if cycle.flight.phase is Phase.CONNECTING and cycle.beginning.may_begin(cycle.now) and self._gate.passed:
-            cycle.begins = cycle.course.move(Cause.LEADER_READY, cycle.now)
+            cycle.begins = cycle.phase_machine.move(Cause.LEADER_READY, cycle.now)
         cycle.decide()
 
 

@@ -16,13 +16,13 @@ from flight_model.slot import CHANNELS
 from formation_scenario import Scenario
 from gcs_formation.controller.controller import FormationController
 from gcs_formation.estimation.estimator import Sample
-from gcs_formation.estimation.projection import Measured
+from gcs_formation.estimation.projection import MeasuredStates
 from gcs_formation.fleet.frame_loss import FrameLoss
 from gcs_formation.fleet.heartbeats import HeartbeatScheduler
 from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.mission.beginning import Beginning
-from gcs_formation.mission.course import Course
 from gcs_formation.mission.ending import Ending
+from gcs_formation.mission.phase_machine import FlightPhaseMachine
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.phases import COMMANDED, Flight, Phase
 from gcs_formation.recorder import Note, Tick, VehicleLink
@@ -101,7 +101,7 @@ class Cycle:
     """The ending of the flight, if it had begun before this cycle and the formation is still commanded."""
     links: list[VehicleLink]
     """(C,) the measured links."""
-    measured: Measured
+    measured: MeasuredStates
     """The newest states, in cycles with a leader to follow."""
     tick: Tick
     """Setpoints and what they come from; the record of the cycle."""
@@ -121,7 +121,7 @@ class Cycle:
         scenario: Scenario,
         controller: FormationController,
         vehicles: dict[VehicleId, Vehicle],
-        course: Course,
+        phase_machine: FlightPhaseMachine,
         reconfiguration: Reconfiguration,
         note: Note,
         send: Send,
@@ -133,7 +133,7 @@ class Cycle:
             scenario: as far as the station knows it.
             controller: what computes setpoints; it has the models, the filters of the states and the setpoints sent.
             vehicles: the vehicles, the leader first.
-            course: the phases of the run, and how it is ended.
+            phase_machine: the phases of the run, and how it is ended.
             reconfiguration: changes of the formation; who leads.
             note: records events.
             send: sends messages.
@@ -141,9 +141,13 @@ class Cycle:
         """
         self.scenario, self.controller, self.vehicles = scenario, controller, vehicles
         self.each = list(vehicles.values())
-        self.course, self.membership, self.reconfiguration = course, course.membership, reconfiguration
+        self.phase_machine, self.membership, self.reconfiguration = (
+            phase_machine,
+            phase_machine.membership,
+            reconfiguration,
+        )
         self.note, self.send = note, send
-        self.flight: Flight = course.flight
+        self.flight: Flight = phase_machine.flight
         self.utc_at_0_s = utc_at_0_s
         self.beginning = Beginning(scenario, vehicles)
         """How the formation begins to be commanded; another where the flight is resumed."""

@@ -27,7 +27,7 @@ class OwnParts(Stage):
             own = each.round_trips.own
             failure = each.autopilot.failure if own is None else own.failure or each.autopilot.failure
             if failure is not None:
-                cycle.course.fail_by(failure, cycle.now, begun=commands_anybody(cycle))
+                cycle.phase_machine.fail_by(failure, cycle.now, begun=commands_anybody(cycle))
 
 
 class Strangers(Stage):

@@ -79,7 +79,7 @@ def take_endings(cycle: Cycle) -> None:
     """
     ends = only_one({name: each.ends for name, each in features().items()}, "ends flights")
     if ends is not None:
-        cycle.course.endings = ends(cycle)
+        cycle.phase_machine.endings = ends(cycle)
 
 
 def only_one(brought: Mapping[str, T | None], does: str) -> T | None:

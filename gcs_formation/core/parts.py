@@ -20,10 +20,10 @@ from gcs_formation.fleet.several_links import SeveralLinks
 from gcs_formation.fleet.signature_watch import SignatureWatch
 from gcs_formation.from_scenario import as_known, narrow_links, planned
 from gcs_formation.link.radio_reports import RadioReports
-from gcs_formation.mission.course import Course
 from gcs_formation.mission.gate import Gate, PreFlightOptions
 from gcs_formation.mission.orders import Orders
 from gcs_formation.mission.past_flight import PastFlight
+from gcs_formation.mission.phase_machine import FlightPhaseMachine
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.starting import Starting
 from gcs_formation.recorder import Note, Recorder
@@ -56,12 +56,14 @@ class Parts:
         fleet: tuple[dict[VehicleId, Vehicle], Note] = (self.vehicles, note)
         self.membership, self.dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles)
         self.gate = Gate(scenario, self.vehicles, caution, note, self._fail)
-        self.course = Course(scenario, self.controller, self.membership, self.dispatch, *fleet, self.gate)
+        self.phase_machine = FlightPhaseMachine(
+            scenario, self.controller, self.membership, self.dispatch, *fleet, self.gate
+        )
         self.reconfiguration = Reconfiguration(scenario, self.controller, *fleet)
         self.cycle = Cycle(
-            scenario, self.controller, self.vehicles, self.course, self.reconfiguration, note, send, utc_at_0_s
+            scenario, self.controller, self.vehicles, self.phase_machine, self.reconfiguration, note, send, utc_at_0_s
         )
-        flight, fail = self.course.flight, self.course.fail
+        flight, fail = self.phase_machine.flight, self.phase_machine.fail
         self.several_links = SeveralLinks(*fleet)
         ids, try_port = scenario.station.ids, self.several_links.try_port
         self.senders = Senders(self.vehicles, self.networks, flight, note, fail, ids, try_port)
@@ -82,22 +84,22 @@ class Parts:
             fail,
             together=scenario.hovers and not scenario.start.in_air and begins.from_start,
         )
-        self.orders = Orders(scenario, self.course, self.reconfiguration, note)
+        self.orders = Orders(scenario, self.phase_machine, self.reconfiguration, note)
         self.heartbeats = HeartbeatScheduler(*fleet, narrow, self.radio_reports)
         self.cycle.as_written, self.cycle.heartbeats = stated, self.heartbeats
         self.cycle.radio_reports = self.radio_reports
 
     def resume(self, resumed: PastFlight) -> None:
         """Go on with an interrupted flight."""
-        self.course.flight.resume(resumed.at, resumed.path_began)
-        self.course.gate.let_go_on()
+        self.phase_machine.flight.resume(resumed.at, resumed.path_began)
+        self.phase_machine.gate.let_go_on()
         self.heartbeats.resume(resumed.at)
         self.reconfiguration.resume(resumed)
         self.orders.resume(resumed.mission_s)
 
     def _fail(self, text: str, now: Instant) -> None:
-        """End the run: the `GiveUp` of parts created before `course`."""
-        self.course.fail(text, now)
+        """End the run: the `GiveUp` of parts created before `phase_machine`."""
+        self.phase_machine.fail(text, now)
 
 
 LogLink = Callable[[Vehicle, Instant], None]

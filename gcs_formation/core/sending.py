@@ -60,7 +60,7 @@ class Events(Stage):
         cycle.controlled_ticks += 1
         fault = cycle.controller.fault
         if fault is not None:
-            cycle.course.fail_by(fault, cycle.now)
+            cycle.phase_machine.fail_by(fault, cycle.now)
 
 
 class Phases(Stage):
@@ -78,12 +78,12 @@ class Phases(Stage):
         now, opening = cycle.now, cycle.opening
         begins = cycle.phase is Phase.ASSEMBLING and cycle.controller.guidance.started
         over = cycle.mission_s >= cycle.scenario.duration_s  # possible for a resumed flight; False before the path
-        if begins and not over and cycle.course.move(Cause.PATH_BEGUN, now):
+        if begins and not over and cycle.phase_machine.move(Cause.PATH_BEGUN, now):
             self._heartbeats.hasten(now)
         if opening is None:
-            cycle.course.end_in_time(self._until_s, now)
+            cycle.phase_machine.end_in_time(self._until_s, now)
         elif opening.may_leave(now):
-            cycle.course.move(Cause.OPENED, now)
+            cycle.phase_machine.move(Cause.OPENED, now)
 
 
 class LookOn(Stage):
@@ -136,7 +136,7 @@ class End(Stage):
     def run(self, cycle: Cycle) -> None:
         """Go on with it."""
         if cycle.flight.phase in OVER:
-            cycle.course.bring_to_end(cycle.now)
+            cycle.phase_machine.bring_to_end(cycle.now)
 
 
 def _record(tick: Tick, cycle: Cycle, recorder: Recorder) -> None:

@@ -40,7 +40,7 @@ class States(ABC):
         """Return the instant used for a vehicle's setpoint, ns."""
 
 
-class Measured(States):
+class MeasuredStates(States):
     """Every vehicle's newest state at a tick, each at its own time stamp."""
 
     def __init__(self, states: list[FlightState], stamps: vec[i64], active: list[bool], acts: vec[i64]) -> None:
@@ -59,7 +59,7 @@ class Measured(States):
         return self.stamps[whose]
 
 
-Projection = Callable[[Measured], States]
+Projection = Callable[[MeasuredStates], States]
 """Returns the states that a law acts on, from the measured ones, tick by tick."""
 
 
@@ -101,7 +101,7 @@ class Prediction(States):
         self._acts = vec[i64]()
         """When setpoints sent now act, (C,)."""
 
-    def predict(self, measured: Measured) -> Prediction:
+    def predict(self, measured: MeasuredStates) -> Prediction:
         """Take a tick's states; until the next call this is the prediction to when the tick's setpoints act."""
         stamps, acts = vec[i64]([each for each in measured.stamps]), measured.acts  # noqa: C416 - compiled, no call
         for vehicle in range(len(stamps)):
@@ -175,9 +175,9 @@ class Pairing:
 
     def __init__(self, rate_hz: float) -> None:
         """Keep `HISTORY_S` of samples, of ticks at `rate_hz`."""
-        self._samples: deque[Measured] = deque(maxlen=max(8, int(HISTORY_S * rate_hz)))
+        self._samples: deque[MeasuredStates] = deque(maxlen=max(8, int(HISTORY_S * rate_hz)))
 
-    def align(self, measured: Measured) -> Measured:
+    def align(self, measured: MeasuredStates) -> MeasuredStates:
         """Return the states at the common stamp; an inactive vehicle's stays as measured."""
         self._samples.append(measured)
         stamps = measured.stamps
@@ -186,7 +186,7 @@ class Pairing:
             if active:
                 stamp = min(stamp, int(stamps[vehicle]))
         states = [self._at(vehicle, stamp) for vehicle in range(len(measured.states))]
-        return Measured(states, vec[i64]([stamp] * len(states)), measured.active, measured.acts)
+        return MeasuredStates(states, vec[i64]([stamp] * len(states)), measured.active, measured.acts)
 
     def _at(self, vehicle: int, stamp: int) -> FlightState:
         """Return a vehicle's state at a stamp: interpolated, or the nearest sample outside the samples' span."""

@@ -18,7 +18,7 @@ from flight_model.autopilot_model import (
     within,
     wrap,
 )
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 
 HISTORY_S: Final = 6.0
 """How long setpoints are kept. Tuned: s; the largest loop delay and more, 4 to 20; by judgement."""
@@ -55,7 +55,7 @@ class SentSetpoints:
         self.acts[to], self._speeds_mps[to] = self.acts[place], self._speeds_mps[place]
         self._headings_rad[to], self._heights_m[to] = self._headings_rad[place], self._heights_m[place]
 
-    def note(self, setpoint: Triple) -> None:
+    def note(self, setpoint: Vector3) -> None:
         """Set the setpoint of the tick that was begun last."""
         newest = self.end - 1
         self._speeds_mps[newest], self._headings_rad[newest], self._heights_m[newest] = setpoint
@@ -67,7 +67,7 @@ class SentSetpoints:
             index -= 1
         return index
 
-    def at(self, index: i64) -> Triple:
+    def at(self, index: i64) -> Vector3:
         """Return the setpoint at an index."""
         return self._speeds_mps[index], self._headings_rad[index], self._heights_m[index]
 
@@ -77,7 +77,7 @@ class SentSetpoints:
             index += 1
         return index
 
-    def mean(self, index: i64, since: i64, until: i64) -> Triple:
+    def mean(self, index: i64, since: i64, until: i64) -> Vector3:
         """Return the mean of the setpoints that act from `since` to `until`, the first of which is at `index`."""
         acts, speeds_mps, headings_rad, heights_m = self.acts, self._speeds_mps, self._headings_rad, self._heights_m
         speed_mps, heading_rad, height_m = speeds_mps[index], headings_rad[index], heights_m[index]
@@ -140,7 +140,7 @@ class SetpointHistory:
         for vehicle in range(len(acts)):
             self._each[vehicle].begin_tick(acts[vehicle])
 
-    def note(self, setpoints: list[Triple]) -> None:
+    def note(self, setpoints: list[Vector3]) -> None:
         """Set the setpoints of the tick that was begun last, (V,), NaN for those that aren't known yet."""
         for vehicle, setpoint in enumerate(setpoints):
             self._each[vehicle].note(setpoint)
@@ -161,7 +161,7 @@ class SetpointHistory:
         if self._each:
             self._each[vehicle].respond(state, since, until, model)
 
-    def commanded(self, instant: int, vehicle: int) -> Triple:
+    def commanded(self, instant: int, vehicle: int) -> Vector3:
         """Return a vehicle's newest setpoint that acts at an instant: NaN before the first, else the oldest known."""
         sent = self._each[vehicle]
         return sent.at(sent.acting(instant))

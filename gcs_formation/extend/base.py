@@ -16,7 +16,7 @@ from gcs_formation.extend.cycle import Cycle
 from gcs_formation.extend.flight_window import FlightWindow
 from gcs_formation.recorder import Event
 
-Triple = tuple[float, float, float]
+Vector3 = tuple[float, float, float]
 
 
 class FollowerLaw(Extension, ABC):
@@ -28,12 +28,12 @@ class FollowerLaw(Extension, ABC):
 
     replaced: tuple[bool, bool, bool] = (False, False, False)
     """Channels (speed, heading, height) whose last setpoint was a filter's, the separation rule's or the fence's."""
-    excess: Triple = (0.0, 0.0, 0.0)
+    excess: Vector3 = (0.0, 0.0, 0.0)
     """What the envelope added to the last feedback, m/s, rad, m: 0 where nothing was limited. An integral that is
     moved by it, or held while it isn't 0 or the channel is `replaced`, doesn't wind up."""
 
     @abstractmethod
-    def feedback(self, error: Triple, error_rate: Triple, dt_s: float) -> Sequence[float]:
+    def feedback(self, error: Vector3, error_rate: Vector3, dt_s: float) -> Sequence[float]:
         """Return what is added to the feed-forward setpoint: speed m/s, heading rad, height m.
 
         Args:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from gcs_formation.control.plain_values import Setpoint, State, plain_state, vehicle_name
 from gcs_formation.recorder import Detail, Event, Tick
 
@@ -54,12 +54,12 @@ class Vehicle:
         return self._tick.leader == self._column
 
     @property
-    def error_m(self) -> Triple:
+    def error_m(self) -> Vector3:
         """Its formation error, forward, right and up, m; NaN for the leader, and while it isn't commanded."""
         return self._tick.error_of(self._column)
 
     @property
-    def slot_m(self) -> Triple:
+    def slot_m(self) -> Vector3:
         """Its slot, forward, right and up of the leader, m; NaN for the leader."""
         return self._tick.slots_m[self._column]
 

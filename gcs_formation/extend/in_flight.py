@@ -9,7 +9,7 @@ from typing import Any, Final
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel
-from flight_model.slot import CHANNELS, Triple
+from flight_model.slot import CHANNELS, Vector3
 from formation_scenario import Scenario
 from formation_scenario.extensions import FILTER, MONITOR, RECORDER, Registered
 from formation_scenario.slot_assignment import column_ids
@@ -65,7 +65,7 @@ class OnTicks:
         self._leads_by = tuple(value if by else None for value, by in zip(sent, replaced, strict=True))
         return None
 
-    def goes_on(self, guided: Triple) -> Triple:
+    def goes_on(self, guided: Vector3) -> Vector3:
         """Return how the leader is taken to be commanded now: in channels that filters replaced, as they did last.
 
         Filters come after the law, which needs to know the leader's command.

@@ -13,7 +13,7 @@ from airlink.endpoint import VehicleId
 from airlink.engine import DelayQueue
 from airlink.messages import Message
 from flight_model.autopilot_model import Setpoint, finite
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import column_models
 from gcs_formation.recorder import Tick, VehicleLink
@@ -105,7 +105,7 @@ class Dispatch:
             else:
                 vehicle.forget_setpoints()
 
-    def held(self, tick: Tick) -> list[Triple]:
+    def held(self, tick: Tick) -> list[Vector3]:
         """Put into a tick what vehicles hold from then on, and return it: what is no news wasn't sent."""
         for vehicle in self._vehicles:
             if self._guided[vehicle.column]:

@@ -21,7 +21,7 @@ from mypy_extensions import mypyc_attr
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, crab_rad, finite, rotated, signed, squared, within
 from flight_model.curve import PathPoint
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from gcs_formation.guidance.rough_air import RoughAir
 
 BANDWIDTH_RADPS: Final = 0.65
@@ -237,7 +237,7 @@ def _turn_back_rps(
     return size_rps if off_rad > 0.0 else -size_rps
 
 
-def bend_max_rps2(slots_m: list[Triple], models: list[AutopilotModel]) -> float:
+def bend_max_rps2(slots_m: list[Vector3], models: list[AutopilotModel]) -> float:
     """Return how fast a leader's turn rate may change for vehicles in their slots to keep up, rad/s².
 
     Args:

@@ -26,7 +26,7 @@ from flight_model.path_lift_and_displacement import (
     min_offset,
     sample_places,
 )
-from flight_model.slot import Slot, Triple
+from flight_model.slot import Slot, Vector3
 from formation_scenario.fields import Frame
 from formation_scenario.slot_assignment import Arrangement
 from formation_scenario.slot_frame import axis_rad
@@ -84,7 +84,7 @@ class SlotClearance:
         self._first, self._made_at_m = 0, 0.0
         self._control_m = np.zeros((0, 4))
         self._curves = list[OffsetCurve]()
-        self._held = list[Triple]()
+        self._held = list[Vector3]()
         """Each offset of the last tick, its slope and its curvature."""
         self._sampled, self._sampled_first = np.zeros((0, PATH_VALUES)), 0
         """The route's points (K, 8) at the samples, and the step at which they begin."""
@@ -176,7 +176,7 @@ class SlotClearance:
             begun.append(offset_m + slope * x_m + curvature * (x_m**2 / 2.0 - STEP_M**2 / 6.0))
         return begun
 
-    def offsets(self, at_m: list[float]) -> list[Triple]:
+    def offsets(self, at_m: list[float]) -> list[Vector3]:
         """Return N offsets, their slopes and their curvatures by the leader's distance, at N distances."""
         first = self._first
         return [curve.at(each / STEP_M - first) for curve, each in zip(self._curves, at_m, strict=True)]

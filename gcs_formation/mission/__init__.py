@@ -1,1 +1,1 @@
-"""The course of a run: phases, orders, changes of the formation, endings."""
+"""A run from its start to its end: phases, orders, changes of the formation, endings."""

@@ -1,8 +1,8 @@
 """The end of a run: which vehicles are commanded then, and until when they are waited for.
 
 This is the plain ending: vehicles on the ground stay there, all others circle at the heights that they have. Another
-may take its place: `Course.endings`. Whether a vehicle flies is judged again at every tick until it leaves: an unknown
-place isn't the ground.
+may take its place: `FlightPhaseMachine.endings`. Whether a vehicle flies is judged again at every tick until it leaves:
+an unknown place isn't the ground.
 """
 
 from __future__ import annotations

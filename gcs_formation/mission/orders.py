@@ -10,7 +10,7 @@ from formation_scenario.expectation import LATE_PERIODS
 from formation_scenario.orders import Answer, Order, OrderError, parse_order
 from formation_scenario.shapes import SHAPE
 from formation_scenario.transition_plan import NotFlyableError
-from gcs_formation.mission.course import Course
+from gcs_formation.mission.phase_machine import FlightPhaseMachine
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.phases import OVER, Phase
 from gcs_formation.recorder import Note
@@ -19,9 +19,11 @@ from gcs_formation.recorder import Note
 class Orders:
     """Takes orders from the operator and those planned in the scenario."""
 
-    def __init__(self, scenario: Scenario, course: Course, reconfiguration: Reconfiguration, note: Note) -> None:
-        """Carry out changes by `reconfiguration`, and the end of the flight by `course`."""
-        self._course, self._flight = course, course.flight
+    def __init__(
+        self, scenario: Scenario, phase_machine: FlightPhaseMachine, reconfiguration: Reconfiguration, note: Note
+    ) -> None:
+        """Carry out changes by `reconfiguration`, and the end of the flight by `phase_machine`."""
+        self._phase_machine, self._flight = phase_machine, phase_machine.flight
         self._reconfiguration = reconfiguration
         self._note = note
         self._duration_s, self._shapes = scenario.duration_s, scenario.registered.names(SHAPE)
@@ -39,7 +41,7 @@ class Orders:
         """
         late = [f"order at {each.at_s:g} s: {each.order}: the flight was over" for each in self._planned]
         late += self._reconfiguration.left + self._reconfiguration.under_way(self._flight_ended)
-        missed = [] if self._course.cut_short else late
+        missed = [] if self._phase_machine.cut_short else late
         return self._refused + self._reconfiguration.unflown + missed
 
     @property
@@ -57,7 +59,7 @@ class Orders:
 
     def advance(self, now: Instant) -> None:
         """Give the planned orders that are due, also at the end, unless something else has cut the flight short."""
-        if self._course.cut_short and not self._ended:
+        if self._phase_machine.cut_short and not self._ended:
             return
         mission_s = self._flight.mission_time_s(now)
         while self._planned and mission_s >= self._planned[0].at_s:
@@ -88,7 +90,7 @@ class Orders:
 
     def _refusal(self, order: Order, now: Instant) -> str | None:
         if order.end is not None:
-            return self._course.why_not_end(order.end)
+            return self._phase_machine.why_not_end(order.end)
         if self._not_flying is not None:
             return self._not_flying
         if order.speed_mps is not None:
@@ -106,7 +108,7 @@ class Orders:
 
     def _carry_out(self, order: Order, now: Instant) -> str | None:
         if order.end is not None:
-            return self._course.end_by_order(order.end, now)
+            return self._phase_machine.end_by_order(order.end, now)
         if self._not_flying is not None:
             return self._not_flying
         if order.speed_mps is not None:

@@ -15,7 +15,7 @@ from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask, columns_of, mapped, wrap
 from flight_model.autopilot_model import FlightState
-from flight_model.slot import CHANNELS, UNKNOWN, Triple
+from flight_model.slot import CHANNELS, UNKNOWN, Vector3
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.errors import RecordError
 from gcs_formation.recorder import Tick
@@ -230,7 +230,7 @@ def _write_flag(to: BytesWriter, flag: bool) -> None:
     write_f64_le(to, 1.0 if flag else 0.0)
 
 
-def _write_three(to: BytesWriter, values: Triple) -> None:
+def _write_three(to: BytesWriter, values: Vector3) -> None:
     first, second, third = values
     write_f64_le(to, first)
     write_f64_le(to, second)

@@ -16,16 +16,16 @@ import numpy.typing as npt
 
 from flight_model.arrays import Array, Complex
 from flight_model.frequency_response import FREQUENCIES, stable_delay_s
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, GainRange, PidGains
 from gcs_formation.control.setpoint import Mixer
 
 Coefficients = Array | Complex
-MID_RANGE: Triple = (0.5, 0.5, 0.5)
+MID_RANGE: Vector3 = (0.5, 0.5, 0.5)
 """(F_p, F_i, F_d) of the nominal gains with the default range."""
 
-SMALL_SIGNAL: Triple = (0.5, 1.0, 0.5)
+SMALL_SIGNAL: Vector3 = (0.5, 1.0, 0.5)
 """(F_p, F_i, F_d) from tables 1-3 at zero error, both printed and symmetrised."""
 
 _LEVELS = 5
@@ -239,7 +239,7 @@ def loop_margin(
     nominal: PidGains,
     plant: Plant,
     gain_range: GainRange = FIXED_GAINS,
-    outputs: Triple = SMALL_SIGNAL,
+    outputs: Vector3 = SMALL_SIGNAL,
     aircraft: AircraftResponse | None = None,
 ) -> float:
     """Delay margin, s, with the gains at the scheduler's outputs."""
@@ -255,7 +255,7 @@ def worst_loop_margin(
     It is for frozen gains, and says nothing about how fast they may change. As a rule the least is at a corner.
     """
 
-    def lowest_of(of: Sequence[Triple]) -> tuple[float, Triple]:
+    def lowest_of(of: Sequence[Vector3]) -> tuple[float, Vector3]:
         loops = [Loop(gain_range.gains(nominal, outputs), plant, aircraft) for outputs in of]
         return min(zip(_margins_of(loops), of, strict=True))
 
@@ -274,9 +274,9 @@ def _margins_of(loops: Sequence[Loop]) -> list[float]:
     return delay_margins([each.open_loop() for each in loops])
 
 
-def _around(outputs: Triple, step: float) -> list[Triple]:
+def _around(outputs: Vector3, step: float) -> list[Vector3]:
     """Return the outputs one step away along each axis, clipped to [0, 1]^3."""
-    near = list[Triple]()
+    near = list[Vector3]()
     for axis, change in product(range(3), (-step, step)):
         moved = list(outputs)
         moved[axis] = min(max(moved[axis] + change, 0.0), 1.0)

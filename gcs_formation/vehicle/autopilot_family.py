@@ -15,7 +15,7 @@ from airlink.messages.command import CommandInt, CommandLong, ParamSet, ParamVal
 from airlink.messages.system import Heartbeat
 from flight_model.autopilot_model import FlightState, Setpoint, within
 from flight_model.earth import GeodeticOrigin
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from formation_scenario.orders import End
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.station import StationId
@@ -267,7 +267,7 @@ class Autopilot(FamilyTraits, ABC):
     def setpoint(self, setpoint: Setpoint, where: FlightState) -> tuple[Message, ...]:
         """Return the messages of a setpoint that takes effect when the vehicle is in the state `where`."""
 
-    def quantities(self, setpoint: Setpoint, where: FlightState) -> Triple:  # noqa: ARG002 - for some
+    def quantities(self, setpoint: Setpoint, where: FlightState) -> Vector3:  # noqa: ARG002 - for some
         """Return what the messages of a setpoint say: airspeed as commanded, m/s, direction, rad, and height, m.
 
         A setpoint is sent when these differ from what the vehicle holds. A subclass that commands others says so here.

@@ -15,7 +15,7 @@ from librt.vecs import vec
 
 from airlink.clock import Instant, seconds_between
 from flight_model.autopilot_model import within, wrap
-from flight_model.slot import UNKNOWN, Triple
+from flight_model.slot import UNKNOWN, Vector3
 
 Which = tuple[bool, bool, bool]
 """Whether each of airspeed, heading and height is meant."""
@@ -44,9 +44,9 @@ class HeldSetpoint:
         """Start with a vehicle that holds nothing of ours."""
         self.height_m_s = HEIGHT_M_S
         """Tolerance of the height's integral, m s."""
-        self.values: Triple = UNKNOWN
+        self.values: Vector3 = UNKNOWN
         """Airspeed in m/s, heading in rad and height in m of the law's setpoints, as sent last; NaN before."""
-        self._said: Triple = UNKNOWN
+        self._said: Vector3 = UNKNOWN
         """The same as the vehicle's messages say it."""
         self._owed = vec[float]([0.0, 0.0, 0.0])
         """The integrals of the deviations since each was sent."""
@@ -56,7 +56,7 @@ class HeldSetpoint:
         """Take everything for news: the vehicle may hold others' setpoints."""
         self.values = self._said = UNKNOWN
 
-    def news(self, said: Triple, at: Instant, tolerance: float = 1.0, prompt_share: float = 1.0) -> Which:
+    def news(self, said: Vector3, at: Instant, tolerance: float = 1.0, prompt_share: float = 1.0) -> Which:
         """Return which of airspeed, heading and height, as messages say them at an instant, are news.
 
         `tolerance`: multiple of the tolerances; `prompt_share`: of a change of airspeed, what is flown at once.
@@ -77,7 +77,7 @@ class HeldSetpoint:
         self._owed[quantity] += more
         return abs(self._owed[quantity]) > tolerance
 
-    def send(self, wanted: Triple, said: Triple, which: Which) -> None:
+    def send(self, wanted: Vector3, said: Vector3, which: Which) -> None:
         """Take what is sent of a setpoint."""
         values, held = list(self.values), list(self._said)
         for quantity in (SPEED, HEADING, HEIGHT):

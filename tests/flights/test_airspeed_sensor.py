@@ -112,7 +112,7 @@ def test_it_may_have_failed_before_and_in_wind(reads_mps: float) -> None:
     world.fly_to(0.0)
     assert min_separation_m(world, 95.0) > 40.0
     assert world.worst_m(60.0) < 1.0
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
 
 
 @pytest.mark.slow

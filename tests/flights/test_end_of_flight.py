@@ -59,7 +59,7 @@ def test_others_circle_only_where_one_that_does_not_receive_does_not_fly_straigh
 def test_a_pair_that_is_stopped_loiters_after_5_s() -> None:
     world = World(vehicles={"count": 2})
     world.fly_to(1.0)
-    world.station.course.stop(world.clock.now())
+    world.station.phase_machine.stop(world.clock.now())
     stopped_s = world.now_s
     world.run()
     commanded_s = [world.times_s("mode", number, "LOITER")[0] - stopped_s for number in (1, 2)]
@@ -70,7 +70,7 @@ def test_they_circle_once_all_are_apart_however_long_the_climb_takes() -> None:
     """At 0.5 m/s, a sixth of the usual climb rate, 15 m take half a minute."""
     world = World(vehicles={"count": 2, "model": {"climb_max_mps": 0.5}}, finish={"loiter_s": 0})
     world.fly_to(1.0)
-    world.station.course.stop(world.clock.now())
+    world.station.phase_machine.stop(world.clock.now())
     world.network.run(lambda: world.station.flight.phase is Phase.LOITERING)
     heights_m = sorted(body.state.height_m for body in world.fleet.bodies)
     assert np.diff(heights_m).min() > 9.9
@@ -84,7 +84,7 @@ def test_circles_in_rough_air_are_as_far_apart_as_it_asks_for() -> None:
     world.fly_to(10.0)
     sway_m = world.station.controller.estimator.sway_m
     assert 1.0 < sway_m < 8.0
-    world.station.course.stop(world.clock.now())
+    world.station.phase_machine.stop(world.clock.now())
     world.network.run(lambda: world.station.flight.phase is Phase.LOITERING)
     world.run()
     wanted_m = sorted(body.steering.height_m for body in world.fleet.bodies)
@@ -95,14 +95,14 @@ def test_circles_in_rough_air_are_as_far_apart_as_it_asks_for() -> None:
 def test_commanded_to_stop_once_more_all_go_home_at_once_at_separate_heights(phase: Phase) -> None:
     world = World(vehicles={"count": 2}, finish={"loiter_s": 0})
     world.fly_to(1.0)
-    world.station.course.stop(world.clock.now())
+    world.station.phase_machine.stop(world.clock.now())
     world.network.run(lambda: world.station.flight.phase is phase)
     again_s = world.now_s
-    assert world.station.course.go_home_at_once(world.clock.now())
+    assert world.station.phase_machine.go_home_at_once(world.clock.now())
     world.run()
     commanded_s = [world.times_s("mode", number, "RTL")[0] - again_s for number in (1, 2)]
     assert max(commanded_s) < 0.3
-    assert not world.station.course.go_home_at_once(world.clock.now())
+    assert not world.station.phase_machine.go_home_at_once(world.clock.now())
     wanted_m = [body.steering.height_m for body in world.fleet.bodies]
     assert abs(wanted_m[0] - wanted_m[1]) >= 15.0
 
@@ -152,7 +152,7 @@ def test_one_that_restarts_just_before_the_end_is_commanded_to_circle_and_never_
     between.hidden = 2 if hides else None
     world.inject(2, "restart")
     world.network.run(lambda: bool(world.times_s("restarted", 2)))
-    world.station.course.stop(world.clock.now())
+    world.station.phase_machine.stop(world.clock.now())
     world.run()
     assert between.disarmed() == []
     assert [each.pilot.mode for each in world.fleet.vehicles] == [Mode.LOITER] * 3
@@ -166,7 +166,7 @@ def test_one_that_refuses_to_loiter_is_commanded_again_and_the_run_says_so(resul
     world.fly_to(2.0)
     between = cast("Deaf", world.between)
     between.refuse = lambda command: result if (command.target_system, command.param2) == (2, Mode.LOITER) else None
-    world.station.course.stop(world.clock.now())
+    world.station.phase_machine.stop(world.clock.now())
     world.run()
     tries = [each for each in between.commands if (each.target_system, each.param2) == (2, Mode.LOITER)]
     assert 6 <= len(tries) <= 8, "every 3 s for 20 s"
@@ -183,7 +183,7 @@ def test_one_that_refuses_to_loiter_at_first_does_so_once_it_can() -> None:
     between.refuse = lambda command: (
         m.MAV_RESULT_DENIED if (command.target_system, command.param2) == (2, Mode.LOITER) else None
     )
-    world.station.course.stop(world.clock.now())
+    world.station.phase_machine.stop(world.clock.now())
     world.network.run(lambda: bool(world.times_s("disobeys", 2)))
     between.refuse = lambda _: None
     world.run()
@@ -219,13 +219,13 @@ def test_vehicles_that_take_no_height_and_circle_at_one_are_named_as_unsafe(open
     between.refuse = lambda command: (
         m.MAV_RESULT_UNSUPPORTED if command.command == m.MAV_CMD_DO_CHANGE_ALTITUDE else None
     )
-    world.station.course.stop(world.clock.now())
+    world.station.phase_machine.stop(world.clock.now())
     if not opens:
         world.run(1.0)
-        assert world.station.course.go_home_at_once(world.clock.now())
+        assert world.station.phase_machine.go_home_at_once(world.clock.now())
     world.run()
     assert len(world.times_s("unacknowledged")) == 3
-    unsafe = world.station.course.unsafe
+    unsafe = world.station.phase_machine.unsafe
     pairs = [] if opens else ["vehicles 1 and 2", "vehicles 1 and 3", "vehicles 2 and 3"]
     assert [text.split(" may ")[0] for text in unsafe] == pairs
     assert all("m apart: 1 refuses DO_CHANGE_ALTITUDE: UNSUPPORTED" in text for text in unsafe[:2])
@@ -249,7 +249,7 @@ def test_one_that_acknowledges_loiter_and_stays_in_guided_is_known_to_fly_on() -
     world.fly_to(2.0)
     world.inject(2, "ignore")
     world.run()
-    assert list(world.station.course.flying_on.values()) == ["vehicle 2 flies on in GUIDED"]
+    assert list(world.station.phase_machine.flying_on.values()) == ["vehicle 2 flies on in GUIDED"]
 
 
 def test_one_that_refuses_to_go_home_circles_where_it_is() -> None:
@@ -297,7 +297,7 @@ def test_one_that_restarts_while_the_others_circle_is_commanded_to_circle_again(
     """It reboots into MANUAL and flies straight on, but had acknowledged LOITER before."""
     world = World(vehicles={"count": 2}, finish={"loiter_s": 30})
     world.fly_to(1.0)
-    world.station.course.move(Cause.PATH_ENDED, world.clock.now())
+    world.station.phase_machine.move(Cause.PATH_ENDED, world.clock.now())
     world.network.run(lambda: world.station.flight.phase is Phase.LOITERING)
     world.run(5.0)
     world.inject(2, "restart")

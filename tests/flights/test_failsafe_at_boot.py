@@ -168,7 +168,7 @@ def test_everybody_takes_off_in_whatever_order_they_and_the_station_come_up(
     world.network.run(
         lambda: world.station.flight.ended or all(each.start_up.finished for each in world.station.vehicles.values())
     )
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert {each.pilot.airborne for each in world.fleet.vehicles} == {True}
     assert world.words("parameters") == ["in order"] * 2  # their failsafes are on to the end
     assert isinstance(world.between, Listening)
@@ -218,7 +218,7 @@ def test_a_radio_switched_off_after_the_take_off_mode_is_set_undoes_it_and_it_is
     assert world.vehicle(2).pilot.mode is Mode.RTL
     switch_radio(world, on=True)
     world.run(TAKES_OFF_S)
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert world.vehicle(2).pilot.airborne
 
 

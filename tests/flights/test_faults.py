@@ -99,7 +99,7 @@ def test_a_restart_in_flight_is_taken_up_again(number: int) -> None:
     assert not world.times_s("member", number, "pilot"), "a mode that it boots in is nobody's choice"
     assert again_s - struck_s < 6.0
     assert world.worst_m(14.0) < 0.1
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
 
 
 @pytest.mark.slow
@@ -126,7 +126,7 @@ def test_a_restart_on_the_ground_is_left_to_the_pilot_until_it_flies_and_is_give
     world.run(5.0)
     (again_s,) = [at_s for at_s in world.times_s("ready", number) if at_s > back_s]
     assert again_s - back_s < LAG_S
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
 
 
 @pytest.mark.parametrize("kind", ["crash", pytest.param("freeze", marks=pytest.mark.slow)])
@@ -236,7 +236,7 @@ def test_an_order_to_loiter_that_arrives_after_the_link_is_back_is_taken_back(fl
 def test_stopped_at_any_moment_vehicles_loiter_or_are_disarmed(at_s: float) -> None:
     world = World(start={"in_air": False}, duration_s=20)
     world.run(at_s + 0.01)
-    world.station.course.stop(world.clock.now())
+    world.station.phase_machine.stop(world.clock.now())
     world.run()
     assert world.station.flight.phase is Phase.DONE
     for vehicle in world.fleet.vehicles:
@@ -263,7 +263,7 @@ def test_a_vehicle_that_never_acknowledges_that_it_loiters_is_waited_for_for_20_
     world.fly_to(2.0)
     assert isinstance(world.between, Unanswering)
     world.between.number = 3
-    world.station.course.stop(world.clock.now())
+    world.station.phase_machine.stop(world.clock.now())
     world.run()
     (named_s,), (loitering_s,) = world.times_s("unacknowledged", 3), world.times_s("phase", text="loitering")
     assert named_s - loitering_s == pytest.approx(20.0, abs=LAG_S)

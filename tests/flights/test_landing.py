@@ -79,7 +79,7 @@ def test_none_lands_while_one_that_restarted_as_it_landed_is_still_low() -> None
     world.run()
     assert not world.times_s("mode", other, "AUTOLAND")
     assert [each.pilot.mode for each in world.fleet.vehicles] == [Mode.RTL] * 2
-    assert "that was not seen" in str(world.station.course.failure)
+    assert "that was not seen" in str(world.station.phase_machine.failure)
 
 
 def plane(number: int, north_m: float, east_m: float, height_m: float = 100.0, course_rad: float = 0.0) -> Vehicle:

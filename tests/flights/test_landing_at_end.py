@@ -64,9 +64,9 @@ def test_everybody_lands_and_is_disarmed(family: str, from_deg: int | None) -> N
         places = [(each.north_m, each.east_m, each.height_m) for each in flying]
         if world.station.flight.phase in (Phase.ENDING, Phase.LOITERING):
             min_m = min([min_m, *(math.dist(one, other) for one, other in combinations(places, 2))])
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert [each.pilot.condition for each in world.fleet.vehicles] == [Condition.DISARMED] * 4
-    assert list((world.station.course.not_landed or {}).values()) == [None] * 4
+    assert list((world.station.phase_machine.not_landed or {}).values()) == [None] * 4
     assert min_m > world.station.scenario.safety.kept_m
 
 
@@ -75,7 +75,7 @@ def refused(**keys: Any) -> str:
     world = World(**ON_GROUND | keys)
     world.network.run(lambda: world.station.flight.ended)
     assert not any(each.pilot.condition.armed for each in world.fleet.vehicles) or keys.get("start")
-    return str(world.station.course.failure)
+    return str(world.station.phase_machine.failure)
 
 
 @pytest.mark.parametrize(

@@ -142,7 +142,7 @@ def test_copies_of_the_very_first_frames_change_nothing(late_s: float, elsewhere
         world.run(6.0)
     copied, alone = map(reported, worlds)
     assert copied == alone
-    assert worlds[0].station.course.failure is None
+    assert worlds[0].station.phase_machine.failure is None
 
 
 @pytest.mark.parametrize(("late_s", "elsewhere"), [(8.0, False), pytest.param(8.0, True, marks=pytest.mark.slow)])

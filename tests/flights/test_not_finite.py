@@ -16,12 +16,12 @@ from librt.strings import BytesWriter
 import gcs_formation
 from airlink.messages import Message
 from flight_model.autopilot_model import FlightState
-from flight_model.slot import UNKNOWN, Triple
+from flight_model.slot import UNKNOWN, Vector3
 from formation_scenario import load_scenario
 from gcs_formation.control import laws
 from gcs_formation.control.follower import FollowerController, LawInput
+from gcs_formation.control.law_interface import CycleInput, Law, LawOutput
 from gcs_formation.control.laws import FormationLaw, LawKind, VelocityController, formation_law, law_parameters
-from gcs_formation.control.situation import Law, LawOutput, Situation
 from gcs_formation.estimation.projection import States
 from gcs_formation.phases import Phase
 from gcs_formation.studies import Study
@@ -40,9 +40,9 @@ class Broken(Law):
     def __init__(self, law: Law, change: Callable[[LawOutput], None]) -> None:
         self._law, self._change, self._passed_s = law, change, 0.0
 
-    def decide(self, situation: Situation, dt_s: float) -> list[LawOutput]:
+    def decide(self, cycle_input: CycleInput, dt_s: float) -> list[LawOutput]:
         self._passed_s += dt_s
-        decided = self._law.decide(situation, dt_s)
+        decided = self._law.decide(cycle_input, dt_s)
         if self._passed_s > BEGINS_S:
             for each in decided:
                 if each.column == 1:
@@ -58,7 +58,7 @@ class Feedback(FollowerController):
 
     more = 0.0
 
-    def _output(self, slopes: Triple, right_share: float, pair: LawInput, dt_s: float) -> Triple:
+    def _output(self, slopes: Vector3, right_share: float, pair: LawInput, dt_s: float) -> Vector3:
         speed, heading, height = super()._output(slopes, right_share, pair, dt_s)
         return speed + self.more, heading, height
 
@@ -68,7 +68,7 @@ class HoveringFeedback(VelocityController):
 
     more = 0.0
 
-    def _output(self, slopes: Triple, right_share: float, pair: LawInput, dt_s: float) -> Triple:
+    def _output(self, slopes: Vector3, right_share: float, pair: LawInput, dt_s: float) -> Vector3:
         speed, right, height = super()._output(slopes, right_share, pair, dt_s)
         return speed, right, height + self.more
 
@@ -105,8 +105,8 @@ def ended_safely(flown: World) -> str:
     flying = [tick for tick in flown.notes.ticks if tick.phase in {"flying", "ending"}]
     assert np.isfinite([tick.setpoints for tick in flying]).all()
     assert len(flown.words("failure")) == 1
-    assert station.course.failure is not None
-    return station.course.failure
+    assert station.phase_machine.failure is not None
+    return station.phase_machine.failure
 
 
 def changed(channel: int, value: float) -> Callable[[LawOutput], None]:
@@ -162,7 +162,9 @@ def test_hovering_vehicles_stop_first():
     assert isinstance(second, HoveringFeedback)
     second.more = math.inf
     flown.run()
-    assert (flown.station.course.failure or "").startswith("what the law returned for vehicle 2 at 3.0 s is not finite")
+    assert (flown.station.phase_machine.failure or "").startswith(
+        "what the law returned for vehicle 2 at 3.0 s is not finite"
+    )
     assert all(abs(flown.vehicle(each).body.motion.airspeed_mps) < 0.5 for each in (1, 2, 3))
     assert {each.setpoints[2][0] for each in flown.notes.ticks if each.phase == "ending"} == {0.0}
 
@@ -187,7 +189,7 @@ def test_an_estimate_that_is_not_finite_leaves_its_vehicle_to_loiter_and_the_oth
     assert known is not None
     known.north_m = math.nan
     flown.run(0.2)
-    assert "vehicle 2 at 3.0 s" in (flown.station.course.failure or "")
+    assert "vehicle 2 at 3.0 s" in (flown.station.phase_machine.failure or "")
     assert [each is UNKNOWN for each in flown.notes.ticks[-1].setpoints] in ([False, True, False], [False] * 3)
 
 
@@ -239,7 +241,7 @@ def test_what_a_vehicle_tells_never_ends_a_flight(value: float):
     flown.fly_to(12.0)
     station = flown.station
     assert {"Attitude.yaw_rad", "VfrHud.airspeed_mps", "VfrHud.climb_mps"} <= spoilt
-    assert (station.flight.phase, station.course.failure, station.controller.fault) == (Phase.FLYING, None, None)
+    assert (station.flight.phase, station.phase_machine.failure, station.controller.fault) == (Phase.FLYING, None, None)
     assert [vehicle.member for vehicle in station.vehicles.values()] == [Member.FLYING, Member.HOLDING, Member.FLYING]
 
 

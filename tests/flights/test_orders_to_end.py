@@ -49,7 +49,7 @@ def test_who_climbs_out_does_so_first_and_the_last_order_counts() -> None:
     world.run()
     assert set(modes(world)) == {Mode.RTL}
     assert world.station.flight.phase is Phase.DONE
-    assert world.station.course.cut_short
+    assert world.station.phase_machine.cut_short
 
 
 @pytest.mark.slow
@@ -88,4 +88,4 @@ def test_an_order_after_the_path_is_flown_does_not_make_the_flight_one_that_was_
     assert not order(world, "speed 20").accepted
     world.run()
     assert set(modes(world)) == {Mode.RTL}
-    assert not world.station.course.cut_short
+    assert not world.station.phase_machine.cut_short

@@ -105,8 +105,8 @@ def test_a_parameter_with_which_none_can_fly_keeps_all_as_they_are() -> None:
     put(world, 2, "AIRSPEED_MAX", 20)
     world.run(30.0)
     assert world.station.flight.phase is Phase.FAILED
-    assert world.station.course.failure
-    assert world.station.course.failure.startswith("vehicle 2: AIRSPEED_MAX: found 20; allowed: 28 m/s or more")
+    assert world.station.phase_machine.failure
+    assert world.station.phase_machine.failure.startswith("vehicle 2: AIRSPEED_MAX: found 20; allowed: 28 m/s or more")
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
 
 
@@ -115,7 +115,7 @@ def test_all_vehicles_that_cannot_be_flown_are_named_at_once() -> None:
     put(world, 1, "TKOFF_ALT", 20)
     put(world, 2, "AIRSPEED_MAX", 20)
     world.run(30.0)
-    failure = world.station.course.failure or ""
+    failure = world.station.phase_machine.failure or ""
     assert [reported.split(" ")[1] for reported in failure.split("vehicle ")[1:]] == ["TKOFF_ALT:", "AIRSPEED_MAX:"]
     assert sum("AIRSPEED_MAX: found 20" in reported for reported in world.words("parameters")) == 1
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
@@ -126,7 +126,7 @@ def test_of_a_vehicle_that_flies_already_the_same_is_reported_and_it_is_taken_ov
     put(world, 2, "AIRSPEED_MAX", 20)
     world.run(3.0)
     assert any("AIRSPEED_MAX: found 20" in reported for reported in world.words("parameters"))
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert len(world.times_s("ready")) == 2
 
 
@@ -166,7 +166,7 @@ def test_a_bend_that_needs_more_than_a_vehicle_tells_is_refused_before_the_take_
     vehicles = [{"id": 1, "role": "leader"}, {"id": 2, "autopilot_parameters": {"AIRSPEED_MAX": 23}}]
     world = World(Listening, READ, vehicles=vehicles, start={"in_air": False}, path=bend, formation=to_side)
     world.run(30.0)
-    failure = world.station.course.failure or ""
+    failure = world.station.phase_machine.failure or ""
     assert failure.startswith("what vehicles tell (vehicle 2: AIRSPEED_MAX 23) isn't enough for path.waypoints_m.2")
     assert "23 m/s" in failure.partition("allowed: ")[2]
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
@@ -187,7 +187,7 @@ def test_who_flies_already_under_somebodys_command_is_named_and_not_taken_unaske
     world.run(30.0)
     assert world.station.flight.phase is Phase.FAILED
     said = "vehicle 2 flies already, in LOITER: under somebody's command; --take takes it over, --confirm asks"
-    assert world.station.course.failure == said
+    assert world.station.phase_machine.failure == said
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
     assert world.vehicle(2).pilot.mode is Mode.LOITER
 
@@ -195,7 +195,7 @@ def test_who_flies_already_under_somebodys_command_is_named_and_not_taken_unaske
 def test_with_take_who_flies_already_is_named_and_taken_over() -> None:
     world = already_flown(PreFlightOptions(parameters=True, take=True))
     world.run(12.0)
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert world.vehicle(2).pilot.mode is Mode.GUIDED
     assert world.times_s("parameters", 2, "flies already, in LOITER: under somebody's command")
 
@@ -227,8 +227,8 @@ def test_one_that_takes_off_by_its_pilot_while_the_others_are_waited_for_is_not_
     world.network.run(lambda: pilots.pilot.airborne)
     waits.inject(Fault(at_s=0.0, kind="freeze"), world.clock.now(), ends=True)
     world.run(25.0)
-    assert world.station.course.failure
-    assert world.station.course.failure.startswith("vehicle 2 flies already, in TAKEOFF")
+    assert world.station.phase_machine.failure
+    assert world.station.phase_machine.failure.startswith("vehicle 2 flies already, in TAKEOFF")
     assert not waits.pilot.condition.armed
 
 
@@ -251,7 +251,7 @@ def test_stopped_while_the_word_is_awaited_everybody_is_left_as_found() -> None:
     world = World(Listening, PreFlightOptions(confirm=True), vehicles={"count": 2})
     world.vehicle(1).enter(Mode.MANUAL)
     world.run(3.0)
-    world.station.course.stop(world.clock.now())
+    world.station.phase_machine.stop(world.clock.now())
     world.run(1.0)
     assert world.station.flight.phase is Phase.DONE
     assert world.vehicle(1).pilot.mode is Mode.MANUAL
@@ -285,8 +285,8 @@ def test_while_one_is_not_ready_no_vehicle_is_commanded(confirm: bool) -> None:
     world = World(WithoutPosition, PreFlightOptions(parameters=True, confirm=confirm), **GROUND)
     world.run(60.0)
     assert world.station.flight.phase is Phase.FAILED
-    assert world.station.course.failure
-    assert world.station.course.failure == (
+    assert world.station.phase_machine.failure
+    assert world.station.phase_machine.failure == (
         "vehicle 2: not done within 30 s after we asked for telemetry (it has reported no position)"
     )
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
@@ -317,7 +317,8 @@ def test_one_whose_clock_is_not_known_is_not_ready_and_no_vehicle_is_commanded(
     world.run(60.0)
     assert world.station.flight.phase is Phase.FAILED
     assert re.fullmatch(
-        rf"vehicle 2: not done within 30 s after we asked for telemetry \({why}\)", world.station.course.failure or ""
+        rf"vehicle 2: not done within 30 s after we asked for telemetry \({why}\)",
+        world.station.phase_machine.failure or "",
     )
     assert commands_to(world) <= {m.MAV_CMD_SET_MESSAGE_INTERVAL, m.MAV_CMD_REQUEST_MESSAGE}
     assert world.times_s("member", 2) == world.times_s("duplicate") == []
@@ -367,9 +368,9 @@ def test_vehicles_at_a_field_of_another_height_are_not_armed_and_in_the_air_it_i
     found = "home: found 500 m above sea level, where the scenario's ground is at 0 m; allowed: 30 m off"
     if in_air:
         assert len([each for each in world.words("parameters") if found in each]) == 2
-        assert world.station.course.failure is None
+        assert world.station.phase_machine.failure is None
     else:
-        assert (world.station.course.failure or "").startswith(f"vehicle 1: {found}. Set origin.alt_m, now 0")
+        assert (world.station.phase_machine.failure or "").startswith(f"vehicle 1: {found}. Set origin.alt_m, now 0")
         assert world.station.flight.phase is Phase.FAILED
         assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
 
@@ -380,6 +381,6 @@ def test_vehicles_far_from_the_path_are_left_as_they_are(in_air: bool) -> None:
     world = elsewhere(in_air=in_air, north_rad=-math.radians(1.0))
     assert re.match(
         r"vehicle 1: place: found 11\d\.\d km from the path's start; allowed: up to 14.0 km",
-        world.station.course.failure or "",
+        world.station.phase_machine.failure or "",
     )
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}

@@ -101,5 +101,7 @@ def test_on_the_ground_it_is_seen_whether_a_vehicle_has_the_mode() -> None:
     assert [each.mode for each in world.fleet.vehicles] == [Px4Mode.TAKEOFF] * 2
     earlier = World(Earlier, **KEYS | GROUND)
     earlier.run(30.0)
-    assert "set mode GUIDED_COURSE on the ground, which versions from 1.18 have" in str(earlier.station.course.failure)
+    assert "set mode GUIDED_COURSE on the ground, which versions from 1.18 have" in str(
+        earlier.station.phase_machine.failure
+    )
     assert not any(each.pilot.condition.armed for each in earlier.between.fleet.vehicles)

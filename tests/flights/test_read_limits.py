@@ -49,14 +49,14 @@ def flown(seconds: float, parameters: Mapping[str, float], **keys: Any) -> World
 def test_where_path_or_slots_need_more_none_takes_off(parameters: dict[str, float], why: str) -> None:
     world = flown(8.0, parameters)
     assert world.station.flight.phase is Phase.FAILED
-    assert str(world.station.course.failure).startswith(why)
+    assert str(world.station.phase_machine.failure).startswith(why)
     assert not any(each.pilot.condition.armed for each in world.fleet.vehicles)
 
 
 def test_where_they_suffice_they_bound_what_is_commanded() -> None:
     """So does a fence that is wide enough, and one that is off bounds nothing."""
     world = flown(8.0, FENCE | {"FENCE_TYPE": 1, "FENCE_ALT_MAX": 200, "TECS_SINK_MAX": 1.5})
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     models, each = world.station.controller.models, list(world.station.vehicles.values())
     assert [round(model.climb_max_mps, 2) for model in models] == [3.0, 1.5]
     assert each[0].autopilot.heights_m is None
@@ -72,7 +72,7 @@ def test_in_the_air_heights_are_held_within_a_fence_that_is_too_low() -> None:
         "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [900, 0, 100]]},
     }
     world = flown(12.0, FENCE | {"FENCE_TYPE": 1, "FENCE_ALT_MAX": 97}, **keys)
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     column = next(each.column for each in world.station.vehicles.values() if each.identity.system == 2)
     commanded_m = [tick.setpoints[column][2] for tick in world.notes.ticks if tick.active[column]]
     assert commanded_m

@@ -251,7 +251,7 @@ def test_one_that_was_given_another_mode_is_left_alone(
     assert len(world.times_s("takeover", text="taken over")) == 2 + taken
     assert (world.vehicle(2).pilot.mode is Mode.GUIDED) == taken
     if not taken:
-        world.station.course.stop(world.clock.now())
+        world.station.phase_machine.stop(world.clock.now())
         world.run(12.0)
         assert world.vehicle(2).pilot.mode is mode
         assert world.vehicle(3).pilot.mode is Mode.LOITER
@@ -269,7 +269,7 @@ def test_where_none_flies_as_left_it_is_said_how_they_are_and_what_takes_them_an
     flight.resume()
     world.run(20.0)
     assert world.station.flight.phase is Phase.FAILED
-    assert world.station.course.failure == (
+    assert world.station.phase_machine.failure == (
         "no vehicle to take over: vehicle 1, 3: in RTL, and the flight had left it in GUIDED; "
         "vehicle 2: in LOITER, and the flight had left it in GUIDED; --take takes those in the air"
     )
@@ -289,7 +289,7 @@ def test_where_none_that_is_heard_gets_ready_none_is_waited_for_without_end(kill
     world.run(40.0)
     assert len(world.times_s("abandoned")) == 2
     assert world.station.flight.phase is Phase.FAILED
-    assert world.station.course.failure == "no vehicle to take over: none got ready"
+    assert world.station.phase_machine.failure == "no vehicle to take over: none got ready"
 
 
 @pytest.mark.slow

@@ -99,7 +99,7 @@ def resumed(
     flight.resume()
     world.network.run(lambda: world.station.flight.phase in (until, Phase.FLYING) or world.station.flight.ended)
     world.run(1.0)
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert world.station.flight.phase in (until, Phase.FLYING)
     assert modes(world) == {Mode.LOITER if phase in TO_END else Mode.GUIDED}
     assert flight.commanded(m.MAV_CMD_COMPONENT_ARM_DISARM) == []
@@ -136,7 +136,7 @@ def test_other_families_are_resumed_likewise(killed: Callable[..., Killed], fami
     kill(flight, silent_s)
     flight.resume()
     world.run(30.0)
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert len(world.times_s("takeover", text="taken over")) == 2
 
 
@@ -154,11 +154,11 @@ def test_attempts_that_fail_change_nothing_and_the_next_takes_those_that_it_is_o
         flight.resume()
         world.run(20.0)
         assert world.station.flight.phase is Phase.FAILED
-        assert (world.station.course.failure or "").startswith(said)
+        assert (world.station.phase_machine.failure or "").startswith(said)
         kill(flight, 2.0)
     flight.resume(take=True)
     world.run(20.0)
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert (world.station.flight.phase, modes(world)) == (Phase.ASSEMBLING, {Mode.GUIDED})
     kill(flight, 2.0)
     flight.resume()
@@ -176,7 +176,7 @@ def test_attempts_that_are_killed_themselves_are_followed_by_others(killed: Call
     kill(flight, 8.0)
     flight.resume()
     world.run(20.0)
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert modes(world) == {Mode.GUIDED}
 
 
@@ -202,4 +202,4 @@ def test_killed_on_the_ground_there_is_nothing_to_resume_and_what_to_do_is_said(
     flight.resume()
     flight.world.run(10.0)
     said = "no vehicle to take over: vehicle 1, 2: on the ground; fly it from its start, by its scenario"
-    assert flight.world.station.course.failure == said
+    assert flight.world.station.phase_machine.failure == said

@@ -86,9 +86,9 @@ def test_two_vehicles_with_one_id_are_not_taken_off() -> None:
     world.run()
     assert world.station.flight.phase is Phase.FAILED
     assert world.now_s < 5.0
-    assert world.station.course.failure
+    assert world.station.phase_machine.failure
     assert "vehicle 2: another sender has its system id, from 127.0.0.1:49155, beside 127.0.0.1:49153" in (
-        world.station.course.failure
+        world.station.phase_machine.failure
     )
     assert all(vehicle.pilot.condition is Condition.DISARMED for vehicle in world.fleet.vehicles)
 
@@ -135,7 +135,7 @@ def test_a_vehicle_heard_from_another_port_is_the_same_when_its_clock_goes_on() 
     assert all("its clock goes on" in text for text in world.words("address"))
     assert world.times_s("restarted") == []
     assert world.worst_m() < 0.05
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
 
 
 @pytest.mark.slow

@@ -111,7 +111,7 @@ class Crowded(Between):
 def flies(world: World) -> None:
     """Fly to the end: no vehicle is told to loiter, nothing is refused, and every follower is in its slot."""
     world.run()
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert world.station.flight.phase is Phase.DONE
     assert not world.times_s("member", text="loiter")
     assert not world.times_s("member", text="pilot")
@@ -165,7 +165,7 @@ def test_an_autopilot_of_another_family_is_refused_in_words_before_any_takes_off
     """Mode 15, GUIDED of an ArduPlane, is AUTOTUNE of an ArduCopter."""
     world = World(another(autopilot, kind), start={"in_air": False})
     world.run()
-    assert world.station.course.failure is not None
-    assert world.station.course.failure == f"vehicle 3 says that it is a {words}; allowed: ArduPlane"
+    assert world.station.phase_machine.failure is not None
+    assert world.station.phase_machine.failure == f"vehicle 3 says that it is a {words}; allowed: ArduPlane"
     assert [each.pilot.condition.armed for each in world.fleet.vehicles] == [False] * 3
     assert world.now_s < 5.0

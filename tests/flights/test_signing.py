@@ -322,5 +322,5 @@ def test_a_forger_ends_a_flight_that_begins_only_where_nothing_is_signed(links: 
     world = World(duration_s=3, start={"in_air": False}, links=links if keyed else {})
     world.attach(world.another(3, signing_key=None))
     world.run(4.0)
-    assert (world.station.course.failure is None) is keyed
+    assert (world.station.phase_machine.failure is None) is keyed
     assert bool(world.words("duplicate")) is not keyed

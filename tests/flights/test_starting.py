@@ -17,8 +17,8 @@ from airlink.frame import HEADER_V2
 from flight_model.arrays import wrap
 from gcs_formation.app.progress import Progress
 from gcs_formation.guidance.leader_guidance import SETTLE_S
-from gcs_formation.mission.course import GETS_ON_S
 from gcs_formation.mission.gate import PreFlightOptions
+from gcs_formation.mission.phase_machine import GETS_ON_S
 from gcs_formation.phases import Phase
 from gcs_formation.station import Station
 from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
@@ -130,9 +130,9 @@ def test_a_vehicle_that_can_not_be_started_ends_the_run_with_none_left_flying_on
     world = World(between, **ON_THE_GROUND)
     trouble(world)
     world.run()
-    assert world.station.course.failure
-    assert world.station.course.failure.startswith(f"vehicle {LAST}: not done within")
-    assert words in world.station.course.failure
+    assert world.station.phase_machine.failure
+    assert world.station.phase_machine.failure.startswith(f"vehicle {LAST}: not done within")
+    assert words in world.station.phase_machine.failure
     (failed_s,) = world.times_s("failure")
     begun_s = world.times_s(begins[0], LAST, begins[1])[0]
     assert failed_s - begun_s == pytest.approx(limit_s, abs=1.0)
@@ -153,7 +153,7 @@ def test_half_of_all_datagrams_lost_each_way_keep_none_from_starting(seed: int) 
     world.network.run(
         lambda: world.station.flight.ended or all(each.start_up.finished for each in world.station.vehicles.values())
     )
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
 
 
 def slow_boot(ready_s: float, **start: Any) -> World:
@@ -169,7 +169,7 @@ def test_a_vehicle_that_takes_long_to_get_ready_is_waited_for_with_a_line_for_ea
     """Its estimator finds something more every 24 s, and is ready later than one without progress is waited for."""
     world = slow_boot(120.0)
     world.network.run(lambda: world.station.flight.ended or world.vehicle(1).pilot.airborne)
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     said = [event.text for event in world.notes.events if event.kind == "waits" and str(event.vehicle) == "1"]
     missing = [text.partition(";")[0].count("EKF_") - 1 for text in said]
     assert missing[:5] == [8, 7, 5, 4, 3]
@@ -183,7 +183,7 @@ def test_positions_near_latitude_and_longitude_0_before_the_first_fix_are_no_mot
     world.station = Station(world.station.scenario, world.notes, caution=caution)
     world.process.replace(world.station)
     world.network.run(lambda: world.station.flight.ended or world.vehicle(1).pilot.airborne)
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert world.vehicle(1).pilot.airborne
 
 
@@ -199,15 +199,15 @@ def test_one_that_makes_no_progress_or_takes_longer_than_the_scenario_allows_end
 ) -> None:
     world = slow_boot(ready_s, **start)
     world.run(700.0)
-    assert words in (world.station.course.failure or "")
-    assert "EKF_STATUS_REPORT: no " in (world.station.course.failure or "")
+    assert words in (world.station.phase_machine.failure or "")
+    assert "EKF_STATUS_REPORT: no " in (world.station.phase_machine.failure or "")
 
 
 def test_no_vehicle_takes_off_for_a_formation_of_which_one_never_answers() -> None:
     world = World(Mute, **ON_THE_GROUND)
     world.run()
-    assert world.station.course.failure
-    assert world.station.course.failure == "no vehicle 3 answered at udpin:127.0.0.1:14550 in 30 s"
+    assert world.station.phase_machine.failure
+    assert world.station.phase_machine.failure == "no vehicle 3 answered at udpin:127.0.0.1:14550 in 30 s"
     assert world.times_s("failure") == [pytest.approx(30.0, abs=LAG_S)]
     assert all(each.pilot.condition is Condition.DISARMED for each in world.fleet.vehicles)
 
@@ -249,7 +249,7 @@ def test_who_is_back_in_its_slot_by_the_next_pass_is_not_said_to_be_out_of_it_fo
     world.run()
     (assembling_s,), (begun_s,) = world.times_s("phase", text="assembling"), world.times_s("phase", text="flying")
     assert begun_s > assembling_s + ASSEMBLING["start"]["timeout_s"] + 10.0
-    assert (world.times_s("unassembled"), world.station.course.assembled) == ([], True)
+    assert (world.times_s("unassembled"), world.station.phase_machine.assembled) == ([], True)
 
 
 def test_a_log_says_what_an_assembly_waits_for_and_for_how_long() -> None:
@@ -314,7 +314,7 @@ def test_when_the_time_for_assembly_is_over_the_path_begins_as_the_leader_comes_
     assert guidance.rounds == 1
     assert begun_s < assembling_s + 30.0 + turn_s + 2 * SETTLE_S
     assert world.vehicle(2).pilot.mode is Mode.LOITER
-    assert (world.station.course.failure, world.station.course.assembled) == (None, False)
+    assert (world.station.phase_machine.failure, world.station.phase_machine.assembled) == (None, False)
 
 
 @pytest.mark.parametrize("taken", [pytest.param((1,), marks=pytest.mark.slow), (1, 2, 3)])
@@ -325,8 +325,8 @@ def test_without_any_to_follow_the_run_ends_when_the_time_for_assembly_is_over(t
     for number in taken:
         world.inject(number, "pilot")
     world.run()
-    assert world.station.course.failure
-    assert world.station.course.failure == "the leader was not there to follow within 30 s"
+    assert world.station.phase_machine.failure
+    assert world.station.phase_machine.failure == "the leader was not there to follow within 30 s"
     (assembling_s,), (failed_s,) = world.times_s("phase", text="assembling"), world.times_s("failure")
     assert failed_s - assembling_s == pytest.approx(30.0, abs=LAG_S)
     assert all(each.pilot.mode is Mode.LOITER for each in world.fleet.vehicles)
@@ -358,7 +358,7 @@ def test_one_that_is_taken_over_by_its_pilot_as_it_climbs_is_left_to_it_until_it
     assert world.words("abandoned") == ["taken over in FBWA before it was ready: left to its pilot"]
     assert world.times_s("abandoned", number)[0] - taken_s < 1.0 + LAG_S, "a heartbeat shows it"
     assert world.times_s("ready", number) == []
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert bool(world.times_s("phase", text="assembling")) is not leads
     taken.enter(Mode.GUIDED)
     world.run(3.0)

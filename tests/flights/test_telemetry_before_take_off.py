@@ -72,7 +72,7 @@ def home_20_m_up(message: Message) -> list[Message]:
 def test_what_cannot_be_true_on_the_ground_keeps_everybody_there(change: Altering, text: str) -> None:
     world = World(altered(change), READ, **GROUND)
     world.run(40.0)
-    failure = world.station.course.failure or ""
+    failure = world.station.phase_machine.failure or ""
     assert failure.startswith("vehicle 2: ")
     assert text in failure
     assert "allowed: " in failure
@@ -96,7 +96,7 @@ def test_what_cannot_be_true_on_the_ground_keeps_everybody_there(change: Alterin
 def test_a_field_that_is_not_filled_is_named(change: Altering, why: str) -> None:
     world = World(altered(change), READ, **GROUND)
     world.run(150.0)  # one without a fix is waited for longer
-    assert why in (world.station.course.failure or "")
+    assert why in (world.station.phase_machine.failure or "")
     assert commands_to(world) == {m.MAV_CMD_SET_MESSAGE_INTERVAL}
 
 
@@ -104,4 +104,4 @@ def test_in_the_air_a_home_of_another_datum_is_said_and_flown_with() -> None:
     world = World(altered(home_20_m_up), READ, vehicles={"count": 2})
     world.run(3.0)
     assert any("above HOME_POSITION's altitude" in each for each in world.words("parameters"))
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None

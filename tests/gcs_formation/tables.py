@@ -13,9 +13,9 @@ from mypy_extensions import i64
 
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel, FlightState
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.control.situation import Law, LawOutput, Situation
+from gcs_formation.control.law_interface import CycleInput, Law, LawOutput
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 Instants = npt.NDArray[np.int64]
@@ -30,7 +30,7 @@ def models(table: AutopilotModels) -> list[AutopilotModel]:
     return [AutopilotModel(*values) for values in table.table.T.tolist()]
 
 
-def setpoints(table: Setpoints) -> list[Triple]:
+def setpoints(table: Setpoints) -> list[Vector3]:
     return [(speed_mps, heading_rad, height_m) for speed_mps, heading_rad, height_m in table.table.T.tolist()]
 
 
@@ -79,5 +79,5 @@ class TableLaw:
     def __init__(self, law: Law) -> None:
         self._law = law
 
-    def decide(self, situation: Situation, dt_s: float) -> Decision:
-        return Decision.of(self._law.decide(situation, dt_s))
+    def decide(self, cycle_input: CycleInput, dt_s: float) -> Decision:
+        return Decision.of(self._law.decide(cycle_input, dt_s))

@@ -60,7 +60,7 @@ def flown(scenario: Scenario, enough: Enough, from_s: float = 0.0) -> Flown:
         session.recorder.close()
         errors_m = _errors(session.scenario, session.recorder.path, from_s)
         seconds = session.clock.now() / NANOSECONDS
-        return Flown(seconds, *errors_m, session.station.course.failure)
+        return Flown(seconds, *errors_m, session.station.phase_machine.failure)
 
 
 def _unrecorded(scenario: Scenario) -> Scenario:

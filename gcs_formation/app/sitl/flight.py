@@ -69,9 +69,9 @@ def run_simulated(
 
 def _over(session: Session, simulators: Sequence[Running], clocks: Clocks) -> bool:
     """Attend to a flight, which fails if a simulator has ended; return whether it is over."""
-    now, course = session.clock.now(), session.station.course
-    if clocks.note(now) and course.failure is None and (text := ended(simulators)):
-        course.fail(text, now)
+    now, phase_machine = session.clock.now(), session.station.phase_machine
+    if clocks.note(now) and phase_machine.failure is None and (text := ended(simulators)):
+        phase_machine.fail(text, now)
     return session.attend()
 
 

@@ -40,7 +40,7 @@ class AllDown(Stage):
             return
         all_down = self._watch(cycle.now)
         if all_down is not None:
-            cycle.course.fail(all_down, cycle.now)
+            cycle.phase_machine.fail(all_down, cycle.now)
 
     def _watch(self, now: Instant) -> str | None:
         """Return in words that all vehicles are down, once that has lasted for `DOWN_S`; None before."""

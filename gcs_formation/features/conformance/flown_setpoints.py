@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, respond, within, wrap
 from flight_model.energy import GRAVITY_MPS2
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from gcs_formation.estimation.estimator import MIN_AIRSPEED_MPS
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -194,7 +194,7 @@ class FlownSetpoints:
         self.past.append(seen)
         self.stamps.append(stamp)
 
-    def _less_initial_motion(self, expected: Triple, flown: Triple) -> Triple:
+    def _less_initial_motion(self, expected: Vector3, flown: Vector3) -> Vector3:
         """Return the changes flown, without the part that an aircraft makes by continuing its motion at the start.
 
         That part is taken off where it is opposite to the expected change: a turn or a change of speed that was under
@@ -253,7 +253,7 @@ class FlownSetpoints:
         receives = self.vehicle.hears
         return receives, receives and not self.vehicle.autopilot.stands, receives
 
-    def _judge(self, expected: Triple, flown: Triple, airspeed_mps: float, judged: Judged) -> int | None:
+    def _judge(self, expected: Vector3, flown: Vector3, airspeed_mps: float, judged: Judged) -> int | None:
         """Evaluate the changes in the window; return the channel that newly isn't followed, of those `judged`.
 
         A gust from the side turns the course by less at a higher `airspeed_mps`.
@@ -301,7 +301,7 @@ def _by_energy(expected_mps: float, flown_mps: float, above_m: float, speed_mps:
     return within(expected_mps, min(flown_mps, traded_mps), max(flown_mps, traded_mps))
 
 
-def _changes(before: FlightState, end: FlightState, seen: FlightState, *, hovers: bool) -> tuple[Triple, Triple]:
+def _changes(before: FlightState, end: FlightState, seen: FlightState, *, hovers: bool) -> tuple[Vector3, Vector3]:
     """Return the expected changes of airspeed, heading and height until `end`, and the actual ones until `seen`."""
     turn_rad, turned_rad = end.heading_rad - before.heading_rad, seen.heading_rad - before.heading_rad
     faster_mps, flown_mps = end.airspeed_mps - before.airspeed_mps, seen.airspeed_mps - before.airspeed_mps

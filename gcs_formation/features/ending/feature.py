@@ -11,7 +11,7 @@ from gcs_formation.features.ending.stages import AtEndHeights, EndHeights
 
 def _stages(cycle: Cycle) -> list[Stage]:
     if cycle.scenario.finish.then == "land":
-        cycle.course.gate.hold(LandingCheck(cycle.scenario, cycle.vehicles))
+        cycle.phase_machine.gate.hold(LandingCheck(cycle.scenario, cycle.vehicles))
     chosen = EndHeights()
     return [chosen, AtEndHeights(chosen)]
 

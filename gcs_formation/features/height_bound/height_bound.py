@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from flight_model.autopilot_model import within
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from gcs_formation.core.cycle import LED, Cycle, Stage
 from gcs_formation.recorder import Tick
 
@@ -45,7 +45,7 @@ class HeightBound(Stage):
         if controller.fault is None and cycle.tick.mission_time_s >= 0.0:
             self.keep(cycle.tick, controller.leader_m, controller.slots_m)
 
-    def keep(self, tick: Tick, leader_m: float, slots_m: Sequence[Triple]) -> None:
+    def keep(self, tick: Tick, leader_m: float, slots_m: Sequence[Vector3]) -> None:
         """Bound a tick's heights.
 
         Args:

@@ -9,7 +9,7 @@ from gcs_formation.features.preflight.place import findings
 
 
 def _stages(cycle: Cycle) -> list[Stage]:
-    gate = cycle.course.gate
+    gate = cycle.phase_machine.gate
     if gate.examines:
         gate.add(ParameterExamination(cycle))
     return []

@@ -21,7 +21,7 @@ class ParameterExamination(Examination):
     def __init__(self, cycle: Cycle) -> None:
         """Prepare to read."""
         scenario = cycle.scenario
-        self._gate, self._changes = cycle.course.gate, cycle.reconfiguration
+        self._gate, self._changes = cycle.phase_machine.gate, cycle.reconfiguration
         self._limits = ReadLimits(scenario, cycle.controller.bound)
         self._readers = dict[VehicleId, ParameterReader]()
         for planned in scenario.vehicles:

@@ -23,13 +23,13 @@ class TakenOver(Stage):
         """End it if it is time."""
         if cycle.flight.phase is not Phase.CONNECTING:
             return
-        takeover, course, now = self._takeover, cycle.course, cycle.now
-        leads, reason = takeover.has_leader(now) and course.gate.passed, takeover.failure(now)
+        takeover, phase_machine, now = self._takeover, cycle.phase_machine, cycle.now
+        leads, reason = takeover.has_leader(now) and phase_machine.gate.passed, takeover.failure(now)
         if reason is not None:
-            course.fail(reason, now, begun=takeover.took_any)
+            phase_machine.fail(reason, now, begun=takeover.took_any)
         elif takeover.is_over(now):
-            course.move(Cause.CALLED_OFF, now)
+            phase_machine.move(Cause.CALLED_OFF, now)
         elif takeover.past.ending and takeover.settled(now) and (leads or takeover.waited(now, 2.0 * WAIT_S)):
             if leads:
-                course.move(Cause.LEADER_READY, now)
-            course.stop(now)
+                phase_machine.move(Cause.LEADER_READY, now)
+            phase_machine.stop(now)

@@ -9,7 +9,7 @@ from typing import Final
 
 from airlink.clock import NANOSECONDS
 from flight_model.autopilot_model import AutopilotModel
-from gcs_formation.estimation.projection import Measured
+from gcs_formation.estimation.projection import MeasuredStates
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.separation.approach import JERK_MPS3
 from gcs_formation.features.separation.non_conforming import UncommandedMotion
@@ -32,7 +32,7 @@ class Accelerations:
         """Take the setpoints sent, the columns' models, and what has measured accelerations."""
         self._history, self._models, self._uncommanded, self._hovers = history, models, uncommanded, hovers
 
-    def of(self, column: int, measured: Measured) -> tuple[float, float]:
+    def of(self, column: int, measured: MeasuredStates) -> tuple[float, float]:
         """Return a multirotor's acceleration when its setpoint acts: as measured, changed since by those in flight.
 
         It is 0 for uncommanded vehicles, whose accelerations are intents of their own.

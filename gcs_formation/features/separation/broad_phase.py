@@ -13,7 +13,7 @@ from typing import Final
 
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel, FlightState, within, wrap
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from gcs_formation.features.separation.approach import COARSE_S, JERK_MPS3
 
 HALF_S: Final = COARSE_S / 2
@@ -54,7 +54,7 @@ class VehicleBounds:
         """Its position on the axis along which the vehicles are farthest apart."""
         self.far_m = self.fast_mps = 0.0
         """Largest distance and speed relative to the moving frame."""
-        self.slot_m: Triple = (0.0, 0.0, 0.0)
+        self.slot_m: Vector3 = (0.0, 0.0, 0.0)
         """From the leader: forward, right, up."""
         self.timing_s = 0.0
         """How much earlier or later than predicted it may be at a position."""
@@ -99,7 +99,7 @@ class BroadPhase:
         self,
         place: int,
         state: FlightState,
-        slot_m: Triple,
+        slot_m: Vector3,
         speed_mps: float,
         heading_rad: float,
         early_s: float,

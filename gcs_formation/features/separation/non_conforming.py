@@ -13,9 +13,9 @@ from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.autopilot_model import AutopilotModel, FlightState, advance, within, wrap
-from flight_model.slot import UNKNOWN, Triple
+from flight_model.slot import UNKNOWN, Vector3
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates
-from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S, Measured
+from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S, MeasuredStates
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.separation.approach import Traffic
 from gcs_formation.recorder import Tick, VehicleLink
@@ -35,7 +35,7 @@ PROBE_S: Final = 0.27
 """Longest interval of requests that every vehicle answers. Tuned: s; the interval of requests; by judgement."""
 MISSED_S: Final = 0.5
 """How much longer answers may be missing, since links lose some. Tuned: s; 0.3 to 1; by judgement."""
-HOVERS: Triple = (0.0, 0.0, math.nan)
+HOVERS: Vector3 = (0.0, 0.0, math.nan)
 """Intent of a vehicle that hovers or stops."""
 SET_OFF: Final[tuple[float, ...]] = (0.0, 1 / 3, 2 / 3, 1.0)
 """Assumed times of its departure for home, as shares of the time in which it may depart."""
@@ -57,7 +57,7 @@ class Place(NamedTuple):
     sets_off: int | None = None
     """Instant from which it flies home; None: it doesn't."""
     home_m: tuple[float, float] = (math.nan, math.nan)
-    held: Triple = UNKNOWN
+    held: Vector3 = UNKNOWN
     """Setpoint by which it flies on until it hovers."""
 
 
@@ -73,10 +73,10 @@ class NonConforming:
     ) -> None:
         """Take the setpoints sent, the (C,) `models`, and how far ahead the rule predicts."""
         self._history, self._models, self._horizon_s, self._hovers = history, models, horizon_s, hovers
-        self._held: list[Triple | None] = [None] * len(models)
+        self._held: list[Vector3 | None] = [None] * len(models)
         """Setpoint by which each vehicle that doesn't answer flies on; None for those that answer."""
         self._disobeying = [False] * len(models)
-        self._stops: list[tuple[int, int, int, Triple] | None] = [None] * len(models)
+        self._stops: list[tuple[int, int, int, Vector3] | None] = [None] * len(models)
         """Of each that was commanded to stop without a position since: when, of when that is, and what it knew."""
         self._left: list[int | None] = [None] * len(models)
         """Instant from which each has been sent nothing; None while it is sent setpoints."""
@@ -112,16 +112,16 @@ class NonConforming:
         stopped: list[int],
         now: Instant,
         links: list[VehicleLink],
-        measured: Measured,
+        measured: MeasuredStates,
         at: int,
-    ) -> tuple[list[int], list[Triple], list[float], Traffic | None]:
+    ) -> tuple[list[int], list[Vector3], list[float], Traffic | None]:
         """Return the possible positions, at the instant `at`, of those of the columns `members` that may not respond.
 
         `stopped`: columns whose states are too old, of which alone it is known where they stopped. For each position:
         the column, the vehicle's assumed intent, for how long it has moved since its state, and its column of the
         traffic.
         """
-        columns, intents, states, leads_s = list[int](), list[Triple](), list[FlightState](), list[float]()
+        columns, intents, states, leads_s = list[int](), list[Vector3](), list[FlightState](), list[float]()
         moved_s = list[float]()
         places = self._places(members, now, links, measured.stamps)
         for place in places + self._braking(stopped, now, links, measured.stamps):
@@ -164,7 +164,7 @@ class NonConforming:
     def _may_not_respond(self, column: int) -> bool:
         return self._disobeying[column] or self._held[column] is not None
 
-    def _held_by(self, column: int) -> Triple:
+    def _held_by(self, column: int) -> Vector3:
         return self._held[column] or UNKNOWN
 
     def _braking(self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]) -> list[Place]:
@@ -178,7 +178,7 @@ class NonConforming:
             found += [Place(column, begins + later_ns, held=held) for later_ns in BRAKES_NS]
         return found
 
-    def _last_known(self, column: int, brakes: int, way_s: float, seen: int) -> tuple[int, Triple]:
+    def _last_known(self, column: int, brakes: int, way_s: float, seen: int) -> tuple[int, Vector3]:
         """Return when a command to stop came through, and the setpoint at the last position: kept, as histories end."""
         known = self._stops[column]
         if known is None or known[0] != brakes or known[1] != seen:
@@ -188,7 +188,7 @@ class NonConforming:
             known = self._stops[column] = brakes, seen, comes, held
         return known[2], known[3]
 
-    def _flies(self, state: FlightState, place: Place, begin: int, at: int) -> tuple[Triple, float] | None:
+    def _flies(self, state: FlightState, place: Place, begin: int, at: int) -> tuple[Vector3, float] | None:
         """Predict a state from `begin`: by its setpoint, then hovering, until it sets off for home or the instant `at`.
 
         Return its intent then, and for how long it has had it; None for a vehicle that is home by now.
@@ -231,7 +231,7 @@ class UncommandedMotion:
         self.non_conforming = [False] * len(models)
         """Whether a multirotor doesn't fly its commanded velocity."""
         self.accel_mps2 = [(0.0, 0.0)] * len(models)
-        self._last: Measured | None = None
+        self._last: MeasuredStates | None = None
 
     @property
     def any_non_conforming(self) -> bool:
@@ -241,7 +241,7 @@ class UncommandedMotion:
                 return True
         return False
 
-    def update(self, measured: Measured) -> None:
+    def update(self, measured: MeasuredStates) -> None:
         """Update turn rates, or multirotors' accelerations, from the last two states."""
         before, self._last = self._last, measured
         if before is None:
@@ -264,7 +264,7 @@ class UncommandedMotion:
                     turned_rad = wrap(now.heading_rad - then.heading_rad)
                     self.turn_rps[column] = within(turned_rad / elapsed_s, -max_rps, max_rps)
 
-    def intents(self, tick: Tick, members: list[int], measured: Measured) -> list[tuple[int, Triple]]:
+    def intents(self, tick: Tick, members: list[int], measured: MeasuredStates) -> list[tuple[int, Vector3]]:
         """Return other possible intents of multirotors: their indices in `members`, and velocities as setpoints."""
         if not self._hovers:
             return []
@@ -280,7 +280,7 @@ class UncommandedMotion:
         east_mps2 += share * ((now[1] - then[1]) / elapsed_s - east_mps2)
         self.accel_mps2[column] = north_mps2, east_mps2
 
-    def _leaves_command(self, column: int, measured: Measured) -> bool:
+    def _leaves_command(self, column: int, measured: MeasuredStates) -> bool:
         """Return whether a multirotor's velocity departs from the commanded one, or has and doesn't return.
 
         A vehicle that had no setpoint a second ago is excluded: it may still be stopping.
@@ -299,13 +299,13 @@ class UncommandedMotion:
         back_mps2 = (north_mps * north_mps2 + east_mps * east_mps2) / off_mps
         return back_mps2 < -NON_CONFORMING_MPS2 or (self.non_conforming[column] and back_mps2 < NON_CONFORMING_MPS2)
 
-    def _accelerated(self, column: int, measured: Measured) -> Triple:
+    def _accelerated(self, column: int, measured: MeasuredStates) -> Vector3:
         """Return the velocity, as speed and heading, that a multirotor reaches if it keeps accelerating."""
         (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self.accel_mps2[column]
         north_mps, east_mps = north_mps + ACCELERATES_S * north_mps2, east_mps + ACCELERATES_S * east_mps2
         return math.hypot(north_mps, east_mps), math.atan2(east_mps, north_mps), math.nan
 
-    def _homewards(self, tick: Tick, column: int, measured: Measured) -> Triple | None:
+    def _homewards(self, tick: Tick, column: int, measured: MeasuredStates) -> Vector3 | None:
         """Return the velocity of a multirotor's flight home; None if its mode doesn't take it there."""
         home_m = tick.links[column].flies_home_m
         if home_m is None:
@@ -327,7 +327,7 @@ def distance_m(state: FlightState, home_m: tuple[float, float]) -> float:
     return math.hypot(home_m[0] - state.north_m, home_m[1] - state.east_m)
 
 
-def homewards(state: FlightState, home_m: tuple[float, float], model: AutopilotModel, within_s: float) -> Triple:
+def homewards(state: FlightState, home_m: tuple[float, float], model: AutopilotModel, within_s: float) -> Vector3:
     """Return the velocity, as speed and heading, at which a multirotor flies home, arriving in `within_s` or later."""
     speed_mps = min(model.speed_max_mps, distance_m(state, home_m) / within_s)
     return speed_mps, math.atan2(home_m[1] - state.east_m, home_m[0] - state.north_m), math.nan

@@ -12,13 +12,13 @@ import numpy as np
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array, Indices
 from flight_model.autopilot_model import AutopilotModel, squared, within
-from flight_model.slot import UNKNOWN, Triple
+from flight_model.slot import UNKNOWN, Vector3
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import Scenario
 from formation_scenario.geofence import NO_LIMITS
 from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.transition_plan import MARGIN_M
-from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S, Measured
+from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S, MeasuredStates
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.separation.accelerations import Accelerations
 from gcs_formation.features.separation.approach import Traffic, sample_times
@@ -34,7 +34,7 @@ ROOM_M: Final = 0.5
 """Margin added to the distance to keep. A manoeuvre begins at the last moment, when the predicted trajectories leave
 nothing to spare. Predictions are accurate to centimetres, with noisy states and trajectories that curve between samples
 to decimetres."""
-LEADS: Final[Triple] = (0.0, 0.0, 0.0)
+LEADS: Final[Vector3] = (0.0, 0.0, 0.0)
 """The leader's slot, from itself."""
 AFAR: Final = 2.0
 """A vehicle farther from its slot than this many times the rule's distance keeps the full distance from all others."""
@@ -68,10 +68,10 @@ class ConflictResolver:
         self._broad_phase = BroadPhase(models[self._first :], *until_s, hovers=self._hovers)
         count, schedule = len(models), slot_schedule(scenario)
         self._side, self._manoeuvring_s = [0.0] * count, [0.0] * count
-        self._slots: list[Triple] = [(forward_m, right_m, up_m) for forward_m, right_m, up_m in schedule[0].places_m]
+        self._slots: list[Vector3] = [(forward_m, right_m, up_m) for forward_m, right_m, up_m in schedule[0].places_m]
         """All columns' slots at the last tick that had any: there are none at the end of a flight."""
         self._afar = [False] * count
-        self._slots_known: list[Triple] | None = None
+        self._slots_known: list[Vector3] | None = None
         """The list that `_slots` was made from; the same object means no change."""
         self._kept_m = self._keys.distance_m + ROOM_M
         self._limit_m: float = scenario.safety.separation_m
@@ -80,7 +80,7 @@ class ConflictResolver:
         """The planned distances that `_kept_moving` was made from."""
         self._encounters = Encounters(scenario)
 
-    def keep(self, tick: Tick, measured: Measured, apart_m: Array | None = None) -> None:
+    def keep(self, tick: Tick, measured: MeasuredStates, apart_m: Array | None = None) -> None:
         """Replace those of a tick's setpoints that don't keep the distance.
 
         Two vehicles keep the rule's distance, or less where their slots, or the planned trajectories of these, leave
@@ -122,7 +122,7 @@ class ConflictResolver:
             self._kept_moving = KeptDistance(self._kept_m, kept_m, self._first)
         return self._kept_moving
 
-    def _nobody_near(self, tick: Tick, measured: Measured, kept: KeptDistance) -> bool:
+    def _nobody_near(self, tick: Tick, measured: MeasuredStates, kept: KeptDistance) -> bool:
         """Return whether the rule can be skipped: all are commanded, respond and stay apart, and none is giving way."""
         if (
             not self._predicted
@@ -197,7 +197,7 @@ class ConflictResolver:
         ]
 
     def _picture(
-        self, tick: Tick, measured: Measured, members: list[int], stopped: list[int], kept: KeptDistance
+        self, tick: Tick, measured: MeasuredStates, members: list[int], stopped: list[int], kept: KeptDistance
     ) -> TrafficPicture:
         """Return the rule's input.
 
@@ -248,7 +248,7 @@ class ConflictResolver:
             heights_m=self._heights_m,
         )
 
-    def _traffic(self, tick: Tick, measured: Measured, members: list[int], together: int) -> Traffic:
+    def _traffic(self, tick: Tick, measured: MeasuredStates, members: list[int], together: int) -> Traffic:
         """Return the columns `members` as they fly if they respond; predictions start at the instant `together`."""
         acts: list[int] = [measured.acts[each] for each in members]
         until = [at if tick.active[each] else together for at, each in zip(acts, members, strict=True)]
@@ -260,7 +260,7 @@ class ConflictResolver:
         return Traffic(states, lead_s, turn_rps, models, accel_mps2, self._hovers)
 
     def _state(
-        self, tick: Tick, measured: Measured, members: list[int], until: list[int], turn_rps: Array
+        self, tick: Tick, measured: MeasuredStates, members: list[int], until: list[int], turn_rps: Array
     ) -> FlightStates:
         """Return the states when setpoints act: the law's if it predicts them, else predicted here."""
         if self._predicted and all(tick.active[each] for each in members):
@@ -282,7 +282,7 @@ class ConflictResolver:
         ground_m = self._ground.height(north_m, east_m).max(axis=0)
         return np.where(np.isnan(ground_m), state.height_m, ground_m + self._clearance_m + self._keys.distance_m)
 
-    def _watch_slots(self, slots_m: list[Triple]) -> None:
+    def _watch_slots(self, slots_m: list[Vector3]) -> None:
         """Store the slots, the leader's (NaN) as 0; at the end of a flight, all NaN, the last ones are kept."""
         if slots_m is self._slots_known:
             return
@@ -301,7 +301,7 @@ class ConflictResolver:
             if not math.isnan(forward_m):
                 self._afar[column] = squared(forward_m) + squared(right_m) + squared(up_m) > far_m2
 
-    def _slot(self, column: int) -> Triple:
+    def _slot(self, column: int) -> Vector3:
         """Return a vehicle's slot; unknown (NaN) if it is far from it, and so not beside the neighbours of its slot."""
         return UNKNOWN if self._afar[column] else self._slots[column]
 

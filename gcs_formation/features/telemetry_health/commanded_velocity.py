@@ -8,7 +8,7 @@ import math
 from typing import Final
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, respond_hovering
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 
 UNKNOWN: Final = math.nan
 GAP_S: Final = 1.0
@@ -23,7 +23,7 @@ class CommandedVelocity:
         self._model, self._stamp_ns = model, 0
         self._state = FlightState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
-    def take(self, stamp_ns: int, commanded: Triple, velocity_mps: tuple[float, float], *, stops: bool) -> list[float]:
+    def take(self, stamp_ns: int, commanded: Vector3, velocity_mps: tuple[float, float], *, stops: bool) -> list[float]:
         """Return the velocity north and east at a stamp, m/s; NaN while nothing is commanded.
 
         Args:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel
-from flight_model.slot import UNKNOWN, Triple
+from flight_model.slot import UNKNOWN, Vector3
 from gcs_formation.estimation.estimator import Sample, VehicleFilter
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.telemetry_health.vehicle_health import Commanded, VehicleHealth
@@ -37,7 +37,7 @@ class TelemetryHealth:
         self._each = {each.column: VehicleHealth(each, models[each.column]) for each in vehicles.values()}
         self._filters, self._history, self._note = filters, history, note
         self._apart_m = apart_m
-        self.slots_m: Sequence[Triple] = ()
+        self.slots_m: Sequence[Vector3] = ()
         """The slots commanded last, forward, right and up of the leader, whose own is NaN."""
 
     def examine(

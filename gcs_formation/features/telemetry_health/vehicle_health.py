@@ -9,7 +9,7 @@ from typing import Final
 
 from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, within
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from gcs_formation.estimation.estimator import Sample, VehicleFilter
 from gcs_formation.features.telemetry_health.commanded_velocity import CommandedVelocity
 from gcs_formation.features.telemetry_health.consistency import POSITION, VELOCITY, Consistency
@@ -37,7 +37,7 @@ VERTICAL: Final = ("height", "velocity")
 class Commanded:
     """What a vehicle is commanded to do."""
 
-    def __init__(self, height_m: float, acting: Triple, *, stops: bool) -> None:
+    def __init__(self, height_m: float, acting: Vector3, *, stops: bool) -> None:
         """Take it.
 
         Args:

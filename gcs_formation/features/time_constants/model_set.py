@@ -13,7 +13,7 @@ from mypy_extensions import i64
 from airlink.clock import NANOSECONDS
 from flight_model.autopilot_model import AutopilotModel, climbed, finite, remaining, within, wrap
 from flight_model.decay import Decay
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from gcs_formation.estimation.setpoint_history import SentSetpoints
 
 FREE: Final = 0.6
@@ -204,7 +204,7 @@ class Samples:
         self.speeds_mps[self.count], self.headings_rad[self.count], self.heights_m[self.count], _ = motion
         self.count += 1
 
-    def near(self, sample: i64, instant: i64) -> Triple:
+    def near(self, sample: i64, instant: i64) -> Vector3:
         """Return airspeed, heading and height at an instant near a sample's, linearly through it and the one before."""
         last = sample - 1
         back = float(self.stamps[sample] - instant) / float(self.stamps[sample] - self.stamps[last])

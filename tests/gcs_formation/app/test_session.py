@@ -119,7 +119,7 @@ def test_what_was_flown_before_it_failed_is_in_the_summary(
 
     def attend() -> bool:
         if session.station.flight.phase is fails_in:
-            session.station.course.fail("it can't go on", clock.now())
+            session.station.phase_machine.fail("it can't go on", clock.now())
         return session.attend()
 
     network = MemoryNetwork(clock)
@@ -215,7 +215,7 @@ def stopped(directory: Path, way: str, at_s: float, *, answers: bool) -> Session
             if way.startswith("interrupt"):
                 interrupts.count += 1 if way == "interrupt" else 3
             elif way == "failure":
-                session.station.course.fail("it can't go on", clock.now())
+                session.station.phase_machine.fail("it can't go on", clock.now())
             else:
                 assert session.station.orders.execute(way, clock.now()).accepted
         return session.attend()

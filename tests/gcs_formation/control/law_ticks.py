@@ -13,10 +13,10 @@ from formation_scenario.fields import Frame
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import ChannelConstants, FuzzyGainScheduler, PidGains
+from gcs_formation.control.law_interface import CycleInput, Lead
 from gcs_formation.control.laws import FormationLaw
 from gcs_formation.control.setpoint import AS_DECIDED, Mixer
-from gcs_formation.control.situation import Lead, Situation
-from gcs_formation.estimation.projection import Measured
+from gcs_formation.estimation.projection import MeasuredStates
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader_commands import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
@@ -96,9 +96,9 @@ def in_formation(heading_rad: float = 0.0) -> FlightStates:
     return state(np.array((north, east, 100.0 + up, still, speed, heading, still, still)))
 
 
-def situation(
+def cycle_input(
     states: FlightStates, commanded: Setpoints | None = None, turn_rps: float = 0.0, slots: SlotMotion | None = None
-) -> Situation:
+) -> CycleInput:
     """Return a situation in which all have the setpoints `told`; by default those that they fly already."""
     as_flown = Setpoints(states.airspeed_mps, states.heading_rad, states.height_m)
     commanded = as_flown if commanded is None else commanded
@@ -112,8 +112,8 @@ def situation(
     )
     history = SetpointHistory(10.0)
     tables.send(history, np.full(COUNT, -1), commanded)
-    return Situation(
-        states=Measured(tables.states(states), vec[i64]([0] * COUNT), [True] * COUNT, vec[i64]([0] * COUNT)),
+    return CycleInput(
+        states=MeasuredStates(tables.states(states), vec[i64]([0] * COUNT), [True] * COUNT, vec[i64]([0] * COUNT)),
         lead=lead,
         slots=(slots or SlotMotion.at_rest(SLOTS_M)).each,
         history=history,

@@ -16,9 +16,9 @@ from formation_scenario.consensus_graph import graph_adjacency
 from formation_scenario.fields import Frame
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.consensus import ConsensusLaw
+from gcs_formation.control.law_interface import CycleInput, Lead
 from gcs_formation.control.setpoint import AS_DECIDED
-from gcs_formation.control.situation import Lead, Situation
-from gcs_formation.estimation.projection import Measured
+from gcs_formation.estimation.projection import MeasuredStates
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader_commands import LeaderCommand
 from gcs_formation.guidance.tracking import RouteHeading
@@ -57,9 +57,9 @@ def places(heading_rad: float) -> tuple[Array, Array]:
     return forward * cos - right * sin, forward * sin + right * cos
 
 
-def situation(
+def cycle_input(
     heading_rad: float, offset: Array, turn_rps: float = 0.0, active: npt.NDArray[np.bool_] | None = None
-) -> Situation:
+) -> CycleInput:
     """Return vehicles on a path with a heading, with offsets (4, N): m north and east, m/s along and to the right."""
     north_m, east_m = places(heading_rad)
     state = FlightStates(
@@ -75,8 +75,8 @@ def situation(
     commanded = LeaderCommand(SPEED_MPS, heading_rad + TAU_PSI_S * turn_rps, 100.0, turn_rps)
     lead = Lead(0, Instant(0), [commanded] * COUNT, RouteHeading(heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS))
     slots = SlotMotion.at_rest(np.concatenate((np.zeros((1, 3)), SLOTS_M)))
-    return Situation(
-        states=Measured(tables.states(state), vec[i64]([0] * COUNT), [True] * COUNT, vec[i64]([0] * COUNT)),
+    return CycleInput(
+        states=MeasuredStates(tables.states(state), vec[i64]([0] * COUNT), [True] * COUNT, vec[i64]([0] * COUNT)),
         lead=lead,
         slots=slots.each,
         history=SetpointHistory(10.0),
@@ -102,7 +102,7 @@ def test_setpoints_are_the_protocol_on_a_straight_path(offset: Array, heading_ra
     matrix = laplacian(GRAPH)
     along = -matrix @ (K1 * ahead_m + K2 * offset[2]) - (k3 - 1 / TAU_V_S) * offset[2]
     across = -matrix @ (K1 * to_side_m + K2 * offset[3]) - (k3 - 1 / TAU_PSI_S) * offset[3]
-    asked = accelerations(law(k3).decide(situation(heading_rad, offset), 0.1), heading_rad)
+    asked = accelerations(law(k3).decide(cycle_input(heading_rad, offset), 0.1), heading_rad)
     np.testing.assert_allclose(asked, (along, across), atol=1e-9)
 
 
@@ -110,7 +110,7 @@ def test_setpoints_are_the_protocol_on_a_straight_path(offset: Array, heading_ra
 def test_a_new_leader_takes_the_place_of_the_old_one_in_the_graph(offset: Array) -> None:
     """Each is heard by those who heard the other, with their weights; the others hear each other as before."""
     swapped = [2, 1, 0, 3]
-    matrix, here = laplacian(GRAPH[np.ix_(swapped, swapped)]), situation(0.0, offset)
+    matrix, here = laplacian(GRAPH[np.ix_(swapped, swapped)]), cycle_input(0.0, offset)
     flying = law(1 / TAU_V_S)
     for leader, graph in ((2, matrix), (0, laplacian(GRAPH))):
         asked = accelerations(
@@ -125,7 +125,7 @@ def test_the_place_of_the_whole_formation_is_no_matter(
 ) -> None:
     moved = offset.copy()
     moved[:2] += np.array(moved_m)[:, None]
-    asked = [law().decide(situation(heading_rad, each), 0.1).setpoints.table for each in (offset, moved)]
+    asked = [law().decide(cycle_input(heading_rad, each), 0.1).setpoints.table for each in (offset, moved)]
     np.testing.assert_allclose(asked[0], asked[1], atol=1e-8)
 
 
@@ -134,7 +134,7 @@ def test_an_undirected_graph_does_not_move_the_middle(offset: Array, heading_rad
     """The protocol's terms cancel in the sum: no vehicle's term is lost or counted twice."""
     offset[2:] = 0.0
     ring = law(graph=graph_adjacency("ring", COUNT))
-    for axis in accelerations(ring.decide(situation(heading_rad, offset), 0.1), heading_rad):
+    for axis in accelerations(ring.decide(cycle_input(heading_rad, offset), 0.1), heading_rad):
         assert axis.sum() == pytest.approx(0.0, abs=1e-9)
 
 
@@ -151,7 +151,7 @@ def test_slots_are_flown_round_a_turn_without_any_term_of_the_protocol(frame: Fr
         speed, axis = SPEED_MPS * np.cos(lead_angle) - turn_rps * right_m, heading_rad + lead_angle
     moved = np.array([places(each) for each in axis])[np.arange(COUNT), :, np.arange(COUNT)].T - places(heading_rad)
     offset = np.stack((*moved, speed * np.cos(lead_angle) - SPEED_MPS, speed * np.sin(lead_angle)))
-    commanded = law(frame=frame).decide(situation(heading_rad, offset, turn_rps), 0.1).setpoints
+    commanded = law(frame=frame).decide(cycle_input(heading_rad, offset, turn_rps), 0.1).setpoints
     np.testing.assert_allclose(commanded.speed_mps, speed)
     np.testing.assert_allclose(commanded.heading_rad, heading_rad + lead_angle + TAU_PSI_S * turn_rps)
 
@@ -166,7 +166,7 @@ def test_what_received_from_one_that_is_lost_receives_from_its_sources(offset: A
     left = matrix[np.ix_(rest, rest)] - matrix[np.ix_(rest, gone)] @ inner @ matrix[np.ix_(gone, rest)]
     bridged = np.zeros((COUNT, COUNT))
     bridged[np.ix_(rest, rest)] = np.diag(np.diag(left)) - left
-    given_ = situation(0.3, offset, active=active)
+    given_ = cycle_input(0.3, offset, active=active)
     asked = [each.decide(given_, 0.1).setpoints.table[:, active] for each in (law(), law(graph=bridged))]
     np.testing.assert_allclose(asked[0], asked[1], atol=1e-12)
 
@@ -176,11 +176,11 @@ def test_on_a_path_those_behind_one_that_is_lost_stay_tied_to_those_before_it(lo
     """Without the new edge only speed connected the parts, and a gust left them 10 m off for good."""
     offset, active = np.zeros((4, COUNT)), np.arange(COUNT) != lost
     offset[0, lost + 1 :] = 10.0
-    table = law(graph=graph_adjacency("path", COUNT)).decide(situation(0.0, offset, active=active), 0.1).setpoints
+    table = law(graph=graph_adjacency("path", COUNT)).decide(cycle_input(0.0, offset, active=active), 0.1).setpoints
     assert table.speed_mps[lost + 1] < SPEED_MPS - 0.1
 
 
 def test_heights_are_the_path_s_and_the_slots_own() -> None:
     """They contain no state of another vehicle: that loop is closed on board."""
-    commanded = law().decide(situation(0.0, np.ones((4, COUNT))), 0.1).setpoints
+    commanded = law().decide(cycle_input(0.0, np.ones((4, COUNT))), 0.1).setpoints
     np.testing.assert_allclose(commanded.height_m, [100.0, 100.0, 105.0, 100.0])

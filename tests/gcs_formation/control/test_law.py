@@ -11,9 +11,9 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario.slot_motion import SlotMotion
 from gcs_formation.control.follower import Controller, FollowerController, LawParameters
 from gcs_formation.control.fuzzy_pid import FuzzyGainScheduler
+from gcs_formation.control.law_interface import CycleInput
 from gcs_formation.control.laws import FormationLaw, VelocityController
 from gcs_formation.control.setpoint import AS_DECIDED
-from gcs_formation.control.situation import Situation
 from tests.gcs_formation import tables
 from tests.gcs_formation.control.law_ticks import (
     AT_ONCE_S,
@@ -27,12 +27,12 @@ from tests.gcs_formation.control.law_ticks import (
     SPEED_MPS,
     Array,
     carried,
+    cycle_input,
     flown,
     in_formation,
     law,
     parameters,
     sent,
-    situation,
     with_rows,
 )
 
@@ -61,12 +61,12 @@ def slots_after(slots: SlotMotion, over_s: float) -> SlotMotion:
 def test_what_moves_as_its_slot_does_is_commanded_to_accelerate_as_it_does() -> None:
     """Error and rate are 0; the feed-forward leaves no error of second order in time, whatever leader and slots do."""
     states, slots = keeping_up()
-    decided = law().decide(situation(states, TURNING, turn_rps=0.06, slots=slots), AT_ONCE_S)
+    decided = law().decide(cycle_input(states, TURNING, turn_rps=0.06, slots=slots), AT_ONCE_S)
     np.testing.assert_allclose(decided.error_m, 0.0, atol=1e-12)
     commanded = Setpoints.of(np.concatenate((TURNING.table[:, :1], decided.setpoints.table), axis=1))
     over_s = 0.02
     after = flown(states, commanded, over_s, leader_turns_rps=0.06)
-    left = law().decide(situation(after, commanded, slots=slots_after(slots, over_s)), AT_ONCE_S)
+    left = law().decide(cycle_input(after, commanded, slots=slots_after(slots, over_s)), AT_ONCE_S)
     np.testing.assert_allclose(left.error_m / over_s**2, 0.0, atol=0.01)  # m/s²; the leader's own are 0.4 and more
 
 
@@ -77,7 +77,7 @@ def test_the_rate_is_that_of_the_mixed_error() -> None:
     states = with_rows(states, slice(0, 6), states.table[:6, FOLLOWERS] + off)
     commanded = Setpoints.of(TURNING.table + np.array([[0.0, 1.0, -1.5], [0.0, 0.0, 0.0], [0.0, 3.0, -2.0]]))
     commanded.heading_rad[FOLLOWERS] = states.heading_rad[FOLLOWERS] + (0.2, -0.1)
-    here = situation(states, commanded, turn_rps=0.06, slots=slots)
+    here = cycle_input(states, commanded, turn_rps=0.06, slots=slots)
     unit = np.ones(3)
     rate = sent(law(kd=unit).decide(here, AT_ONCE_S)) - sent(law().decide(here, AT_ONCE_S))
     step_s = 0.01
@@ -85,7 +85,7 @@ def test_the_rate_is_that_of_the_mixed_error() -> None:
     for k in (1, 2):
         after = flown(states, commanded, k * step_s, leader_turns_rps=0.06)
         moved = Setpoints.of(commanded.table + np.array([[0.0], [0.06 * k * step_s], [0.0]]) * [1.0, 0.0, 0.0])
-        mixed.append(law().decide(situation(after, moved, 0.06, slots_after(slots, k * step_s)), AT_ONCE_S).mixed)
+        mixed.append(law().decide(cycle_input(after, moved, 0.06, slots_after(slots, k * step_s)), AT_ONCE_S).mixed)
     expected = (-3.0 * mixed[0] + 4.0 * mixed[1] - mixed[2]) / (2.0 * step_s)
     np.testing.assert_allclose(rate, expected, atol=2e-4)
 
@@ -95,10 +95,10 @@ def test_a_proportional_law_is_the_mixer_times_its_gain() -> None:
     states, kp = in_formation(), np.array((1.0, 0.5, 2.0))
     off = with_rows(states, slice(0, 3), states.table[:3, FOLLOWERS] - np.array([[2.0], [3.0], [1.0]]))
     off = with_rows(off, slice(4, 6), off.table[4:6, FOLLOWERS] + np.array([[0.5], [0.02]]))
-    decided = law(kp).decide(situation(off), DT_S)
+    decided = law(kp).decide(cycle_input(off), DT_S)
     mixed = np.array((0.1 * -0.5 + 1.0 * 2.0, 0.3 * -0.02 + 0.05 * 3.0, 0.7 * 1.0))
     np.testing.assert_allclose(decided.mixed, [mixed, mixed])
-    np.testing.assert_allclose(sent(decided) - sent(law().decide(situation(off), DT_S)), [kp * mixed, kp * mixed])
+    np.testing.assert_allclose(sent(decided) - sent(law().decide(cycle_input(off), DT_S)), [kp * mixed, kp * mixed])
 
 
 def test_scheduled_gains_are_base_and_span_of_the_nominal_ones() -> None:
@@ -107,17 +107,17 @@ def test_scheduled_gains_are_base_and_span_of_the_nominal_ones() -> None:
     states = with_rows(in_formation(), 0, in_formation().table[0, FOLLOWERS] - 3.0)
     states = with_rows(states, 4, np.array((21.5, 22.4)))
     scheduler = FuzzyGainScheduler()
-    decided = law(kp, ki, kd, scheduler=scheduler, scales=scales).decide(situation(states), DT_S)
-    rate = sent(law(kd=np.ones(3)).decide(situation(states), DT_S)) - sent(law().decide(situation(states), DT_S))
+    decided = law(kp, ki, kd, scheduler=scheduler, scales=scales).decide(cycle_input(states), DT_S)
+    rate = sent(law(kd=np.ones(3)).decide(cycle_input(states), DT_S)) - sent(law().decide(cycle_input(states), DT_S))
     share = 0.7 + 0.6 * scheduler.infer(decided.mixed / scales[0], rate / scales[1])
     expected = np.concatenate([share[:, :, each] * k for each, k in enumerate((kp, ki, kd))], axis=1)
     np.testing.assert_allclose(decided.gains, expected, atol=1e-12)
     assert np.ptp(share) > 0.1
 
 
-def behind(metres: float) -> Situation:
+def behind(metres: float) -> CycleInput:
     states = in_formation()
-    return situation(with_rows(states, 0, states.table[0, FOLLOWERS] - metres))
+    return cycle_input(with_rows(states, 0, states.table[0, FOLLOWERS] - metres))
 
 
 def test_an_integral_grows_by_gain_error_and_time() -> None:
@@ -174,7 +174,7 @@ def test_a_correction_grows_as_fast_as_the_vehicle_follows_and_shrinks_at_once(
     def asked(metres: float, *, replaced: bool = False) -> Array:
         states, rule = in_formation(), [AS_DECIDED] * COUNT
         rule[2] = (replaced and channel == 0, replaced and channel == 1, False)
-        here = situation(with_rows(states, channel, states.table[channel, FOLLOWERS] - metres))
+        here = cycle_input(with_rows(states, channel, states.table[channel, FOLLOWERS] - metres))
         return sent(flying.decide(tables.changed(here, replaced=rule), DT_S))[:, channel] - (SPEED_MPS, 0.0)[channel]
 
     np.testing.assert_allclose(asked(0.0), 0.0, atol=1e-12)
@@ -194,7 +194,7 @@ def test_a_slot_is_closed_on_no_faster_than_can_be_braked_from(side: float, clos
     states, errors_m = in_formation(), side * np.array((4.0, 6.0))
     states = with_rows(states, 0, states.table[0, FOLLOWERS] - errors_m)
     states = with_rows(states, 4, states.table[4, FOLLOWERS] + side * closing_mps)
-    commanded = sent(law(kp=np.array((3.0, 0.0, 0.0))).decide(situation(states), DT_S))[:, 0] - SPEED_MPS
+    commanded = sent(law(kp=np.array((3.0, 0.0, 0.0))).decide(cycle_input(states), DT_S))[:, 0] - SPEED_MPS
     most = 1.0 + np.sqrt(MODEL.accel_max_mps2[FOLLOWERS] * np.abs(errors_m))
     most += np.maximum(most - closing_mps, 0.0)
     assert (most < 3.0 * (np.abs(errors_m) - 0.1 * closing_mps)).all()
@@ -208,7 +208,7 @@ def test_nothing_is_integrated_of_an_error_that_is_flown_off() -> None:
     def gathers(metres: float, faster_mps: float, ticks: int) -> Array:
         states = with_rows(in_formation(), 0, in_formation().table[0, FOLLOWERS] - metres)
         states = with_rows(states, 4, states.table[4, FOLLOWERS] + faster_mps)
-        commanded = [sent(flying.decide(situation(states), DT_S))[:, 0] for _ in range(ticks)]
+        commanded = [sent(flying.decide(cycle_input(states), DT_S))[:, 0] for _ in range(ticks)]
         return commanded[-1] - commanded[0]
 
     np.testing.assert_allclose(gathers(30.0, 3.0, 20), 0.0, atol=1e-9)
@@ -222,16 +222,16 @@ def test_the_height_of_a_correction_is_as_wanted() -> None:
     flying = law(kp=np.array((0.0, 0.0, 2.0)))
     for metres in (0.0, 8.0):
         states = in_formation()
-        here = situation(with_rows(states, 2, states.table[2, FOLLOWERS] - metres))
+        here = cycle_input(with_rows(states, 2, states.table[2, FOLLOWERS] - metres))
         np.testing.assert_allclose(sent(flying.decide(here, DT_S))[:, 2], (104.0, 94.0) + 2.0 * 0.7 * np.array(metres))
 
 
 def test_a_gust_is_led_by_how_fast_its_drift_is_followed() -> None:
     """The drift's estimate has a lag of 1/2 s; the setpoint leads the required change of airspeed by tau."""
     flying, gust_mps, pole_radps = law(), np.array((0.5, 0.4)), 2.0
-    flying.decide(situation(carried((0.0, 0.0))), DT_S)
+    flying.decide(cycle_input(carried((0.0, 0.0))), DT_S)
     for tick in range(3):
-        here = situation(carried(tuple(gust_mps)))
+        here = cycle_input(carried(tuple(gust_mps)))
         forward = sent(law().decide(here, DT_S))
         change_mps2 = pole_radps * gust_mps * np.exp(-pole_radps * DT_S * tick)
         target_mps, angle = np.hypot(SPEED_MPS - 0.5, 0.4), np.arctan2(-0.4, SPEED_MPS - 0.5)
@@ -247,8 +247,8 @@ def test_a_change_of_wind_within_what_is_not_known_of_it_is_no_gust() -> None:
 
     def led(gust_mps: float) -> float:
         flying, unknown = law(), [0.06**2, 0.08**2, 0.0]  # 0.1 m/s for the pair 0, 1
-        flying.decide(tables.changed(situation(carried((0.0, 0.0))), wind_variance=unknown), DT_S)
-        here = tables.changed(situation(carried((gust_mps, 0.0))), wind_variance=unknown)
+        flying.decide(tables.changed(cycle_input(carried((0.0, 0.0))), wind_variance=unknown), DT_S)
+        here = tables.changed(cycle_input(carried((gust_mps, 0.0))), wind_variance=unknown)
         return float(SPEED_MPS - gust_mps - sent(flying.decide(here, DT_S))[0, 0])
 
     assert led(0.29) == pytest.approx(0.0, abs=1e-12)
@@ -267,9 +267,9 @@ def test_a_correction_grows_by_a_gusts_answer_besides() -> None:
     for wind_mps in ((0.5, 0.0), (-0.5, 0.0), (0.0, 0.5)):
         flying, steady = law(kp=np.array((9.0, 0.0, 0.0))), law()
         for each in (flying, steady):
-            each.decide(situation(carried((0.0, 0.0))), DT_S)
+            each.decide(cycle_input(carried((0.0, 0.0))), DT_S)
         states = carried(wind_mps)
-        here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] - 4.0))
+        here = cycle_input(with_rows(states, 0, states.table[0, FOLLOWERS] - 4.0))
         led = sent(steady.decide(here, DT_S))[:, 0]
         answer = np.abs(led - sent(law().decide(here, DT_S))[:, 0])
         assert answer.max() > 0.05
@@ -289,7 +289,7 @@ def test_a_gust_is_answered_within_what_a_correction_at_its_limit_leaves(ahead_m
     for tick in range(80):
         wind_mps -= 0.0 if tick < 60 else float(np.copysign(0.1, ahead_m))
         states = carried((wind_mps, 0.0))
-        here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] + ahead_m))
+        here = cycle_input(with_rows(states, 0, states.table[0, FOLLOWERS] + ahead_m))
         commanded_mps.append(sent(flying.decide(here, DT_S))[:, 0])
     np.testing.assert_allclose(commanded_mps[60:], min_mps if ahead_m > 0.0 else max_mps)
 
@@ -304,7 +304,7 @@ def test_setpoints_held_from_tick_to_tick_keep_a_turning_slot() -> None:
     commanded = Setpoints(states.airspeed_mps, states.heading_rad + ended_s * turn_rps, states.height_m)
     for tick in range(20):
         commanded.heading_rad[LEADER] = turn_rps * (DT_S * tick + HELD_S[1, LEADER])
-        here = situation(states, commanded, turn_rps)
+        here = cycle_input(states, commanded, turn_rps)
         decided = plain.decide(here, DT_S)
         rate = sent(derivative.decide(here, DT_S)) - sent(decided)
         np.testing.assert_allclose(decided.error_m, 0.0, atol=5e-4)
@@ -314,11 +314,11 @@ def test_setpoints_held_from_tick_to_tick_keep_a_turning_slot() -> None:
 
 
 def test_who_was_not_commanded_meets_no_gust_and_no_slew_afterwards() -> None:
-    flying, still = law(kp=np.array((0.75, 0.0, 0.0))), situation(carried((0.0, 0.0)))
+    flying, still = law(kp=np.array((0.75, 0.0, 0.0))), cycle_input(carried((0.0, 0.0)))
     flying.decide(still, DT_S)
     flying.decide(tables.changed(still, active=[True, False, True]), DT_S)
     states = carried((0.4, 0.0))
-    here = situation(with_rows(states, 0, states.table[0, FOLLOWERS] - 4.0))
+    here = cycle_input(with_rows(states, 0, states.table[0, FOLLOWERS] - 4.0))
     begun, going_on = sent(flying.decide(here, DT_S))[:, 0]
     assert begun == pytest.approx(SPEED_MPS - 0.4 + 0.75 * (4.0 - 0.1 * 0.4))
     assert going_on < begun - 1.0

@@ -19,10 +19,10 @@ from tests.gcs_formation.control.law_ticks import (
     SLOTS_M,
     SPEED_MPS,
     Array,
+    cycle_input,
     law,
     parameters,
     sent,
-    situation,
     state,
 )
 from tests.gcs_formation.tables import TableLaw
@@ -40,13 +40,13 @@ def in_slots(heading_rad: float, off_m: Array) -> FlightStates:
 
 @pytest.mark.parametrize("heading_rad", [0.0, 1.2, -2.8])
 def test_errors_are_to_the_north_and_east_whatever_the_heading(heading_rad: float) -> None:
-    found = law(frame=NORTH).decide(situation(in_slots(heading_rad, OFF_M)), DT_S)
+    found = law(frame=NORTH).decide(cycle_input(in_slots(heading_rad, OFF_M)), DT_S)
     assert found.error_m == pytest.approx(np.tile(-OFF_M, (COUNT - 1, 1)), abs=1e-9)
 
 
 def test_so_are_those_of_vehicles_that_hover() -> None:
     own = TableLaw(FormationLaw(parameters(frame=NORTH), tables.models(MODEL), VelocityController))
-    assert own.decide(situation(in_slots(1.2, OFF_M)), DT_S).error_m == pytest.approx(
+    assert own.decide(cycle_input(in_slots(1.2, OFF_M)), DT_S).error_m == pytest.approx(
         np.tile(-OFF_M, (COUNT - 1, 1)), abs=1e-9
     )
 
@@ -57,7 +57,7 @@ def test_in_a_turn_all_are_commanded_the_leaders_own(turn_rps: float) -> None:
     states = in_slots(0.7, np.zeros(3))
     commanded = states.table.copy()
     found = law(frame=NORTH).decide(
-        situation(states, Setpoints(commanded[4], 0.7 + turn_rps * MODEL.tau_psi_s, commanded[2]), turn_rps), DT_S
+        cycle_input(states, Setpoints(commanded[4], 0.7 + turn_rps * MODEL.tau_psi_s, commanded[2]), turn_rps), DT_S
     )
     speed_mps, heading_rad, _ = sent(found).T
     assert speed_mps == pytest.approx(np.full(COUNT - 1, SPEED_MPS), abs=1e-3)

@@ -60,7 +60,7 @@ def test_a_law_over_all_begins_again_when_another_vehicle_leads() -> None:
     entry = Registered("law", "remembering", Remembering, 1, Origin("law.py", ""))
     over_all = LawOverAll(entry, load_scenario(scenario()), tables.models(law_ticks.MODEL))
     law = cast("Remembering", over_all._law)
-    now = law_ticks.situation(law_ticks.in_formation())
+    now = law_ticks.cycle_input(law_ticks.in_formation())
     over_all.decide(now, law_ticks.DT_S)
     over_all.decide(now, law_ticks.DT_S)
     assert law.resets == 0

@@ -10,7 +10,7 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
-from gcs_formation.estimation.projection import Measured, Pairing, Prediction, States
+from gcs_formation.estimation.projection import MeasuredStates, Pairing, Prediction, States
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from tests.gcs_formation import tables
 
@@ -31,9 +31,9 @@ def at(stamps: Stamps) -> FlightStates:
     return FlightStates(speed * time_s, -speed * time_s, 100 + time_s, still + 1, speed, turned, still, still)
 
 
-def measured(stamps: Stamps, active: npt.NDArray[np.bool_] | None = None) -> Measured:
+def measured(stamps: Stamps, active: npt.NDArray[np.bool_] | None = None) -> MeasuredStates:
     flying = [True] * COUNT if active is None else active.tolist()
-    return Measured(tables.states(at(stamps)), vec[i64](stamps.tolist()), flying, vec[i64](stamps.tolist()))
+    return MeasuredStates(tables.states(at(stamps)), vec[i64](stamps.tolist()), flying, vec[i64](stamps.tolist()))
 
 
 def table(states: States) -> FlightStates:
@@ -64,7 +64,7 @@ def test_a_vehicle_that_is_not_active_holds_none_back() -> None:
     for now in (1000, 1100, 1200):
         stamps = np.array([now, now, 300]) * MS
         states = pairing.align(measured(stamps, np.array([True, True, False])))
-    assert isinstance(states, Measured)
+    assert isinstance(states, MeasuredStates)
     assert states.instant(2) == 1200 * MS
 
 
@@ -90,7 +90,7 @@ def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_me
         level = 20 * seen_s + gust_m, -gust_m / 2, 100 * one
         state = FlightStates(*level, 0 * one, 20 * one, 0 * one, gust_mps, -gust_mps / 2)
         acts = vec[i64]([now_ms * MS] * 2)
-        states = prediction.predict(Measured(tables.states(state), vec[i64](stamps.tolist()), [True] * 2, acts))
+        states = prediction.predict(MeasuredStates(tables.states(state), vec[i64](stamps.tolist()), [True] * 2, acts))
     assert states is not None
     found = states.of(1, 0)
     np.testing.assert_allclose(found.north_m, 40.6, atol=0.6 * 0.051)

@@ -14,14 +14,14 @@ from tests.flights.in_memory import World
 @pytest.fixture
 def world() -> World:
     world = World(vehicles={"count": 2}, start={"in_air": True, "run_in_s": 1}, finish={"loiter_s": 0})
-    world.station.course.endings = Endings(world.station.vehicles)
+    world.station.phase_machine.endings = Endings(world.station.vehicles)
     world.run(2.0)
     return world
 
 
 def test_vehicles_circle_at_once_at_the_heights_that_they_have(world: World) -> None:
     heights_m = [body.state.height_m for body in world.fleet.bodies]
-    world.station.course.stop(world.clock.now())
+    world.station.phase_machine.stop(world.clock.now())
     world.run()
     assert world.station.flight.phase is Phase.DONE
     assert [each.pilot.mode for each in world.fleet.vehicles] == [Mode.LOITER] * 2
@@ -29,6 +29,6 @@ def test_vehicles_circle_at_once_at_the_heights_that_they_have(world: World) -> 
 
 
 def test_another_end_is_refused_and_haste_changes_nothing(world: World) -> None:
-    assert world.station.course.end_by_order("land", world.clock.now()) == "found land; allowed: loiter"
-    world.station.course.stop(world.clock.now())
-    assert not world.station.course.go_home_at_once(Instant(world.clock.now() + 1))
+    assert world.station.phase_machine.end_by_order("land", world.clock.now()) == "found land; allowed: loiter"
+    world.station.phase_machine.stop(world.clock.now())
+    assert not world.station.phase_machine.go_home_at_once(Instant(world.clock.now() + 1))

@@ -21,7 +21,7 @@ from airlink import mavlink as m
 from airlink.messages.command import CommandInt
 from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
-from flight_model.slot import Triple
+from flight_model.slot import Vector3
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.airspeed import AirspeedScale
@@ -144,7 +144,7 @@ class Px4Plane(Px4):
             reading_mps = lead.lead(reading_mps, self.airspeed_to_tell(where.airspeed_mps))
         return (self._reposition(north_m, east_m, setpoint.height_m, reading_mps),)
 
-    def quantities(self, setpoint: Setpoint, where: FlightState) -> Triple:
+    def quantities(self, setpoint: Setpoint, where: FlightState) -> Vector3:
         """Return the airspeed with its lead, the course over ground, and the height."""
         reading_mps, lead = self.airspeed_to_tell(setpoint.speed_mps), self._lead
         if lead is not None:

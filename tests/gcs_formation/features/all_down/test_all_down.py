@@ -58,7 +58,7 @@ def test_silence_alone_is_waited_for():
     for number in (1, 2, 3):
         flown.inject(number, "crash")
     flown.fly_to(40.0)
-    assert (flown.station.flight.phase, flown.station.course.failure) == (Phase.FLYING, None)
+    assert (flown.station.flight.phase, flown.station.phase_machine.failure) == (Phase.FLYING, None)
 
 
 def test_vehicles_that_their_pilots_land_end_the_flight():
@@ -71,4 +71,4 @@ def test_vehicles_that_their_pilots_land_end_the_flight():
     flown.run()
     assert flown.now_s < landed_s + 10.0
     assert flown.station.flight.phase is Phase.FAILED
-    assert flown.station.course.failure == "all vehicles are down before the flight is over (disarmed: 1, 2, 3)"
+    assert flown.station.phase_machine.failure == "all vehicles are down before the flight is over (disarmed: 1, 2, 3)"

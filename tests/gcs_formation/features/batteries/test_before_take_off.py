@@ -53,18 +53,18 @@ def flown(**battery: Any) -> World:
 def test_nobody_takes_off_with_a_battery_that_does_not_last() -> None:
     world = flown(endurance_s=700)
     assert world.station.flight.phase is Phase.FAILED
-    assert str(world.station.course.failure).startswith("vehicle 2: battery: found 5")
+    assert str(world.station.phase_machine.failure).startswith("vehicle 2: battery: found 5")
     assert not any(each.pilot.condition.armed for each in world.fleet.vehicles)
 
 
 def test_it_is_only_said_where_that_is_asked_for() -> None:
     world = flown(endurance_s=700, before_take_off="warn")
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert any("battery: found 5" in text for text in world.words("parameters"))
 
 
 def test_a_battery_of_unknown_use_refuses_nothing() -> None:
-    assert flown().station.course.failure is None
+    assert flown().station.phase_machine.failure is None
 
 
 def test_check_says_that_a_full_battery_does_not_last() -> None:

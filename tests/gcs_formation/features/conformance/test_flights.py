@@ -56,7 +56,7 @@ def test_vehicles_that_obey_are_never_reported(keys: dict[str, Any]) -> None:
     world.run()
     assert world.words("disobeys") == world.words("streams") == []
     assert not [text for text in world.words("uplink") if "acknowledge" in text]
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
 
 
 class HeadingsLost(Between):

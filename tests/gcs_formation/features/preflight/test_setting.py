@@ -43,7 +43,7 @@ def test_they_are_set_shown_with_both_values_and_restored() -> None:
     world = begun(SETS)
     assert values(world, "AIRSPEED_MAX", "TKOFF_ALT") == [28.0, 50.0]
     assert {"sets AIRSPEED_MAX: from 20 to 28", "sets TKOFF_ALT: from 30 to 50"} <= set(world.words("parameters"))
-    assert world.station.course.failure is None
+    assert world.station.phase_machine.failure is None
     assert values(world, *FAILSAFE) == [0.0, 0.0]  # only its owner sets these
     assert any("FS_GCS_ENABL: found 0" in each for each in world.words("parameters"))
     assert restored(world) == []
@@ -54,7 +54,7 @@ def test_they_are_set_shown_with_both_values_and_restored() -> None:
 def test_they_are_restored_after_a_failure_too() -> None:
     """The run is over, and its station sends nothing but what restores them."""
     world = begun(SETS)
-    world.station.course.fail("for a test", world.clock.now(), begun=False)
+    world.station.phase_machine.fail("for a test", world.clock.now(), begun=False)
     assert world.station.flight.phase is Phase.FAILED
     ticks = len(world.notes.ticks)
     assert restored(world) == []

@@ -85,7 +85,7 @@ def test_who_flies_beside_one_whose_pilot_sets_loiter_climbs_before_it_turns(cli
     world = World(formation={"shape": "custom", "slots_m": {2: [0, 40, 0], 3: [0, 55, 0]}}, duration_s=10)
     world.fly_to(1.0)
     if climbed_for_s:
-        world.station.course.stop(world.clock.now())
+        world.station.phase_machine.stop(world.clock.now())
         world.run(climbed_for_s)
     world.inject(2, "pilot")
     nearest_m = 15.0

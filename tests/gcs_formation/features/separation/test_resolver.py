@@ -13,12 +13,12 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import Instant, after
-from flight_model.slot import UNKNOWN, Triple
+from flight_model.slot import UNKNOWN, Vector3
 from flight_model.vehicle_arrays import FlightStates
 from formation_scenario import load_scenario
 from gcs_formation.control.fuzzy_pid import NO_GAINS
-from gcs_formation.control.situation import LawOutput
-from gcs_formation.estimation.projection import Measured
+from gcs_formation.control.law_interface import LawOutput
+from gcs_formation.estimation.projection import MeasuredStates
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.separation.resolver import ConflictResolver
 from gcs_formation.from_scenario import autopilot_models
@@ -40,8 +40,8 @@ class Crossing:
         self.north, self.east = np.array((-110.0, 0.0)), np.array((0.0, 110.0 + behind_m * math.sqrt(2.0)))
         self.speed, self.heading = np.full(2, 22.0), np.array((0.0, -math.pi / 2))
         self.wind_north, self.ours = np.zeros(2), np.array((True, False))
-        self.slots_m: list[Triple] = [(0.0, 0.0, 0.0), (0.0, 30.0, 0.0)]
-        self.error_m: list[Triple] = [UNKNOWN, UNKNOWN]
+        self.slots_m: list[Vector3] = [(0.0, 0.0, 0.0), (0.0, 30.0, 0.0)]
+        self.error_m: list[Vector3] = [UNKNOWN, UNKNOWN]
         self.commanded_mps: float | None = None
         """By default, setpoints equal to their flight."""
         self.circling, self.flew = False, True
@@ -78,7 +78,7 @@ class Crossing:
         self.history.note(tick.setpoints)
         planned = None if planned_m is None else np.full((2, 2), planned_m)
         seen: list[int] = [now, now if self.seen_s is None else after(Instant(0), self.seen_s)]
-        self.resolver.keep(tick, Measured(tick.state, vec[i64](seen), ours, vec[i64]([now] * 2)), planned)
+        self.resolver.keep(tick, MeasuredStates(tick.state, vec[i64](seen), ours, vec[i64]([now] * 2)), planned)
         return tick
 
     def manoeuvres(self, age_s: float = 0.0, at_s: float = 0.0) -> bool:
@@ -205,7 +205,7 @@ def test_no_vehicle_avoids_a_virtual_leader_nor_it_a_vehicle() -> None:
         tick.state = tables.states(FlightStates(*level, none + 22.0, np.array(heading), none, none))
         tick.setpoints = [(each.airspeed_mps, each.heading_rad, each.height_m) for each in tick.state]
         tick.slots_m = [(0.0, 0.0, 0.0), (-30.0, 0.0, 0.0), (-60.0, 0.0, 0.0)]
-        resolver.keep(tick, Measured(tick.state, vec[i64]([now] * 3), tick.active, vec[i64]([now] * 3)))
+        resolver.keep(tick, MeasuredStates(tick.state, vec[i64]([now] * 3), tick.active, vec[i64]([now] * 3)))
         return tick.yielding
 
     nearer = -0.5

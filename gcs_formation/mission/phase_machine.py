@@ -46,7 +46,7 @@ class ProgressToStart:
         return gained_m if seconds_between(self._since, now) > GETS_ON_S else None
 
 
-class Course:
+class FlightPhaseMachine:
     """Moves a run from phase to phase, and ends it."""
 
     def __init__(

@@ -8,7 +8,7 @@ from mypy_extensions import mypyc_attr
 
 from airlink.clock import Instant
 from flight_model.autopilot_model import FlightState
-from flight_model.slot import Slot, Triple
+from flight_model.slot import Slot, Vector3
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import Gains
 from gcs_formation.control.setpoint import Replaced
@@ -37,7 +37,7 @@ class Lead:
         self.path = path
 
 
-class Situation:
+class CycleInput:
     """Input of a law."""
 
     def __init__(
@@ -72,7 +72,7 @@ class Situation:
         self.bandwidth = bandwidth
         self.replaced = replaced
 
-    def commanded(self, column: int) -> Triple:
+    def commanded(self, column: int) -> Vector3:
         """Return the setpoint that a vehicle follows at the instant of its own state; NaN before the first."""
         return self.history.commanded(self.states.instant(column) - 1, column)
 
@@ -82,7 +82,7 @@ class LawOutput:
     """A law's decision for one vehicle, and the quantities behind it."""
 
     def __init__(
-        self, column: int, state: FlightState, setpoint: Triple, error_m: Triple, mixed: Triple, gains: Gains
+        self, column: int, state: FlightState, setpoint: Vector3, error_m: Vector3, mixed: Vector3, gains: Gains
     ) -> None:
         """Take the decision; it has no meaning for an inactive vehicle.
 
@@ -106,7 +106,7 @@ class Law(ABC):
     """A formation law, with its state between ticks."""
 
     @abstractmethod
-    def decide(self, situation: Situation, dt_s: float) -> list[LawOutput]:
+    def decide(self, cycle_input: CycleInput, dt_s: float) -> list[LawOutput]:
         """Return the decisions for the vehicles that it commands at this tick, which is `dt_s` after the last one."""
 
     @abstractmethod
