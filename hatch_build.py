@@ -42,7 +42,7 @@ class CompilingHook(BuildHookInterface[Any]):
             return
         self._place = TemporaryDirectory(prefix="gcs-formation-")
         place = Path(self._place.name)
-        build_data["force_include"].update(noted_commit(Path(self.root), place))
+        build_data["force_include"].update(stored_commit(Path(self.root), place))
         if wanted == "0":
             return
         try:
@@ -91,7 +91,7 @@ def compiled(root: Path, modules: list[str], place: Path) -> dict[str, Path]:
     return built
 
 
-def noted_commit(root: Path, place: Path) -> dict[str, str]:
+def stored_commit(root: Path, place: Path) -> dict[str, str]:
     """Note the commit of a clone in a file, and return the file's place in a wheel; nothing elsewhere."""
     installed = runpy.run_path(str(root / INSTALLED)) if (root / INSTALLED).is_file() else {}
     commit: str = installed["commit_of"]((root / INSTALLED).parent) if installed else ""

@@ -104,10 +104,10 @@ class Relay:
             self._move_radio_to(self.radio, now)
             if not self.radio.offer(direction, _vehicle(remote), len(data), passage, now):
                 channel.lose()
-                self._note(direction, now, [])
+                self._record(direction, now, [])
             return
         deliveries = channel.pass_on(len(data), now, self.impairments[direction])
-        self._note(direction, now, deliveries)
+        self._record(direction, now, deliveries)
         for delivery in deliveries:
             self.under_way.push(delivery, passage)
 
@@ -133,7 +133,7 @@ class Relay:
             due += [(each, Direction.UPLINK, self.radio.vehicle_report(_vehicle(each))) for each in sorted(remotes)]
         return due
 
-    def _note(self, direction: Direction, entered: Instant, deliveries: list[Instant]) -> None:
+    def _record(self, direction: Direction, entered: Instant, deliveries: list[Instant]) -> None:
         if self.record is not None:
             self.record.carried(direction, entered, seconds_between(entered, deliveries[0]) if deliveries else None)
 
@@ -154,7 +154,7 @@ class Relay:
             else:
                 impairment = self.impairments[direction]
                 deliveries = channel.pass_on(sent.size_bytes, sent.left, impairment, sent.waited_s, sent.air_s)
-            self._note(direction, after(sent.left, -sent.waited_s), deliveries)
+            self._record(direction, after(sent.left, -sent.waited_s), deliveries)
             if not deliveries:
                 radio.lose(sent.vehicle, direction)
             for delivery in deliveries:

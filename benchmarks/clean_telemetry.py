@@ -109,8 +109,8 @@ def fly(seed: int) -> Clean:
             return Clean(seed, 0.0, ())
         events = [json.loads(line) for line in (Path(directory) / "events.jsonl").read_text().splitlines()]
     health = [each for each in events if each["kind"] == "health"]
-    said = tuple(f"{each['t_s']:.1f} s: {each['vehicle']}: {each['text']}" for each in health)
-    return Clean(seed, 3.0 * DURATION_S, said)
+    reports = tuple(f"{each['t_s']:.1f} s: {each['vehicle']}: {each['text']}" for each in health)
+    return Clean(seed, 3.0 * DURATION_S, reports)
 
 
 def recorded(path: Path) -> list[Clean]:

@@ -377,6 +377,6 @@ def _read(name: str, directory: Path, at: Source, path: KeyPath, own: Sequence[s
     except ScenarioError as error:
         if any(each.line is not None for each in error.problems):
             raise
-        said = "; ".join(each.found for each in error.problems)
-        found = f"found '{directory / name}': {said}"
+        problems_found = "; ".join(each.found for each in error.problems)
+        found = f"found '{directory / name}': {problems_found}"
         raise ScenarioError([at.problem(path, found, "a vehicle file that can be read")]) from error

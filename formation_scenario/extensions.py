@@ -157,9 +157,9 @@ class Registered:
         except passing:
             raise
         except Exception as error:  # of code from outside, the only place that takes all of it
-            raise failed(self.said(error)) from error
+            raise failed(self.describe_error(error)) from error
 
-    def said(self, error: BaseException) -> str:
+    def describe_error(self, error: BaseException) -> str:
         """Return an error that its code raised in words, with the file and line of that code."""
         line = line_in(error, self.origin.file)
         return f"{type(error).__name__}: {error} ({self.origin.file}, line {line or self.line})"

@@ -148,12 +148,12 @@ def _transitions(scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ..
 
 def unfinished_change(scenario: Scenario, end_s: float) -> str | None:
     """Return the last change if it is still in progress at the flight's end, `end_s`, and since when; else None."""
-    said = None
+    warning = None
     for key, _, way in _ways(scenario, scenario.leader_path, slot_schedule(scenario)):
         if isinstance(way, Transition) and way.at_s < end_s:
             takes = f"it takes {way.duration_s:.3g} s from {way.at_s:g} s on, and the flight is over at {end_s:.4g} s"
-            said = None if way.over(end_s) else f"{dotted(key)}: {takes}"
-    return said
+            warning = None if way.over(end_s) else f"{dotted(key)}: {takes}"
+    return warning
 
 
 def _ways(

@@ -224,15 +224,15 @@ class _FromFile:
         """Return the keys of the file's fence and rally points, none if the scenario has a fence, which wins."""
         found = self._mission.fence
         counts = ((len(found.areas), "areas of a fence"), (len(found.rally), "rally points"))
-        said = " and ".join(f"{count} {what}" for count, what in counts if count)
+        listed = " and ".join(f"{count} {what}" for count, what in counts if count)
         own = _group(self._source, "safety").get("fence") is not None
         kept = None if own else next(iter(brought("mission_keys")), None)
         if kept is not None:
             keys: dict[Key, Plain] = kept.fence_keys(found, geodetic, self._home_m(origin))
             return keys
-        if said:
+        if listed:
             why = "the scenario has its safety.fence" if own else "no feature that keeps vehicles inside is there"
-            self._not_flown.append(f"{self._mission.file}: {said} aren't used: {why}")
+            self._not_flown.append(f"{self._mission.file}: {listed} aren't used: {why}")
         return {}
 
     def _refused(self, found: str, allowed: str) -> ScenarioError:

@@ -29,7 +29,7 @@ def copies_below(root: Path) -> Generator[None]:
 
 
 @contextmanager
-def noted() -> Generator[set[Path]]:
+def files_read() -> Generator[set[Path]]:
     """Give the files that are read within, as absolute paths; those that can't be read are among them."""
     found = set[Path]()
     token = _READ.set(found)

@@ -60,28 +60,28 @@ def read_order(text: str, also: tuple[str, ...] = ()) -> Order:
     Raises:
         OrderError: the text isn't an order.
     """
-    said = " ".join(text[: MAX_LETTERS + 1].split())
+    given = " ".join(text[: MAX_LETTERS + 1].split())
     if len(text) > MAX_LETTERS:
-        raise OrderError(f"found '{said} …'; allowed: up to {MAX_LETTERS} letters")
-    word, *rest = said.split() or [""]
+        raise OrderError(f"found '{given} …'; allowed: up to {MAX_LETTERS} letters")
+    word, *rest = given.split() or [""]
     if word in ENDS and not rest:
-        return Order(said, end=word)
+        return Order(given, end=word)
     match word, rest:
         case "shape", [name, *spacing] if len(spacing) <= 1:
-            return Order(said, FormationChange(at_s=0.0, shape=name, spacing_m=_spacing(spacing)))
+            return Order(given, FormationChange(at_s=0.0, shape=name, spacing_m=_spacing(spacing)))
         case "spacing", [_]:
-            return Order(said, FormationChange(at_s=0.0, spacing_m=_spacing(rest)))
+            return Order(given, FormationChange(at_s=0.0, spacing_m=_spacing(rest)))
         case "speed", [number]:
-            return Order(said, speed_mps=_speed(number))
+            return Order(given, speed_mps=_speed(number))
         case "heading", [number]:
             degrees = _number(number, -360.0, 360.0, "degrees clockwise from north, -360 to 360")
-            return Order(said, heading_rad=math.radians(degrees))
+            return Order(given, heading_rad=math.radians(degrees))
         case "leader", [ref]:
-            return Order(said, FormationChange(at_s=0.0, leader=_vehicle(ref)))
+            return Order(given, FormationChange(at_s=0.0, leader=_vehicle(ref)))
         case _:
             words = ("shape", "spacing", "speed", "heading", "leader", *ENDS, *also)
             near = "" if word in words else did_you_mean(word, words)
-            raise OrderError(f"found '{said}'; allowed: {', '.join((ALLOWED, *also))}{near}")
+            raise OrderError(f"found '{given}'; allowed: {', '.join((ALLOWED, *also))}{near}")
 
 
 def why_not_set_out(facing_rad: float, course_rad: float) -> str | None:

@@ -47,10 +47,10 @@ def _model(entry: Registered, parameters: dict[Key, Plain]) -> dict[Key, Plain]:
         ScenarioError: it raised an error, or its model isn't allowed.
     """
     keys = {str(name): value for name, value in parameters.items()}
-    said = entry.call(lambda: entry.instance(keys).model(), lambda why: refused(f"{entry}", why))
-    if not isinstance(said, dict):
-        raise refused(f"{entry}", f"found {kind(said)} ({entry.where})", "a mapping of the keys of `model`")
-    source = Source(entry.where, plain_mapping(said))
+    returned = entry.call(lambda: entry.instance(keys).model(), lambda why: refused(f"{entry}", why))
+    if not isinstance(returned, dict):
+        raise refused(f"{entry}", f"found {kind(returned)} ({entry.where})", "a mapping of the keys of `model`")
+    source = Source(entry.where, plain_mapping(returned))
     try:
         VehicleModel.model_validate(source.data)
     except ValidationError as error:

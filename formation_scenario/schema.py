@@ -133,16 +133,20 @@ def _allow_extensions(generated: Schema, registry: Registry) -> None:
     _without(generated, [{"$ref": f"#/$defs/{name}"} for name in unregistered])
     known = {each.name: _or(_keys_of(each), NULL) for each in registry.of(*SWITCHED, METRIC)}
     allowed: Schema = {"properties": known, "additionalProperties": False}
-    generated["properties"]["extensions"] = _said(generated["properties"]["extensions"]) | {"type": "object"} | allowed
+    generated["properties"]["extensions"] = (
+        _annotations(generated["properties"]["extensions"]) | {"type": "object"} | allowed
+    )
 
 
 def _allow_named(keys: Schema, word: str, names: list[str], registered: Sequence[Registered]) -> None:
     """Allow the names of a word, and beside it the keys of what some of them register."""
     if word in keys:
         allowed: Schema = {"type": "string", "enum": names}
-        keys[word] = _said(keys[word]) | (_or(allowed, NULL) if _is_optional(keys[word]) else allowed)
+        keys[word] = _annotations(keys[word]) | (_or(allowed, NULL) if _is_optional(keys[word]) else allowed)
     own: Schema = {"anyOf": [{"type": "object", "maxProperties": 0}, *map(_keys_of, registered)]}
-    keys["parameters"] = _said(keys["parameters"]) | (_or(own, NULL) if _is_optional(keys["parameters"]) else own)
+    keys["parameters"] = _annotations(keys["parameters"]) | (
+        _or(own, NULL) if _is_optional(keys["parameters"]) else own
+    )
 
 
 def _is_optional(value: Schema) -> bool:
@@ -163,7 +167,7 @@ def _without(value: object, refused: list[Schema]) -> None:
         _without(inner, refused)
 
 
-def _said(value: Schema) -> Schema:
+def _annotations(value: Schema) -> Schema:
     """Return a schema's description and default; an example would need an extension."""
     return {name: value[name] for name in ("description", "default") if name in value}
 
@@ -181,8 +185,8 @@ def _allow_derived(group: Schema) -> None:
         value.pop("title", None)  # it only repeats the key
         written = _or(value, {"type": "string", "minLength": 1}) if key in MODELS else value
         if DERIVED in value:
-            said = [*([value["description"]] if "description" in value else []), f"default: {value[DERIVED]}"]
-            written = _or(written, NULL) | {"description": "; ".join(said)}
+            annotations = [*([value["description"]] if "description" in value else []), f"default: {value[DERIVED]}"]
+            written = _or(written, NULL) | {"description": "; ".join(annotations)}
             written.pop("default", None)
         properties[key] = written
     required = [key for key in group.pop("required", []) if DERIVED not in properties[key]]
@@ -192,10 +196,10 @@ def _allow_derived(group: Schema) -> None:
 
 def _or(value: Schema, other: Schema) -> Schema:
     """Return the schema of a value that may also be another one."""
-    said = {name: each for name, each in value.items() if name in ANNOTATIONS}
+    annotations = {name: each for name, each in value.items() if name in ANNOTATIONS}
     types = {name: each for name, each in value.items() if name not in ANNOTATIONS}
     choices: list[Schema] = types["anyOf"] if set(types) == {"anyOf"} else [types]
-    return {"anyOf": [*choices, *([] if other in choices else [other])], **said}
+    return {"anyOf": [*choices, *([] if other in choices else [other])], **annotations}
 
 
 class _Group(NamedTuple):
@@ -290,11 +294,11 @@ def _table(model: type[BaseModel], links: Mapping[type[BaseModel], str]) -> str:
 
 def _row(key: str, field: FieldInfo, links: Mapping[type[BaseModel], str]) -> str:
     groups = [group for _, _, group in _groups_of(field, key)]
-    said = field.description or "".join(_docstring(group).partition("\n")[0].rstrip(".") for group in groups[:1])
+    annotations = field.description or "".join(_docstring(group).partition("\n")[0].rstrip(".") for group in groups[:1])
     shown = None if groups else example(field)
-    if not said or shown is PydanticUndefined:
+    if not annotations or shown is PydanticUndefined:
         raise ValueError(f"key {key}: found no description or no example; allowed: key(default, description, example)")
-    text, unit = _unit(key, said)
+    text, unit = _unit(key, annotations)
     words = allowed(field)
     words = "one of the [metrics](#metrics)" if words == ", ".join(METRICS) else words
     ends = [", ".join(links[group] for group in groups), ""] if groups else [words, f"`{key}: {_shown(shown)}`"]

@@ -186,7 +186,7 @@ class Recorder(Protocol):
         ...
 
 
-class Note(Protocol):
+class LogEvent(Protocol):
     """Records an event of a vehicle or the run."""
 
     def __call__(

@@ -56,7 +56,7 @@ class Station(Engine):
         self._recorder, self._out, self._next_tick = recorder, list[Datagram](), Instant(0)
         self.frames_refused = 0
         """Number of valid frames that weren't accepted as any vehicle's."""
-        parts = Parts(scenario, recorder, self._note, self._send_all, utc_at_0_s, caution, resumed, signing)
+        parts = Parts(scenario, recorder, self._log_event, self._send_all, utc_at_0_s, caution, resumed, signing)
         self.scenario, self.cycle = parts.scenario, parts.cycle
         self.controller, self.phase_machine = parts.controller, parts.phase_machine
         self.flight, self.vehicles, self.networks = self.phase_machine.flight, parts.vehicles, parts.networks
@@ -216,7 +216,7 @@ class Station(Engine):
 
     # Events and messages.
 
-    def _note(
+    def _log_event(
         self,
         now: Instant,
         kind: str,
@@ -224,7 +224,7 @@ class Station(Engine):
         vehicle: Vehicle | None = None,
         details: Mapping[str, Detail] | None = None,
     ) -> None:
-        """Record an event of a vehicle or the run: the `Note` of all parts of the station."""
+        """Record an event of a vehicle or the run: the `LogEvent` of all parts of the station."""
         self._recorder.event(Event(now, kind, text, vehicle.identity if vehicle else None, details or {}))
 
     def _log_link(self, vehicle: Vehicle, now: Instant) -> None:
@@ -232,7 +232,7 @@ class Station(Engine):
         if vehicle.links is not None:
             self._several_links.log_state(vehicle, link, now)
             return
-        self._note(now, "link", link.state.value, vehicle, {"peer": str(link.peer)})
+        self._log_event(now, "link", link.state.value, vehicle, {"peer": str(link.peer)})
 
     def _greetings(self, now: Instant) -> list[Datagram]:
         """Return a heartbeat for everybody whose timestamps are behind: it tells how late it is."""
@@ -268,9 +268,9 @@ class Station(Engine):
         if vehicle.receive(frame, now, timed=timed):
             self._log_link(vehicle, now)
         if seen.custom_mode != mode:
-            self._note(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
+            self._log_event(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
         if seen.texts_reported != texts:
-            self._note(now, "statustext", seen.texts[-1], vehicle)
+            self._log_event(now, "statustext", seen.texts[-1], vehicle)
             self._membership.hear(vehicle, seen.texts[-1], now)
 
     def _send_all(self, messages: list[tuple[Vehicle, Message]], now: Instant) -> None:

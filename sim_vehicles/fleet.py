@@ -154,7 +154,7 @@ class Fleet(Engine):
             vehicle: Vehicle = family.made(index, self.config, self.bodies[index], self.environment, now)
         except Exception as error:  # of a family from outside; what ours raises goes on
             if family.origin.sha256 and not isinstance(error, ExtensionError):
-                raise ExtensionError(f"the {family} can't begin: {family.said(error)}") from error
+                raise ExtensionError(f"the {family} can't begin: {family.describe_error(error)}") from error
             raise
         return vehicle
 
@@ -164,7 +164,7 @@ class Fleet(Engine):
         for vehicle in self.vehicles:
             family = vehicle.config.own_family
             if family is not None and line_in(error, family.origin.file) is not None:
-                self.environment.failures.note(family, family.said(error))
+                self.environment.failures.add_error(family, family.describe_error(error))
                 vehicle.freeze(self, on=True)
                 found = True
         return found

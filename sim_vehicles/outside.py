@@ -19,11 +19,11 @@ class Failures:
         """Start without any."""
         self.first: str | None = None
 
-    def note(self, entry: Registered, text: str) -> None:
+    def add_error(self, entry: Registered, text: str) -> None:
         """Take what an extension did wrong."""
-        self.say(f"the {entry} failed: {text}")
+        self.add(f"the {entry} failed: {text}")
 
-    def say(self, text: str) -> None:
+    def add(self, text: str) -> None:
         """Take what failed, in words."""
         self.first = self.first or text
 
@@ -49,7 +49,7 @@ class Guarded:
         try:
             return method()
         except Exception as error:  # noqa: BLE001 - of code from outside
-            self._fail(self.entry.said(error))
+            self._fail(self.entry.describe_error(error))
             return otherwise
 
     def finite(self, method: Callable[[], Sequence[float]], count: int) -> tuple[float, ...] | None:
@@ -66,7 +66,7 @@ class Guarded:
 
     def _fail(self, text: str) -> None:
         self.failed = True
-        self._failures.note(self.entry, text)
+        self._failures.add_error(self.entry, text)
 
 
 def reference(vehicle: VehicleId) -> int | str:

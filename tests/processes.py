@@ -38,7 +38,7 @@ def started(command: Sequence[str | Path]) -> Generator[subprocess.Popen[str]]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=_heed_interrupts,  # noqa: PLW1509 - no threads here
+        preexec_fn=_default_interrupts,  # noqa: PLW1509 - no threads here
     )
     try:
         yield process
@@ -47,7 +47,7 @@ def started(command: Sequence[str | Path]) -> Generator[subprocess.Popen[str]]:
         process.communicate()
 
 
-def _heed_interrupts() -> None:
+def _default_interrupts() -> None:
     """Restore the handling of Ctrl-C, which a shell's background jobs ignore and their children inherit."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 

@@ -84,19 +84,19 @@ def test_the_reference_of_the_pytest_fixture_is_that_of_its_docstrings():
     assert (ROOT / "docs" / "testing.md").read_text(encoding="utf-8") == reference(), written_by
 
 
-def noted_kinds(source):
+def logged_kinds(source):
     """Yield the kinds of events that a module records."""
     for call in ast.walk(ast.parse(source)):
         if isinstance(call, ast.Call) and len(call.args) >= 3 and isinstance(call.args[1], ast.Constant):
             name = getattr(call.func, "attr", getattr(call.func, "id", ""))
-            if "note" in name:
+            if "log_event" in name:
                 yield str(call.args[1].value)
 
 
 def test_every_kind_of_event_that_is_noted_is_in_the_events_schema():
     schema = json.loads((ROOT / "docs" / "events.schema.json").read_text())["properties"]["kind"]
-    noted = {kind for path in (ROOT / "gcs_formation").rglob("*.py") for kind in noted_kinds(path.read_text())}
-    assert len(noted) > 20
+    logged = {kind for path in (ROOT / "gcs_formation").rglob("*.py") for kind in logged_kinds(path.read_text())}
+    assert len(logged) > 20
     ours = schema["anyOf"][0]["enum"]
-    assert sorted(noted - set(ours)) == []
+    assert sorted(logged - set(ours)) == []
     assert sorted(kind for kind in ours if f"{kind}: " not in schema["description"]) == []

@@ -31,13 +31,13 @@ COMPILED = not str(clock.__file__).endswith(".py")
 
 def version_option() -> Callable[[Decorated], Decorated]:
     """Return the option `--version` of a command."""
-    said = "compiled" if COMPILED else "not compiled: flights take longer"
+    build = "compiled" if COMPILED else "not compiled: flights take longer"
 
     def show(ctx: click.Context, _: click.Parameter, value: bool) -> None:
         if value and not ctx.resilient_parsing:
             from airlink.installed import installed_version  # noqa: PLC0415 - short commands don't need it
 
-            click.echo(f"{ctx.find_root().info_name}, version {installed_version()}, {said}")
+            click.echo(f"{ctx.find_root().info_name}, version {installed_version()}, {build}")
             ctx.exit()
 
     return click.option(

@@ -93,8 +93,8 @@ class KeySetup(Engine):
             return f"vehicle {each.asked.system} isn't heard at {self._endpoints[each.asked.socket]}"
         otherwise = "signs with another key" if each.signs else "doesn't sign"
         what = "still signs" if self._remove else otherwise
-        said = f'; it said "{each.words}"' if each.words else ""
-        return f"vehicle {each.asked.system} {what}{said}"
+        words = f'; it said "{each.words}"' if each.words else ""
+        return f"vehicle {each.asked.system} {what}{words}"
 
     def endpoints(self) -> tuple[Endpoint, ...]:
         """Return the sockets."""

@@ -29,7 +29,7 @@ from formation_scenario.source import Dumper, KeyPath
 from formation_scenario.violations import Violation, reported
 
 BETTER = 1e-6
-SAID_M = 0.05
+REPORTED_M = 0.05
 SETTLED_FIRST = ("path speed", "wind", "separation", "frame")
 """Kinds of violations against which no points help: their settings come before the points."""
 FARTHEST_M = 1e6
@@ -103,8 +103,8 @@ class Repair:
 
 def _in_words(waypoint: int, move: Waypoint) -> str:
     """Return the move of a waypoint, of first order, in words."""
-    said = zip(move, (("north", "south"), ("east", "west"), ("up", "down")), strict=True)
-    by = [f"{abs(each):.1f} m {names[each < 0.0]}" for each, names in said if abs(each) >= SAID_M]
+    components = zip(move, (("north", "south"), ("east", "west"), ("up", "down")), strict=True)
+    by = [f"{abs(each):.1f} m {names[each < 0.0]}" for each, names in components if abs(each) >= REPORTED_M]
     return f"path.waypoints_m.{waypoint}: some {' and '.join(by)}"
 
 

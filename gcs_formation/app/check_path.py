@@ -122,6 +122,6 @@ def _joints(path: LegsPath) -> str:
         "stop": "stops",
     }
     counts = {kind: sum(each.kind == kind for each in path.passed) for kind in words}
-    said = ", ".join(f"{count} {words[kind]}" for kind, count in counts.items() if count)
-    radius = f", of {path.tightest_m:.0f} m radius or more" if said and math.isfinite(path.tightest_m) else ""
-    return f"straight legs, {said or 'no turns'}{radius}"
+    counted = ", ".join(f"{count} {words[kind]}" for kind, count in counts.items() if count)
+    radius = f", of {path.tightest_m:.0f} m radius or more" if counted and math.isfinite(path.tightest_m) else ""
+    return f"straight legs, {counted or 'no turns'}{radius}"

@@ -46,7 +46,7 @@ class InjectedFaults:
         """Whether any is still to come."""
         return bool(self._pending)
 
-    def note(self, flight: Flight, now: Instant) -> None:
+    def record_due(self, flight: Flight, now: Instant) -> None:
         """Record what has become due."""
         while self._pending and self._pending[0][0] <= flight.mission_time_s(now):
             _, vehicle, kind, ends = self._pending.popleft()
@@ -284,7 +284,7 @@ class InjectedDelays:
         """Read the statistics of links that are impaired from now on."""
         self._links = links
 
-    def note(self, ticks: int) -> None:
+    def record(self, ticks: int) -> None:
         """Record what was injected since the previous tick, once for every new tick; a tick may lack datagrams."""
         if ticks == self._ticks:
             return

@@ -96,7 +96,7 @@ class Interrupts:
 
     def __init__(self) -> None:
         self.count = 0
-        self._heeded, self._left = 0, False
+        self._processed, self._left = 0, False
         self._before: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> Self:
@@ -104,7 +104,7 @@ class Interrupts:
         nohup = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
         taken = [number for number in SIGNALS if not (nohup and number is signal.SIGHUP)]
         try:
-            self._before = {number: signal.signal(number, self._note) for number in taken}
+            self._before = {number: signal.signal(number, self._count_signal) for number in taken}
         except ValueError:
             self._before = {}
         return self
@@ -113,17 +113,17 @@ class Interrupts:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
-    def _note(self, number: int, _frame: FrameType | None) -> None:
+    def _count_signal(self, number: int, _frame: FrameType | None) -> None:
         # Both the shell and the kernel signal a closed terminal: that isn't a second request.
         self.count = max(self.count, 1) if number == signal.SIGHUP else self.count + 1
 
-    def heed(self, phase_machine: FlightPhaseMachine, now: Instant) -> bool:
+    def process(self, phase_machine: FlightPhaseMachine, now: Instant) -> bool:
         """Do what the interrupts so far ask for; return whether the run ends without waiting for vehicles."""
-        while self._heeded < self.count:
-            self._heeded += 1
-            if self._heeded == 1:
+        while self._processed < self.count:
+            self._processed += 1
+            if self._processed == 1:
                 phase_machine.stop(now)
-            elif self._heeded > 2 or not phase_machine.go_home_at_once(now):
+            elif self._processed > 2 or not phase_machine.go_home_at_once(now):
                 self._left = True
         return self._left
 

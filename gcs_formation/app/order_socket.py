@@ -77,16 +77,16 @@ class OrderSocket:
 
     def _listen_to(self, caller: socket.socket) -> None:
         try:
-            heard = caller.recv(MAX_BYTES)
+            received = caller.recv(MAX_BYTES)
         except BlockingIOError:
             return
         except OSError:
-            heard = b""
-        said = self._callers[caller] + heard
-        if b"\n" in said:
-            self._answer(caller, said.partition(b"\n")[0])
-        elif heard and len(said) < MAX_BYTES:
-            self._callers[caller] = said
+            received = b""
+        request = self._callers[caller] + received
+        if b"\n" in request:
+            self._answer(caller, request.partition(b"\n")[0])
+        elif received and len(request) < MAX_BYTES:
+            self._callers[caller] = request
             return
         self._drop(caller)
 

@@ -54,7 +54,7 @@ class Progress:
         if words:
             self.say(f"start + {now / NANOSECONDS:6.1f} s  {station.flight.phase.value}: {words}")
 
-    def note(self, event: Event, mission_s: float) -> None:
+    def show_event(self, event: Event, mission_s: float) -> None:
         """Print an event if it is important; `mission_s` is NaN before the path has begun."""
         if self._has_weight(event):
             begun = not math.isnan(mission_s)

@@ -112,13 +112,13 @@ def result_line(summary: Summary) -> str:
     """Return how a run came out, for a log."""
     verdicts, figures = [verdict.held for verdict in summary.verdicts], summary.to_dict()
     counts = {"held": verdicts.count(True), "broken": verdicts.count(False), "not judged": verdicts.count(None)}
-    said = ", ".join(f"{count} {name}" for name, count in counts.items() if count) or "none"
+    counted = ", ".join(f"{count} {name}" for name, count in counts.items() if count) or "none"
     more = [f"{len(figures[key])} {words}" for key, words in FAILINGS.items() if figures[key]]
     if figures["control"]["lateness"]:
         more.append(f"late ticks: {figures['control']['late_ticks']} of {figures['control']['ticks']}")
     if figures["assembled"] is False:
         more.append("not everyone was in its slot when the path began")
-    outcome = "; ".join((f"expectations: {said}", f"safety: {figures['safety']['violations']} violations", *more))
+    outcome = "; ".join((f"expectations: {counted}", f"safety: {figures['safety']['violations']} violations", *more))
     return f"{'result':<16}  flown to t = {figures['duration_s']:.1f} s; {outcome}"
 
 
@@ -206,11 +206,11 @@ def _partly(figures: dict[str, Any]) -> list[str]:
 def _path(figures: dict[str, Any]) -> list[str]:
     """Return how far the leader and the formation's centre were from the path; nothing if it wasn't begun."""
     words = {"across_m": "across", "along_m": "along", "height_m": "in height"}
-    said = (
+    errors = (
         ", ".join(f"{word} {_number(each[name]['rms'])}/{_number(each[name]['max'])}" for name, word in words.items())
         for each in figures["path"].values()
     )
-    leader, centre = said
+    leader, centre = errors
     begun = figures["path"]["leader"]["across_m"]["rms"] is not None
     return [f"from the path, rms/max m: the leader {leader}; the formation's centre {centre}"] if begun else []
 

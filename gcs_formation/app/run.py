@@ -160,17 +160,17 @@ def over_udp(
     try:
         engine, replaced = forwarded(session)
         with (
-            closing(_Said()) as said,
+            closing(_ProcessOutput()) as process_output,
             Driver(engine, clock) as driver,
             _emulators(session, clock) as emulators,
             session.listening(),
         ):
             session.script.emulators, session.replace = partial(_strike, emulators), replaced or driver.replace
             if scenario.registered:
-                session.emulators_failure = said.failure
+                session.emulators_failure = process_output.failure
                 session.link_processes.places = partial(_recorded_place, session)
             with closed_if_it_raises(session):
-                yield session, driver.run, partial(over, session, emulators, said)
+                yield session, driver.run, partial(over, session, emulators, process_output)
     except PortError as error:
         raise session.could_not_begin(error) from error
 
@@ -252,7 +252,7 @@ def _emulators(session: Session, clock: RealClock) -> Generator[subprocess.Popen
             process.communicate()
 
 
-class _Said:
+class _ProcessOutput:
     """What the emulators' process says on its standard output after it is up: what failed of its extensions."""
 
     def __init__(self) -> None:
@@ -279,19 +279,19 @@ def _recorded_place(session: Session, vehicle: VehicleId) -> Place:
     return UNKNOWN if truth is None else Place(*truth.place_of(columns.index(vehicle)))
 
 
-def over(session: Session, emulators: subprocess.Popen[bytes], said: _Said | None = None) -> bool:
+def over(session: Session, emulators: subprocess.Popen[bytes], process_output: _ProcessOutput | None = None) -> bool:
     """Attend to a flight, which fails if its emulators' process has ended; return whether it is over.
 
-    `said` takes the process's output, if extensions may fail in it.
+    `process_output` takes the process's output, if extensions may fail in it.
     """
     phase_machine = session.station.phase_machine
     if emulators.stdout is not None:
         session.begin_to_wait()
         if emulators.stdout.read(1) is not None:  # the emulators are up, or have exited
-            if said is None or session.emulators_failure is None:
+            if process_output is None or session.emulators_failure is None:
                 emulators.stdout.close()
             else:
-                said.output = emulators.stdout
+                process_output.output = emulators.stdout
             emulators.stdout = None
     if phase_machine.failure is None and emulators.poll() is not None and not session.station.flight.ended:
         last = emulators.stderr.read().decode(errors="replace").strip() if emulators.stderr else ""

@@ -154,7 +154,7 @@ class Script:
             if not schedule.change(act.link):
                 return UNCHANGED
             changed(schedule)
-            self._note("link of", act.link.vehicles, dict(_given(act)), now)
+            self._log_event("link of", act.link.vehicles, dict(_given(act)), now)
         hit = act.fault or act.disturbance
         if hit is not None and self.emulators is not None:
             identities = frozenset(each.vehicle_id for each in self._scenario.selected(hit.vehicles))
@@ -165,7 +165,7 @@ class Script:
                 self._moments += _moments(act.fault, identities, now)
                 self._moments.sort(key=itemgetter(0))
             else:
-                self._note("disturbance of", hit.vehicles, dict(_given(act)), now)
+                self._log_event("disturbance of", hit.vehicles, dict(_given(act)), now)
         self._done.append((now, act))
         return Answer(True, "done")
 
@@ -180,7 +180,7 @@ class Script:
         self._lasting |= lasting
         return known
 
-    def _note(self, what: str, whose: object, keys: dict[str, object], now: Instant) -> None:
+    def _log_event(self, what: str, whose: object, keys: dict[str, object], now: Instant) -> None:
         names = "all" if whose == "all" else ", ".join(map(str, whose if isinstance(whose, tuple) else (whose,)))
         given = ", ".join(f"{name} {value}" for name, value in keys.items())
         self._recorder.event(Event(now, "script", f"{what} {names}: {given}"))

@@ -148,10 +148,10 @@ class Session:
         self._spent, self._began_at, self._resumed = Stopwatch(), self.station.flight.since, resumed
         self._shown_s, self._reminded_s, self._next_look = 0.0, 0.0, Instant(0)
         self._confirmation = self._confirming() if options.confirm else None
-        self.recorder.tell_events_to(self._heard)
+        self.recorder.tell_events_to(self._show_event)
         self._sinks = self._opened_sinks()
         whom = counted(len(self.station.vehicles), "vehicle")
-        self._heard(Event(self._began_at, "phase", f"{Phase.CONNECTING.value} to {whom}"))
+        self._show_event(Event(self._began_at, "phase", f"{Phase.CONNECTING.value} to {whom}"))
 
     def _keep_timestamps(self) -> None:
         """Keep the timestamps of signatures in time; say so once if that fails."""
@@ -182,16 +182,16 @@ class Session:
         if self._sinks is not None and self._sinks.failure is not None and self.station.phase_machine.failure is None:
             self.station.phase_machine.fail(self._sinks.failure, self.clock.now())
         if self.emulators_failure is not None or self.link_processes.failure is not None:
-            self._heed_extensions()
+            self._check_extensions()
         if self.lying is not None and self.station.cycle.findings.silent_aloft and self.clock.now() >= self._next_look:
             self._next_look = after(self.clock.now(), LOOK_S)
             self.station.cycle.findings.lie(self.lying())
-        left = self.interrupts.heed(self.station.phase_machine, self.clock.now())
-        self._injected.note(self.station.recorded_ticks)
+        left = self.interrupts.process(self.station.phase_machine, self.clock.now())
+        self._injected.record(self.station.recorded_ticks)
         if self.recorder.is_beside and self.station.commands_anybody:
             self.recorder.replace_earlier()
         if self._faults is not None and self._faults.pending:
-            self._faults.note(self.station.flight, self.clock.now())
+            self._faults.record_due(self.station.flight, self.clock.now())
         if self.script.pending:
             self.script.attend(self.clock.now())
         self._keep_timestamps()
@@ -222,7 +222,7 @@ class Session:
             self._reminded_s = wall_s
             self.progress.remind(self.station, self.clock.now())
 
-    def _heed_extensions(self) -> None:
+    def _check_extensions(self) -> None:
         """Fail if an extension of the emulated vehicles or of the links has failed."""
         failure = self.link_processes.failure
         if failure is None and self.emulators_failure is not None:
@@ -337,8 +337,8 @@ class Session:
         except (ScenarioError, ValueError) as error:
             return Answer(False, str(error))
 
-    def _heard(self, event: Event) -> None:
-        self.progress.note(event, self.station.flight.mission_time_s(event.now))
+    def _show_event(self, event: Event) -> None:
+        self.progress.show_event(event, self.station.flight.mission_time_s(event.now))
         if self._sinks is not None:
             self._sinks.event(event)
 

@@ -61,14 +61,14 @@ class Stepped(Protocol):
         ...
 
 
-class _Heard(Progress):
+class _EventQueue(Progress):
     """Keeps events until the program takes them."""
 
     def __init__(self) -> None:
         super().__init__()
         self.events: list[Event] = []
 
-    def note(self, event: Event, mission_s: float) -> None:  # noqa: ARG002 - as `Progress` has it
+    def show_event(self, event: Event, mission_s: float) -> None:  # noqa: ARG002 - as `Progress` has it
         """Keep an event."""
         self.events.append(event)
 
@@ -85,12 +85,12 @@ class _Signals(Interrupts):
         super().__init__()
         self.flies = False
 
-    def _note(self, number: int, frame: FrameType | None) -> None:
+    def _count_signal(self, number: int, frame: FrameType | None) -> None:
         before = None if self.flies else self._before.get(signal.Signals(number))
         if callable(before):
             before(number, frame)
         else:
-            super()._note(number, frame)
+            super()._count_signal(number, frame)
 
 
 class VirtualSteps:
@@ -98,8 +98,8 @@ class VirtualSteps:
 
     def __init__(self, scenario: Scenario, options: RunOptions) -> None:
         """Begin the flight; nothing happens before the first step."""
-        self._heard, self._signals, self._open = _Heard(), _Signals(), ExitStack()
-        opened = in_memory(scenario, options, self._heard, self._signals)
+        self._events, self._signals, self._open = _EventQueue(), _Signals(), ExitStack()
+        opened = in_memory(scenario, options, self._events, self._signals)
         self.session, self._run_until = self._open.enter_context(opened)
         self._signals.__enter__()
         station = self.session.station
@@ -122,7 +122,7 @@ class VirtualSteps:
             raise KeyboardInterrupt
         if station.recorded_ticks == last or station.newest is None:
             return None
-        return Stop(station.newest, station.recorded_ticks, self._heard.taken(), _ends(station))
+        return Stop(station.newest, station.recorded_ticks, self._events.taken(), _ends(station))
 
     def do(self, what: Callable[[Instant], Result]) -> Result:
         """Call a function with the present instant."""
@@ -160,8 +160,8 @@ class RealSteps:
 
     def __init__(self, scenario: Scenario, options: RunOptions) -> None:
         """Begin the flight."""
-        self._heard, self._interrupts, self._open = _Heard(), Interrupts(), ExitStack()
-        opened = over_udp(scenario, options, self._heard, self._interrupts)
+        self._events, self._interrupts, self._open = _EventQueue(), Interrupts(), ExitStack()
+        opened = over_udp(scenario, options, self._events, self._interrupts)
         self.session, self._run_until, self._is_over = self._open.enter_context(opened)
         self._changed = threading.Condition()
         self._calls = deque[_Call]()
@@ -231,7 +231,7 @@ class RealSteps:
             self._given = station.recorded_ticks
             with self._changed:
                 earlier = [] if self._stop is None else self._stop.events
-                self._stop = Stop(station.newest, self._given, [*earlier, *self._heard.taken()], _ends(station))
+                self._stop = Stop(station.newest, self._given, [*earlier, *self._events.taken()], _ends(station))
                 self._changed.notify_all()
         return over
 

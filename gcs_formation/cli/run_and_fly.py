@@ -181,7 +181,7 @@ def fly(**given: Any) -> None:
         sys.exit(_done(rehearse, _tell_rehearsal, **given))
     if fetches:
         flown = list[Scenario]()
-        sys.exit(_done(partial(_fly_noted, flown), partial(_conclude_with_logs, flown), **given))
+        sys.exit(_done(partial(_fly_and_record, flown), partial(_conclude_with_logs, flown), **given))
     sys.exit(_done(fly_scenario, _conclude, **given))
 
 
@@ -263,7 +263,7 @@ def _tell_rehearsal(
     return _interrupted(options) if interrupts.count else Status.FINE
 
 
-def _fly_noted(
+def _fly_and_record(
     flown: list[Scenario], scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts
 ) -> Summary:
     flown.append(scenario)

@@ -126,7 +126,7 @@ def fly_again(directory: Path, flight: int, out: Path | None, overwrite: bool, p
 
 
 def _conclude(outcome: StudyOutcome, out: Path, *, quiet: bool) -> Status:
-    for text in () if quiet else _said(outcome, out):
+    for text in () if quiet else _result_lines(outcome, out):
         click.echo(text)
     for verdict in outcome.verdicts:
         if not verdict.held:
@@ -144,7 +144,7 @@ def _conclude(outcome: StudyOutcome, out: Path, *, quiet: bool) -> Status:
     return Status.FINE if outcome.held else Status.EXPECTATION_BROKEN
 
 
-def _said(outcome: StudyOutcome, out: Path) -> Iterator[str]:
+def _result_lines(outcome: StudyOutcome, out: Path) -> Iterator[str]:
     """Yield the lines printed at a study's end: its table, its cost, its verdicts."""
     figures = outcome.figures
     if outcome.text.count("\n") < MAX_LINES:
@@ -271,12 +271,12 @@ def compare(scenario: Path, seed: int | None, out: Path | None, as_json: bool, *
         fail(str(error))
     except RunAbortedError as error:
         fail(str(error), Status.COULD_NOT_GO_ON)
-    comparison, said, page, interrupted = flown
+    comparison, outcomes, page, interrupted = flown
     if as_json:
         click.echo(json.dumps(comparison, indent=2))
     click.echo(f"{comparison_text(comparison)}\nwrote {page}", err=as_json)
     broken, stopped = (
-        [f"{law}: {text}" for law, status, words in said if status == wanted for text in words.splitlines()]
+        [f"{law}: {text}" for law, status, words in outcomes if status == wanted for text in words.splitlines()]
         for wanted in (Status.EXPECTATION_BROKEN, Status.COULD_NOT_GO_ON)
     )
     for text in (*broken, *stopped):

@@ -209,7 +209,7 @@ class FormationController:
     def take_final(self, tick: Tick) -> None:
         """Take a tick's setpoints as those that are sent."""
         self._steering.after_all(tick)
-        self.history.note(tick.setpoints)
+        self.history.record(tick.setpoints)
 
     def monitor(self, tick: Tick) -> None:
         """Show a tick to the monitors from outside."""

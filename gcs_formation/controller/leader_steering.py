@@ -146,5 +146,5 @@ class LeaderSteering:
         """Return with which command the law takes the leader to go on: the guidance's, unless filters replace it."""
         if outside is not None:
             commanded = outside.goes_on(commanded)
-        self._history.of(leader).note(commanded)  # the law predicts the leader through it
+        self._history.of(leader).record(commanded)  # the law predicts the leader through it
         return commanded

@@ -51,7 +51,7 @@ class Restarts(Stage):
                 self._handled[place] = vehicle.restarts
                 cycle.controller.estimator.restart_filter(vehicle.column)
                 cycle.restarted.append(vehicle.column)
-                cycle.note(cycle.now, "restarted", "its clock has begun again", vehicle)
+                cycle.log_event(cycle.now, "restarted", "its clock has begun again", vehicle)
 
 
 class Start(Stage):

@@ -25,7 +25,7 @@ from gcs_formation.mission.ending import Ending
 from gcs_formation.mission.phase_machine import FlightPhaseMachine
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.phases import COMMANDED, Flight, Phase
-from gcs_formation.recorder import Note, Tick, VehicleLink
+from gcs_formation.recorder import LogEvent, Tick, VehicleLink
 from gcs_formation.vehicle.vehicle import Vehicle
 
 Send = Callable[[list[tuple[Vehicle, Message]], Instant], None]
@@ -123,7 +123,7 @@ class Cycle:
         vehicles: dict[VehicleId, Vehicle],
         phase_machine: FlightPhaseMachine,
         reconfiguration: Reconfiguration,
-        note: Note,
+        log_event: LogEvent,
         send: Send,
         utc_at_0_s: float | None,
     ) -> None:
@@ -135,7 +135,7 @@ class Cycle:
             vehicles: the vehicles, the leader first.
             phase_machine: the phases of the run, and how it is ended.
             reconfiguration: changes of the formation; who leads.
-            note: records events.
+            log_event: records events.
             send: sends messages.
             utc_at_0_s: UTC at instant 0, s since 1970, if the machine's clock is set to it.
         """
@@ -146,7 +146,7 @@ class Cycle:
             phase_machine.membership,
             reconfiguration,
         )
-        self.note, self.send = note, send
+        self.log_event, self.send = log_event, send
         self.flight: Flight = phase_machine.flight
         self.utc_at_0_s = utc_at_0_s
         self.beginning = Beginning(scenario, vehicles)

@@ -26,7 +26,7 @@ from gcs_formation.mission.past_flight import PastFlight
 from gcs_formation.mission.phase_machine import FlightPhaseMachine
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.mission.starting import Starting
-from gcs_formation.recorder import Note, Recorder
+from gcs_formation.recorder import LogEvent, Recorder
 from gcs_formation.vehicle.vehicle import Vehicle
 
 
@@ -37,14 +37,14 @@ class Parts:
         self,
         scenario: Scenario,
         recorder: Recorder,
-        note: Note,
+        log_event: LogEvent,
         send: Send,
         utc_at_0_s: float | None,
         caution: PreFlightOptions,
         resumed: PastFlight | None,
         signing: SignedLinks | None,
     ) -> None:
-        """Make the parts; see `Station`. `note` records events, `send` sends messages.
+        """Make the parts; see `Station`. `log_event` records events, `send` sends messages.
 
         Raises:
             RunAbortedError: an extension can't begin, or the flight can't be resumed.
@@ -53,21 +53,28 @@ class Parts:
         self.scenario, self.recorder, self.receiver = scenario, recorder, receiver_of(signing)
         self.controller = FormationController(scenario)
         self.endpoints, self.networks, self.vehicles = planned(scenario)
-        fleet: tuple[dict[VehicleId, Vehicle], Note] = (self.vehicles, note)
+        fleet: tuple[dict[VehicleId, Vehicle], LogEvent] = (self.vehicles, log_event)
         self.membership, self.dispatch = Membership(scenario, *fleet), Dispatch(scenario, self.vehicles)
-        self.gate = Gate(scenario, self.vehicles, caution, note, self._fail)
+        self.gate = Gate(scenario, self.vehicles, caution, log_event, self._fail)
         self.phase_machine = FlightPhaseMachine(
             scenario, self.controller, self.membership, self.dispatch, *fleet, self.gate
         )
         self.reconfiguration = Reconfiguration(scenario, self.controller, *fleet)
         self.cycle = Cycle(
-            scenario, self.controller, self.vehicles, self.phase_machine, self.reconfiguration, note, send, utc_at_0_s
+            scenario,
+            self.controller,
+            self.vehicles,
+            self.phase_machine,
+            self.reconfiguration,
+            log_event,
+            send,
+            utc_at_0_s,
         )
         flight, fail = self.phase_machine.flight, self.phase_machine.fail
         self.several_links = SeveralLinks(*fleet)
         ids, try_port = scenario.station.ids, self.several_links.try_port
-        self.senders = Senders(self.vehicles, self.networks, flight, note, fail, ids, try_port)
-        self.flood = FloodWatch(note)
+        self.senders = Senders(self.vehicles, self.networks, flight, log_event, fail, ids, try_port)
+        self.flood = FloodWatch(log_event)
         self.signatures = SignatureWatch(signing, self.receiver, self.networks, *fleet)
         connections = [link.connection for each in self.vehicles.values() for link in each.each_link]
         self.radio_reports = RadioReports(connections, self.signatures.is_open)
@@ -80,11 +87,11 @@ class Parts:
             flight,
             self.gate,
             begins,
-            note,
+            log_event,
             fail,
             together=scenario.hovers and not scenario.start.in_air and begins.from_start,
         )
-        self.orders = Orders(scenario, self.phase_machine, self.reconfiguration, note)
+        self.orders = Orders(scenario, self.phase_machine, self.reconfiguration, log_event)
         self.heartbeats = HeartbeatScheduler(*fleet, narrow, self.radio_reports)
         self.cycle.as_written, self.cycle.heartbeats = stated, self.heartbeats
         self.cycle.radio_reports = self.radio_reports

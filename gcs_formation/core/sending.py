@@ -24,7 +24,7 @@ class Setpoints(Stage):
     def run(self, cycle: Cycle) -> None:
         """Hand them over; the tick and the predictions have what vehicles hold from then on."""
         self._dispatch.accept(cycle.tick, cycle.hold_s, cycle.now)
-        cycle.controller.history.note(self._dispatch.held(cycle.tick))
+        cycle.controller.history.record(self._dispatch.held(cycle.tick))
         cycle.last_tick = cycle.tick
 
 

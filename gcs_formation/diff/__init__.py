@@ -25,7 +25,7 @@ from gcs_formation.record.run_directory import EVENTS, SCENARIO, SUMMARY, TIMESE
 
 __all__ = ["Difference", "differences"]
 
-SAID_BY = ("version", "features", "extensions")
+FLOWN_BY = ("version", "features", "extensions")
 """Keys of a summary that say what flew it."""
 OF_THE_SCENARIO = ("name", "seed")
 """Keys of a summary that repeat the scenario's."""
@@ -57,7 +57,7 @@ def differences(one: Path, other: Path, tolerance: float | None = None) -> Itera
             raise RecordError(f"found no {SCENARIO} in {directory}; allowed: the directory of a run")
     allowed = Tolerance(tolerance)
     summaries = _summary(one), _summary(other)
-    for key in SAID_BY:
+    for key in FLOWN_BY:
         yield from _values("", {key: summaries[0].get(key)}, {key: summaries[1].get(key)}, Tolerance(None))
     yield from _values(SCENARIO, _scenario(one), _scenario(other), Tolerance(None))
     happened = [*_events(one, other)] if tolerance is None else []
@@ -66,7 +66,7 @@ def differences(one: Path, other: Path, tolerance: float | None = None) -> Itera
     happened += _of_files(one, other, TIMESERIES, lambda a, b: series_differences(a, b, allowed))
     yield from sorted(happened, key=lambda each: float("inf") if each.t_s is None else each.t_s)
     for each in _values(SUMMARY, *summaries, allowed):
-        if not each.place.startswith((*SAID_BY, *OF_THE_SCENARIO, *OF_THE_MACHINE)):
+        if not each.place.startswith((*FLOWN_BY, *OF_THE_SCENARIO, *OF_THE_MACHINE)):
             yield each
 
 

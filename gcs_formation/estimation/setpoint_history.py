@@ -39,7 +39,7 @@ class SentSetpoints:
         self.begin_tick(LONG_AGO)
 
     def begin_tick(self, acts: i64) -> None:
-        """Begin a tick whose setpoint acts at `acts`; it is NaN, for flight straight on, until `note` sets it."""
+        """Begin a tick whose setpoint acts at `acts`; it is NaN, for flight straight on, until `record` sets it."""
         length = len(self.acts) // 2
         if self.end - self.first == length:
             self.first += 1
@@ -49,13 +49,13 @@ class SentSetpoints:
             self.first, self.end = 0, length - 1
         self.acts[self.end] = acts
         self.end += 1
-        self.note((math.nan, math.nan, math.nan))
+        self.record((math.nan, math.nan, math.nan))
 
     def _move(self, place: i64, to: i64) -> None:
         self.acts[to], self._speeds_mps[to] = self.acts[place], self._speeds_mps[place]
         self._headings_rad[to], self._heights_m[to] = self._headings_rad[place], self._heights_m[place]
 
-    def note(self, setpoint: Vector3) -> None:
+    def record(self, setpoint: Vector3) -> None:
         """Set the setpoint of the tick that was begun last."""
         newest = self.end - 1
         self._speeds_mps[newest], self._headings_rad[newest], self._heights_m[newest] = setpoint
@@ -140,10 +140,10 @@ class SetpointHistory:
         for vehicle in range(len(acts)):
             self._each[vehicle].begin_tick(acts[vehicle])
 
-    def note(self, setpoints: list[Vector3]) -> None:
+    def record(self, setpoints: list[Vector3]) -> None:
         """Set the setpoints of the tick that was begun last, (V,), NaN for those that aren't known yet."""
         for vehicle, setpoint in enumerate(setpoints):
-            self._each[vehicle].note(setpoint)
+            self._each[vehicle].record(setpoint)
 
     def carry(self, state: FlightState, since: i64, until: i64, vehicle: int, model: AutopilotModel) -> None:
         """Predict a vehicle's `state` from `since` to `until`, instants in ns, through the setpoints that it was sent.

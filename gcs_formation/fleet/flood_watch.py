@@ -6,7 +6,7 @@ from typing import Final
 
 from airlink.clock import NEVER, Instant, seconds_between
 from airlink.frame import ParserCounts
-from gcs_formation.recorder import Note
+from gcs_formation.recorder import LogEvent
 
 FLOOD_BYTES_PER_S: Final = 100e3
 """Bytes that aren't frames or weren't read; a vehicle sends some 5 kB/s."""
@@ -19,9 +19,9 @@ SUBSIDED: Final = 0.5
 class FloodWatch:
     """Reports when so much of others arrives that the sockets may lose frames of vehicles."""
 
-    def __init__(self, note: Note) -> None:
+    def __init__(self, log_event: LogEvent) -> None:
         """Start without counts."""
-        self._note, self._flooded, self._looked = note, False, NEVER
+        self._log_event, self._flooded, self._looked = log_event, False, NEVER
         self._garbage_bytes = self._unread_bytes = self._refused = 0
         self.unread_bytes = 0
         """Bytes of strangers that weren't read, so far."""
@@ -42,7 +42,7 @@ class FloodWatch:
             if unread:
                 junk += f", {unread / over_s / 1e3:.0f} kB of strangers, which aren't read,"
             what = f"{junk} and {refused / over_s:.0f} frames of others arrive"
-            self._note(now, "flood", f"{what} a second; frames of vehicles may be lost in that", None, {})
+            self._log_event(now, "flood", f"{what} a second; frames of vehicles may be lost in that", None, {})
         elif self._flooded and share < SUBSIDED:
             self._flooded = False
-            self._note(now, "flood", "is over", None, {})
+            self._log_event(now, "flood", "is over", None, {})

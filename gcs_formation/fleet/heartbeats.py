@@ -14,7 +14,7 @@ from airlink.messages.system import Heartbeat, NamedValueFloat
 from flight_model.autopilot_model import finite
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.link.radio_reports import RadioReports
-from gcs_formation.recorder import Note
+from gcs_formation.recorder import LogEvent
 from gcs_formation.vehicle.vehicle import Vehicle
 
 HEARTBEAT_S: Final = 1.0
@@ -42,7 +42,7 @@ class HeartbeatScheduler:
     def __init__(
         self,
         vehicles: dict[VehicleId, Vehicle],
-        note: Note,
+        log_event: LogEvent,
         narrow: Collection[VehicleId] = (),
         radios: RadioReports | None = None,
     ) -> None:
@@ -59,7 +59,7 @@ class HeartbeatScheduler:
         self._slower = dict[VehicleId, tuple[float, bool]]()
         """The periods of requests to vehicles, s, and whether they are irregular."""
         self._next_heartbeat = Instant(0)
-        self._note, self._withheld = note, frozenset[VehicleId]()
+        self._log_event, self._withheld = log_event, frozenset[VehicleId]()
         self._missed = list[Vehicle]()
         """Vehicles of a resumed flight that haven't been heard yet: their failsafe may be about to act."""
 
@@ -97,7 +97,7 @@ class HeartbeatScheduler:
         for identity, vehicle in self._vehicles.items():
             if (identity in unguided) != (identity in self._withheld):
                 text = "withheld: there is no setpoint for it" if identity in unguided else "sent again"
-                self._note(now, "heartbeats", text, vehicle)
+                self._log_event(now, "heartbeats", text, vehicle)
             if identity in unguided:
                 vehicle.left_alone(now)
                 continue

@@ -14,7 +14,7 @@ from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
 from gcs_formation.fleet.circle_heights import GroundFloor, loiter_heights, may_meet
 from gcs_formation.fleet.membership_table import Seen, next_membership
 from gcs_formation.link.link_health import LinkState
-from gcs_formation.recorder import Note
+from gcs_formation.recorder import LogEvent
 from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -43,11 +43,11 @@ Tuned: s; 2 to 6; by judgement."""
 class Membership:
     """Decides the vehicles' membership in the formation."""
 
-    def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
+    def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], log_event: LogEvent) -> None:
         """Judge `vehicles`, the leader first."""
         self._max_age_s = scenario.law.max_age_s
         self._vehicles, self._each = vehicles, list(vehicles.values())
-        self._note = note
+        self._log_event = log_event
         self._ground = GroundFloor(scenario)
         self._circles_m: Mapping[VehicleId, float] | None = None
         self._floor_at, self._floor_m = Instant(-1), -math.inf
@@ -85,7 +85,7 @@ class Membership:
         self._failsafes[vehicle.identity] = now, text
         parted = self._parted.pop(vehicle.identity, None)
         if parted is not None and vehicle.member is Member.PARTED and seconds_between(parted, now) <= FAILSAFE_S:
-            self._note(now, "member", self._parting_text(vehicle, now), vehicle)
+            self._log_event(now, "member", self._parting_text(vehicle, now), vehicle)
 
     def _words(self, vehicle: Vehicle, now: Instant) -> str:
         """Return the membership in words, and for a loitering vehicle why its positions can't be used."""
@@ -99,9 +99,9 @@ class Membership:
 
     def _parting_text(self, vehicle: Vehicle, now: Instant) -> str:
         """Return that a vehicle has left the formation and, if known, on whose command."""
-        said = self._failsafes.get(vehicle.identity)
-        if said is not None and seconds_between(said[0], now) <= FAILSAFE_S:
-            return f"{PARTED}its failsafe: '{said[1]}'"
+        failsafe = self._failsafes.get(vehicle.identity)
+        if failsafe is not None and seconds_between(failsafe[0], now) <= FAILSAFE_S:
+            return f"{PARTED}its failsafe: '{failsafe[1]}'"
         self._parted[vehicle.identity] = now
         if seconds_between(vehicle.alone_at, now) > FAILSAFE_S:
             return Member.PARTED.value
@@ -120,7 +120,7 @@ class Membership:
         if member is not vehicle.member:
             revokes = vehicle.member is Member.HOLDING and self._order_may_come(vehicle, now)
             vehicle.member = member
-            self._note(now, "member", self._words(vehicle, now), vehicle)
+            self._log_event(now, "member", self._words(vehicle, now), vehicle)
             self._command(vehicle, now, revokes=revokes)
 
     def _next(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> Member:

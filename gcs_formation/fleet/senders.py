@@ -17,7 +17,7 @@ from airlink.messages.system import Heartbeat
 from gcs_formation.link.frame_loss import STALE_AFTER_NS
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.phases import Flight, Phase
-from gcs_formation.recorder import GiveUp, Note
+from gcs_formation.recorder import GiveUp, LogEvent
 from gcs_formation.vehicle.autopilot_family import STATION
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -42,7 +42,7 @@ class Senders:
         vehicles: Mapping[VehicleId, Vehicle],
         networks: tuple[int, ...],
         flight: Flight,
-        note: Note,
+        log_event: LogEvent,
         give_up: GiveUp,
         station: ComponentId = STATION,
         try_port: TryPort | None = None,
@@ -60,7 +60,7 @@ class Senders:
                 if network == identity.network:
                     self._vehicles[socket][identity.system] = vehicle
         self._flight = flight
-        self._note = note
+        self._log_event = log_event
         self._give_up = give_up
         self._station = station
         self._strangers: set[VehicleId] = set()
@@ -98,7 +98,7 @@ class Senders:
         follows = vehicle.sequence.may_follow(frame.sequence, now, connection.last_heard)
         if history.is_copy(frame, now, elsewhere=elsewhere, follows=follows, silent=silent):
             if history.copies == MANY_COPIES:
-                self._note(now, "copies", COPIES_TEXT, vehicle, {"peer": str(datagram.peer)})
+                self._log_event(now, "copies", COPIES_TEXT, vehicle, {"peer": str(datagram.peer)})
             return vehicle
         if history.is_lost_one(frame, now, elsewhere=elsewhere):
             return None
@@ -119,7 +119,7 @@ class Senders:
         return self._try_port(vehicle, datagram.socket, datagram.peer, now)
 
     def _log_finding(self, vehicle: Vehicle, text: str, datagram: Datagram, now: Instant, *, admitted: bool) -> None:
-        self._note(now, "address" if admitted else "duplicate", text, vehicle, {"peer": str(datagram.peer)})
+        self._log_event(now, "address" if admitted else "duplicate", text, vehicle, {"peer": str(datagram.peer)})
         if admitted:
             vehicle.sequence.restart()
             vehicle.history.restart()
@@ -139,7 +139,7 @@ class Senders:
                 if identity.system == EVERYONE
                 else "isn't in the scenario"
             )
-            self._note(now, "stranger", f"system {identity} is heard, but {why}", None, details)
+            self._log_event(now, "stranger", f"system {identity} is heard, but {why}", None, details)
 
     def _log_namesake(self, sender: ComponentId, details: dict[str, str], now: Instant) -> None:
         """Report a sender with our system id once, with what it means."""
@@ -150,4 +150,4 @@ class Senders:
             text = f"{sender} are our own ids: another ground station has them, or our own frames come back"
         else:
             text = f"another ground station, {sender}, has our system id"
-        self._note(now, "own_id", f"{text}; {HOLDS_OFF}", None, dict(details))
+        self._log_event(now, "own_id", f"{text}; {HOLDS_OFF}", None, dict(details))

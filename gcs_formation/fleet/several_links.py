@@ -15,7 +15,7 @@ from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.link.source_binding import second_sender
 from gcs_formation.link.vehicle_links import Link, is_one_clock
 from gcs_formation.link.vehicle_links import Links as VehicleLinks
-from gcs_formation.recorder import Note
+from gcs_formation.recorder import LogEvent
 from gcs_formation.vehicle.vehicle import Vehicle
 
 MAX_LINKS: Final = 4
@@ -26,9 +26,9 @@ OTHERS: Final = "another sender has its system id there, whose clock is another'
 class SeveralLinks:
     """Watches the links of the vehicles that have more than one."""
 
-    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], log_event: LogEvent) -> None:
         """Watch those of `vehicles`."""
-        self._vehicles, self._note = vehicles, note
+        self._vehicles, self._log_event = vehicles, log_event
         self._each = list[tuple[Vehicle, VehicleLinks]]()
         self._take_each()
 
@@ -52,12 +52,12 @@ class SeveralLinks:
             if proven:
                 link.on_trial_since = NEVER
                 text = f"is heard from {peer}, too, with one clock and position: taken as link {link.number}"
-                self._note(now, "address", text, vehicle, {"peer": str(peer)})
+                self._log_event(now, "address", text, vehicle, {"peer": str(peer)})
             elif proven is not None and peer is not None:
                 vehicle.drop_port(link)
                 self._take_each()
                 text = second_sender(peer, links.in_use.connection.peer)
-                self._note(now, "duplicate", text, vehicle, {"peer": str(peer)})
+                self._log_event(now, "duplicate", text, vehicle, {"peer": str(peer)})
 
     def see_by_those_in_use(self) -> None:
         """See each vehicle by the link in use again, after frames that came on others."""
@@ -73,7 +73,7 @@ class SeveralLinks:
                     self._check(vehicle, link, now)
             for link in links.compare_clocks(now):
                 details = {"peer": str(link.connection.peer)}
-                self._note(now, "duplicate", f"on link {link.number} {OTHERS}", vehicle, details)
+                self._log_event(now, "duplicate", f"on link {link.number} {OTHERS}", vehicle, details)
             before = links.in_use
             text = links.choose(now)
             if text:
@@ -88,10 +88,10 @@ class SeveralLinks:
         """Record the state of one of its links."""
         number = next(link.number for link in vehicle.each_link if link.connection is connection)
         text = f"{connection.state.value} (link {number})"
-        self._note(now, "link", text, vehicle, {"peer": str(connection.peer), "link": number})
+        self._log_event(now, "link", text, vehicle, {"peer": str(connection.peer), "link": number})
 
     def _switch(self, vehicle: Vehicle, before: Link, link: Link, text: str, now: Instant) -> None:
-        self._note(now, "link_choice", text, vehicle, {"link": link.number})
+        self._log_event(now, "link_choice", text, vehicle, {"link": link.number})
         vehicle.see(link)
         vehicle.forget_setpoints()
         if before.connection.state is LinkState.LOST and not is_one_clock(before.clock, link.clock, now):

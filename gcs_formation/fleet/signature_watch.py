@@ -11,7 +11,7 @@ from airlink.frame import Receiver
 from airlink.signing.authentication import Verdict
 from airlink.signing.signed_links import Judged, SignedLinks
 from gcs_formation.link.link_health import Connection
-from gcs_formation.recorder import Note
+from gcs_formation.recorder import LogEvent
 from gcs_formation.vehicle.vehicle import Vehicle
 
 MEANING: Final = {
@@ -34,11 +34,11 @@ class SignatureWatch:
         receiver: Receiver,
         networks: Sequence[int],
         vehicles: Mapping[VehicleId, Vehicle],
-        note: Note,
+        log_event: LogEvent,
     ) -> None:
         """Watch what `signing` refuses, None without any key; `networks[s]` is the network of socket s."""
         self.signing, self._receiver, self._networks = signing, receiver, networks
-        self._vehicles, self._note = vehicles, note
+        self._vehicles, self._log_event = vehicles, log_event
         self._reported = set[tuple[VehicleId, str]]()
 
     @property
@@ -63,7 +63,7 @@ class SignatureWatch:
     def _report(self, vehicle: Vehicle, text: str, now: Instant) -> None:
         if (vehicle.identity, text) not in self._reported:
             self._reported.add((vehicle.identity, text))
-            self._note(now, "signing", text, vehicle)
+            self._log_event(now, "signing", text, vehicle)
 
     def judged(self, identity: VehicleId) -> Judged:
         """Return what was made of the frames with a vehicle's system id on its network."""

@@ -198,8 +198,8 @@ def _hardly_moved(recordings: Sequence[Recording]) -> dict[str, str]:
         if not all(channel in each for each in moved):
             found[channel] = f"no {channel} setpoints with responses to them"
         elif (most := max(each[channel] for each in moved)) < minimum:
-            said = f"the {channel} setpoint changed by no more than {most:.2g} {unit}: found too little to learn from"
-            found[channel] = f"{said}; {minimum:g} {unit} or more would do"
+            text = f"the {channel} setpoint changed by no more than {most:.2g} {unit}: found too little to learn from"
+            found[channel] = f"{text}; {minimum:g} {unit} or more would do"
     if len(found) == len(CHANNELS):
         raise _too_little(found)
     return found
@@ -207,9 +207,9 @@ def _hardly_moved(recordings: Sequence[Recording]) -> dict[str, str]:
 
 def _too_little(unidentified: Mapping[str, str]) -> RecordError:
     allowed = ", ".join(f"{minimum:g} {unit} of {channel}" for channel, (minimum, unit) in MIN_MOVED.items())
-    said = "; ".join(unidentified.values())
+    text = "; ".join(unidentified.values())
     return RecordError(
-        f"{said}; allowed: steps or ramps of at least one of {allowed}, as `identify SCENARIO` flies them"
+        f"{text}; allowed: steps or ramps of at least one of {allowed}, as `identify SCENARIO` flies them"
     )
 
 

@@ -87,7 +87,7 @@ def project(
     history = SentSetpoints(len(rows) + 1)
     for acts_s, *setpoint in rows:
         history.begin_tick(Instant(nanoseconds(acts_s)))
-        history.note((setpoint[0], setpoint[1], setpoint[2]))
+        history.record((setpoint[0], setpoint[1], setpoint[2]))
     since, until = nanoseconds(measured_s), nanoseconds(until_s)
     history.carry(carried, since, until, _fixed_wing(model).autopilot())
     return carried

@@ -42,8 +42,8 @@ MARKS: Final = 1 << 18
 """Bits, one of which each remembered frame sets: of a vehicle's frames in `KEPT_NS` some 3 % share one by chance."""
 COPIES_COME_NS: Final = 10 * NANOSECONDS
 """For this long after a copy, others are expected. Tuned: ns; 5 to 60 s; by judgement."""
-SAID_NS: Final = 5 * NANOSECONDS // 2
-"""What wasn't said again for this long may be contradicted by a frame as received before. Tuned: ns; 1 to 5 s; by
+CURRENT_NS: Final = 5 * NANOSECONDS // 2
+"""What wasn't sent again for this long may be contradicted by a frame as received before. Tuned: ns; 1 to 5 s; by
 judgement."""
 SUSPICION: Final = 3.0
 """Number of frames that must seem to be copies until copies come. Tuned: frames; 2 to 6; by judgement."""
@@ -88,8 +88,8 @@ class FrameHistory:
         """When copies came last, and how much speaks for it: from the vehicle's own address, and from others."""
         self._others_own: i64 = 0
         """Frames from other addresses since the last one that had been received before."""
-        self._said = dict[int, tuple[bytes, Instant]]()
-        """Newest payload of each of `STATES`, and when it was said last."""
+        self._last = dict[int, tuple[bytes, Instant]]()
+        """Newest payload of each of `STATES`, and when it was sent last."""
 
     def copies_come(self, now: Instant, *, elsewhere: bool = False) -> bool:
         """Return whether copies have just come from the vehicle's own address, or from another one."""
@@ -155,7 +155,7 @@ class FrameHistory:
         if message is None or math.isnan(stamp_s):
             self.is_news = follows or awaited or not self.copies_come(now)
             if self.is_news and frame.message_id in STATES:
-                self._said[frame.message_id] = _payload(frame), now
+                self._last[frame.message_id] = _payload(frame), now
         else:
             self.is_news = not (self._is_old(frame, stamp_s) and self._goes_on(frame, stamp_s, now))
             if self.is_news:
@@ -166,7 +166,7 @@ class FrameHistory:
         """Take stamps from their beginning: the vehicle has restarted, or another sender is the vehicle now."""
         for place in range(len(self._newest_s)):
             self._newest_s[place] = math.nan
-        self._said.clear()
+        self._last.clear()
 
     def _is_old(self, frame: Frame, stamp_s: float) -> bool:
         """Return whether a stamp is no newer than the newest of its kind."""
@@ -194,8 +194,8 @@ class FrameHistory:
         """Return whether a frame received before says what the newest of its kind does, or that is no longer said."""
         if frame.message_id not in STATES:
             return True
-        said = self._said.get(frame.message_id)
-        return said is None or said[0] == _payload(frame) or now - said[1] > SAID_NS
+        last = self._last.get(frame.message_id)
+        return last is None or last[0] == _payload(frame) or now - last[1] > CURRENT_NS
 
     def _knows(self, mark: i64) -> bool:
         place, bit = mark // BYTE, 1 << mark % BYTE

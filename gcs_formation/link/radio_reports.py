@@ -65,13 +65,20 @@ class RadioReports:
 
     def receive(self, frame: Frame, datagram: Datagram, now: Instant) -> bool:
         """Take a frame that is no vehicle's; return whether it was a report of one of our radios."""
-        said = frame.message
-        if not isinstance(said, RadioStatus) or frame.component == AUTOPILOT:
+        status = frame.message
+        if not isinstance(status, RadioStatus) or frame.component == AUTOPILOT:
             return False
         if all(each.peer != datagram.peer or each.socket != datagram.socket for each in self._connections):
             return False
         report = RadioReport(
-            now, said.rssi, said.remrssi, said.noise, said.remnoise, min(said.txbuf, 100), said.rxerrors, said.fixed
+            now,
+            status.rssi,
+            status.remrssi,
+            status.noise,
+            status.remnoise,
+            min(status.txbuf, 100),
+            status.rxerrors,
+            status.fixed,
         )
         self._newest[datagram.remote] = report
         kept = self._kept.setdefault(datagram.remote, [])

@@ -14,7 +14,7 @@ from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from formation_scenario import Scenario
 from gcs_formation.mission.restoration import Restoration
-from gcs_formation.recorder import GiveUp, Note
+from gcs_formation.recorder import GiveUp, LogEvent
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.checks import Finding
 from gcs_formation.vehicle.startup import StartUp
@@ -123,12 +123,12 @@ class Gate:
         scenario: Scenario,
         vehicles: dict[VehicleId, Vehicle],
         caution: PreFlightOptions,
-        note: Note,
+        log_event: LogEvent,
         give_up: GiveUp,
     ) -> None:
         """Prepare to look at `vehicles`, if `caution` asks for it."""
         self.boot_timeout_s, self.vehicles, self._caution = scenario.start.boot_timeout_s, vehicles, caution
-        self._scenario, self._note, self._give_up = scenario, note, give_up
+        self._scenario, self._log_event, self._give_up = scenario, log_event, give_up
         self._confirmed = not (caution.confirm or caution.rehearse)
         self.passed = self._confirmed and not caution.parameters
         """Whether vehicles may be commanded."""
@@ -147,7 +147,7 @@ class Gate:
         """Vehicles that have been looked at."""
         self._refused, self._gave_up = list[str](), False
         """What prevents the take-off, in words, and whether that has ended the run."""
-        self.restoration = Restoration(vehicles, note)
+        self.restoration = Restoration(vehicles, log_event)
         """What has been set, and gets its values back."""
         self.warnings: dict[VehicleId, tuple[str, ...]] = {}
         """Findings that don't prevent the take-off."""
@@ -260,7 +260,7 @@ class Gate:
             each.only_warns |= bool(self.flown_by_others)
             refusal = each.refusal(ready=self._ready)
             if each.only_warns and refusal is not None:
-                self._note(now, "parameters", refusal)
+                self._log_event(now, "parameters", refusal)
             elif refusal is not None:
                 found.append(refusal)
         return found
@@ -309,7 +309,7 @@ class Gate:
         refused = [finding.text for finding in findings if finding.refuses]
         text = tuple(finding.text for finding in findings if not finding.refuses)
         self.warnings[vehicle.identity] = (*self.warnings.get(vehicle.identity, ()), *text)
-        self._note(now, "parameters", "; ".join([*refused, *text]) or IN_ORDER, vehicle)
+        self._log_event(now, "parameters", "; ".join([*refused, *text]) or IN_ORDER, vehicle)
         if refused:
             self._refused.append(f"vehicle {vehicle.identity}: {'; '.join(refused)}")
 

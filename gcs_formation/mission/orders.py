@@ -13,19 +13,23 @@ from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.mission.phase_machine import FlightPhaseMachine
 from gcs_formation.mission.reconfiguration import Reconfiguration
 from gcs_formation.phases import OVER, Phase
-from gcs_formation.recorder import Note
+from gcs_formation.recorder import LogEvent
 
 
 class Orders:
     """Takes orders from the operator and those planned in the scenario."""
 
     def __init__(
-        self, scenario: Scenario, phase_machine: FlightPhaseMachine, reconfiguration: Reconfiguration, note: Note
+        self,
+        scenario: Scenario,
+        phase_machine: FlightPhaseMachine,
+        reconfiguration: Reconfiguration,
+        log_event: LogEvent,
     ) -> None:
         """Carry out changes by `reconfiguration`, and the end of the flight by `phase_machine`."""
         self._phase_machine, self._flight = phase_machine, phase_machine.flight
         self._reconfiguration = reconfiguration
-        self._note = note
+        self._log_event = log_event
         self._duration_s, self._shapes = scenario.duration_s, scenario.registered.names(SHAPE)
         self._latest_s = scenario.duration_s + LATE_PERIODS / scenario.law.rate_hz
         self._planned = deque(sorted((each for _, each in scenario.timed_orders), key=lambda each: each.at_s))
@@ -64,7 +68,7 @@ class Orders:
         mission_s = self._flight.mission_time_s(now)
         while self._planned and mission_s >= self._planned[0].at_s:
             planned = self._planned.popleft()
-            self._reconfiguration.note_late(mission_s - planned.at_s)
+            self._reconfiguration.record_lateness(mission_s - planned.at_s)
             answer = self.execute(planned.order, now)
             self._ended = self._ended or (answer.accepted and self._flight.phase in OVER)
             if not answer.accepted:
@@ -77,7 +81,7 @@ class Orders:
         except (OrderError, NotFlyableError, ValueError) as error:
             refusal = str(error)
         answer = Answer(refusal is None, f"{text}: {'accepted' if refusal is None else f'refused: {refusal}'}")
-        self._note(now, "order", answer.text, None, {"accepted": answer.accepted})
+        self._log_event(now, "order", answer.text, None, {"accepted": answer.accepted})
         return answer
 
     def consider(self, text: str, now: Instant) -> Answer:

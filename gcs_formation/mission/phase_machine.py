@@ -19,7 +19,7 @@ from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.ending import Ending, Endings
 from gcs_formation.mission.gate import Gate
 from gcs_formation.phases import ALL_ENDED, BEFORE_COMMANDS, NOT_ALL_ENDED, OVER, Cause, Flight, Phase
-from gcs_formation.recorder import Note, Tick
+from gcs_formation.recorder import LogEvent, Tick
 from gcs_formation.vehicle.vehicle import Vehicle
 
 GETS_ON_S, GETS_ON_SHARE = 120.0, 0.05
@@ -56,7 +56,7 @@ class FlightPhaseMachine:
         membership: Membership,
         dispatch: Dispatch,
         vehicles: dict[VehicleId, Vehicle],
-        note: Note,
+        log_event: LogEvent,
         gate: Gate,
     ) -> None:
         """Start in phase CONNECTING.
@@ -67,7 +67,7 @@ class FlightPhaseMachine:
             membership: lets no loitering vehicle return after that.
             dispatch: its delayed setpoints are dropped when vehicles loiter.
             vehicles: all vehicles.
-            note: reports events.
+            log_event: reports events.
             gate: tells whether vehicles may be commanded; before that a run ends without commands.
         """
         self.flight = Flight()
@@ -85,7 +85,7 @@ class FlightPhaseMachine:
         """Vehicles that are still in their guided mode after the run, without setpoints, in words."""
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
         self.membership, self._dispatch = membership, dispatch
-        self._vehicles, self._note, self.gate = vehicles, note, gate
+        self._vehicles, self._log_event, self.gate = vehicles, log_event, gate
         self._late, self._way = False, ProgressToStart()
         self.endings = Endings(vehicles)
         """Begins the end; a feature may bring others."""
@@ -102,7 +102,7 @@ class FlightPhaseMachine:
             return False
         if cause is Cause.PATH_BEGUN:
             self._judge_assembly(now)
-        self._note(now, "phase", self.flight.phase.value, details={"cause": cause.value})
+        self._log_event(now, "phase", self.flight.phase.value, details={"cause": cause.value})
         if self.flight.phase in OVER and cause is not Cause.OPENED:
             self._begin_to_end(cause, manner, now)
         if self.flight.phase is Phase.LOITERING and self._ending is not None:
@@ -134,7 +134,7 @@ class FlightPhaseMachine:
         """
         self.assembled = self._controller.assembly.complete or not self._late
         if not self.assembled:
-            self._note(now, "unassembled", "not every follower is in its slot, but the time for that is over")
+            self._log_event(now, "unassembled", "not every follower is in its slot, but the time for that is over")
 
     def _fail_to_start(self, gained_m: float, now: Instant) -> None:
         moved = f"{abs(gained_m):.0f} m {'nearer to' if gained_m > 0.0 else 'farther from'}"
@@ -169,7 +169,7 @@ class FlightPhaseMachine:
         """End the run with the first reason why it can't continue; vehicles loiter if it had `begun`."""
         self.flown = self.flown or (self.failure is None and self.flight.phase in OVER)
         self.failure = self.failure or text
-        self._note(now, "failure", text)
+        self._log_event(now, "failure", text)
         self.move(Cause.FAILURE if begun else Cause.NOT_BEGUN, now)
 
     def fail_by(self, fault: NotFiniteError, now: Instant, *, begun: bool = True) -> None:
@@ -226,7 +226,7 @@ class FlightPhaseMachine:
             pending = ending.pending()
             for vehicle in pending:
                 text = f"has not acknowledged that it loiters{ending.lacks(vehicle)}"
-                self._note(now, "unacknowledged", text, vehicle)
+                self._log_event(now, "unacknowledged", text, vehicle)
             heard = [each for each in self._vehicles.values() if each.connection.talks]
             elsewhere = [each for each in heard if each.effects.missing is not None]
             for vehicle in dict.fromkeys((*pending, *elsewhere)):

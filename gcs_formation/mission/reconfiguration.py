@@ -24,7 +24,7 @@ from gcs_formation.controller.controller import FormationController
 from gcs_formation.mission.leading import Leading, Takeover
 from gcs_formation.mission.past_flight import PastFlight
 from gcs_formation.mission.presence import Presence
-from gcs_formation.recorder import Note
+from gcs_formation.recorder import LogEvent
 from gcs_formation.vehicle.vehicle import Vehicle
 
 TRY_AGAIN_S: Final = 1.0
@@ -41,14 +41,18 @@ class Reconfiguration:
     """Plans changes for the controller to fly."""
 
     def __init__(
-        self, scenario: Scenario, controller: FormationController, vehicles: dict[VehicleId, Vehicle], note: Note
+        self,
+        scenario: Scenario,
+        controller: FormationController,
+        vehicles: dict[VehicleId, Vehicle],
+        log_event: LogEvent,
     ) -> None:
         """Change the formation that `controller` flies."""
         self._scenario = scenario
         self._controller = controller
         self._by_column = {vehicle.column: vehicle for vehicle in vehicles.values()}
         self._names = column_names(scenario)
-        self._note = note
+        self._log_event = log_event
         self._wanted: Arrangement | None = None
         self._next_try = Instant(0)
         self._postponed: Arrangement | None = None
@@ -98,7 +102,7 @@ class Reconfiguration:
         still = not self._controller.plan.at_rest(ended / NANOSECONDS + self._late_s)
         return [f"the change to {self._changing} was under way when the flight was over"] if still else []
 
-    def note_late(self, late_s: float) -> None:
+    def record_lateness(self, late_s: float) -> None:
         """Take the time by which what was planned begins late; up to a period it's on time, beyond `GAP_S` it isn't."""
         missed = late_s >= LATE_PERIODS / self._scenario.law.rate_hz
         self._late_s = late_s if missed and late_s <= GAP_S else 0.0
@@ -123,7 +127,7 @@ class Reconfiguration:
         if leader != self._controller.plan.leader:
             self._controller.hand_over(leader, 0.0)
             self._presence.plan_behind(leader)
-            self._note(now, "leader", "leads the formation", self._by_column[leader])
+            self._log_event(now, "leader", "leads the formation", self._by_column[leader])
 
     def advance(self, now: Instant, mission_time_s: float) -> None:
         """Begin the planned change that is due; if it can't be flown, try again later.
@@ -133,7 +137,7 @@ class Reconfiguration:
         """
         plan = self._controller.plan
         if plan.scheduled and mission_time_s >= plan.scheduled[0].at_s:
-            self.note_late(mission_time_s - plan.scheduled[0].at_s)
+            self.record_lateness(mission_time_s - plan.scheduled[0].at_s)
             self._want((self._wanted or plan.arrangement).changed(plan.scheduled.popleft(), self._scenario), now)
         if self._wanted is None and self._presence.somebody_returned():
             if math.isnan(mission_time_s):
@@ -148,7 +152,7 @@ class Reconfiguration:
         except NotFlyableError as error:
             if self._postponed != self._wanted:
                 self._postponed, self._postponed_for = self._wanted, str(error)
-                self._note(now, "postponed", f"the change is tried again: {error}")
+                self._log_event(now, "postponed", f"the change is tried again: {error}")
 
     def _gather(self, now: Instant) -> None:
         """Lead newly joined vehicles to their slots, clear of each other and of those that joined before.
@@ -176,7 +180,7 @@ class Reconfiguration:
         self._presence.planned_for = present.tolist()
         if way is not None:
             text = "joins up clear of the others' trajectories"
-            self._note(now, "gathering", text, None, {"duration_s": way.duration_s})
+            self._log_event(now, "gathering", text, None, {"duration_s": way.duration_s})
 
     def _gathers_late(self, why: str, now: Instant) -> None:
         """Report, once in `GATHERS_LATE_S`, why vehicles still fly beside the leader: the path doesn't begin so."""
@@ -184,7 +188,9 @@ class Reconfiguration:
             self._gathers_late_at = after(now, GATHERS_LATE_S)
         elif now >= self._gathers_late_at:
             self._gathers_late_at = after(now, GATHERS_LATE_S)
-            self._note(now, "postponed", f"no trajectories to the slots yet; they are tried again every second: {why}")
+            self._log_event(
+                now, "postponed", f"no trajectories to the slots yet; they are tried again every second: {why}"
+            )
 
     def change(self, wanted: Arrangement, now: Instant) -> None:
         """Begin a change.
@@ -204,7 +210,7 @@ class Reconfiguration:
             self._changing = ""
         plan.adopt(wanted, way)
         self._wanted, self._presence.planned_for = None, present
-        self._note(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
+        self._log_event(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
 
     def _planned(self, wanted: Arrangement, now: Instant) -> tuple[Transition, Takeover]:
         """Return the transition to an arrangement, and how its leader takes over; nothing changes.
@@ -329,7 +335,7 @@ class Reconfiguration:
         self._leading.lead_standing(leader, now)
         if self._wanted is not None:
             self._wanted = self._wanted._replace(leader=leader)
-        self._note(now, "leader", "leads the formation", self._by_column[leader])
+        self._log_event(now, "leader", "leads the formation", self._by_column[leader])
 
     def _take_over(self, leader: int, now: Instant) -> Takeover:
         """Return how a column can lead from where it is."""

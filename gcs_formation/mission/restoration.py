@@ -8,7 +8,7 @@ from airlink.clock import NEVER, Instant, after
 from airlink.endpoint import VehicleId
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
-from gcs_formation.recorder import Detail, Note
+from gcs_formation.recorder import Detail, LogEvent
 from gcs_formation.vehicle.parameter_setting import Change, ParameterWriter
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -20,9 +20,9 @@ LOOK_S = 0.1
 class Restoration:
     """Remembers what is set, from before the first attempt on, and undoes it."""
 
-    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
-        """Start with nothing set; `note` records what is set and restored."""
-        self._vehicles, self._note = vehicles, note
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], log_event: LogEvent) -> None:
+        """Start with nothing set; `log_event` records what is set and restored."""
+        self._vehicles, self._log_event = vehicles, log_event
         self._changes = dict[VehicleId, dict[str, Change]]()
         self._writers = dict[VehicleId, ParameterWriter]()
         self.due: Instant = NEVER
@@ -43,7 +43,7 @@ class Restoration:
                     "before": each.before,
                     "after": each.after,
                 }
-                self._note(now, "parameters", f"sets {each.words}", vehicle, details)
+                self._log_event(now, "parameters", f"sets {each.words}", vehicle, details)
 
     def take_over(self, found: Iterable[tuple[str, Change]]) -> None:
         """Take what an earlier station set, and didn't restore, each with the vehicle's id in words."""
@@ -82,7 +82,7 @@ class Restoration:
         restored = None if writer is None else writer.take(message, now)
         if restored is not None:
             details: dict[str, Detail] = {"name": restored.name, "restored": True}
-            self._note(now, "parameters", f"restored {restored.words}", vehicle, details)
+            self._log_event(now, "parameters", f"restored {restored.words}", vehicle, details)
 
     def over(self, now: Instant) -> bool:
         """Return whether it is over; what couldn't be restored is recorded then."""
@@ -94,6 +94,6 @@ class Restoration:
             if lacking:
                 words = ", ".join(f"{each.name} is {each.before:g}, was {each.after:g}" for each in lacking)
                 self.left.append(f"vehicle {identity}: {words}")
-                self._note(now, "parameters", f"couldn't be restored: {words}", self._vehicles[identity])
+                self._log_event(now, "parameters", f"couldn't be restored: {words}", self._vehicles[identity])
         self._writers.clear()
         return True

@@ -10,7 +10,7 @@ from gcs_formation.link.link_health import LinkState
 from gcs_formation.mission.beginning import Beginning
 from gcs_formation.mission.gate import Gate
 from gcs_formation.phases import OVER, Flight, Phase
-from gcs_formation.recorder import GiveUp, Note
+from gcs_formation.recorder import GiveUp, LogEvent
 from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.startup_step import StartUpStep
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -33,7 +33,7 @@ class Starting:
         flight: Flight,
         gate: Gate,
         beginning: Beginning,
-        note: Note,
+        log_event: LogEvent,
         give_up: GiveUp,
         *,
         together: bool,
@@ -48,7 +48,7 @@ class Starting:
         self._vehicles, self._each = vehicles, list(vehicles.values())
         self._endpoints = endpoints
         self._flight = flight
-        self._note = note
+        self._log_event = log_event
         self._give_up = give_up
         if together:
             wait = StartUpStep("waited for the others to be ready", lambda _: self._all_ready(), timeout_s=TOGETHER_S)
@@ -95,14 +95,14 @@ class Starting:
         if vehicle.airborne and vehicle.start_up.taken_over(vehicle.telemetry):
             mode = vehicle.autopilot.mode_name(vehicle.telemetry)
             vehicle.leave_to_pilot(now)
-            self._note(now, "abandoned", f"taken over in {mode} before it was ready: left to its pilot", vehicle)
+            self._log_event(now, "abandoned", f"taken over in {mode} before it was ready: left to its pilot", vehicle)
         may_act = self._beginning.may_act(vehicle, now) and self._gate.passed
         if not (vehicle.start_up.asks_for_telemetry and vehicle.sampler.why_unknown(now)):
             vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=may_act)
         if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
             vehicle.leave_to_pilot(now)
-            self._note(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
-        vehicle.start_up.note_progress(vehicle.telemetry, now)
+            self._log_event(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
+        vehicle.start_up.update_progress(vehicle.telemetry, now)
         reason = vehicle.start_up.failure(vehicle.commands, now, self._gate.boot_timeout_s)
         if reason:
             answered = f"{_result(vehicle)}{_lacks(vehicle, now)}{vehicle.telemetry.last_words}"
@@ -110,14 +110,14 @@ class Starting:
         elif vehicle.start_up.waited_s(now) > WAITS_S:
             self._report_lacks(vehicle, now)
         elif vehicle.start_up.finished:
-            self._note(now, "ready", "in the air and following setpoints", vehicle)
+            self._log_event(now, "ready", "in the air and following setpoints", vehicle)
 
     def _report_lacks(self, vehicle: Vehicle, now: Instant) -> None:
         """Record what a vehicle is waited for that takes long to get ready, once for each thing."""
         lacks = _lacks(vehicle, now)
         if lacks and lacks != self._lacking.get(vehicle.identity):
             self._lacking[vehicle.identity] = lacks
-            self._note(now, "waits", f"not ready yet{lacks}{vehicle.telemetry.last_words}", vehicle)
+            self._log_event(now, "waits", f"not ready yet{lacks}{vehicle.telemetry.last_words}", vehicle)
 
     def _abandon(self, vehicle: Vehicle, text: str, now: Instant) -> None:
         """End the run because a vehicle can't be started; on the path, continue without the vehicle instead."""
@@ -125,7 +125,7 @@ class Starting:
             self._give_up(text, now)
         elif not vehicle.start_up.abandoned:
             vehicle.start_up.abandoned = True
-            self._note(now, "abandoned", text, vehicle)
+            self._log_event(now, "abandoned", text, vehicle)
 
 
 def _is_of_its_family(vehicle: Vehicle) -> bool:

@@ -173,8 +173,8 @@ def _of_followers(
             continue
         crash_s = math.inf if down else crash_planned_s(scenario, vehicle)
         broken = crash_s <= lost_s and _broken_before(crash_s, wanted, flight, vehicle, parts, verdict.share)
-        said = plain.reason if down else f"lost at {lost_s:.1f} s"
-        verdict = replace(verdict, reached=False, judged=True, reason=said, lost=True)
+        reason = plain.reason if down else f"lost at {lost_s:.1f} s"
+        verdict = replace(verdict, reached=False, judged=True, reason=reason, lost=True)
         last = None not in lost.values()
         yield _crashed(verdict, crash_s, broken=broken, last=last) if crash_s <= lost_s else verdict
 

@@ -102,11 +102,11 @@ def link_verdict(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool
         at_s, whose = (link.due_to_s, "faults") if fault else (silent_s, "links")
         reason = f"{state} at {at_s:.1f} s by the scenario's {whose}"
         known = verdict.value is not None and verdict.held is False
-        said = f"before it was {reason}" if known else reason
-        return replace(verdict, reached=False, judged=known, reason=said, lost=True)
+        reason = f"before it was {reason}" if known else reason
+        return replace(verdict, reached=False, judged=known, reason=reason, lost=True)
     why = "not heard" if state == "silenced" else "no answer"
-    reached, said = verdict.reached and not windowed, f"{why} from {silent_s:.1f} s on"
-    return replace(verdict, reached=reached, reason=said, lost=windowed)
+    reached, reason = verdict.reached and not windowed, f"{why} from {silent_s:.1f} s on"
+    return replace(verdict, reached=reached, reason=reason, lost=windowed)
 
 
 def as_answered(verdict: Verdict, link: LinkFigures) -> Verdict:
@@ -123,5 +123,5 @@ def as_answered(verdict: Verdict, link: LinkFigures) -> Verdict:
     if share >= verdict.share or not times_s.size:
         return verdict
     longest = int(apart_s.argmax())
-    said = f"no answer from {edges_s[longest]:.1f} s to {edges_s[longest + 1]:.1f} s"
-    return weighed(replace(verdict, share=share, reason="; ".join(filter(None, (verdict.reason, said)))))
+    reason = f"no answer from {edges_s[longest]:.1f} s to {edges_s[longest + 1]:.1f} s"
+    return weighed(replace(verdict, share=share, reason="; ".join(filter(None, (verdict.reason, reason)))))

@@ -75,8 +75,8 @@ def _breaches(scenario: Scenario, flight: RecordedFlight, limits: LimitSeries) -
         worst = int(limits.fence_m.argmax())
         who, outside_m = list(flight.vehicles)[limits.farthest[worst]], float(limits.fence_m[worst])
         where, allowed_there = _left_by(scenario, flight.vehicles[who], int(limits.tick[worst]))
-        said = f"vehicle {who} was {outside_m:.3g} m {where} {_when(flight, limits, worst)}"
-        yield f"safety broken: {said}; allowed: {allowed_there}"
+        breach = f"vehicle {who} was {outside_m:.3g} m {where} {_when(flight, limits, worst)}"
+        yield f"safety broken: {breach}; allowed: {allowed_there}"
 
 
 def _left_by(scenario: Scenario, own: Columns, tick: int) -> tuple[str, str]:

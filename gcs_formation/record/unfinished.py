@@ -246,8 +246,8 @@ def _is_parted(events: Events, identity: VehicleId) -> bool:
     """Return whether a vehicle had left the formation, or was left to its pilot, when that was last said."""
     kinds = ("member", "takeover", "abandoned")
     own = (event for event in reversed(events) if event["kind"] in kinds and event.get("vehicle") == str(identity))
-    said = next((str(event["text"]) for event in own), "")
-    return said.startswith((PARTED, LEFT)) or said.endswith(TO_PILOT)
+    text = next((str(event["text"]) for event in own), "")
+    return text.startswith((PARTED, LEFT)) or text.endswith(TO_PILOT)
 
 
 def formation_of(scenario: Scenario, events: Events, mission_s: float) -> tuple[Arrangement, float, float | None]:

@@ -210,7 +210,7 @@ def law_errors(runs: Mapping[str, RunData], spans: Sequence[tuple[float, float]]
     figure = style.new_figure(13.5)
     lines = {law: (run.time_s, largest_around_m(run)) for law, run in runs.items() if run.followers}
     if not lines:
-        style.note(figure.add_subplot(), "no law flew any follower")
+        style.annotate(figure.add_subplot(), "no law flew any follower")
         return figure
     grid = style.axes_grid(figure, 3, len(spans), sharex="col", sharey="row", width_ratios=(0.6, 1.0)[-len(spans) :])
     for axis, row in enumerate(grid):
@@ -251,6 +251,6 @@ def _laws(axes: Axes, lines: Mapping[str, tuple[Array, Array]], begin: float, en
         draw_line(axes, time_s[kept], sizes_m, color=colour, ls=dash, lw=style.LINE, label=law)
         highest_m = max(highest_m, float(sizes_m.max(initial=MIN_SIZE_M)))
     if highest_m <= MIN_SIZE_M:
-        style.note(axes, "all below 1 mm")
+        style.annotate(axes, "all below 1 mm")
     axes.axhline(SETTLED_M, color=style.GREY, lw=style.THIN, ls=(0, (4, 2)), label="settled: within 0.5 m")
     span(axes, (begin, end))

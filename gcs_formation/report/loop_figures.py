@@ -162,7 +162,7 @@ def separation(run: RunData) -> Figure:
         draw_line(difference, run.time_s, minimum, color=style.NEAREST, lw=1.2, label="nearest pair")
         _limit(difference, limits.separation_m)
     else:
-        style.note(difference, "one vehicle: nothing to be separated from")
+        style.annotate(difference, "one vehicle: nothing to be separated from")
     group.draw(above, run.time_s, [run.flown.clearance(vehicle) for vehicle in group.vehicles])
     _limit(above, limits.clearance_m)
     span(difference, run.time_s)
@@ -202,7 +202,7 @@ def _margin_used(axes: Axes, run: RunData, followers: Group) -> None:
     """Draw the share of its delay margin that each follower uses, and the share from which an event reports it."""
     used = [100.0 * run.flown.vehicles[vehicle]["margin_used"] for vehicle in followers.vehicles]
     if not used:
-        style.note(axes, "no followers: no loops")
+        style.annotate(axes, "no followers: no loops")
         return
     followers.draw(axes, run.time_s, used)
     axes.axhline(100.0 * NEAR, color=style.LIMIT, lw=0.9, ls=(0, (5, 2)), label="near the margin")

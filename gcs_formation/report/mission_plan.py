@@ -45,21 +45,21 @@ def draw_plan(scenario: Scenario, violations: Sequence[Violation], file: Path, r
     repaired = repair.found.scenario if repair is not None and repair.changes and repair.flies else None
     placed = (each for each in violations if each.waypoint is not None or np.isfinite(each.at_m))
     marked = sorted(placed, key=lambda each: (each.at_m if np.isfinite(each.at_m) else 0.0, each.waypoint or 0))
-    said = [line for number, each in enumerate(marked[:LISTED], 1) for line in _said(f"{number}", each, repair)]
-    said += [f"{len(marked) - LISTED} more places"] if len(marked) > LISTED else []
-    said += [line for each in violations if each not in marked for line in _said("–", each, repair)]
+    lines = [line for number, each in enumerate(marked[:LISTED], 1) for line in _lines(f"{number}", each, repair)]
+    lines += [f"{len(marked) - LISTED} more places"] if len(marked) > LISTED else []
+    lines += [line for each in violations if each not in marked for line in _lines("–", each, repair)]
     with style.print_style():
-        figure = style.new_figure(HEIGHT_CM + LINE_CM * len(said))
-        axes = figure.subplots(3, 1, height_ratios=(9.0, 3.5, 0.2 + LINE_CM * len(said))).tolist()
+        figure = style.new_figure(HEIGHT_CM + LINE_CM * len(lines))
+        axes = figure.subplots(3, 1, height_ratios=(9.0, 3.5, 0.2 + LINE_CM * len(lines))).tolist()
         _from_above(axes[0], scenario, marked, repaired)
         _heights(axes[1], scenario, marked, repaired)
         axes[2].axis("off")
-        text = "\n".join(said) or "all of it can be flown"
+        text = "\n".join(lines) or "all of it can be flown"
         axes[2].text(0.0, 1.0, text, va="top", fontsize=style.FONT_PT - 1.5)
         style.save(figure, file)
 
 
-def _said(number: str, violation: Violation, repair: Repair | None) -> list[str]:
+def _lines(number: str, violation: Violation, repair: Repair | None) -> list[str]:
     """Return the lines that explain a mark: what was found, what is allowed, and what would do."""
     would_do = "" if repair is None else repair.would_do(violation)
     text = f"{violation.found}; allowed: {violation.allowed}" + (f"; would do: {would_do}" if would_do else "")
@@ -116,11 +116,11 @@ def _numbered(places: Array) -> list[int]:
 
 def _fence(axes: Axes, sides: FenceAreas | None) -> None:
     """Draw the edges of areas to stay in, and areas to stay out of."""
-    said = set[bool]()
+    labelled = set[bool]()
     for area in () if sides is None else sides.areas:
         north_m, east_m = area.shape.edge_m().T
-        label = None if area.inclusion in said else "fence" if area.inclusion else "exclusion"
-        said.add(area.inclusion)
+        label = None if area.inclusion in labelled else "fence" if area.inclusion else "exclusion"
+        labelled.add(area.inclusion)
         axes.plot(east_m, north_m, color=style.LIMIT, lw=style.LINE, ls="--" if area.inclusion else "-", label=label)
         if not area.inclusion:
             axes.fill(east_m, north_m, color=style.LIMIT, alpha=0.15, lw=0.0)

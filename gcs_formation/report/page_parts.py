@@ -57,11 +57,11 @@ for _text in brought_texts("captions.yaml"):
 
 def figure(name: str, path: Path, title: str = "", first: str = "") -> str:
     """Return an embedded picture with its caption; `first` precedes the caption that all figures of a kind share."""
-    said, image = CAPTIONS[name.partition("-")[0]], b64encode(path.read_bytes()).decode("ascii")
-    title = escape(title or said["title"])
+    caption, image = CAPTIONS[name.partition("-")[0]], b64encode(path.read_bytes()).decode("ascii")
+    title = escape(title or caption["title"])
     return (
         f'<figure id="figure-{name}"><img alt="{title}" src="data:image/png;base64,{image}">'
-        f"<figcaption><b>{title}.</b> {marked_up(first + said['caption'])}</figcaption></figure>\n"
+        f"<figcaption><b>{title}.</b> {marked_up(first + caption['caption'])}</figcaption></figure>\n"
     )
 
 
@@ -115,14 +115,14 @@ def verdict(summary: Mapping[str, Any]) -> str:
     late = [f"{control['late_ticks']} of {control['ticks']} ticks late"] if control.get("lateness") else []
     words = [f"{broken} of {len(verdicts)} expectations broken"] if broken else []
     words += [f"{violations} safety violation{'s' * (violations != 1)}"] if violations else []
-    words += [f"{len(summary[key])} {said}" for key, said in FAILINGS.items() if summary.get(key)]
+    words += [f"{len(summary[key])} {failing}" for key, failing in FAILINGS.items() if summary.get(key)]
     if words:
         return badge(False, ", ".join([*words, *late]))
     waiting = verdicts.count(None)
-    said = "all held" if not waiting else f"none broken, {waiting} not judged"
+    outcome = "all held" if not waiting else f"none broken, {waiting} not judged"
     if waiting == len(verdicts):
-        said = "nothing was judged" if verdicts else "nothing was expected"
-    return badge(None if waiting or not verdicts else True, ", ".join([said, *late]))
+        outcome = "nothing was judged" if verdicts else "nothing was expected"
+    return badge(None if waiting or not verdicts else True, ", ".join([outcome, *late]))
 
 
 def missing(texts: Sequence[str]) -> str:

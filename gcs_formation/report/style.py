@@ -148,7 +148,7 @@ def _columns_that_fit(widths_pt: Sequence[float], room_pt: float) -> int:
     return next((columns for columns, needed_pt in wide_pt.items() if needed_pt <= room_pt), 1)
 
 
-def note(axes: Axes, text: str) -> None:
+def annotate(axes: Axes, text: str) -> None:
     """Write into empty axes why they are empty."""
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY)
 

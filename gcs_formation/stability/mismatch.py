@@ -31,7 +31,7 @@ BANDWIDTHS = tuple(np.geomspace(1.0, 0.1, 33).tolist())
 """Shares to which the bandwidth may be reduced."""
 NEAR: Final = 0.8
 """Share of a delay margin from which it is reported that a loop is near it."""
-TAUS_OFF_NOTED: Final = 0.05
+TAUS_OFF_COUNTED: Final = 0.05
 """Smaller relative errors of time constants are ignored."""
 TOLERANCE = 4.0 * float(np.finfo(np.float64).eps)
 """Width of a root's final bracket, relative to the root."""
@@ -285,7 +285,7 @@ class Usage:
 
         `off` is the relative error of the model's time constants.
         """
-        if not self._predicted or off < TAUS_OFF_NOTED or math.isnan(delay.mean_s):
+        if not self._predicted or off < TAUS_OFF_COUNTED or math.isnan(delay.mean_s):
             return 0.0
         delay_s = rounded(delay.mean_s / STEP_S) * STEP_S
         return _share(off, min((tau_margin(loop, delay_s) for loop in self._loops), default=math.inf))

@@ -133,11 +133,11 @@ class Verdict(NamedTuple):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the entry of study.json."""
-        said = self.wanted.model_dump(exclude_none=True)
+        wanted = self.wanted.model_dump(exclude_none=True)
         found = {"flights": self.flights, "kept": self.kept, "found_share": self.share}
         clustered = {"by": self.chance.unit, "clusters": len(self.clusters), "method": self.chance.words}
         interval = {"interval": self.interval and list(self.interval), "interval_of": clustered}
-        return {**said, **found, **interval, "held": self.held}
+        return {**wanted, **found, **interval, "held": self.held}
 
     def __str__(self) -> str:
         bound = bounds_text(self.wanted.below, self.wanted.above)

@@ -104,11 +104,11 @@ def compare_laws(  # noqa: PLR0913 - the command's options
                 rows[row["flight"]] = row
     except KeyboardInterrupt:
         interrupted = True
-    said = [(names[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows)]
-    flown = {law: words if status > Status.EXPECTATION_BROKEN else "" for law, status, words in said}
+    outcomes = [(names[flight], rows[flight]["exit"], rows[flight]["words"]) for flight in sorted(rows)]
+    flown = {law: words if status > Status.EXPECTATION_BROKEN else "" for law, status, words in outcomes}
     runs = {law: load_run(out / law, registry) for law, aborted in flown.items() if not aborted}
     comparison = compared(flown, runs, scenario, window_s)
-    return comparison, said, _write(comparison, runs, out, sets), interrupted
+    return comparison, outcomes, _write(comparison, runs, out, sets), interrupted
 
 
 def laws_of(registry: Registry) -> dict[str, tuple[str, ...]]:

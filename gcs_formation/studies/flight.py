@@ -85,8 +85,8 @@ def _fly(task: Task, kept: Path | None) -> dict[str, Any]:
         # Where a random flight ends is chance: a change that it cuts short isn't a failure of its purpose.
         unplanned = summary.figures["undone"] if task.study.random else ()
         broken = [*(str(each) for each in summary.verdicts if each.held is False), *summary.breaches]
-        said = [*wrong, *(each for each in broken if each not in unplanned)]
-        exit_status, words = int(bool(said)), "\n".join([*said, *unjudged(summary)])
+        failures = [*wrong, *(each for each in broken if each not in unplanned)]
+        exit_status, words = int(bool(failures)), "\n".join([*failures, *unjudged(summary)])
     except ScenarioError as error:
         exit_status, words = Status.BAD_USAGE, str(error)
     except RecordingError:

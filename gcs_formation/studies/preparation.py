@@ -18,7 +18,7 @@ from formation_scenario.expectation import pointless
 from formation_scenario.extensions import METRIC, Files, Registry, load_extensions
 from formation_scenario.fields import did_you_mean, refused
 from formation_scenario.load import SCENARIO_ALONE, STUDY_ALONE
-from formation_scenario.named_files import noted
+from formation_scenario.named_files import files_read
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file, show
 from gcs_formation.studies import (
     DRAWN,
@@ -230,7 +230,7 @@ def prepare(
         raise ScenarioError([Problem(read.file, None, None, "", found, allowed)])
     base = base_keys(study, read)
     trial = _Trial(study, base, read)
-    with noted() as files:
+    with files_read() as files:
         if (wrong := trial.first_wrong()) is not None:
             raise wrong
         problems = list(_windows_after_the_end(study, read, trial))

@@ -95,9 +95,9 @@ class Autopilot(FamilyTraits, ABC):
 
     def tells_failsafe(self, text: str) -> bool:
         """Return whether a STATUSTEXT reports that a failsafe acts, rather than that it has ended."""
-        said = text.lower()
-        over = any(word.strip(".:,;!") in FAILSAFE_IS_OVER for word in said.split())
-        return not over and any(word in said for word in self.failsafe_words)
+        lower = text.lower()
+        over = any(word.strip(".:,;!") in FAILSAFE_IS_OVER for word in lower.split())
+        return not over and any(word in lower for word in self.failsafe_words)
 
     def mode_name(self, telemetry: Telemetry) -> str:
         """Return the vehicle's mode in words."""

@@ -46,28 +46,28 @@ class HeldSetpoint:
         """Tolerance of the height's integral, m s."""
         self.values: Vector3 = UNKNOWN
         """Airspeed in m/s, heading in rad and height in m of the law's setpoints, as sent last; NaN before."""
-        self._said: Vector3 = UNKNOWN
-        """The same as the vehicle's messages say it."""
+        self._encoded: Vector3 = UNKNOWN
+        """The same as the vehicle's messages encode it."""
         self._owed = vec[float]([0.0, 0.0, 0.0])
         """The integrals of the deviations since each was sent."""
         self._judged = Instant(0)
 
     def invalidate(self) -> None:
         """Take everything for news: the vehicle may hold others' setpoints."""
-        self.values = self._said = UNKNOWN
+        self.values = self._encoded = UNKNOWN
 
-    def news(self, said: Vector3, at: Instant, tolerance: float = 1.0, prompt_share: float = 1.0) -> Which:
-        """Return which of airspeed, heading and height, as messages say them at an instant, are news.
+    def news(self, encoded: Vector3, at: Instant, tolerance: float = 1.0, prompt_share: float = 1.0) -> Which:
+        """Return which of airspeed, heading and height, as messages encode them at an instant, are news.
 
         `tolerance`: multiple of the tolerances; `prompt_share`: of a change of airspeed, what is flown at once.
         """
         elapsed_s = within(seconds_between(self._judged, at), SHORTEST_S, LONGEST_S)
         self._judged = at
-        off_mps, off_rad = said[SPEED] - self._said[SPEED], wrap(said[HEADING] - self._said[HEADING])
-        off_m = said[HEIGHT] - self._said[HEIGHT]
+        off_mps, off_rad = encoded[SPEED] - self._encoded[SPEED], wrap(encoded[HEADING] - self._encoded[HEADING])
+        off_m = encoded[HEIGHT] - self._encoded[HEIGHT]
         return (
             self._is_news(SPEED, prompt_share * off_mps * elapsed_s, tolerance * ALONG_M),
-            self._is_news(HEADING, said[SPEED] * off_rad * elapsed_s, tolerance * ACROSS_M),
+            self._is_news(HEADING, encoded[SPEED] * off_rad * elapsed_s, tolerance * ACROSS_M),
             self._is_news(HEIGHT, off_m * elapsed_s, tolerance * self.height_m_s),
         )
 
@@ -77,11 +77,11 @@ class HeldSetpoint:
         self._owed[quantity] += more
         return abs(self._owed[quantity]) > tolerance
 
-    def send(self, wanted: Vector3, said: Vector3, which: Which) -> None:
+    def send(self, wanted: Vector3, encoded: Vector3, which: Which) -> None:
         """Take what is sent of a setpoint."""
-        values, held = list(self.values), list(self._said)
+        values, held = list(self.values), list(self._encoded)
         for quantity in (SPEED, HEADING, HEIGHT):
             if which[quantity]:
-                values[quantity], held[quantity], self._owed[quantity] = wanted[quantity], said[quantity], 0.0
+                values[quantity], held[quantity], self._owed[quantity] = wanted[quantity], encoded[quantity], 0.0
         self.values = values[0], values[1], values[2]
-        self._said = held[0], held[1], held[2]
+        self._encoded = held[0], held[1], held[2]

@@ -79,13 +79,13 @@ class SetpointDelivery:
             if holds:
                 self.held.send(wanted, wanted, (True, True, True))
             return messages
-        said = self._autopilot.quantities(setpoint, where)
-        news = self.held.news(said, at, tolerance, self._autopilot.prompt_share)
+        encoded = self._autopilot.quantities(setpoint, where)
+        news = self.held.news(encoded, at, tolerance, self._autopilot.prompt_share)
         which = EVERY if everything and loses and any(news) else self._which(news, at, loses=loses)
         if not (which[0] or which[1] or which[2]):
             self._autopilot.keep_setpoint()
             return []
-        self.held.send(wanted, said, which)
+        self.held.send(wanted, encoded, which)
         known = [None if due else each.held for due, each in zip(which, self.channels, strict=True)]
         messages = self._autopilot.changed(setpoint, where, known)
         for message in messages:

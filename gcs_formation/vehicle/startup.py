@@ -66,8 +66,8 @@ class StartUp:
     _progress: tuple[object, ...] = ()
     _progressed: Instant = Instant(0)
     """What shows the vehicle's progress, and when it last changed."""
-    _said: set[str] = field(default_factory=set[str])
-    """What the vehicle has said."""
+    _texts: set[str] = field(default_factory=set[str])
+    """Its status texts so far."""
     waits_for_fix: bool = False
     """Whether it has no position fix yet."""
 
@@ -143,12 +143,12 @@ class StartUp:
                 return index
         return None
 
-    def note_progress(self, telemetry: Telemetry, now: Instant) -> None:
-        """Note whether the vehicle makes progress in getting ready, or says what it hasn't said before."""
+    def update_progress(self, telemetry: Telemetry, now: Instant) -> None:
+        """Judge whether the vehicle makes progress in getting ready: by its state, or by a new status text."""
         progress, words = telemetry.progress(), telemetry.last_words
-        if progress != self._progress or words not in self._said:
+        if progress != self._progress or words not in self._texts:
             self._progress, self._progressed = progress, now
-            self._said.add(words)
+            self._texts.add(words)
         self.waits_for_fix = telemetry.unfixed
 
     def waited_s(self, now: Instant) -> float:

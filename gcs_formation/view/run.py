@@ -140,8 +140,8 @@ class RunRecording:
             return "ended"
         if is_locked(self._directory / EVENTS):
             return "silent" if wall_s - self._grew_s > SILENT_S else "live"
-        said = [event.get("text") for event in self._events if event.get("kind") == "phase"]
-        over = bool(said) and said[-1] in {phase.value for phase in OVER}
+        phases = [event.get("text") for event in self._events if event.get("kind") == "phase"]
+        over = bool(phases) and phases[-1] in {phase.value for phase in OVER}
         return "concluding" if over and wall_s - self._grew_s < CONCLUDES_S else "killed"
 
     def _read_events(self) -> bool:

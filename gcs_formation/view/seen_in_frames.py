@@ -224,10 +224,10 @@ class FrameReader:
         """Keep what a radio says; it is neither a vehicle's frame nor one for a vehicle."""
         for frame in StreamParser().feed(raw):
             if isinstance(frame.message, RadioStatus):
-                said = frame.message
-                levels = (said.rssi, said.remrssi, said.noise, said.remnoise)
+                status = frame.message
+                levels = (status.rssi, status.remrssi, status.noise, status.remnoise)
                 self._radio = [math.nan if each == UNKNOWN_LEVEL else float(each) for each in levels]
-                self._radio.append(float(min(said.txbuf, 100)))
+                self._radio.append(float(min(status.txbuf, 100)))
                 self._radio_s = at_s
 
     def _message(self, system: int, seen: _Seen, message: object, at_s: float) -> None:
@@ -283,8 +283,8 @@ class FrameReader:
         if text.id and len(text.text) == 50 and len(whole) < 1000:
             seen.chunks[text.id] = whole
             return
-        said = SEVERITIES[text.severity] if text.severity < len(SEVERITIES) else str(text.severity)
-        self._event(system, "statustext", whole, at_s, severity=said)
+        severity = SEVERITIES[text.severity] if text.severity < len(SEVERITIES) else str(text.severity)
+        self._event(system, "statustext", whole, at_s, severity=severity)
 
     def _event(self, system: int, kind: str, text: str, at_s: float, **details: str) -> None:
         if len(self.events) < MAX_TEXTS:

@@ -192,14 +192,14 @@ class Viewer:
         """Yield what is new, as often as the browser takes it; a slow one is sent less, and what is newest."""
         self.streams += 1
         try:
-            known, said, said_s = self.recording.times.time_s.size, None, NEVER
+            known, sent, sent_s = self.recording.times.time_s.size, None, NEVER
             while not (self.closing or await request.is_disconnected()):
                 now_s, count, generation = time.monotonic(), self.recording.times.time_s.size, self.recording.generation
                 status = (self.recording.state, generation, len(self.recording.events), self.failure)
-                if status != said or now_s - said_s > KEEP_ALIVE_S:
+                if status != sent or now_s - sent_s > KEEP_ALIVE_S:
                     names = ("state", "generation", "events", "failure")
                     yield _message("status", json.dumps(dict(zip(names, status, strict=True)) | {"ticks": int(count)}))
-                    said, said_s = status, now_s
+                    sent, sent_s = status, now_s
                 if count > known:
                     ticks = await self._read(partial(self._newest, known, count))
                     yield _message("ticks", base64.b64encode(ticks).decode("ascii"))

@@ -83,7 +83,7 @@ class Environment:
         try:
             added = _acting(self._config, len(self._disturbances), keys, hit, self._bodies, self.failures)
         except ExtensionError as error:
-            self.failures.say(str(error))
+            self.failures.add(str(error))
             return
         added.zero = zero
         self._disturbances.append(added)

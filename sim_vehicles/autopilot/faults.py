@@ -191,7 +191,7 @@ class InjectedFaults:
         try:
             _, guarded, vehicle = known or self._new(fault)
         except ExtensionError as error:
-            self._autopilot.environment.failures.say(str(error))
+            self._autopilot.environment.failures.add(str(error))
             return
         if not ends:
             self._struck.append((fault, guarded, vehicle))

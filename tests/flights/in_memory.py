@@ -23,7 +23,7 @@ from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
 
 
-class Notes:
+class MemoryRecorder:
     """A recorder in memory. It ensures that nobody writes into a tick that it has taken."""
 
     def __init__(self) -> None:
@@ -144,14 +144,14 @@ class World:
         self,
         between: type[Between] = Between,
         caution: PreFlightOptions = UNCHECKED,
-        notes: Callable[[Scenario], Notes] = lambda _: Notes(),
+        recorder: Callable[[Scenario], MemoryRecorder] = lambda _: MemoryRecorder(),
         around: Callable[[Engine, Station], Engine] = lambda engine, _: engine,
         **keys: Any,
     ) -> None:
         planned = load_scenario(scenario(**keys))
-        self.notes, self.clock = notes(planned), VirtualClock()
+        self.recorder, self.clock = recorder(planned), VirtualClock()
         self.network, signing = MemoryNetwork(self.clock), flight_signing(planned, self.clock).links
-        self.station = Station(planned, self.notes, caution=caution, signing=signing)
+        self.station = Station(planned, self.recorder, caution=caution, signing=signing)
         self.config = fleet_config(planned)
         self.fleet = Fleet(self.config)
         self.between = between(self.fleet)
@@ -195,16 +195,16 @@ class World:
         identity = None if number is None else VehicleId(1, number)
         return [
             event.now / NANOSECONDS
-            for event in self.notes.events
+            for event in self.recorder.events
             if event.kind == kind and text in event.text and (number is None or event.vehicle == identity)
         ]
 
     def words(self, kind: str) -> list[str]:
-        return [event.text for event in self.notes.events if event.kind == kind]
+        return [event.text for event in self.recorder.events if event.kind == kind]
 
     def worst_m(self, from_s: float = 5.0, to_s: float = 1e6) -> float:
         """Return the largest formation error in a window, as the law saw it."""
-        errors = [tick.error_m[1:] for tick in self.notes.ticks if from_s <= tick.mission_time_s <= to_s]
+        errors = [tick.error_m[1:] for tick in self.recorder.ticks if from_s <= tick.mission_time_s <= to_s]
         return float(np.nanmax(np.abs(np.concatenate(errors))))
 
     @property

@@ -172,7 +172,7 @@ def test_one_that_refuses_to_loiter_is_commanded_again_and_the_run_says_so(resul
     assert 6 <= len(tries) <= 8, "every 3 s for 20 s"
     assert len(world.times_s("disobeys", 2, "refuses mode LOITER")) == len(world.times_s("unacknowledged", 2)) == 1
     assert world.times_s("unacknowledged") == world.times_s("unacknowledged", 2)
-    (done,) = [event for event in world.notes.events if event.text == "done"]
+    (done,) = [event for event in world.recorder.events if event.text == "done"]
     assert done.details["cause"] == Cause.NOT_ALL_LOITERED.value
 
 

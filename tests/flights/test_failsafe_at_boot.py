@@ -19,7 +19,7 @@ from gcs_formation.phases import Phase
 from gcs_formation.station import Station
 from sim_vehicles.autopilot.modes_and_failsafe import CopterMode, Mode, Px4Mode
 from sim_vehicles.fleet import Fleet
-from tests.flights.in_memory import Between, Notes, World
+from tests.flights.in_memory import Between, MemoryRecorder, World
 
 READ = PreFlightOptions(parameters=True)
 SELDOM = {"rate_hz": 5}
@@ -101,8 +101,8 @@ def on_the_ground(family: str, caution: PreFlightOptions = READ) -> World:
 
 def another_station(world: World, caution: PreFlightOptions = READ) -> None:
     """Start another station in the place of the one before."""
-    world.notes = Notes()
-    world.station = Station(world.station.scenario, world.notes, caution=caution)
+    world.recorder = MemoryRecorder()
+    world.station = Station(world.station.scenario, world.recorder, caution=caution)
     world.station.flight.resume(world.clock.now(), None)
     world.process.replace(world.station)
 

@@ -61,7 +61,7 @@ def test_a_silent_follower_is_given_up_step_by_step_and_the_others_fly_on(kind: 
     assert unheard_s - struck_s == pytest.approx(5.0, abs=LAG_S)
     assert commanded_s - struck_s == pytest.approx(30.0, abs=LAG_S)
     assert world.times_s("member", 3, "told to loiter") == []
-    assert max(max(map(abs, tick.error_m[2])) for tick in world.notes.ticks if tick.mission_time_s > 2.0) < 0.05
+    assert max(max(map(abs, tick.error_m[2])) for tick in world.recorder.ticks if tick.mission_time_s > 2.0) < 0.05
     assert world.station.flight.phase is Phase.DONE
 
 
@@ -276,7 +276,7 @@ def test_a_vehicle_that_acknowledges_to_loiter_and_does_not_is_not_said_to() -> 
     world.fly_to(2.0)
     world.inject(3, "ignore")
     world.run()
-    (done,) = [event for event in world.notes.events if event.text == "done"]
+    (done,) = [event for event in world.recorder.events if event.text == "done"]
     assert str(done.details["cause"]).startswith("not every vehicle loiters")
 
 

@@ -36,7 +36,7 @@ COPTERS["start"] = COPTERS["start"] | {"row_m": 9, "run_in_s": 0}
 def gathers(keys: dict[str, Any], directory: Path) -> tuple[float, dict[str, Any]]:
     """Return the least separation up to the path's first second, and the event of the gathering.
 
-    Nobody gives way before the path begins. Its turbulence then begins by a step, for which a multirotor may.
+    No vehicle avoids another before the path begins. Its turbulence then begins by a step, for which a multirotor may.
     """
     keys = keys | {"schema": 1, "duration_s": 1, "finish": {"loiter_s": 0}}
     gcs_formation.run(keys, clock="virtual", out=directory)

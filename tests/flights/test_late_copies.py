@@ -72,7 +72,7 @@ def copying(**given: Any) -> type[Copying]:
 
 def reported(world: World) -> list[tuple[str, str, Any]]:
     """Return what was noted, but for copies."""
-    return [(event.kind, event.text, event.vehicle) for event in world.notes.events if event.kind != "copies"]
+    return [(event.kind, event.text, event.vehicle) for event in world.recorder.events if event.kind != "copies"]
 
 
 def figures(world: World) -> tuple[float, ...]:

@@ -99,10 +99,10 @@ def ended_safely(flown: World) -> str:
     assert station.flight.phase is Phase.FAILED
     heights_m = sorted(flown.vehicle(each).body.motion.height_m for each in (1, 2, 3))
     assert min(np.diff(heights_m)) > 10.0
-    assert {event.vehicle: event.text for event in flown.notes.events if event.kind == "mode"} == dict.fromkeys(
+    assert {event.vehicle: event.text for event in flown.recorder.events if event.kind == "mode"} == dict.fromkeys(
         station.vehicles, "LOITER"
     )
-    flying = [tick for tick in flown.notes.ticks if tick.phase in {"flying", "ending"}]
+    flying = [tick for tick in flown.recorder.ticks if tick.phase in {"flying", "ending"}]
     assert np.isfinite([tick.setpoints for tick in flying]).all()
     assert len(flown.words("failure")) == 1
     assert station.phase_machine.failure is not None
@@ -166,7 +166,7 @@ def test_hovering_vehicles_stop_first():
         "what the law returned for vehicle 2 at 3.0 s is not finite"
     )
     assert all(abs(flown.vehicle(each).body.motion.airspeed_mps) < 0.5 for each in (1, 2, 3))
-    assert {each.setpoints[2][0] for each in flown.notes.ticks if each.phase == "ending"} == {0.0}
+    assert {each.setpoints[2][0] for each in flown.recorder.ticks if each.phase == "ending"} == {0.0}
 
 
 @pytest.mark.parametrize(("which", "value"), [(0, math.inf), (2, math.nan)])
@@ -190,7 +190,7 @@ def test_an_estimate_that_is_not_finite_leaves_its_vehicle_to_loiter_and_the_oth
     known.north_m = math.nan
     flown.run(0.2)
     assert "vehicle 2 at 3.0 s" in (flown.station.phase_machine.failure or "")
-    assert [each is UNKNOWN for each in flown.notes.ticks[-1].setpoints] in ([False, True, False], [False] * 3)
+    assert [each is UNKNOWN for each in flown.recorder.ticks[-1].setpoints] in ([False, True, False], [False] * 3)
 
 
 def guidance_setpoint(flown: World) -> None:

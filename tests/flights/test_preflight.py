@@ -347,7 +347,7 @@ def test_a_run_that_ends_before_any_is_commanded_records_nothing_more_of_those_i
     world = World(Listening, PreFlightOptions(parameters=True, rehearse=True), vehicles={"count": 2})
     world.run(20.0)
     assert world.station.flight.phase is Phase.DONE
-    assert {tick.phase for tick in world.notes.ticks} == {"connecting"}
+    assert {tick.phase for tick in world.recorder.ticks} == {"connecting"}
 
 
 def elsewhere(*, in_air: bool, north_rad: float = 0.0, up_m: float = 0.0) -> World:

@@ -134,7 +134,7 @@ def test_fixed_wings_that_leave_half_of_a_change_of_airspeed_to_an_integrator_ke
         path={"speed_mps": 14, "waypoints_m": [[0, 0, 100], [1000, 0, 100]], "steps": steps},
     )
     world.run(30.0)
-    assert np.nanmax([np.abs(tick.state[0].airspeed_mps - 14.0) for tick in world.notes.ticks]) > 1.0
+    assert np.nanmax([np.abs(tick.state[0].airspeed_mps - 14.0) for tick in world.recorder.ticks]) > 1.0
     assert world.worst_m(from_s=0.0) < (0.1 if share == 0.55 else 1.0)
 
 

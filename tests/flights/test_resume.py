@@ -35,7 +35,7 @@ from gcs_formation.station import Station
 from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
-from tests.flights.in_memory import Between, Notes, World
+from tests.flights.in_memory import Between, MemoryRecorder, World
 from tests.processes import LIMIT_S, STATION, VEHICLES, events_of, free_ports, started, wait_for_event
 
 EPOCH_US = 1_700_000_000_000_000
@@ -44,7 +44,7 @@ SLOT_M = 0.5
 BENDS = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [700, 0, 100], [1300, 500, 120], [1400, 2500, 120]]}
 
 
-class Kept(Notes):
+class Kept(MemoryRecorder):
     """A recorder in memory and in a run directory."""
 
     def __init__(self, scenario: Scenario, path: Path, *, resume: bool = False) -> None:
@@ -95,7 +95,7 @@ class Killed:
 
     def __init__(self, directory: Path, **keys: Any) -> None:
         self.path = directory
-        self.world = World(Obedient, notes=lambda planned: Kept(planned, directory), **keys)
+        self.world = World(Obedient, recorder=lambda planned: Kept(planned, directory), **keys)
 
     def kill(self, seconds: float) -> None:
         """Kill the station; for some time there is none."""
@@ -105,18 +105,18 @@ class Killed:
 
     def close(self) -> None:
         """Leave the record as it is."""
-        notes = self.world.notes
-        assert isinstance(notes, Kept)
-        notes.directory.close()
+        recorder = self.world.recorder
+        assert isinstance(recorder, Kept)
+        recorder.directory.close()
 
     def resume(self, *, take: bool = False) -> None:
         """Start another station on the record."""
         world, scenario = self.world, self.world.station.scenario
         assert epoch_us(self.path) == EPOCH_US
         resumed = read_past(self.path, scenario, world.clock.now(), take=take)
-        world.notes = Kept(scenario, self.path, resume=True)
-        world.notes.event(Event(resumed.at, RECORDING, GOES_ON, None, {"epoch_us": EPOCH_US}))
-        world.station = Station(scenario, world.notes, resumed=resumed)
+        world.recorder = Kept(scenario, self.path, resume=True)
+        world.recorder.event(Event(resumed.at, RECORDING, GOES_ON, None, {"epoch_us": EPOCH_US}))
+        world.station = Station(scenario, world.recorder, resumed=resumed)
         world.process.replace(world.station)
         assert isinstance(world.between, Obedient)
         world.between.commands.clear()
@@ -125,7 +125,7 @@ class Killed:
 
     def regained_s(self) -> float:
         """Return how long after the resumption every follower was in its slot to stay."""
-        flown = [tick for tick in self.world.notes.ticks if tick.phase in ("assembling", "flying")]
+        flown = [tick for tick in self.world.recorder.ticks if tick.phase in ("assembling", "flying")]
         followers = [column for column in range(len(self.world.fleet.vehicles)) if column != flown[0].leader]
         errors = [(tick.now / NANOSECONDS, np.abs([tick.error_m[each] for each in followers]).max()) for tick in flown]
         assert errors[-1][1] < SLOT_M
@@ -195,8 +195,8 @@ def test_a_machine_whose_clock_went_back_goes_on_from_the_records_end(
     """It has no battery for its clock, which is an hour behind after a power cut."""
     flight = killed(duration_s=44, vehicles={"count": 2})
     flight.world.fly_to(6.0)
-    assert isinstance(flight.world.notes, Kept)
-    flight.world.notes.directory.flush()
+    assert isinstance(flight.world.recorder, Kept)
+    flight.world.recorder.directory.flush()
     planned, options = flight.world.station.scenario, RunOptions(flight.path, resume=True)
     recorded_s = max(float(Spool(flight.path / SPOOL).read()["t_s"][-1]), events_of(flight.path)[-1]["t_s"])
 
@@ -223,7 +223,7 @@ def test_shape_and_leader_are_those_of_the_record(killed: Callable[..., Killed])
     flight.kill(10.0)
     flight.resume()
     world.run()
-    assert {tick.leader for tick in world.notes.ticks} == {1}
+    assert {tick.leader for tick in world.recorder.ticks} == {1}
     assert world.words("formation")[-1] == "line, 25 m, behind vehicle 2"
     assert flight.regained_s() < REGAINED_S
 
@@ -273,7 +273,7 @@ def test_where_none_flies_as_left_it_is_said_how_they_are_and_what_takes_them_an
         "no vehicle to take over: vehicle 1, 3: in RTL, and the flight had left it in GUIDED; "
         "vehicle 2: in LOITER, and the flight had left it in GUIDED; --take takes those in the air"
     )
-    (ended,) = [event for event in world.notes.events if event.kind == "phase"]
+    (ended,) = [event for event in world.recorder.events if event.kind == "phase"]
     assert (ended.text, ended.details["cause"]) == ("failed", "the run can't go on, and no vehicle was commanded")
     assert flight.commanded(m.MAV_CMD_DO_SET_MODE) == []
 
@@ -304,7 +304,7 @@ def test_where_the_leader_is_gone_the_nearest_to_its_place_leads(killed: Callabl
     (leads_s,) = world.times_s("leader", 2)
     assert leads_s - flight.resumed_s < 6.0
     assert world.times_s("leader", 3) == []
-    late = [tick for tick in world.notes.ticks if tick.mission_time_s > 60.0 and tick.phase == "flying"]
+    late = [tick for tick in world.recorder.ticks if tick.mission_time_s > 60.0 and tick.phase == "flying"]
     assert max(np.nanmax(np.abs(tick.error_m[2])) for tick in late) < SLOT_M
 
 
@@ -354,7 +354,7 @@ def test_resumed_after_its_time_the_flight_ends_at_once(killed: Callable[..., Ki
     flight.kill(6.0)
     flight.resume()
     world.run(20.0)
-    phases = [event for event in world.notes.events if event.kind == "phase"]
+    phases = [event for event in world.recorder.events if event.kind == "phase"]
     assert [each.text for each in phases[:2]] == ["assembling", "ending"]
     assert phases[1].details["cause"] == Cause.PATH_ENDED.value
     assert seconds_between(phases[0].now, phases[1].now) < 0.2

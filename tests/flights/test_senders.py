@@ -19,7 +19,7 @@ from gcs_formation.vehicle.autopilot_family import STATION
 from sim_vehicles.autopilot.modes_and_failsafe import Condition
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
-from tests.flights.in_memory import Between, Notes, World
+from tests.flights.in_memory import Between, MemoryRecorder, World
 
 PLANE = Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA)
 
@@ -233,7 +233,7 @@ def test_what_vehicles_answer_to_another_ground_station_with_our_system_id_says_
 
 @pytest.fixture
 def station() -> Station:
-    return Station(load_scenario(scenario()), Notes())
+    return Station(load_scenario(scenario()), MemoryRecorder())
 
 
 def hear(station: Station, writer: FrameWriter, message, at_s: float = 0.0, port: int = 40000) -> None:
@@ -254,9 +254,9 @@ def test_systems_that_are_not_ours_are_reported_once(
 ) -> None:
     for _ in range(3):
         hear(station, FrameWriter(system, component), PLANE)
-    notes = station._recorder
-    assert isinstance(notes, Notes)
-    (event,) = notes.events
+    recorder = station._recorder
+    assert isinstance(recorder, MemoryRecorder)
+    (event,) = recorder.events
     assert event.kind == kind
     assert words in event.text
     assert event.details["peer"] == "127.0.0.1:40000"

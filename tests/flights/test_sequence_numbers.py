@@ -7,13 +7,13 @@ from collections import defaultdict
 from airlink.clock import Instant
 from airlink.frame import StreamParser
 from formation_scenario import Scenario
-from tests.flights.in_memory import Notes, World
+from tests.flights.in_memory import MemoryRecorder, World
 
 MODULUS = 256
 ENDPOINT = "udpin:127.0.0.1:14550"
 
 
-class Log(Notes):
+class Log(MemoryRecorder):
     """Counts the numbers that a log lacks, as pymavlink's mavloss does: by system and component."""
 
     def __init__(self, _: Scenario) -> None:
@@ -34,8 +34,8 @@ def test_the_log_of_a_flight_at_one_endpoint_shows_no_loss() -> None:
     vehicles = [
         {"id": number, "role": "follower" if number > 1 else "leader", "endpoint": ENDPOINT} for number in (1, 2, 3)
     ]
-    world = World(notes=Log, vehicles=vehicles)
+    world = World(recorder=Log, vehicles=vehicles)
     world.run(12.0)
-    assert isinstance(world.notes, Log)
-    assert world.notes.frame_count > 1000
-    assert world.notes.missing == 0
+    assert isinstance(world.recorder, Log)
+    assert world.recorder.frame_count > 1000
+    assert world.recorder.missing == 0

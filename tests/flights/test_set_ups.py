@@ -136,7 +136,7 @@ def test_a_formation_flies_through(between: type[Between]) -> None:
     flies(world)
     losses = [vehicle.sequence.loss for vehicle in world.station.vehicles.values()]
     assert losses == [0.0] * 3
-    assert {event.text for event in world.notes.events if event.kind == "mode"} == {"GUIDED", "LOITER"}
+    assert {event.text for event in world.recorder.events if event.kind == "mode"} == {"GUIDED", "LOITER"}
 
 
 def another(autopilot: int, kind: int) -> type[Between]:

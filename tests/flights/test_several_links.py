@@ -65,7 +65,7 @@ def test_what_the_better_link_loses_the_other_brings() -> None:
     (first, second) = world.station.vehicles[VehicleId(1, 2)].each_link
     assert first.sequence.loss == pytest.approx(0.5, abs=0.1)
     assert second.sequence.loss == 0.0
-    ages_s = [tick.age_s[1] for tick in world.notes.ticks[-40:]]
+    ages_s = [tick.age_s[1] for tick in world.recorder.ticks[-40:]]
     assert max(ages_s) < 0.06 + 0.2 + 0.02, "a position each 0.1 s, 60 ms old at the latest"
 
 
@@ -93,7 +93,7 @@ def test_a_link_that_dies_is_left_within_a_second_and_taken_again(way: dict[str,
     assert not world.times_s("link_choice", 1)
     assert not world.times_s("link_choice", 3)
     assert len(world.times_s("member")) == 3, "none left the formation"
-    errors_m = [abs(each) for tick in world.notes.ticks[-200:] for each in tick.error_of(1)]
+    errors_m = [abs(each) for tick in world.recorder.ticks[-200:] for each in tick.error_of(1)]
     assert max(errors_m) < 0.3
 
 
@@ -113,7 +113,9 @@ def test_both_may_die_by_turns_at_any_time(seed: int) -> None:
     world.fly_to(at_s + 2.0)
     assert len(world.times_s("member")) == 3
     assert not world.times_s("health")
-    errors_m = [abs(each) for tick in world.notes.ticks[-200:] for column in (1, 2) for each in tick.error_of(column)]
+    errors_m = [
+        abs(each) for tick in world.recorder.ticks[-200:] for column in (1, 2) for each in tick.error_of(column)
+    ]
     assert max(errors_m) < 1.0
 
 
@@ -145,7 +147,7 @@ def test_the_law_goes_by_the_delay_of_the_link_in_use() -> None:
     world = World(vehicles=TWO, links=linked(outage, second=300.0))
     world.fly_to(10.0)
     assert used(world) == [2, 2, 2]
-    delays_s = [tick.links[1].delay_s for tick in world.notes.ticks]
+    delays_s = [tick.links[1].delay_s for tick in world.recorder.ticks]
     assert delays_s[-1] == pytest.approx(0.3, abs=0.01)
     assert pytest.approx(delays_s[len(delays_s) // 3], abs=0.01) == 0.04
 
@@ -164,7 +166,7 @@ def test_another_vehicle_with_the_same_id_does_not_come_in_by_the_second_link() 
         each.run(12.0)
     assert used(world) == [1, 1, 1]
     assert f"on link 2 {OTHERS}" in world.words("duplicate")
-    setpoints = [[tick.setpoints for tick in each.notes.ticks] for each in (peaceful, world)]
+    setpoints = [[tick.setpoints for tick in each.recorder.ticks] for each in (peaceful, world)]
     assert setpoints[0] == setpoints[1]
 
 

@@ -40,7 +40,7 @@ def links(tmp_path: Path) -> dict[str, Any]:
 
 
 def setpoints(world: World) -> np.ndarray:
-    return np.array([tick.setpoints for tick in world.notes.ticks])
+    return np.array([tick.setpoints for tick in world.recorder.ticks])
 
 
 def reported(flown: Any) -> list[Any]:
@@ -160,7 +160,9 @@ def test_replayed_altered_and_unsigned_frames_change_nothing_at_either_end_and_a
     assert refused_by(world.fleet) == at_vehicles.forged
     assert refused_by_station(world.station) == at_station.forged
     assert min(sum(each.forged.values()) for each in walls) > 1000
-    assert {each.kind for each in world.notes.events} - {each.kind for each in in_peace.notes.events} == {"signing"}
+    assert {each.kind for each in world.recorder.events} - {each.kind for each in in_peace.recorder.events} == {
+        "signing"
+    }
 
 
 def test_with_another_key_no_vehicle_is_heard_and_the_reason_is_an_event(links: dict[str, Any]) -> None:

@@ -170,7 +170,7 @@ def test_a_vehicle_that_takes_long_to_get_ready_is_waited_for_with_a_line_for_ea
     world = slow_boot(120.0)
     world.network.run(lambda: world.station.flight.ended or world.vehicle(1).pilot.airborne)
     assert world.station.phase_machine.failure is None
-    said = [event.text for event in world.notes.events if event.kind == "waits" and str(event.vehicle) == "1"]
+    said = [event.text for event in world.recorder.events if event.kind == "waits" and str(event.vehicle) == "1"]
     missing = [text.partition(";")[0].count("EKF_") - 1 for text in said]
     assert missing[:5] == [8, 7, 5, 4, 3]
     assert said[4].startswith("not ready yet (EKF_STATUS_REPORT: no EKF_POS_HORIZ_ABS, EKF_PRED_POS_HORIZ_REL")
@@ -180,7 +180,7 @@ def test_positions_near_latitude_and_longitude_0_before_the_first_fix_are_no_mot
     """As an ArduPilot tells them that is switched on after the station."""
     world = slow_boot(20.0)
     caution = PreFlightOptions(parameters=True)
-    world.station = Station(world.station.scenario, world.notes, caution=caution)
+    world.station = Station(world.station.scenario, world.recorder, caution=caution)
     world.process.replace(world.station)
     world.network.run(lambda: world.station.flight.ended or world.vehicle(1).pilot.airborne)
     assert world.station.phase_machine.failure is None
@@ -222,7 +222,7 @@ def test_after_the_path_has_begun_a_vehicle_that_can_not_be_started_again_is_aba
     (commanded_s,), (abandoned_s,) = world.times_s("disobeys", 2), world.times_s("abandoned", 2)
     assert abandoned_s - commanded_s == pytest.approx(18.0, abs=1.0)
     assert world.words("abandoned") == ["vehicle 2: not done within 20 s after we set mode GUIDED"]
-    assert max(np.abs(tick.error_m[2]).max() for tick in world.notes.ticks if tick.mission_time_s > 2.0) < 0.05
+    assert max(np.abs(tick.error_m[2]).max() for tick in world.recorder.ticks if tick.mission_time_s > 2.0) < 0.05
     world.inject(2, "ignore", ends=True)
     world.inject(2, "pilot", ends=True)
     back_s = world.now_s
@@ -341,7 +341,7 @@ def test_where_the_leader_turns_off_to_go_round_again_none_is_commanded_to_turn_
     world.inject(LAST, "pilot")
     world.run(30.0)
     assert world.station.controller.guidance.rounds > 0
-    headings = np.array([[heading_rad for _, heading_rad, _ in tick.setpoints] for tick in world.notes.ticks])
+    headings = np.array([[heading_rad for _, heading_rad, _ in tick.setpoints] for tick in world.recorder.ticks])
     assert np.nanmax(np.abs(wrap(np.diff(headings, axis=0)))) < 0.5
 
 

@@ -15,7 +15,7 @@ from gcs_formation.station import Station
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario
-from tests.flights.in_memory import Notes
+from tests.flights.in_memory import MemoryRecorder
 
 KNOWN: list[dict[str, Any]] = [{"id": 1, "role": "leader"}, {"id": 2}, {"id": 3}]
 TRUE: list[dict[str, Any]] = [
@@ -33,7 +33,7 @@ UNKNOWN: dict[str, Any] = {
 """What emulators and links are told beyond what a station of real vehicles can know."""
 
 
-class Sent(Notes):
+class Sent(MemoryRecorder):
     """Keeps the frames that went both ways."""
 
     def __init__(self) -> None:
@@ -47,13 +47,13 @@ class Sent(Notes):
 def flown(station_keys: dict[str, Any], seconds: float, **keys: Any) -> tuple[Station, Sent]:
     """Fly emulators with everything that is unknown by a station with these keys."""
     planned, known = (load_scenario(scenario(**keys | more)) for more in (UNKNOWN, station_keys))
-    notes, clock = Sent(), VirtualClock()
-    station, network = Station(known, notes, caution=UNCHECKED), MemoryNetwork(clock)
+    recorder, clock = Sent(), VirtualClock()
+    station, network = Station(known, recorder, caution=UNCHECKED), MemoryNetwork(clock)
     network.attach(Fleet(fleet_config(planned)))
     network.attach(impair(planned, station) or station)
     end = after(Instant(0), seconds)
     network.run(lambda: station.flight.ended or clock.now() >= end)
-    return station, notes
+    return station, recorder
 
 
 @pytest.mark.slow
@@ -68,11 +68,11 @@ def test_it_flies_the_same_bytes_without_what_it_cant_know() -> None:
 def test_an_order_is_judged_in_the_wind_that_is_measured() -> None:
     """At 16 m/s against 15.5 m/s nothing would be left over the ground; the station isn't told of that wind."""
     wind, orders = {"velocity_mps": [-15.5, 0.0, 0.0]}, [{"at_s": 2, "order": "speed 16"}]
-    planned, notes, clock = load_scenario(scenario(wind=wind)), Notes(), VirtualClock()
+    planned, recorder, clock = load_scenario(scenario(wind=wind)), MemoryRecorder(), VirtualClock()
     network = MemoryNetwork(clock)
-    station = Station(load_scenario(scenario(orders=orders)), notes, caution=UNCHECKED)
+    station = Station(load_scenario(scenario(orders=orders)), recorder, caution=UNCHECKED)
     network.attach(Fleet(fleet_config(planned)))
     network.attach(station)
     network.run(lambda: station.flight.mission_time_s(clock.now()) >= 3.0 or clock.now() > after(Instant(0), 60.0))
-    (said,) = [event.text for event in notes.events if event.kind == "order"]
+    (said,) = [event.text for event in recorder.events if event.kind == "order"]
     assert "m/s over the ground is left, at 16 m/s of airspeed in a wind of 15." in said

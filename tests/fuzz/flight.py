@@ -11,7 +11,7 @@ from gcs_formation.station import Station
 from sim_vehicles.autopilot.autopilot import Autopilot
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
-from tests.fuzz.siege import Flown, Notes, check, planned
+from tests.fuzz.siege import Flown, MemoryRecorder, check, planned
 
 FOLLOWER = VehicleId(1, 2)
 USUAL = {"target_system": FOLLOWER.system, "target_component": 1, "tc1": 1, "base_mode": 209, "custom_mode": 15}
@@ -22,8 +22,8 @@ class Flight:
 
     def __init__(self, age_s: float = 12.0) -> None:
         plan = planned(600)
-        self.notes, self.clock = Notes(), VirtualClock()
-        self.station, self.fleet = Station(plan, self.notes), Fleet(fleet_config(plan))
+        self.recorder, self.clock = MemoryRecorder(), VirtualClock()
+        self.station, self.fleet = Station(plan, self.recorder), Fleet(fleet_config(plan))
         self._network = MemoryNetwork(self.clock)
         self._network.attach(self.fleet)
         self._network.attach(self.station)
@@ -62,7 +62,7 @@ class Flight:
 
     def check(self) -> None:
         """Check what no datagram may break."""
-        check(Flown(self.station, self.fleet, self.notes, 0, 0, 0, (0, 0)))
+        check(Flown(self.station, self.fleet, self.recorder, 0, 0, 0, (0, 0)))
 
     def flies_on(self) -> None:
         """Check that the formation is commanded: one follower in its slot, the other there or on its way back."""
@@ -70,6 +70,6 @@ class Flight:
         self.check()
         assert not self.station.flight.ended
         # From the side it flies to the leader's track first and falls back meanwhile: the sum of errors shows the way.
-        before, now = (np.abs(self.notes.errors_m[place]).sum(axis=1) for place in (-20, -1))
+        before, now = (np.abs(self.recorder.errors_m[place]).sum(axis=1) for place in (-20, -1))
         assert now[1] < 0.5
         assert now[0] < max(0.5, before[0] - 5.0)

@@ -93,7 +93,7 @@ class Ends:
     def __init__(self, end: Literal["station", "vehicles"]) -> None:
         """Fly until the formation is on its path."""
         self._flight = Flight(AGE_S)
-        self._flight.notes.forget()
+        self._flight.recorder.forget()
         self._unchanging = (self._flight.station.scenario, self._flight.fleet.config)
         self._end = end
 

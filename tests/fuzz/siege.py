@@ -40,7 +40,7 @@ SYSTEMS = (1, 2, 3)
 End = Literal["station", "vehicles"]
 
 
-class Notes:
+class MemoryRecorder:
     """A recorder that keeps what a flight is judged by."""
 
     def __init__(self) -> None:
@@ -148,7 +148,7 @@ class Flown:
 
     station: Station
     fleet: Fleet
-    notes: Notes
+    recorder: MemoryRecorder
     thrown: int
     kept: int
     """Objects alive at the end."""
@@ -168,8 +168,8 @@ def planned(duration_s: float, links: dict[str, Any] | None = None) -> Scenario:
 
 def fly(duration_s: float, siege: Siege) -> Flown:
     """Fly while one end is attacked; without an attack, the same flight undisturbed."""
-    plan, clock, notes = planned(duration_s, siege.links), VirtualClock(), Notes()
-    station = Station(plan, notes, signing=flight_signing(plan, clock).links)
+    plan, clock, recorder = planned(duration_s, siege.links), VirtualClock(), MemoryRecorder()
+    station = Station(plan, recorder, signing=flight_signing(plan, clock).links)
     fleet = Fleet(fleet_config(plan))
     vehicles = [Address(LOOPBACK, FIRST_EPHEMERAL_PORT + i) for i in range(len(plan.vehicles))]
     ground = station.endpoints()[0].address
@@ -190,7 +190,7 @@ def fly(duration_s: float, siege: Siege) -> Flown:
     gc.collect()
     peaks = (peaks_kib or [peak_kib()])[0], peak_kib()
     dropped = station.received().bad + sum(vehicle.link.frames_bad for vehicle in fleet.vehicles)
-    return Flown(station, fleet, notes, wall.thrown if wall else 0, len(gc.get_objects()), dropped, peaks)
+    return Flown(station, fleet, recorder, wall.thrown if wall else 0, len(gc.get_objects()), dropped, peaks)
 
 
 def peak_kib() -> int:
@@ -201,12 +201,12 @@ def peak_kib() -> int:
 def check(flown: Flown) -> None:
     """Check what no datagram may break: commands and motion stay within the envelope."""
     models, default = flown.station.controller.models, VehicleModel()
-    told = np.array(flown.notes.setpoints).reshape(-1, len(models), 3)
+    told = np.array(flown.recorder.setpoints).reshape(-1, len(models), 3)
     assert not np.isinf(told).any()
     assert np.array_equal(np.isnan(told[..., 0]), np.isnan(told).any(axis=-1)), "part of a setpoint"
     assert np.nanmin(told[..., 0], initial=np.inf) >= min(model.speed_min_mps for model in models)
     assert np.nanmax(told[..., 0], initial=-np.inf) <= max(model.speed_max_mps for model in models)
-    for payload in flown.notes.commands:
+    for payload in flown.recorder.commands:
         fields = KINDS[m.MAVLINK_MSG_ID_COMMAND_INT].example.read(payload, 0, len(payload))
         assert isinstance(fields, CommandInt)
         if fields.target_system == FOREIGN_TARGET:
@@ -218,7 +218,7 @@ def check(flown: Flown) -> None:
         assert state.height_m >= 0.0
 
 
-def worst_error_m(notes: Notes) -> float:
+def worst_error_m(recorder: MemoryRecorder) -> float:
     """Return the largest formation error in the second half of a flight's path; NaN if no vehicle was commanded."""
-    late = np.abs(np.array(notes.errors_m[len(notes.errors_m) // 2 :]))
+    late = np.abs(np.array(recorder.errors_m[len(recorder.errors_m) // 2 :]))
     return float(np.fmax.reduce(late, axis=None, initial=np.nan)) if late.size else float("nan")

@@ -16,11 +16,11 @@ from tests.fuzz.guided import COMMANDS, OURS, TARGETS, Target, one_input, parse,
 
 def test_a_copy_of_a_flight_flies_as_the_flight_does_and_leaves_it_alone() -> None:
     flight = Flight(8.0)
-    one, before = copy.deepcopy(flight), len(flight.notes.setpoints)
+    one, before = copy.deepcopy(flight), len(flight.recorder.setpoints)
     one.run(2.0)
-    assert len(flight.notes.setpoints) == before
+    assert len(flight.recorder.setpoints) == before
     flight.run(2.0)
-    assert np.array_equal(np.array(one.notes.setpoints), np.array(flight.notes.setpoints), equal_nan=True)
+    assert np.array_equal(np.array(one.recorder.setpoints), np.array(flight.recorder.setpoints), equal_nan=True)
     flown = [[body.state.values() for body in each.fleet.bodies] for each in (one, flight)]
     assert flown[0] == flown[1]
 

@@ -16,7 +16,7 @@ from airlink.messages.system import Heartbeat
 from airlink.signing.key import write_new_key
 from gcs_formation.station import Station
 from tests.fuzz.datagrams import FOREIGN, FOREIGN_TARGET, Hostile
-from tests.fuzz.siege import End, Flown, Notes, Siege, check, fly, planned, worst_error_m
+from tests.fuzz.siege import End, Flown, MemoryRecorder, Siege, check, fly, planned, worst_error_m
 
 DURATION_S = 5
 THRONG, BAND, CROWD = 5, 10, 40
@@ -42,8 +42,8 @@ def test_strangers_change_nothing(end: End, delayed: bool, each_turn: int) -> No
     flown = fly(DURATION_S, Siege(1, each_turn, end, links=DELAYED if delayed else {}))
     assert flown.thrown > TURNS * each_turn
     check(flown)
-    assert np.array_equal(np.array(flown.notes.setpoints), np.array(peace.notes.setpoints), equal_nan=True)
-    assert sum(event.kind == "stranger" for event in flown.notes.events) <= 7
+    assert np.array_equal(np.array(flown.recorder.setpoints), np.array(peace.recorder.setpoints), equal_nan=True)
+    assert sum(event.kind == "stranger" for event in flown.recorder.events) <= 7
 
 
 @pytest.mark.slow
@@ -54,7 +54,7 @@ def test_strangers_change_nothing(end: End, delayed: bool, each_turn: int) -> No
 def test_noise_from_a_peers_own_address_is_no_more_than_a_bad_link(end: End, each_turn: int) -> None:
     flown = fly(DURATION_S, Siege(1, each_turn, end, own_share=0.5))
     check(flown)
-    assert worst_error_m(flown.notes) < 0.05
+    assert worst_error_m(flown.recorder) < 0.05
     assert flown.dropped > flown.thrown / 3
     if end == "station":
         assert min(flown.station.bad_frames(identity) for identity in flown.station.vehicles) > 1000
@@ -83,10 +83,10 @@ def test_forged_frames_change_nothing_on_signed_links(end: End, each_turn: int, 
     siege = Siege(1, each_turn, end, forged=True, forged_share=1.0, own_share=0.5, links=links)
     flown, peace = fly(DURATION_S, siege), in_peace(False)
     check(flown)
-    assert np.array_equal(np.array(flown.notes.setpoints), np.array(peace.notes.setpoints), equal_nan=True)
+    assert np.array_equal(np.array(flown.recorder.setpoints), np.array(peace.recorder.setpoints), equal_nan=True)
     refused = flown.station.refused() if end == "station" else refused_by_vehicles(flown)
     assert refused > 0.9 * flown.thrown
-    assert {each.kind for each in flown.notes.events} <= {each.kind for each in peace.notes.events} | {
+    assert {each.kind for each in flown.recorder.events} <= {each.kind for each in peace.recorder.events} | {
         "signing",
         "flood",
     }
@@ -106,7 +106,7 @@ def test_memory_does_not_grow_with_what_is_thrown(end: End) -> None:
 
 
 def test_broken_frames_are_counted_for_the_vehicle_they_came_from() -> None:
-    station = Station(planned(5), Notes())
+    station = Station(planned(5), MemoryRecorder())
     peer, writer = Address("127.0.0.1", 40000), FrameWriter(2, 1)
     station.receive([Datagram(0, peer, writer.encode(Heartbeat(1, 3)))], Instant(0))
     for _ in range(3):

@@ -18,7 +18,7 @@ ENDS: tuple[End, ...] = ("station", "vehicles")
 
 def throw(datagrams: int, each_turn: int, seed: int) -> str:
     """Throw datagrams at flights of 60 s under the virtual clock; return a table. A broken limit raises."""
-    peace = np.array(fly(DURATION_S, Siege()).notes.setpoints)
+    peace = np.array(fly(DURATION_S, Siege()).recorder.setpoints)
     rows = [
         _besiege(end, what, datagrams // 6, Siege(seed, each_turn), peace)
         for end in ENDS
@@ -36,9 +36,9 @@ def _besiege(end: End, what: str, wanted: int, siege: Siege, peace: Array) -> li
         flown = fly(DURATION_S, siege)
         check(flown)
         if what == "strangers":
-            assert np.array_equal(np.array(flown.notes.setpoints), peace, equal_nan=True)
+            assert np.array_equal(np.array(flown.recorder.setpoints), peace, equal_nan=True)
         thrown, dropped = thrown + flown.thrown, dropped + flown.dropped
-        worst_m = max(worst_m, worst_error_m(flown.notes))
+        worst_m = max(worst_m, worst_error_m(flown.recorder))
         peaks_kib.extend(flown.peak_kib)
     each_us = (time.perf_counter() - began) / thrown * 1e6
     memory = f"{peaks_kib[0] / 1024:.1f} to {peaks_kib[-1] / 1024:.1f}"

@@ -37,7 +37,7 @@ def setpoints(table: Setpoints) -> list[Vector3]:
 def send(history: SetpointHistory, acts: Instants, table: Setpoints) -> None:
     """Add a tick's setpoints to a history."""
     history.begin_tick(vec[i64](acts.tolist()))
-    history.note(setpoints(table))
+    history.record(setpoints(table))
 
 
 def predict(

@@ -33,14 +33,14 @@ def difference(base: Path, head: Path) -> str | None:
 def protocol(tlog: Path) -> Protocol:
     """Return what every system sent to each other by type of message, each content at its first occurrence."""
     said: Protocol = {}
-    for stream, text in _said(tlog):
+    for stream, text in _texts(tlog):
         texts = said.setdefault(stream, [])
         if text not in texts:
             texts.append(text)
     return said
 
 
-def _said(tlog: Path) -> Iterator[tuple[Stream, str]]:
+def _texts(tlog: Path) -> Iterator[tuple[Stream, str]]:
     parser = ardupilotmega.MAVLink(None)
     for _, frame in stamped_frames(tlog):
         message: Any = parser.decode(bytearray(frame))

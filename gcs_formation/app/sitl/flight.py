@@ -70,7 +70,7 @@ def run_simulated(
 def _over(session: Session, simulators: Sequence[Running], clocks: Clocks) -> bool:
     """Attend to a flight, which fails if a simulator has ended; return whether it is over."""
     now, phase_machine = session.clock.now(), session.station.phase_machine
-    if clocks.note(now) and phase_machine.failure is None and (text := ended(simulators)):
+    if clocks.record_offsets(now) and phase_machine.failure is None and (text := ended(simulators)):
         phase_machine.fail(text, now)
     return session.attend()
 
@@ -88,9 +88,9 @@ def _truth(session: Session, fleet: Sequence[Simulated], simulators: Sequence[Ru
         _say(session, f"no ground truth: {missing}")
         return None
     known = [motion for motion in motions.values() if motion is not None]
-    noted = [clocks.noted[each.identity] for each in fleet]
+    offsets = [clocks.offsets[each.identity] for each in fleet]
     hovering = [each.craft.hovers for each in fleet]
-    return LoggedTruth(known, noted, hovering, session.scenario.origin.geodetic).between
+    return LoggedTruth(known, offsets, hovering, session.scenario.origin.geodetic).between
 
 
 def _say(session: Session, text: str) -> None:

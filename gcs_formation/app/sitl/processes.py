@@ -38,8 +38,8 @@ class Running:
         """In words how it has ended; "" while it runs."""
         if self.process.poll() is None:
             return ""
-        said = (self.directory / OUTPUT).read_bytes()[-LAST_BYTES:].decode(errors="replace").strip()
-        last = said.splitlines()[-1] if said else f"exit status {self.process.returncode}"
+        printed = (self.directory / OUTPUT).read_bytes()[-LAST_BYTES:].decode(errors="replace").strip()
+        last = printed.splitlines()[-1] if printed else f"exit status {self.process.returncode}"
         return f"vehicle {self.identity}: its simulator has ended: {last} ({self.directory / OUTPUT})"
 
 

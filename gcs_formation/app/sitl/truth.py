@@ -21,7 +21,7 @@ from flight_model.slot import slot_axis
 from gcs_formation.app.sitl.simulator import TrueMotion
 from gcs_formation.station import Station
 
-NOTE_S: Final = 1.0
+SAMPLED_S: Final = 1.0
 STEP_S: Final = 0.04
 """Of the rows that are made of all vehicles' logs, s of the run."""
 AIRBORNE_M: Final = 1.0
@@ -34,26 +34,26 @@ class Clocks:
     """Each vehicle's clock against the run's, noted through the flight."""
 
     def __init__(self, station: Station) -> None:
-        """Note those of a station's vehicles."""
+        """Record those of a station's vehicles."""
         self._station = station
         self._next = Instant(0)
-        self.noted: dict[VehicleId, list[tuple[float, float]]] = {each: [] for each in station.vehicles}
+        self.offsets: dict[VehicleId, list[tuple[float, float]]] = {each: [] for each in station.vehicles}
         """The run's time, s, and what the vehicle's clock is ahead of it, s."""
 
-    def note(self, now: Instant) -> bool:
-        """Note the offsets, once a second; return whether that was now."""
+    def record_offsets(self, now: Instant) -> bool:
+        """Record the offsets, once a second; return whether that was now."""
         if now < self._next:
             return False
-        self._next, at_s = after(now, NOTE_S), now / NANOSECONDS
+        self._next, at_s = after(now, SAMPLED_S), now / NANOSECONDS
         for identity, vehicle in self._station.vehicles.items():
             if vehicle.round_trips.clock.samples:
-                self.noted[identity].append((at_s, vehicle.round_trips.clock.offset_at_s(at_s)))
+                self.offsets[identity].append((at_s, vehicle.round_trips.clock.offset_at_s(at_s)))
         return True
 
 
-def to_run_s(boot_s: Array, noted: Sequence[tuple[float, float]]) -> Array:
+def to_run_s(boot_s: Array, offsets: Sequence[tuple[float, float]]) -> Array:
     """Return times of the run for times since a vehicle's boot, (N,) each, s."""
-    at_s, ahead_s = np.array(noted).T
+    at_s, ahead_s = np.array(offsets).T
     return boot_s - np.interp(boot_s, at_s + ahead_s, ahead_s)
 
 
@@ -63,7 +63,7 @@ class LoggedTruth:
     def __init__(
         self,
         motions: Sequence[TrueMotion],
-        noted: Sequence[Sequence[tuple[float, float]]],
+        offsets: Sequence[Sequence[tuple[float, float]]],
         hovering: Sequence[bool],
         origin: GeodeticOrigin,
     ) -> None:
@@ -72,7 +72,7 @@ class LoggedTruth:
         Before its first sample and after its last one a vehicle is where that says. The heading of one that hovers is
         the axis of the slots behind it, as the law and the emulated vehicles define it: its nose may point elsewhere.
         """
-        times = [to_run_s(motion.boot_s, clock) for motion, clock in zip(motions, noted, strict=True)]
+        times = [to_run_s(motion.boot_s, clock) for motion, clock in zip(motions, offsets, strict=True)]
         begin_s, end_s = min(each[0] for each in times), max(each[-1] for each in times)
         self._time_s = np.arange(math.floor(begin_s / STEP_S), math.ceil(end_s / STEP_S) + 1) * STEP_S
         each = [_at(self._time_s, at_s, motion, origin) for at_s, motion in zip(times, motions, strict=True)]
@@ -121,6 +121,6 @@ def _slot_axes(columns: Mapping[str, Array]) -> Array:
 def lacking(motions: Mapping[VehicleId, TrueMotion | None], clocks: Clocks) -> str:
     """Return in words whose true motion isn't known; "" if everybody's is."""
     unlogged = [str(each) for each, motion in motions.items() if motion is None]
-    unclocked = [str(each) for each in motions if not clocks.noted[each] and str(each) not in unlogged]
+    unclocked = [str(each) for each in motions if not clocks.offsets[each] and str(each) not in unlogged]
     why = [("has no true motion in its log", unlogged), ("has reported no clock", unclocked)]
     return "; ".join(f"vehicle {', '.join(who)} {what}" for what, who in why if who)

@@ -136,9 +136,9 @@ class FenceLimits:
         for column, heading_rad in zip(turned, headings_rad, strict=True):
             speed_mps, _, height_m = tick.setpoints[column]
             tick.replace(column, (speed_mps, heading_rad, height_m))
-        self._note(tick, which, side, areas.inside_m(place))
+        self._log_boundary_events(tick, which, side, areas.inside_m(place))
 
-    def _note(self, tick: Tick, which: Indices, side: Array, inside: Array) -> None:
+    def _log_boundary_events(self, tick: Tick, which: Indices, side: Array, inside: Array) -> None:
         self._side[:] = 0.0
         self._side[which] = side
         for column, away, distance_m in zip(which.tolist(), side.tolist(), inside.tolist(), strict=True):

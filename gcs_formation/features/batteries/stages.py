@@ -35,7 +35,7 @@ class BatteryWatch(Stage):
         self._endurance = {each.identity: Endurance(self._keys.endurance_s) for each in cycle.each}
         self._since = dict[VehicleId, Instant]()
         """Since when each has had too little."""
-        self._said = set[VehicleId]()
+        self._reported = set[VehicleId]()
 
     def run(self, cycle: Cycle) -> None:
         """Judge each vehicle that flies, until it has been sent home."""
@@ -75,6 +75,6 @@ class BatteryWatch(Stage):
         """Send it home, or only say so, once."""
         if self._keys.in_flight == "home":
             vehicle.sent_home = text
-        if vehicle.identity not in self._said:
-            self._said.add(vehicle.identity)
-            cycle.note(cycle.now, "battery", text, vehicle, {"left": vehicle.telemetry.battery.left})
+        if vehicle.identity not in self._reported:
+            self._reported.add(vehicle.identity)
+            cycle.log_event(cycle.now, "battery", text, vehicle, {"left": vehicle.telemetry.battery.left})

@@ -70,10 +70,10 @@ class CommonClock(Stage):
     def __init__(self, cycle: Cycle) -> None:
         """Start without UTC; if our clock is set to UTC, that is known."""
         self._vehicles = [vehicle for vehicle in cycle.each if vehicle.round_trips.gnss is not None]
-        self._known_s, self._note = cycle.utc_at_0_s, cycle.note
+        self._known_s, self._log_event = cycle.utc_at_0_s, cycle.log_event
         self._utc_s = math.nan
         """UTC minus our clock as used; NaN before the first estimate."""
-        self._said: dict[VehicleId, tuple[bool, bool]] = {}
+        self._reported: dict[VehicleId, tuple[bool, bool]] = {}
         self._given_up: dict[VehicleId, tuple[Instant, str]] = {}
         """Vehicles whose UTC was in use and was rejected: when it was last inconsistent, and how."""
         self._last: Instant | None = None
@@ -104,11 +104,11 @@ class CommonClock(Stage):
         vehicle.round_trips.stamps.use_utc(None if why else self._utc_s, now, slew_s if flies else math.inf)
         jump_s = vehicle.round_trips.gnss.jump_s if vehicle.round_trips.gnss else 0.0
         state = (why is None, bool(jump_s))
-        if vehicle.clock.samples >= UTC_LOOKED_AT and state != self._said.get(vehicle.identity):
-            self._said[vehicle.identity] = state
+        if vehicle.clock.samples >= UTC_LOOKED_AT and state != self._reported.get(vehicle.identity):
+            self._reported[vehicle.identity] = state
             went_on = f"its UTC jumped by {jump_s:+.3f} s in flight; its clock goes on as before"
             found = went_on if jump_s else "its stamps are mapped by its UTC"
-            self._note(now, "clock", f"UTC isn't used: {why}" if why else found, vehicle)
+            self._log_event(now, "clock", f"UTC isn't used: {why}" if why else found, vehicle)
 
     def _still(self, vehicle: Vehicle, why: str | None, now: Instant) -> str | None:
         """Return why a vehicle's UTC isn't used; after rejection it must be consistent for `UTC_AGAIN_S`."""

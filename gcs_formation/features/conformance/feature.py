@@ -9,7 +9,7 @@ from gcs_formation.features.conformance.stages import Answers, Motion, NoMotion
 
 
 def _stages(cycle: Cycle) -> list[Stage]:
-    monitor = ConformanceMonitor(cycle.scenario, cycle.controller, cycle.vehicles, cycle.note)
+    monitor = ConformanceMonitor(cycle.scenario, cycle.controller, cycle.vehicles, cycle.log_event)
     return [Answers(monitor), Motion(monitor, cycle), NoMotion(monitor)]
 
 

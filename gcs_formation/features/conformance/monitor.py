@@ -18,7 +18,7 @@ from gcs_formation.controller.controller import FormationController
 from gcs_formation.estimation.estimator import heading_shown
 from gcs_formation.features.conformance.flown_setpoints import CHECK_S, FlownSetpoints, NonConformance
 from gcs_formation.from_scenario import autopilot_models
-from gcs_formation.recorder import Detail, Note, Tick, unknown_state
+from gcs_formation.recorder import Detail, LogEvent, Tick, unknown_state
 from gcs_formation.vehicle.command_delivery import Outcome, SetpointChannel
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.telemetry import ReportedMotion
@@ -57,12 +57,12 @@ class ConformanceMonitor:
         scenario: Scenario,
         controller: FormationController,
         vehicles: dict[VehicleId, Vehicle],
-        note: Note,
+        log_event: LogEvent,
     ) -> None:
         """Compare `vehicles`."""
         self._controller = controller
         self._vehicles = list(vehicles.values())
-        self._note = note
+        self._log_event = log_event
         models, noise = _judged_by(scenario), _noise(scenario)
         prompt = [each.prompt_share for each in column_models(scenario)]
         self._fliers = [
@@ -97,10 +97,10 @@ class ConformanceMonitor:
             reported = identity in self._unanswered
             if missing and not reported and vehicle.member is Member.FLYING:
                 self._unanswered.add(identity)
-                self._note(now, "uplink", "is heard and answers nothing: it may not receive us", vehicle)
+                self._log_event(now, "uplink", "is heard and answers nothing: it may not receive us", vehicle)
             elif reported and not missing:
                 self._unanswered.remove(identity)
-                self._note(now, "uplink", "answers again", vehicle)
+                self._log_event(now, "uplink", "answers again", vehicle)
 
     def judge_refusals(self, now: Instant) -> None:
         """Check that setpoints, and commands under insistence, are accepted.
@@ -119,11 +119,11 @@ class ConformanceMonitor:
                     name = m.name_of("MAV_CMD", channel.command)
                     result = m.name_of("MAV_RESULT", channel.result)
                     text = f"refuses its setpoints: {name}: {result}{vehicle.telemetry.last_words}"
-                    self._note(now, "disobeys", text, vehicle, {"order": name, "result": result})
+                    self._log_event(now, "disobeys", text, vehicle, {"order": name, "result": result})
                 elif reported and channel.accepted:
                     self._refused.remove(channel)
                     name = m.name_of("MAV_CMD", channel.command)
-                    self._note(now, "obeys", f"{name} is no longer refused", vehicle, {"order": name})
+                    self._log_event(now, "obeys", f"{name} is no longer refused", vehicle, {"order": name})
 
     def judge_silence(self, now: Instant) -> None:
         """Check that vehicles that answer also acknowledge their setpoints: events `uplink`, as in `judge_answers`."""
@@ -138,11 +138,11 @@ class ConformanceMonitor:
                 if silent:
                     self._silent.add(channel)
                     text = f"answers, and doesn't acknowledge its setpoints: it may not receive {name}"
-                    self._note(now, "uplink", text, vehicle, {"order": name})
+                    self._log_event(now, "uplink", text, vehicle, {"order": name})
                 else:
                     self._silent.remove(channel)
                     text = "is acknowledged again" if since is not None else "is no longer sent"
-                    self._note(now, "uplink", f"{name} {text}", vehicle, {"order": name})
+                    self._log_event(now, "uplink", f"{name} {text}", vehicle, {"order": name})
 
     def _judge_insisted(self, vehicle: Vehicle, now: Instant) -> None:
         """Report a command under insistence that is refused, and when it has been carried out."""
@@ -151,10 +151,10 @@ class ConformanceMonitor:
             words = vehicle.refusal
             if reported is None or reported[1] != words:
                 text = f"refuses {words}, and is commanded again{vehicle.telemetry.last_words}"
-                self._note(now, "disobeys", text, vehicle, {"order": words})
+                self._log_event(now, "disobeys", text, vehicle, {"order": words})
             self._insisted[vehicle.identity] = commands.lists, words
         elif reported is not None and commands.lists == reported[0]:
-            self._note(now, "obeys", f"no longer refuses {reported[1]}", vehicle, {"order": reported[1]})
+            self._log_event(now, "obeys", f"no longer refuses {reported[1]}", vehicle, {"order": reported[1]})
             del self._insisted[vehicle.identity]
         elif reported is not None and commands.outcome is not Outcome.WAITING:
             del self._insisted[vehicle.identity]
@@ -178,9 +178,9 @@ class ConformanceMonitor:
                 mode, armed = vehicle.autopilot.mode_name(vehicle.telemetry), vehicle.telemetry.armed
                 text = f"acknowledged {missing} {after_s:.1f} s ago, and is still in {mode}"
                 details: dict[str, Detail] = {"order": missing, "after_s": after_s, "mode": mode, "armed": armed}
-                self._note(now, "disobeys", text, vehicle, details)
+                self._log_event(now, "disobeys", text, vehicle, details)
             elif missing is None and before is not None:
-                self._note(now, "obeys", f"{before} is over", vehicle, {"order": before})
+                self._log_event(now, "obeys", f"{before} is over", vehicle, {"order": before})
 
     def stand_down(self) -> None:
         """Stop expecting motion by setpoints: none are sent any more."""
@@ -205,7 +205,7 @@ class ConformanceMonitor:
                 state = _by_course(state, vehicle.telemetry.motion)
             found = flier.check(own.stamp, state, self._controller.history, now)
             if found is not None:
-                self._note(now, "disobeys", _words(found), vehicle, _figures(found))
+                self._log_event(now, "disobeys", _words(found), vehicle, _figures(found))
             self.doubted[vehicle.column] = flier.doubted or self._refuses(vehicle, now)
             if flier.sinks:
                 self.sinking.add(vehicle.identity)
@@ -213,7 +213,7 @@ class ConformanceMonitor:
                 self.sinking.discard(vehicle.identity)
         for flier in broken:
             if not flier.broken:
-                self._note(now, "obeys", "follows its setpoints again", flier.vehicle, {"order": "setpoints"})
+                self._log_event(now, "obeys", "follows its setpoints again", flier.vehicle, {"order": "setpoints"})
 
 
 def _by_course(state: FlightState, seen: ReportedMotion | None) -> FlightState:

@@ -9,9 +9,9 @@ from gcs_formation.features.delay_margins.stages import DelayMargins, FirstGainD
 
 
 def _stages(cycle: Cycle) -> list[Stage]:
-    margins = MarginWatch(cycle.scenario, cycle.vehicles, cycle.note)
+    margins = MarginWatch(cycle.scenario, cycle.vehicles, cycle.log_event)
     retunes = (cycle.controller.retune, margins.retune)
-    design = DesignWatch(cycle.scenario, cycle.vehicles, retunes, cycle.note)
+    design = DesignWatch(cycle.scenario, cycle.vehicles, retunes, cycle.log_event)
     return [GainDesign(design), FirstGainDesign(design), DelayMargins(margins, cycle)]
 
 

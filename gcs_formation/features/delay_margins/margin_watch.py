@@ -17,9 +17,9 @@ from formation_scenario import Scenario
 from formation_scenario.gains import AUTO, design_delay_s, redesigned
 from gcs_formation.control.laws import law_kind
 from gcs_formation.features.delay_margins.keys import DelayMarginKeys
-from gcs_formation.recorder import Detail, Note
+from gcs_formation.recorder import Detail, LogEvent
 from gcs_formation.stability import LoopDelay, Usage, law_usages, loop_delay_s
-from gcs_formation.stability.mismatch import NEAR, TAUS_OFF_NOTED
+from gcs_formation.stability.mismatch import NEAR, TAUS_OFF_COUNTED
 from gcs_formation.vehicle.vehicle import Vehicle
 
 CLEAR: Final = 0.7
@@ -63,12 +63,12 @@ class DesignWatch:
         scenario: Scenario,
         vehicles: dict[VehicleId, Vehicle],
         retunes: Sequence[Callable[[Scenario], None]],
-        note: Note,
+        log_event: LogEvent,
     ) -> None:
         """Watch the links of `vehicles`; each of `retunes` is called with the scenario that has the new gains."""
         self.scenario = scenario
         """The scenario with the gains in force."""
-        self._vehicles, self._retunes, self._note = vehicles, retunes, note
+        self._vehicles, self._retunes, self._log_event = vehicles, retunes, log_event
         kind = law_kind(scenario)
         self._designs = scenario.law.gains == AUTO and kind.has_margins and not kind.mutual
         self._slow_looks = 0
@@ -89,7 +89,7 @@ class DesignWatch:
         self._slow_looks, delay_s = 0, round(longest_s / DESIGN_STEP_S) * DESIGN_STEP_S
         self.scenario = redesigned(self.scenario, delay_s)
         text = f"links take {longest_s * 1e3:.0f} ms each way: gains are designed for {delay_s * 1e3:.0f} ms"
-        self._note(now, "design", f"{text}, instead of {known_s * 1e3:.0f} ms", None, self._details(delay_s))
+        self._log_event(now, "design", f"{text}, instead of {known_s * 1e3:.0f} ms", None, self._details(delay_s))
         for retune in self._retunes:
             retune(self.scenario)
 
@@ -135,7 +135,7 @@ class WatchedVehicle:
 class MarginWatch:
     """Determines once a second how much of their margin each vehicle's loops use, and acts on it."""
 
-    def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], note: Note) -> None:
+    def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], log_event: LogEvent) -> None:
         """Watch the loops that the law closes around `vehicles`."""
         self.used = [math.nan] * (1 + len(scenario.followers))
         """Share of the margin that each column uses with the present gains, (C,); NaN while its delay is unknown."""
@@ -152,7 +152,7 @@ class MarginWatch:
         """Whether vehicles beyond their margin are to be held."""
         self._waits_for_all = self._mutual and not scenario.law.delay_compensation
         self._rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
-        self._note = note
+        self._log_event = log_event
         self.beyond: set[VehicleId] = set()
         """Vehicles with a loop that is unstable by its delay."""
         self._near: set[VehicleId] = set()
@@ -219,7 +219,7 @@ class MarginWatch:
         if not each.held_too_long and each.held >= HOLD_LOOKS:
             each.held_too_long = True
             text = f"was held for {HOLD_LOOKS} s by its delay: it follows with lower gains instead (on_delay: degrade)"
-            self._note(now, "delay_margin", text, vehicle)
+            self._log_event(now, "delay_margin", text, vehicle)
         elif each.held_too_long and not each.held and min(self.bandwidth[vehicle.column]) == 1.0:
             each.held_too_long = False
 
@@ -229,7 +229,7 @@ class MarginWatch:
         for axis, usage in axes.items():
             for channel in channels_of(axis):
                 off = self._time_constants_off[channel][column]
-                used = usage.of_lags(delay, off) if off >= TAUS_OFF_NOTED else 0.0
+                used = usage.of_lags(delay, off) if off >= TAUS_OFF_COUNTED else 0.0
                 if used > maximum:
                     maximum, whose = used, channel
         return maximum, whose
@@ -280,10 +280,10 @@ class MarginWatch:
                 name = list(CHANNELS.values())[channel]
                 text += f": {name} doesn't follow as its model says, time constants are {off:.0%} off"
                 details["lags_off"] = off
-            self._note(now, "delay_margin", text, vehicle, details)
+            self._log_event(now, "delay_margin", text, vehicle, details)
         elif near and used < CLEAR:
             self._near.remove(vehicle.identity)
-            self._note(now, "delay_margin", "is well inside its delay margin again", vehicle, {"used": used})
+            self._log_event(now, "delay_margin", "is well inside its delay margin again", vehicle, {"used": used})
 
     def _report_gains(self, now: Instant, vehicle: Vehicle, delay: LoopDelay, used: float) -> None:
         shares = dict(zip(CHANNELS.values(), self.bandwidth[vehicle.column], strict=True))
@@ -291,4 +291,4 @@ class MarginWatch:
         lowered = min(shares.values()) < 1.0
         text = f"gains lowered; shares of the bandwidth: {words}" if lowered else "gains are the scenario's again"
         details: dict[str, Detail] = {f"bandwidth_{channel}": share for channel, share in shares.items()}
-        self._note(now, "gains", text, vehicle, details | {"loop_delay_s": delay.mean_s, "used": used})
+        self._log_event(now, "gains", text, vehicle, details | {"loop_delay_s": delay.mean_s, "used": used})

@@ -109,8 +109,8 @@ class Landings:
                 self._landing, self._since = None, now
         elif vehicle.commands.outcome is not Outcome.ACCEPTED and refusal is not None and waited_s > REFUSED_FOR_S:
             vehicle.commands.send((), now)
-            said = vehicle.telemetry.last_words
-            self._give_up(f"vehicle {vehicle.identity} refused to land ({m.name_of('MAV_RESULT', refusal[1])}){said}")
+            reason = vehicle.telemetry.last_words
+            self._give_up(f"vehicle {vehicle.identity} refused to land ({m.name_of('MAV_RESULT', refusal[1])}){reason}")
         elif waited_s > LANDING_LIMIT_S:
             self._give_up(f"vehicle {vehicle.identity} has not landed within {LANDING_LIMIT_S:g} s")
 

@@ -64,7 +64,7 @@ class LimitCycles(Stage):
             return
         self._named[column] = steady
         if not steady:
-            cycle.note(cycle.now, "limit_cycle", "no longer swings about its slot", vehicle, {"begins": False})
+            cycle.log_event(cycle.now, "limit_cycle", "no longer swings about its slot", vehicle, {"begins": False})
             return
         amplitude_m, period_s = swings.amplitude_m, swings.period_s
         late_s = self._answers[column].late_s(period_s, cycle.controller.models[column].tau_psi_s)
@@ -72,7 +72,7 @@ class LimitCycles(Stage):
         details: dict[str, Detail] = {"begins": True, "amplitude_m": amplitude_m, "period_s": period_s}
         details["late_s"] = None if math.isnan(late_s) else late_s
         text += _cause(late_s, cycle.findings.margin_used[column])
-        cycle.note(cycle.now, "limit_cycle", text, vehicle, details)
+        cycle.log_event(cycle.now, "limit_cycle", text, vehicle, details)
 
 
 def _cause(late_s: float, margin_used: float) -> str:

@@ -9,7 +9,7 @@ from gcs_formation.features.link_budget.stages import Budget
 
 
 def _stages(cycle: Cycle) -> list[Stage]:
-    budget = link_budget(cycle.as_written, cycle.vehicles, cycle.note, cycle.radio_reports, cycle.heartbeats)
+    budget = link_budget(cycle.as_written, cycle.vehicles, cycle.log_event, cycle.radio_reports, cycle.heartbeats)
     return [Budget(budget)]
 
 

@@ -21,7 +21,7 @@ from gcs_formation.features.link_budget.link_load import LinkLoad
 from gcs_formation.features.link_budget.stream_rates import StreamRates
 from gcs_formation.fleet.heartbeats import PROBE_S, HeartbeatScheduler
 from gcs_formation.link.radio_reports import RadioReports
-from gcs_formation.recorder import Note
+from gcs_formation.recorder import LogEvent
 from gcs_formation.vehicle.setpoint_delivery import EVERYTHING, LOSSY_S
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -141,7 +141,7 @@ class LinkBudget:
     def __init__(
         self,
         vehicles: Mapping[VehicleId, Vehicle],
-        note: Note,
+        log_event: LogEvent,
         reports: RadioReports,
         heartbeats: HeartbeatScheduler,
         stated: Mapping[VehicleId, Stated],
@@ -151,7 +151,7 @@ class LinkBudget:
         self._each = [VehicleBudget(each, stated.get(identity, UNSTATED)) for identity, each in vehicles.items()]
         for each in self._each:
             each.apply(Instant(0))
-        self._note, self._reports = note, reports
+        self._log_event, self._reports = log_event, reports
 
     def due_requests(
         self, now: Instant, margins_used: Sequence[float] = (), *, leaves_unread: bool = False
@@ -200,7 +200,7 @@ class LinkBudget:
         else:
             text = f"{of} has room again: {level.words}"
         one = those[0].vehicle if len(those) == 1 else None
-        self._note(now, "link_load", text, one, {"vehicles": who, "level": those[0].level})
+        self._log_event(now, "link_load", text, one, {"vehicles": who, "level": those[0].level})
 
 
 def _is_near(column: int, margins_used: Sequence[float]) -> bool:
@@ -215,10 +215,10 @@ def _is_near(column: int, margins_used: Sequence[float]) -> bool:
 def link_budget(
     scenario: Scenario,
     vehicles: Mapping[VehicleId, Vehicle],
-    note: Note,
+    log_event: LogEvent,
     reports: RadioReports,
     heartbeats: HeartbeatScheduler,
 ) -> LinkBudget:
     """Return the budget of the links of `vehicles`, of whose radios a scenario may state what they carry."""
     stated = stated_by(scenario, {identity: each.autopilot for identity, each in vehicles.items()})
-    return LinkBudget(vehicles, note, reports, heartbeats, stated)
+    return LinkBudget(vehicles, log_event, reports, heartbeats, stated)

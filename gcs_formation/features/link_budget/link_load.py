@@ -153,6 +153,8 @@ class LinkLoad:
     @property
     def words(self) -> str:
         """What shows it, in words."""
-        said = f"messages wait for {self.queue_s:.1f} s, {self.lost_up:.0%} are lost up and {self.lost_down:.0%} down"
+        waiting = (
+            f"messages wait for {self.queue_s:.1f} s, {self.lost_up:.0%} are lost up and {self.lost_down:.0%} down"
+        )
         free = "" if self.free_percent is None else f", {self.free_percent:.0f} % of the radio's buffer are free"
-        return f"{said}{free}"
+        return f"{waiting}{free}"

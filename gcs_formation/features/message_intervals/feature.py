@@ -9,7 +9,7 @@ from gcs_formation.features.message_intervals.stages import RequestedAgain
 
 
 def _stages(cycle: Cycle) -> list[Stage]:
-    return [RequestedAgain(MessageIntervals(cycle.vehicles, cycle.note))]
+    return [RequestedAgain(MessageIntervals(cycle.vehicles, cycle.log_event))]
 
 
 FEATURE = Feature(

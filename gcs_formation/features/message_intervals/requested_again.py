@@ -21,7 +21,7 @@ from airlink.endpoint import VehicleId
 from airlink.messages import KINDS
 from gcs_formation.link.frame_loss import SequenceTracker
 from gcs_formation.link.link_health import LinkState
-from gcs_formation.recorder import Note
+from gcs_formation.recorder import LogEvent
 from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -181,10 +181,10 @@ class RequestedMessages:
 class MessageIntervals:
     """Requests missing messages again, and records events `streams`."""
 
-    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], note: Note) -> None:
+    def __init__(self, vehicles: Mapping[VehicleId, Vehicle], log_event: LogEvent) -> None:
         """Watch `vehicles`."""
         self._streams = [(each, RequestedMessages(each.rates_hz, each.sequence)) for each in vehicles.values()]
-        self._note = note
+        self._log_event = log_event
         self._next_look = Instant(0)
 
     def check_all(self, now: Instant) -> None:
@@ -208,17 +208,17 @@ class MessageIntervals:
             missing = (*missing, m.MAVLINK_MSG_ID_HEARTBEAT)
         if streams.missing and not streams.refused and _refuses(vehicle):
             streams.refused = True
-            self._note(now, "streams", f"refuses to send {_names(streams.missing)} as often as asked for", vehicle)
+            self._log_event(now, "streams", f"refuses to send {_names(streams.missing)} as often as asked for", vehicle)
         if missing and now >= streams.next_request:
             self._request(vehicle, streams, missing, now)
         elif streams.missing and not missing and streams.judged(streams.missing):
-            self._note(now, "streams", f"sends {_names(streams.missing)} again", vehicle)
+            self._log_event(now, "streams", f"sends {_names(streams.missing)} again", vehicle)
             streams.missing, streams.refused, streams.wait_s = (), False, ASK_AGAIN_S
 
     def _request(self, vehicle: Vehicle, streams: RequestedMessages, missing: tuple[int, ...], now: Instant) -> None:
         if not set(missing) <= set(streams.missing):
             text = f"sends {_names(missing)} less than half as often as asked for, or not at all; it is asked again"
-            self._note(now, "streams", text, vehicle, {"messages": _names(missing)})
+            self._log_event(now, "streams", text, vehicle, {"messages": _names(missing)})
             streams.missing = tuple(dict.fromkeys((*streams.missing, *missing)))
         fast = vehicle.autopilot.fast_messages
         slowed = streams.slowed() if any(each in fast for each in missing) else ()

@@ -33,8 +33,8 @@ class PilotsOutsideFence(Stage):
             if away_m > 0.0 and identity not in self._outside:
                 self._outside.add(identity)
                 text = f"flown outside by its pilot or its failsafe, {away_m:.1f} m"
-                cycle.note(cycle.now, "fence", text, vehicle, {"begins": True})
+                cycle.log_event(cycle.now, "fence", text, vehicle, {"begins": True})
             elif identity in self._outside and not away_m > 0.0:
                 self._outside.discard(identity)
                 text = "no longer flown outside by its pilot or its failsafe"
-                cycle.note(cycle.now, "fence", text, vehicle, {"begins": False})
+                cycle.log_event(cycle.now, "fence", text, vehicle, {"begins": False})

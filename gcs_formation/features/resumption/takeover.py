@@ -100,7 +100,7 @@ class Takeover(Beginning):
     def __init__(self, cycle: Cycle, past: PastFlight) -> None:
         """Take over the vehicles of a past flight."""
         super().__init__(cycle.scenario, cycle.vehicles)
-        self.past, self._note, self._changes = past, cycle.note, cycle.reconfiguration
+        self.past, self._log_event, self._changes = past, cycle.log_event, cycle.reconfiguration
         self._decided, self._left = set[VehicleId](), dict[VehicleId, str]()
         """Vehicles decided on; those left alone, with the reason."""
         self._failsafes = FailsafeReaders()
@@ -148,7 +148,7 @@ class Takeover(Beginning):
             self._left[vehicle.identity] = reason
             vehicle.leave_to_pilot(now)
         taken = f"{TAKEN} in {found.mode}{', sent there by its failsafe' if found.by_failsafe else ''}"
-        self._note(now, "takeover", f"{LEFT}: {reason}" if reason else taken, vehicle)
+        self._log_event(now, "takeover", f"{LEFT}: {reason}" if reason else taken, vehicle)
         return True
 
     def _found(self, vehicle: Vehicle, past: PastFlight) -> Found | None:

@@ -164,7 +164,7 @@ class _Search:
         return int(safe[int(((height_m < min_m) | (height_m > max_m)).argmin())])
 
     def _released(self, vehicle: int, others: Indices, near: ClosestApproach) -> bool:
-        """Return whether a vehicle may stop giving way: as commanded and then straight on, it keeps well clear of all.
+        """Return whether a vehicle may end a manoeuvre: as commanded and then straight on, it keeps well clear of all.
 
         A multirotor's way back to its slot must also be clear of uncommanded vehicles for a while: else it would move
         to and fro in front of them.

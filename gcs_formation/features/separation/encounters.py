@@ -46,8 +46,10 @@ class Encounters:
         """Whether any goes on."""
         return bool(self._each)
 
-    def note(self, tick: Tick, picture: TrafficPicture, conflicts: tuple[Conflict, ...], side: list[float]) -> None:
-        """Note who avoids whom at a tick; `side`: up, down or neither, (C,)."""
+    def log_events(
+        self, tick: Tick, picture: TrafficPicture, conflicts: tuple[Conflict, ...], side: list[float]
+    ) -> None:
+        """Log who avoids whom at a tick; `side`: up, down or neither, (C,)."""
         if not conflicts and not self._each:
             return
         state, vehicles = picture.traffic.state, picture.vehicles

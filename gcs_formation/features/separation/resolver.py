@@ -108,7 +108,7 @@ class ConflictResolver:
         side = np.array(self._side)[picture.vehicles]
         resolution = resolve(picture, np.where(picture.commanded, side, 0.0))
         self._replace(tick, picture.vehicles, resolution)
-        self._encounters.note(tick, picture, resolution.conflicts, self._side)
+        self._encounters.log_events(tick, picture, resolution.conflicts, self._side)
 
     def kept_on_the_way(self, apart_m: Array) -> KeptDistance:
         """Return the distances while slots change: the safety limit plus a margin, or more where plans allow it.
@@ -123,7 +123,7 @@ class ConflictResolver:
         return self._kept_moving
 
     def _nobody_near(self, tick: Tick, measured: MeasuredStates, kept: KeptDistance) -> bool:
-        """Return whether the rule can be skipped: all are commanded, respond and stay apart, and none is giving way."""
+        """Return whether the rule can be skipped: all are commanded, respond, stay apart, and none avoids another."""
         if (
             not self._predicted
             or self._encounters.any

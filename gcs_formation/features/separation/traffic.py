@@ -144,7 +144,7 @@ class TrafficPicture:
         return self.floor(self.traffic.state)
 
     def as_commanded(self) -> Manoeuvre:
-        """Return all vehicles' manoeuvres without giving way: as commanded, then along the reference at that height.
+        """Return all vehicles' manoeuvres without avoidance: as commanded, then along the reference at that height.
 
         Uncommanded vehicles continue as they fly.
         """

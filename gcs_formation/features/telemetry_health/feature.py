@@ -17,7 +17,7 @@ def _stages(cycle: Cycle) -> list[Stage]:
         controller.estimator.filters,
         controller.models,
         controller.history,
-        cycle.note,
+        cycle.log_event,
         cycle.scenario.safety.separation_m,
     )
     return [RestartForgotten(health), Examined(health)]

@@ -13,7 +13,7 @@ from flight_model.slot import UNKNOWN, Vector3
 from gcs_formation.estimation.estimator import Sample, VehicleFilter
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.telemetry_health.vehicle_health import Commanded, VehicleHealth
-from gcs_formation.recorder import Note
+from gcs_formation.recorder import LogEvent
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -27,7 +27,7 @@ class TelemetryHealth:
         filters: list[VehicleFilter],
         models: list[AutopilotModel],
         history: SetpointHistory,
-        note: Note,
+        log_event: LogEvent,
         apart_m: float,
     ) -> None:
         """Watch `vehicles`; by column `filters` have their noise, and the wind at each, `models` their limits.
@@ -35,7 +35,7 @@ class TelemetryHealth:
         `history`: the setpoints sent; `apart_m`: distance over the ground at which vehicles are safe from one another.
         """
         self._each = {each.column: VehicleHealth(each, models[each.column]) for each in vehicles.values()}
-        self._filters, self._history, self._note = filters, history, note
+        self._filters, self._history, self._log_event = filters, history, log_event
         self._apart_m = apart_m
         self.slots_m: Sequence[Vector3] = ()
         """The slots commanded last, forward, right and up of the leader, whose own is NaN."""
@@ -59,7 +59,7 @@ class TelemetryHealth:
                 health.stacked = self._stacked()
             vehicle.unfit = health.unfit
         for quantity, healthy, text in health.changes(now):
-            self._note(now, "health", text, vehicle, {"quantity": quantity, "healthy": healthy})
+            self._log_event(now, "health", text, vehicle, {"quantity": quantity, "healthy": healthy})
         return sample
 
     def _stacked(self) -> bool:

@@ -195,11 +195,11 @@ class VehicleHealth:
             return []
         new = list[tuple[str, bool, str]]()
         for quantity, text in found.items():
-            words, said, _ = self._reported.get(quantity, ("", LONG_AGO, now))
-            if text != words and seconds_between(said, now) > AGAIN_S:
+            words, reported_at, _ = self._reported.get(quantity, ("", LONG_AGO, now))
+            if text != words and seconds_between(reported_at, now) > AGAIN_S:
                 new.append((quantity, False, text))
-                words, said = text, now
-            self._reported[quantity] = words, said, now
+                words, reported_at = text, now
+            self._reported[quantity] = words, reported_at, now
         for quantity, (_, _, last) in list(self._reported.items()):
             if seconds_between(last, now) > AGAIN_S:
                 del self._reported[quantity]
@@ -230,8 +230,8 @@ class VehicleHealth:
                 words = f"its {names[0]} moved {each.evidence_m:.1f} m otherwise than its velocity says"
                 found[names[each.wrong]] = f"{words}: {names[each.wrong]} not believed, {instead}"
             elif each.displaced_m > 0.0:
-                said = f" ('{self._estimator.switched}')" if self._estimator.switched else ""
-                jumped = f"its {names[0]} has jumped by {each.displaced_m:.1f} m{said}"
+                switch = f" ('{self._estimator.switched}')" if self._estimator.switched else ""
+                jumped = f"its {names[0]} has jumped by {each.displaced_m:.1f} m{switch}"
                 found[names[0]] = f"{jumped}: taken to be where it was"
             elif each.scatters:
                 found[names[0]] = f"its {names[0]} scatters by {each.scatter_m:.0f} m or more: smoothed"

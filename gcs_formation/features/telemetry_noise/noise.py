@@ -36,7 +36,7 @@ class TelemetryNoise(Stage):
 
     def __init__(self, cycle: Cycle) -> None:
         """Begin with noise as declared and plausible airspeeds."""
-        self._vehicles, self._note = cycle.vehicles, cycle.note
+        self._vehicles, self._log_event = cycle.vehicles, cycle.log_event
         self._off, self._unbelieved = set[VehicleId](), set[VehicleId]()
 
     def run(self, cycle: Cycle) -> None:
@@ -55,11 +55,11 @@ class TelemetryNoise(Stage):
                 self._off.add(identity)
                 sigma, ratio = noise[vehicle.column].sigma()[worst], ratios[worst]
                 text = f"{QUANTITIES[worst]} is {ratio:.1f} times as noisy as declared: {sigma:.2g} {UNITS[worst]}"
-                self._note(now, "noise", text, vehicle, {"ratio": ratio})
+                self._log_event(now, "noise", text, vehicle, {"ratio": ratio})
             elif was_off and apart < NOISE_BACK:
                 self._off.remove(identity)
                 details: dict[str, Detail] = {"ratio": ratios[worst]}
-                self._note(now, "noise", "is as noisy as declared again", vehicle, details)
+                self._log_event(now, "noise", "is as noisy as declared again", vehicle, details)
 
     def watch_airspeeds(self, now: Instant) -> None:
         """Report which measured airspeeds aren't plausible."""
@@ -71,7 +71,7 @@ class TelemetryNoise(Stage):
                 self._unbelieved.add(identity)
                 shown = f"velocity over ground and wind show {check.synthetic_mps:.1f} m/s"
                 text = f"the {vehicle.telemetry.airspeed_mps:.1f} m/s that it measures is rejected: {shown}"
-                self._note(now, "airspeed", text, vehicle, {"begins": True})
+                self._log_event(now, "airspeed", text, vehicle, {"begins": True})
             else:
                 self._unbelieved.remove(identity)
-                self._note(now, "airspeed", ACCEPTED_AGAIN, vehicle, {"begins": False})
+                self._log_event(now, "airspeed", ACCEPTED_AGAIN, vehicle, {"begins": False})

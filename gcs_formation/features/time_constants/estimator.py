@@ -64,7 +64,7 @@ class VehicleEstimator:
         """Take its motion as measured at `stamp`."""
         self._stamp, self._motion = max(stamp, self._stamp), motion
 
-    def note(self, *, estimating: bool) -> None:
+    def add_newest(self, *, estimating: bool) -> None:
         """Add the newest sample; `estimating`: the vehicle follows its setpoints."""
         self._learning = self._learning and estimating and not math.isnan(self._motion[0])
         self._samples.add(self._stamp, self._motion)
@@ -124,7 +124,7 @@ class TimeConstantEstimator:
             for model, flies in zip(models, estimated or [True] * len(models), strict=True)
         ]
         self._history = history
-        self._noted = 0
+        self._added = 0
 
     @property
     def misfit(self) -> list[list[float]]:
@@ -141,10 +141,10 @@ class TimeConstantEstimator:
         `estimating` (C,): vehicles that follow their setpoints.
         """
         for column, flies in enumerate(estimating):
-            self.vehicles[column].note(estimating=flies)
-        self._noted += 1
-        if self._noted <= self._ticks:
+            self.vehicles[column].add_newest(estimating=flies)
+        self._added += 1
+        if self._added <= self._ticks:
             return
         for column, each in enumerate(self.vehicles):
             each.update(self._history.of(column))
-        self._noted = 1
+        self._added = 1

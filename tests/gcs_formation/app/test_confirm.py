@@ -10,7 +10,7 @@ import pytest
 
 from airlink.clock import Instant
 from gcs_formation.app.operator_at_terminal import DECLINED, Confirmation
-from tests.flights.in_memory import Notes
+from tests.flights.in_memory import MemoryRecorder
 
 NOW = Instant(0)
 
@@ -38,16 +38,16 @@ class Gate:
 def test_only_yes_confirms_and_only_after_the_question(typed: bytes, confirmed: bool) -> None:
     terminal, keyboard = os.pipe()
     gate: Any = Gate()
-    notes, declined = Notes(), list[str]()
-    confirmation = Confirmation(gate, notes, terminal, declined.append)
+    recorder, declined = MemoryRecorder(), list[str]()
+    confirmation = Confirmation(gate, recorder, terminal, declined.append)
     os.write(keyboard, b"yes\n")
     confirmation.poll(NOW)
-    assert notes.events == []
+    assert recorder.events == []
     gate.due = True
     confirmation.poll(NOW)
     asked = "3 vehicles are connected, ready and checked (1 with warnings). Type yes to arm 2 and take off, take over 1"
     asked += " (vehicle 1 from AUTO, under somebody's command)"
-    assert [event.text for event in notes.events] == [f"{asked}; anything else ends the run"]
+    assert [event.text for event in recorder.events] == [f"{asked}; anything else ends the run"]
     assert (gate.confirmed, declined) == (False, [])
     if typed:
         os.write(keyboard, typed[:2])
@@ -59,5 +59,5 @@ def test_only_yes_confirms_and_only_after_the_question(typed: bytes, confirmed: 
     assert gate.confirmed == confirmed
     assert declined == ([] if confirmed else [DECLINED])
     confirmation.poll(NOW)
-    assert len(notes.events) == 2
+    assert len(recorder.events) == 2
     os.close(terminal)

@@ -7,7 +7,7 @@ from formation_scenario import load_scenario
 from gcs_formation.app.link_injection import InjectedFaults
 from gcs_formation.phases import Flight
 from tests.flights.conftest import scenario
-from tests.flights.in_memory import Notes
+from tests.flights.in_memory import MemoryRecorder
 
 FAULTS = [
     {"kind": "freeze", "vehicles": [3], "at_s": 4, "until_s": 6},
@@ -17,14 +17,14 @@ SECOND = 10**9
 
 
 def test_each_vehicle_s_fault_is_an_event_when_it_begins_and_when_it_ends() -> None:
-    notes, flight = Notes(), Flight()
-    faults = InjectedFaults(load_scenario(scenario(faults=FAULTS)), notes)
-    faults.note(flight, Instant(30 * SECOND))
-    assert not notes.events  # the path hasn't begun
+    recorder, flight = MemoryRecorder(), Flight()
+    faults = InjectedFaults(load_scenario(scenario(faults=FAULTS)), recorder)
+    faults.record_due(flight, Instant(30 * SECOND))
+    assert not recorder.events  # the path hasn't begun
     flight.path_began = Instant(10 * SECOND)
     for at_s in range(10, 20):
-        faults.note(flight, Instant(at_s * SECOND))
-    told = [(event.now // SECOND - 10, str(event.vehicle), event.text) for event in notes.events]
+        faults.record_due(flight, Instant(at_s * SECOND))
+    told = [(event.now // SECOND - 10, str(event.vehicle), event.text) for event in recorder.events]
     assert told == [
         (4, "3", "freeze"),
         (5, "1", "crash"),
@@ -32,4 +32,4 @@ def test_each_vehicle_s_fault_is_an_event_when_it_begins_and_when_it_ends() -> N
         (5, "3", "crash"),
         (6, "3", "freeze is over"),
     ]
-    assert [event.details["ends"] for event in notes.events] == [False] * 4 + [True]
+    assert [event.details["ends"] for event in recorder.events] == [False] * 4 + [True]

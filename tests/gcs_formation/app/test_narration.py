@@ -20,7 +20,7 @@ def told(*events: Event, mission_s: float = math.nan) -> list[str | None]:
     said: list[str | None] = []
     for event in events:
         before = stream.tell()
-        lines.note(event, mission_s)
+        lines.show_event(event, mission_s)
         said.append(stream.getvalue()[before:].removesuffix("\n") or None)
     return said
 
@@ -49,8 +49,8 @@ def test_a_log_whose_reader_has_gone_ends_no_flight() -> None:
     stream = io.StringIO()
     lines = progress_on(stream)
     assert not isinstance(lines, StatusLine)
-    lines.note(Event(Instant(0), "failure", "the disk is full"), 1.0)
+    lines.show_event(Event(Instant(0), "failure", "the disk is full"), 1.0)
     assert stream.getvalue() == "t     =    1.0 s  failure: the disk is full\n"
     stream.close()
-    lines.note(Event(Instant(0), "failure", "the disk is full"), 1.0)
+    lines.show_event(Event(Instant(0), "failure", "the disk is full"), 1.0)
     assert type(progress_on(None)) is Progress

@@ -15,7 +15,7 @@ from gcs_formation.mission.past_flight import PastFlight
 from tests.control_cycle import PAGE, page
 
 FOLDERS = Path(__file__).parents[3] / "gcs_formation" / "features"
-RECORDED = re.compile(r'(?:note\(\s*[\w.]*now|Event\(\s*[\w.]*now),\s*"(\w+)"')
+RECORDED = re.compile(r'(?:log_event\(\s*[\w.]*now|Event\(\s*[\w.]*now),\s*"(\w+)"')
 
 
 @pytest.mark.parametrize("name", tuple(features()))

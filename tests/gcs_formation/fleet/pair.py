@@ -20,7 +20,7 @@ from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.vehicle import Vehicle
 from tests.flights.conftest import scenario
-from tests.gcs_formation.noted import Noted
+from tests.gcs_formation.event_log import EventLog
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 LEADER, FOLLOWER = VehicleId(1, 1), VehicleId(1, 2)
@@ -34,8 +34,8 @@ class Formation:
         planned = load_scenario(scenario(vehicles={"count": 2}, law={"type": "fuzzy_pid", **law}))
         self.max_age_s = planned.law.max_age_s
         self.vehicles = {identity: vehicle(identity) for identity in (LEADER, FOLLOWER)}
-        self.notes, self.ages_s, self.beyond = Noted(), [0.0, 0.0], set[VehicleId]()
-        self.membership = Membership(planned, self.vehicles, self.notes)
+        self.logged, self.ages_s, self.beyond = EventLog(), [0.0, 0.0], set[VehicleId]()
+        self.membership = Membership(planned, self.vehicles, self.logged)
         self.estimator: Any = SimpleNamespace(age_s=lambda column, _: self.ages_s[column])
         self.now = Instant(0)
         self.judge(0.0)

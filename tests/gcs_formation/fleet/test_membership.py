@@ -32,9 +32,9 @@ from tests.gcs_formation.fleet.pair import (
 def test_vehicles_that_are_heard_and_guided_fly_in_the_formation_and_are_commanded_nothing() -> None:
     formation = Formation()
     assert [each.member for each in formation.vehicles.values()] == [Member.FLYING] * 2
-    assert formation.notes.of("member") == ["flying in formation"] * 2
+    assert formation.logged.of("member") == ["flying in formation"] * 2
     formation.judge(1.0)
-    assert len(formation.notes) == 2, "said when it changes"
+    assert len(formation.logged) == 2, "said when it changes"
     assert formation.told() == []
 
 
@@ -55,7 +55,7 @@ def test_one_whose_failsafe_speaks_before_its_mode_shows_or_after_that_has_not_i
         words(formation, said_s, text)
     words(formation, 3.0, text)
     pilots = [] if said_s < 1.0 else ["parted by its pilot"]
-    assert formation.notes.of("member", 2)[1:] == [*pilots, f"parted by its failsafe: '{text}'"]
+    assert formation.logged.of("member", 2)[1:] == [*pilots, f"parted by its failsafe: '{text}'"]
 
 
 @pytest.mark.parametrize("said", [(0.0, "Failsafe"), (4.5, "Failsafe"), (1.0, "Failsafe. Long event off: reason=3")])
@@ -67,7 +67,7 @@ def test_what_a_failsafe_says_long_before_or_after_or_at_its_end_is_not_its_reas
     formation.judge(1.4 if said[0] else 3.1)
     if said[0] > 4.0:
         words(formation, *said)
-    assert formation.notes.of("member", 2)[1:] == ["parted by its pilot"]
+    assert formation.logged.of("member", 2)[1:] == ["parted by its pilot"]
 
 
 def test_one_that_was_left_alone_may_have_been_parted_by_its_failsafe() -> None:
@@ -82,7 +82,7 @@ def test_one_that_was_left_alone_may_have_been_parted_by_its_failsafe() -> None:
     formation.reports(m.PLANE_MODE_RTL)
     formation.judge(17.0)
     told = ["parted by its pilot or its failsafe, in RTL", "flying in formation"]
-    assert formation.notes.of("member", 2)[1:] == [*told, Member.UNHEARD.value, told[0]]
+    assert formation.logged.of("member", 2)[1:] == [*told, Member.UNHEARD.value, told[0]]
 
 
 def test_what_its_failsafe_says_is_known_of_each_family() -> None:
@@ -157,7 +157,7 @@ def test_one_whose_heartbeats_are_missing_flies_on_for_a_while_and_is_commanded_
         formation.follower.connection.check(now)
         found[0.1 * tenth] = formation.judge(0.1 * tenth, heard=False)
     assert formation.follower.connection.state is LinkState.MUTE
-    (reported_s,) = [each.at_s for each in formation.notes if each.text == "told to loiter" and each.vehicle == 2]
+    (reported_s,) = [each.at_s for each in formation.logged if each.text == "told to loiter" and each.vehicle == 2]
     assert reported_s == pytest.approx(3.5 + MUTE_S, abs=0.15)
 
 
@@ -203,7 +203,7 @@ def test_one_whose_positions_cannot_be_used_is_commanded_to_loiter_with_the_reas
     follower.round_trips.measure(Timesync(6_000_000_000, asked_at), formation.now)
     formation.follower.telemetry.store(GlobalPositionInt(1000.0, 0.6, 2.1, 100.0, 100.0, 22.0, 0.0, 0.0, 0.0))
     assert formation.judge(6.0) is Member.HOLDING
-    (said,) = formation.notes.of("member", 2)[1:]
+    (said,) = formation.logged.of("member", 2)[1:]
     assert said.startswith("told to loiter: its TIMESYNC tells another time than the stamps of its positions: ")
 
 

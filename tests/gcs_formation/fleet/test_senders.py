@@ -22,7 +22,7 @@ from gcs_formation.phases import Flight, Phase
 from gcs_formation.vehicle.autopilot_family import STATION
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle
-from tests.gcs_formation.noted import GivenUp, Noted
+from tests.gcs_formation.event_log import EventLog, GivenUp
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 PLANE = Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA)
@@ -40,9 +40,9 @@ class Ground:
             identity: Vehicle(identity, socket, plane, Connection(socket), 10.0)
             for socket, identity in enumerate((FIRST, SECOND))
         }
-        self.notes, self.given_up = Noted(), GivenUp()
+        self.logged, self.given_up = EventLog(), GivenUp()
         self.writers = dict[tuple[int, int], FrameWriter]()
-        self.identities = Senders(self.vehicles, (1, 2), Flight(phase), self.notes, self.given_up)
+        self.identities = Senders(self.vehicles, (1, 2), Flight(phase), self.logged, self.given_up)
 
     def hear(
         self, message: Message, system: int = 2, component: int = 1, port: int = HERE, socket: int = 0, at_s: float = 0
@@ -67,7 +67,7 @@ def ground() -> Ground:
 def test_one_id_in_two_networks_is_two_vehicles(ground: Ground) -> None:
     assert ground.hear(PLANE, socket=0) is ground.vehicles[FIRST]
     assert ground.hear(PLANE, socket=1) is ground.vehicles[SECOND]
-    assert ground.notes == []
+    assert ground.logged == []
 
 
 @pytest.mark.parametrize(
@@ -84,20 +84,20 @@ def test_one_id_in_two_networks_is_two_vehicles(ground: Ground) -> None:
 )
 def test_who_is_not_ours_is_reported_once_by_its_heartbeat(ground: Ground, system: int, kind: str, words: str) -> None:
     assert ground.hear(Attitude(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), system) is None
-    assert ground.notes == []
+    assert ground.logged == []
     for _ in range(3):
         assert ground.hear(PLANE, system) is None
-    (said,) = ground.notes.of(kind)
+    (said,) = ground.logged.of(kind)
     assert said.startswith(words)
     assert ground.hear(PLANE, 9, socket=1) is None
-    assert any("system 2:9" in said for said in ground.notes.of("stranger")), "a stranger in each network is another"
+    assert any("system 2:9" in said for said in ground.logged.of("stranger")), "a stranger in each network is another"
 
 
 def test_a_vehicle_s_other_components_and_companions_say_nothing_of_its_autopilot(ground: Ground) -> None:
     assert ground.hear(PLANE, component=191) is None
     assert ground.hear(COMPANION) is None
     assert ground.vehicles[FIRST].connection.peer is None
-    assert ground.notes == []
+    assert ground.logged == []
 
 
 @pytest.mark.parametrize(("phase", "ends"), [(Phase.CONNECTING, True), (Phase.FLYING, False)])
@@ -106,7 +106,7 @@ def test_two_with_one_id_are_not_taken_off_and_the_second_is_ignored_in_flight(p
     for tenth in range(20):
         assert ground.hear(PLANE, at_s=0.1 * tenth) is ground.vehicles[FIRST]
         assert ground.hear(PLANE, port=THERE, at_s=0.1 * tenth) is None
-    (said,) = ground.notes.of("duplicate", 2)
+    (said,) = ground.logged.of("duplicate", 2)
     assert said == "another sender has its system id, from 127.0.0.1:50000, beside 127.0.0.1:40000; it is ignored"
     names = f"vehicle 2: {said}; allowed: each id once. If it is one vehicle with two links, name both: "
     assert ground.given_up == ([names + "endpoint: [A, B]"] if ends else [])
@@ -121,7 +121,7 @@ def test_one_that_has_moved_is_the_same_and_its_sequence_numbers_begin_again(gro
     assert ground.hear(PLANE, port=THERE, at_s=6.0) is vehicle
     vehicle.sequence.observe(3, after(Instant(0), 6.0), Instant(0))
     assert vehicle.sequence.lost == 0
-    (said,) = ground.notes.of("address", 2)
+    (said,) = ground.logged.of("address", 2)
     assert said.startswith("is heard from 127.0.0.1:50000; 127.0.0.1:40000 fell silent 6.0 s ago")
     assert ground.given_up == []
 
@@ -131,13 +131,13 @@ def test_one_that_has_moved_is_the_same_and_its_sequence_numbers_begin_again(gro
 )
 def test_a_flood_is_reported_once_and_when_it_is_over(garbage_bytes: int, frames: int, said: str) -> None:
     """Otherwise missing telemetry would look like the vehicles' own failure."""
-    notes = Noted()
-    flood, garbage, refused = FloodWatch(notes), 0, 0
+    logged = EventLog()
+    flood, garbage, refused = FloodWatch(logged), 0, 0
     for at_s in range(20):
         share = 1.0 if 5 <= at_s < 12 else 0.01
         garbage, refused = garbage + round(share * garbage_bytes), refused + round(share * frames)
         flood.compare(after(Instant(0), float(at_s)), ParserCounts(garbage_bytes=garbage), refused)
-    begun, over = notes.of("flood")
+    begun, over = logged.of("flood")
     assert said in begun
     assert "frames of vehicles may be lost" in begun
     assert over == "is over"

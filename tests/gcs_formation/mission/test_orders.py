@@ -14,7 +14,7 @@ from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.mission.orders import Orders
 from gcs_formation.phases import OVER, Cause, Flight, Phase
 from tests.flights.conftest import scenario
-from tests.gcs_formation.noted import Noted
+from tests.gcs_formation.event_log import EventLog
 
 START = Instant(0)
 
@@ -29,11 +29,11 @@ class Formation:
         self.left: list[str] = []
         self.cut_short = False
         self.error: Exception | None = None
-        self.flight, self.notes = Flight(phase), Noted()
-        self.note_late: Any = lambda _: None
+        self.flight, self.logged = Flight(phase), EventLog()
+        self.record_lateness: Any = lambda _: None
         keys = scenario(orders=[{"at_s": at_s, "order": order} for at_s, order in (planned or {}).items()])
         formation: Any = self
-        self.orders = Orders(load_scenario(keys), formation, formation, self.notes)
+        self.orders = Orders(load_scenario(keys), formation, formation, self.logged)
 
     def under_way(self, ended: Instant | None) -> list[str]:
         return ["a change is under way"] if ended else []
@@ -72,7 +72,7 @@ def test_an_order_is_carried_out_and_said_to_be(text: str, done: Any) -> None:
     formation = Formation()
     assert formation.orders.execute(text, START) == (True, f"{text}: accepted")
     assert formation.done == [done]
-    (said,) = formation.notes
+    (said,) = formation.logged
     assert (said.kind, said.text, said.details) == ("order", f"{text}: accepted", {"accepted": True})
 
 
@@ -84,7 +84,7 @@ def test_what_can_not_be_flown_is_refused_with_the_reason_any_that_finds_it() ->
         formation.error = error
         answer = formation.orders.execute("leader 9", START)
         assert answer == (False, f"leader 9: refused: {error}")
-        assert formation.notes[-1].details == {"accepted": False}
+        assert formation.logged[-1].details == {"accepted": False}
     assert formation.done == []
 
 
@@ -101,7 +101,7 @@ def test_changes_are_for_a_formation_that_flies_and_its_end_for_any_time(phase: 
         assert formation.orders.execute(text, START).accepted is taken
     assert len(formation.done) == 2 * taken
     if not taken:
-        assert formation.notes[0].text.endswith(f"the run is {phase.value}; allowed: assembling, flying")
+        assert formation.logged[0].text.endswith(f"the run is {phase.value}; allowed: assembling, flying")
     assert formation.orders.execute("loiter", START).accepted
 
 

@@ -25,7 +25,7 @@ from gcs_formation.vehicle.startup_step import Command, StartUpStep
 from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.vehicle import Vehicle
 from tests.flights.conftest import scenario
-from tests.gcs_formation.noted import GivenUp, Noted
+from tests.gcs_formation.event_log import EventLog, GivenUp
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 PLANE = Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_ARDUPILOTMEGA)
@@ -44,7 +44,7 @@ class Ground:
         if takes_off:
             self.step = StartUpStep("armed", lambda seen: seen.armed, told, 20.0, takes_off=True)
         self.vehicles = {VehicleId(1, number): self._vehicle(number) for number in (1, 2)}
-        self.notes, self.given_up, self.preflight = Noted(), GivenUp(), Preflight()
+        self.logged, self.given_up, self.preflight = EventLog(), GivenUp(), Preflight()
         self.flight = Flight(phase)
         endpoints = (parse_endpoint("udpin:127.0.0.1:14550"), parse_endpoint("udpin:127.0.0.1:14560"))
         preflight: Any = self.preflight
@@ -55,7 +55,7 @@ class Ground:
             self.flight,
             preflight,
             beginning,
-            self.notes,
+            self.logged,
             self.given_up,
             together=together,
         )
@@ -196,7 +196,7 @@ def test_a_vehicle_is_ready_once_its_last_step_is_done_and_this_is_said_once() -
     ground.hear(1, mode=m.PLANE_MODE_GUIDED)
     for at_s in (2.0, 3.0):
         ground.advance(at_s)
-    assert ground.notes.of("ready") == ground.notes.of("ready", 1) == ["in the air and following setpoints"]
+    assert ground.logged.of("ready") == ground.logged.of("ready", 1) == ["in the air and following setpoints"]
 
 
 @pytest.mark.parametrize(("phase", "ends"), [(Phase.CONNECTING, True), (Phase.ASSEMBLING, True), (Phase.FLYING, False)])
@@ -207,13 +207,13 @@ def test_a_step_that_takes_too_long_ends_the_run_but_once_the_path_has_begun_onl
     ground.hear(1, 2)
     ground.advance(1.0)
     ground.advance(20.9)
-    assert ground.given_up == ground.notes == []
+    assert ground.given_up == ground.logged == []
     ground.hear(1, mode=m.PLANE_MODE_GUIDED)
     for at_s in (21.1, 30.0):
         ground.advance(at_s)
     said = "vehicle 2: not done within 20 s after we set mode GUIDED"
     assert ground.given_up[:1] == ([said] if ends else [])
-    assert ground.notes.of("abandoned") == ([] if ends else [said])
+    assert ground.logged.of("abandoned") == ([] if ends else [said])
 
 
 def test_a_refusal_is_passed_on_with_its_result_and_the_vehicle_s_own_words() -> None:
@@ -248,12 +248,12 @@ def test_who_is_on_the_ground_once_the_path_has_begun_is_left_to_its_pilot_for_g
     ground.hear(1, 2)
     ground.advance(1.0)
     assert ground.sent(2, 1.0) is not left
-    assert bool(ground.notes.of("abandoned", 2)) is left
+    assert bool(ground.logged.of("abandoned", 2)) is left
     if left:
         for at_s in (2.0, 1000.0):
             ground.advance(at_s)
             assert not ground.sent(2, at_s)
-        assert len(ground.notes.of("abandoned", 2)) == 1
+        assert len(ground.logged.of("abandoned", 2)) == 1
         assert ground.given_up == []
 
 

@@ -51,7 +51,7 @@ def test_the_watch_in_flight_reports_the_loops_delay_and_no_margin(monkeypatch):
     assert math.isnan(cycle.findings.most_used)
     assert cycle.findings.longest_s > 1.8
     assert all(math.isnan(each) for each in cycle.findings.margin_used)
-    assert not [each for each in world.notes.events if each.kind == "delay_margin"]
+    assert not [each for each in world.recorder.events if each.kind == "delay_margin"]
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from click.testing import CliRunner
 
 from airlink.cli import COMPILED
 from formation_scenario.bounded_read import read_bounded
-from formation_scenario.named_files import copies_below, noted
+from formation_scenario.named_files import copies_below, files_read
 from gcs_formation.cli import main
 from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.studies import cluster
@@ -160,7 +160,7 @@ def test_a_copy_is_read_in_place_of_the_file_within_its_block_alone(tmp_path):
     for each, text in ((file, b"own"), (copy, b"copy")):
         each.parent.mkdir(parents=True)
         each.write_bytes(text)
-    with noted() as found, copies_below(root):
+    with files_read() as found, copies_below(root):
         assert read_bounded(tmp_path / "a" / "c" / ".." / "b.txt", 100) == b"copy"
     assert found == {file}
     assert read_bounded(file, 100) == b"own"

@@ -26,7 +26,7 @@ from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.startup import StartUp
 from gcs_formation.vehicle.vehicle import Vehicle
 from tests.flights.conftest import scenario
-from tests.gcs_formation.noted import Noted
+from tests.gcs_formation.event_log import EventLog
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 
@@ -40,7 +40,7 @@ class Flight:
         self.plane.start_up = StartUp(())
         self.plane.start_up.index, self.plane.member = 1, Member.FLYING
         keys = scenario(vehicles={"count": 2}, law={"type": "fuzzy_pid"})
-        self.membership = Membership(load_scenario(keys), {identity: self.plane}, Noted())
+        self.membership = Membership(load_scenario(keys), {identity: self.plane}, EventLog())
         self.now, self._writer = Instant(0), FrameWriter(1, 1)
         lat_rad, lon_rad, alt_m = ORIGIN.from_ned(0.0, 0.0, -80.0)
         self.hears(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, 80.0, 0.0, 0.0, 0.0, 0.0))

@@ -137,7 +137,7 @@ def test_a_position_fix_is_waited_for_longer_than_telemetry(
     walk.telemetry = Telemetry(walk.telemetry.origin)
     walk.go()
     walk.telemetry.unfixed = unfixed
-    walk.start_up.note_progress(walk.telemetry, START)
+    walk.start_up.update_progress(walk.telemetry, START)
     walk.now = after(START, at_s)
     assert walk.failure() == words
 
@@ -149,7 +149,7 @@ def test_a_vehicle_that_makes_progress_is_waited_for_up_to_the_longest_time(walk
     for at_s in range(0, 600, 60):
         walk.telemetry.fix = (1, at_s // 60)
         walk.now = after(START, float(at_s))
-        walk.start_up.note_progress(walk.telemetry, walk.now)
+        walk.start_up.update_progress(walk.telemetry, walk.now)
         assert walk.failure() is None
     walk.now = after(START, 601.0)
     assert walk.failure() == "not done within 600 s after we asked for telemetry"

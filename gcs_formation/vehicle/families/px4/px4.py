@@ -153,8 +153,8 @@ class Px4(Autopilot, ABC):
 
     def _lacks_to_arm(self, seen: Telemetry) -> str:
         status = m.MAV_STATE_STANDBY if seen.heartbeat is None else seen.heartbeat.system_status
-        said = "" if status == m.MAV_STATE_STANDBY else f"its heartbeats say {m.name_of('MAV_STATE', status)}"
-        return "; ".join(filter(None, (said, super()._lacks_to_arm(seen))))
+        state = "" if status == m.MAV_STATE_STANDBY else f"its heartbeats say {m.name_of('MAV_STATE', status)}"
+        return "; ".join(filter(None, (state, super()._lacks_to_arm(seen))))
 
     def _has_climbed(self, seen: Telemetry) -> bool:
         return self.is_airborne(seen) and seen.custom_mode != TAKEOFF

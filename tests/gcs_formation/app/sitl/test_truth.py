@@ -83,8 +83,8 @@ def test_px4s_log_says_where_the_vehicle_was(tmp_path: Path) -> None:
 
 def test_a_vehicles_time_becomes_the_runs_by_the_clock_that_was_noted_then() -> None:
     """Its clock began 7 s before ours, and gains 1 %."""
-    noted = [(at_s, 7.0 + 0.01 * at_s) for at_s in (0.0, 10.0, 20.0)]
-    assert to_run_s(np.array([7.0, 12.05, 27.2]), noted) == pytest.approx([0.0, 5.0, 20.0])
+    offsets = [(at_s, 7.0 + 0.01 * at_s) for at_s in (0.0, 10.0, 20.0)]
+    assert to_run_s(np.array([7.0, 12.05, 27.2]), offsets) == pytest.approx([0.0, 5.0, 20.0])
 
 
 def test_vehicles_of_different_clocks_are_brought_to_common_times() -> None:

@@ -127,7 +127,7 @@ def test_a_fast_clock_that_has_been_up_for_hours_is_mapped_by_round_trips_and_sa
     start = {"in_air": True, "run_in_s": 15}
     world = World(duration_s=20, vehicles=vehicles, telemetry=GNSS, start=start, links={"default": {"delay_ms": 200}})
     world.run()
-    (said,) = [event.text for event in world.notes.events if event.kind == "clock" and str(event.vehicle) == "2"]
+    (said,) = [event.text for event in world.recorder.events if event.kind == "clock" and str(event.vehicle) == "2"]
     assert said.startswith("UTC isn't used: its clock's drift isn't known well enough")
     assert world.worst_m() < 0.15
 
@@ -137,7 +137,7 @@ def test_utc_that_was_given_up_is_not_taken_up_again_at_once():
     trips = RoundTrips(0.0, by_utc=True)
     vehicle = SimpleNamespace(identity=2, round_trips=trips, member=Member.FLYING, clock=trips.clock)
     said = list[str]()
-    cycle = SimpleNamespace(each=[vehicle], utc_at_0_s=1.6e9, note=lambda *event: said.append(event[2]))
+    cycle = SimpleNamespace(each=[vehicle], utc_at_0_s=1.6e9, log_event=lambda *event: said.append(event[2]))
     common = CommonClock(cast(Any, cycle))
     for tick in range(400):
         sent = after(Instant(0), tick / 4)
@@ -158,7 +158,7 @@ def jump(world: World, number: int, seconds: float) -> None:
 
 def setpoint_steps(world: World, column: int, from_s: float, to_s: float) -> list[float]:
     """Return the largest steps from tick to tick of its airspeed (m/s), heading (rad) and height (m) setpoints."""
-    commands = [tick.setpoints[column] for tick in world.notes.ticks if from_s <= tick.mission_time_s <= to_s]
+    commands = [tick.setpoints[column] for tick in world.recorder.ticks if from_s <= tick.mission_time_s <= to_s]
     steps = np.diff(np.array(commands), axis=0)
     steps[:, 1] = np.remainder(steps[:, 1] + np.pi, 2 * np.pi) - np.pi
     return np.abs(steps).max(axis=0).tolist()

@@ -28,7 +28,7 @@ from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.vehicle import Vehicle
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import Between, World
-from tests.gcs_formation.noted import Noted
+from tests.gcs_formation.event_log import EventLog
 
 CHANGE = {"shape": "arrow", "spacing_m": 30, "changes": [{"at_s": 5, "shape": "line"}]}
 WEAVING = [[0, 0, 100], [700, 0, 100], [1400, 200, 115], [2100, 100, 100], [2800, 300, 110]]
@@ -94,7 +94,7 @@ def test_a_follower_that_does_not_climb_with_the_path_is_reported() -> None:
     world.fly_to(6.0)
     world.inject(2, "ignore")
     began_m = world.fleet.bodies[1].state.height_m
-    world.network.run(lambda: world.notes.ticks[-1].setpoints[1][2] - began_m > 5.0)
+    world.network.run(lambda: world.recorder.ticks[-1].setpoints[1][2] - began_m > 5.0)
     commanded_s = world.now_s
     world.run(10.0)
     (reported_s,) = world.times_s("disobeys", 2)
@@ -149,7 +149,7 @@ def test_a_vehicle_that_flies_straight_on_where_the_path_bends_is_reported(numbe
     world.run(5.0)
     (reported_s,) = world.times_s("disobeys", number)
     assert reported_s - bent_s < 5.0
-    details = next(event.details for event in world.notes.events if event.kind == "disobeys")
+    details = next(event.details for event in world.recorder.events if event.kind == "disobeys")
     assert details["order"] == "setpoints"
     assert abs(float(details["flown"] or 0.0)) < 0.2 * abs(float(details["expected"] or 0.0))
 
@@ -190,12 +190,12 @@ def test_one_that_refuses_the_speeds_it_is_commanded_is_reported_and_kept_clear_
     assert world.words("disobeys") == ["refuses its setpoints: GUIDED_CHANGE_SPEED: FAILED"]
     (reported_s,) = world.times_s("disobeys", 2)
     assert 1.0 <= reported_s - began_s < 3.0
-    assert [link.disobeying for link in world.notes.ticks[-1].links] == [False, True, False]
+    assert [link.disobeying for link in world.recorder.ticks[-1].links] == [False, True, False]
     mended_s = allow(28.0)
     world.run(5.0)
     (over_s,) = world.times_s("obeys", 2, "GUIDED_CHANGE_SPEED is no longer refused")
     assert over_s - mended_s < 1.2
-    assert not any(link.disobeying for link in world.notes.ticks[-1].links)
+    assert not any(link.disobeying for link in world.recorder.ticks[-1].links)
 
 
 def test_a_vehicle_whose_pilot_takes_it_is_not_said_to_refuse_what_was_on_its_way() -> None:
@@ -210,7 +210,7 @@ def test_a_vehicle_whose_pilot_takes_it_is_not_said_to_refuse_what_was_on_its_wa
 
 
 def heading_setpoint(world: World, number: int) -> float:
-    return world.notes.ticks[-1].setpoints[number - 1][1]
+    return world.recorder.ticks[-1].setpoints[number - 1][1]
 
 
 def test_an_order_to_loiter_that_is_acknowledged_and_not_obeyed_is_reported() -> None:
@@ -302,22 +302,22 @@ def judged(
     """Take a vehicle over at 0 s, command speed, heading and height later; return what is found, and when."""
     planned, history, estimator = load_scenario(scenario(), overrides), SetpointHistory(10.0), SimpleNamespace()
     controller: Any = SimpleNamespace(history=history, estimator=estimator)
-    origin, notes = planned.origin.geodetic, Noted()
+    origin, logged = planned.origin.geodetic, EventLog()
     plane = Vehicle(VehicleId(1, 2), 1, ArduPlane(2, origin, 0.25), Connection(0), 10.0)
-    monitor = ConformanceMonitor(planned, controller, {plane.identity: plane}, notes)
+    monitor = ConformanceMonitor(planned, controller, {plane.identity: plane}, logged)
     commanded: Any = SimpleNamespace(active=[False, True, False])
     for tick in range(400):
         now, at_s = after(START, 0.1 * tick), 0.1 * tick
         setpoint = (commanded_mps, heading_rad, commanded_m) if at_s >= commanded_from_s else (22.0, 0.0, 100.0)
         history.begin_tick(vec[i64]([now] * 3))
-        history.note([setpoint] * 3)
+        history.record([setpoint] * 3)
         for channel in plane.setpoint_channels:
             channel.sent(CommandInt(2, 1, 0, 0), now, 0.0)
             channel.acknowledged(now)
         flown = FlightState(0.0, 0.0, 100.0, climb_mps(at_s), airspeed_mps(at_s), flown_rad(at_s), 0.0, 0.0)
         estimator.filters = [SimpleNamespace(state=flown, stamp=now)] * 3
         monitor.judge_motion(commanded, now)
-    return [(each.details["channel"], each.at_s) for each in notes if each.kind == "disobeys"]
+    return [(each.details["channel"], each.at_s) for each in logged if each.kind == "disobeys"]
 
 
 @pytest.fixture

@@ -30,7 +30,7 @@ from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
 from gcs_formation.vehicle.vehicle_state import UNANSWERED_S
 from tests.flights.conftest import scenario
-from tests.gcs_formation.noted import Noted
+from tests.gcs_formation.event_log import EventLog
 
 START, NUMBERS = Instant(0), (1, 2, 3)
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
@@ -42,10 +42,10 @@ class Ground:
 
     def __init__(self) -> None:
         self.vehicles = {VehicleId(1, number): vehicle(number) for number in NUMBERS}
-        self.notes, self.airspeed_mps = Noted(), 22.0
+        self.logged, self.airspeed_mps = EventLog(), 22.0
         controller: Any = SimpleNamespace(history=SetpointHistory(10.0), estimator=SimpleNamespace())
         self.controller = controller
-        self.monitor = ConformanceMonitor(load_scenario(scenario()), controller, self.vehicles, self.notes)
+        self.monitor = ConformanceMonitor(load_scenario(scenario()), controller, self.vehicles, self.logged)
 
     def second(self) -> Vehicle:
         return self.vehicles[VehicleId(1, 2)]
@@ -70,7 +70,7 @@ class Ground:
             self.controller.history.begin_tick(vec[i64]([now] * 3))
             heights_m = 100.0, commanded_m(at_s), 100.0
             commands = zip(speeds_mps, heights_m, strict=True)
-            self.controller.history.note([(each_mps, commanded_rad(at_s), each_m) for each_mps, each_m in commands])
+            self.controller.history.record([(each_mps, commanded_rad(at_s), each_m) for each_mps, each_m in commands])
             for each in self.vehicles.values():
                 for channel in each.setpoint_channels:
                     channel.sent(CommandInt(1, 1, 0, 0), now, 0.0)
@@ -81,7 +81,7 @@ class Ground:
             self.controller.estimator.filters = [SimpleNamespace(state=each, stamp=now) for each in flown]
             tick: Any = SimpleNamespace(active=[True, commanded(at_s), True])
             self.monitor.judge_motion(tick, now)
-        return [each.at_s for each in self.notes if each.kind == "disobeys" and each.vehicle == 2]
+        return [each.at_s for each in self.logged if each.kind == "disobeys" and each.vehicle == 2]
 
 
 def vehicle(number: int) -> Vehicle:
@@ -94,10 +94,10 @@ def test_one_that_is_commanded_another_airspeed_and_keeps_its_own_is_reported_on
     ground = Ground()
     (reported_s,) = ground.fly(20.0)
     assert SETTLED_S <= reported_s < SETTLED_S + 2.0
-    (said,) = ground.notes.of("disobeys")
+    (said,) = ground.logged.of("disobeys")
     assert said.startswith("acknowledges setpoints and doesn't follow them: airspeed changed by 0.0 m/s in 3.2 s, ")
     assert said.endswith(" m/s expected")
-    details = ground.notes[0].details
+    details = ground.logged[0].details
     assert (details["order"], details["channel"], details["flown"]) == ("setpoints", "airspeed", 0.0)
     assert details["expected"] > 1.0
 
@@ -106,7 +106,7 @@ def test_one_that_obeys_is_not_reported_and_one_that_does_so_again_is_said_to() 
     assert Ground().fly(20.0, airspeed_mps=lambda at_s: 27.0 - 5.0 * math.exp(-at_s / 4.0)) == []
     ground = Ground()
     ground.fly(40.0, airspeed_mps=lambda at_s: 22.0 if at_s < 10.0 else 27.0 - 5.0 * math.exp(-(at_s - 10.0) / 4.0))
-    assert ground.notes.of("obeys", 2) == ["follows its setpoints again"]
+    assert ground.logged.of("obeys", 2) == ["follows its setpoints again"]
 
 
 def test_a_command_that_is_refused_and_commanded_again_is_reported_once_and_when_it_is_accepted() -> None:
@@ -120,8 +120,8 @@ def test_a_command_that_is_refused_and_commanded_again_is_reported_once_and_when
             vehicle.commands.acknowledge(CommandAck(m.MAV_CMD_DO_SET_MODE, result), now)
         ground.monitor.judge_refusals(now)
     words = "mode LOITER (DO_SET_MODE: DENIED)"
-    assert ground.notes.of("disobeys", 2) == [f"refuses {words}, and is commanded again"]
-    assert ground.notes.of("obeys", 2) == [f"no longer refuses {words}"]
+    assert ground.logged.of("disobeys", 2) == [f"refuses {words}, and is commanded again"]
+    assert ground.logged.of("obeys", 2) == [f"no longer refuses {words}"]
 
 
 def test_a_refused_command_that_another_replaced_is_not_said_to_be_obeyed() -> None:
@@ -133,8 +133,8 @@ def test_a_refused_command_that_another_replaced_is_not_said_to_be_obeyed() -> N
     ground.monitor.judge_refusals(after(START, 2.0))
     vehicle.commands.send((), after(START, 3.0))
     ground.monitor.judge_refusals(after(START, 3.0))
-    assert len(ground.notes.of("disobeys", 2)) == 1
-    assert ground.notes.of("obeys", 2) == []
+    assert len(ground.logged.of("disobeys", 2)) == 1
+    assert ground.logged.of("obeys", 2) == []
 
 
 @pytest.mark.parametrize(("climb_mps", "said"), [(0.8, []), (-0.8, ["airspeed"]), (0.0, ["airspeed"])])
@@ -142,7 +142,7 @@ def test_one_whose_height_has_the_energy_that_its_speed_lacks_obeys(climb_mps: f
     """At 22 m/s an unrequested climb of 0.8 m/s takes 1.1 m/s of airspeed in 3.2 s; a descent is no excuse."""
     ground = Ground()
     ground.fly(7.0, height_m=lambda at_s: 100.0 + climb_mps * at_s)
-    assert [each.details["channel"] for each in ground.notes if each.kind == "disobeys"] == said
+    assert [each.details["channel"] for each in ground.logged if each.kind == "disobeys"] == said
 
 
 @pytest.mark.parametrize(("sinks_mps", "at_most_s"), [(2.0, 12.0), (3.0, 9.0), (8.0, 5.0)])
@@ -160,8 +160,8 @@ def test_one_that_sinks_though_it_is_commanded_to_climb_is_reported_though_its_s
 
     (reported_s,) = ground.fly(50.0, height_m=height_m, commanded_m=commanded_m, commanded_mps=lambda _: 22.0)
     assert 10.0 < reported_s <= 10.0 + at_most_s
-    assert [each.details["channel"] for each in ground.notes if each.kind == "disobeys"] == ["height"]
-    (over_s,) = [each.at_s for each in ground.notes if each.kind == "obeys"]
+    assert [each.details["channel"] for each in ground.logged if each.kind == "disobeys"] == ["height"]
+    (over_s,) = [each.at_s for each in ground.logged if each.kind == "obeys"]
     assert 30.0 < over_s < 38.0
     sunk.fly(30.0, height_m=height_m, commanded_m=commanded_m, commanded_mps=lambda _: 22.0)
     assert (sunk.monitor.sinking, ground.monitor.sinking) == ({VehicleId(1, 2)}, set())
@@ -189,7 +189,7 @@ def test_an_aircraft_that_trades_height_for_the_airspeed_that_it_is_commanded_ob
     )
     commanded_mps = commanded_mps if trades else flown_mps
     ground.fly(at_s[-1], airspeed_mps=flown_mps, height_m=flown_m, commanded_m=commanded_m, commanded_mps=commanded_mps)
-    assert [each.details["channel"] for each in ground.notes if each.kind == "disobeys"] == said
+    assert [each.details["channel"] for each in ground.logged if each.kind == "disobeys"] == said
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -267,7 +267,7 @@ def test_one_that_is_heard_and_answers_nothing_is_reported_once_and_again_when_i
     def judge(at_s: float) -> list[str]:
         follower.connection.heard(after(START, at_s), heartbeat=True)
         ground.monitor.judge_answers(after(START, at_s))
-        return ground.notes.of("uplink", 2)
+        return ground.logged.of("uplink", 2)
 
     assert judge(UNANSWERED_S - 0.1) == []
     assert judge(silent_s) == judge(silent_s + 1.0) == ["is heard and answers nothing: it may not receive us"]
@@ -281,7 +281,7 @@ def test_one_that_is_silent_altogether_or_not_in_the_formation_is_not_said_to_an
     ground.second().member = Member.PARTED
     ground.second().connection.heard(after(START, 10.0), heartbeat=True)
     ground.monitor.judge_answers(after(START, 10.0))
-    assert ground.notes == []
+    assert ground.logged == []
 
 
 def test_an_order_that_is_acknowledged_and_not_obeyed_is_reported_with_the_mode_and_so_is_its_end() -> None:
@@ -298,13 +298,13 @@ def test_an_order_that_is_acknowledged_and_not_obeyed_is_reported_with_the_mode_
     assert effect is not None
     follower.effects.acknowledged(effect, follower.telemetry, START)
     beat(m.PLANE_MODE_GUIDED, 1.0)
-    assert ground.notes == []
+    assert ground.logged == []
     for at_s in (2.0, 3.0, 4.0):
         beat(m.PLANE_MODE_GUIDED, at_s)
-    assert ground.notes.of("disobeys", 2) == ["acknowledged mode LOITER 2.0 s ago, and is still in GUIDED"]
+    assert ground.logged.of("disobeys", 2) == ["acknowledged mode LOITER 2.0 s ago, and is still in GUIDED"]
     beat(m.PLANE_MODE_LOITER, 5.0)
-    assert ground.notes.of("obeys", 2) == ["mode LOITER is over"]
-    assert len(ground.notes) == 2
+    assert ground.logged.of("obeys", 2) == ["mode LOITER is over"]
+    assert len(ground.logged) == 2
 
 
 @pytest.mark.parametrize(("heartbeats", "accepted_s", "said"), [(2, None, True), (1, None, False), (2, 0.6, False)])
@@ -321,10 +321,10 @@ def test_setpoints_are_refused_when_none_is_accepted_for_a_second_and_two_heartb
         if tenth in range(3, 3 + heartbeats):
             follower.telemetry.heartbeats += 1
         ground.monitor.judge_refusals(now)
-    assert ground.notes.of("disobeys", 2) == ["refuses its setpoints: GUIDED_CHANGE_SPEED: DENIED"] * said
+    assert ground.logged.of("disobeys", 2) == ["refuses its setpoints: GUIDED_CHANGE_SPEED: DENIED"] * said
     channel.invalidate()
     ground.monitor.judge_refusals(after(START, 2.0))
-    assert ground.notes.of("obeys", 2) == [], "none was accepted: the run is at its end, or the vehicle was left"
+    assert ground.logged.of("obeys", 2) == [], "none was accepted: the run is at its end, or the vehicle was left"
     channel.acknowledged(after(START, 2.1))
     ground.monitor.judge_refusals(after(START, 2.1))
-    assert ground.notes.of("obeys", 2) == ["GUIDED_CHANGE_SPEED is no longer refused"] * said
+    assert ground.logged.of("obeys", 2) == ["GUIDED_CHANGE_SPEED is no longer refused"] * said

@@ -26,7 +26,7 @@ from gcs_formation.features.delay_margins.stages import DelayMargins
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.stability.mismatch import NEAR
 from tests.flights.conftest import scenario
-from tests.gcs_formation.noted import Noted
+from tests.gcs_formation.event_log import EventLog
 
 NOW = Instant(0)
 NONE_OFF = [[0.0] * 2] * 3
@@ -42,9 +42,9 @@ class Formation:
             for column in range(count)
         }
         self.leader, self.follower, *_ = self.vehicles.values()
-        self.notes = Noted()
+        self.logged = EventLog()
         self.scenario = load_scenario(keys)
-        self.watch = MarginWatch(self.scenario, self.vehicles, self.notes)
+        self.watch = MarginWatch(self.scenario, self.vehicles, self.logged)
         for each in self.vehicles.values():
             self.delay(each, 0.0)
 
@@ -68,7 +68,7 @@ class Formation:
     def full(self) -> tuple[float, float]:
         """Return the share used without delay, and its increase per second of delay each way, which is constant."""
         if not hasattr(self, "_full"):
-            fresh = MarginWatch(self.scenario, self.vehicles, Noted())
+            fresh = MarginWatch(self.scenario, self.vehicles, EventLog())
             used: list[float] = []
             for one_way_s in (0.0, 0.1):
                 self.delay(self.follower, one_way_s)
@@ -115,14 +115,14 @@ def test_a_delay_that_is_not_known_yet_is_no_share_and_no_event() -> None:
     formation.delay(formation.follower, math.nan)
     assert math.isnan(formation.look())
     assert formation.watch.max_used == 0.0
-    assert formation.notes == []
+    assert formation.logged == []
 
 
 def test_near_its_margin_a_vehicle_is_reported_once_and_once_when_it_is_clear_of_it() -> None:
     formation, shares = Formation(), (NEAR - 0.01, NEAR + 0.01, NEAR - 0.01, CLEAR + 0.01, CLEAR - 0.01, CLEAR + 0.01)
-    counts = [(formation.use(share), len(formation.notes))[1] for share in shares]
+    counts = [(formation.use(share), len(formation.logged))[1] for share in shares]
     assert counts == [0, 1, 1, 1, 2, 2]
-    assert formation.notes.of("delay_margin", 2) == [
+    assert formation.logged.of("delay_margin", 2) == [
         "uses 81% of its delay margin",
         "is well inside its delay margin again",
     ]
@@ -140,7 +140,7 @@ def test_gains_are_lowered_only_where_that_is_asked_for() -> None:
     formation = Formation(on_delay="warn")
     formation.use(1.5)
     assert np.all(np.array(formation.watch.bandwidth) == 1.0)
-    assert formation.notes.of("gains") == []
+    assert formation.logged.of("gains") == []
 
 
 @pytest.mark.parametrize(("on_delay", "held"), [("hold", True), ("warn", False), ("degrade", False)])
@@ -160,16 +160,16 @@ def test_gains_come_down_until_the_margin_holds_and_return_after_ten_calm_looks(
     lowered = formation.watch.bandwidth[1].copy()
     assert min(lowered) < 1.0
     assert formation.watch.bandwidth[0] == [1.0] * 3, "of that vehicle alone"
-    (said,) = formation.notes.of("gains", 2)
+    (said,) = formation.logged.of("gains", 2)
     assert said.startswith("gains lowered; shares of the bandwidth: speed ")
     assert formation.use(1.2) < DEGRADE
-    assert len(formation.notes.of("gains")) == 1, "nothing more to change"
+    assert len(formation.logged.of("gains")) == 1, "nothing more to change"
     for _ in range(CALM_LOOKS - 1):
         assert formation.use(RESTORE / 4) < RESTORE
     assert formation.watch.bandwidth[1] == lowered
     formation.use(RESTORE / 4)
     assert np.all(np.array(formation.watch.bandwidth) == 1.0)
-    assert formation.notes.of("gains")[1:] == ["gains are the scenario's again"]
+    assert formation.logged.of("gains")[1:] == ["gains are the scenario's again"]
 
 
 def test_looks_that_are_not_calm_one_after_the_other_do_not_raise_gains() -> None:
@@ -181,14 +181,14 @@ def test_looks_that_are_not_calm_one_after_the_other_do_not_raise_gains() -> Non
             formation.use(RESTORE / 4)
         formation.use(1.2)
     assert np.array_equal(formation.watch.bandwidth, lowered)
-    assert len(formation.notes.of("gains")) == 1
+    assert len(formation.logged.of("gains")) == 1
 
 
 def test_gains_that_can_not_come_down_any_further_are_not_reported_again_and_again() -> None:
     formation = Formation(on_delay="degrade")
     for _ in range(3):
         assert formation.use(50.0) > 1.0
-    assert len(formation.notes.of("gains")) == 1
+    assert len(formation.logged.of("gains")) == 1
 
 
 def test_one_that_leads_has_no_loop_any_more_and_its_gains_back() -> None:
@@ -218,7 +218,7 @@ def test_with_prediction_scatter_uses_the_margin_and_delay_does_not_and_wrong_la
     formation.delay(formation.follower, 0.2, scatter_s=0.02)
     assert [formation.look() for _ in range(LASTING_LOOKS)][-1] > 0.0
     formation.watch.check_loops(NOW, formation.leader, [[0.0, 0.0], [0.0, 3.0], [0.0, 0.0]])
-    (said,) = formation.notes
+    (said,) = formation.logged
     assert said.text.endswith(
         "of its delay margin: heading doesn't follow as its model says, time constants are 300% off"
     )
@@ -233,8 +233,8 @@ class Slow:
         self.clocks = [SimpleNamespace(one_way_s=math.nan) for _ in loaded.vehicles]
         identified = {VehicleId(1, i): SimpleNamespace(clock=clock) for i, clock in enumerate(self.clocks, 1)}
         vehicles: dict[VehicleId, Any] = {**identified}
-        self.given, self.notes = loaded.law, Noted()
-        self.watch = DesignWatch(loaded, vehicles, [self.retune], self.notes)
+        self.given, self.logged = loaded.law, EventLog()
+        self.watch = DesignWatch(loaded, vehicles, [self.retune], self.logged)
         self._retuned: Any = None
 
     def retune(self, scenario: Any) -> None:
@@ -252,7 +252,7 @@ class Slow:
 def test_gains_by_design_are_for_the_delay_that_is_measured_before_any_is_commanded() -> None:
     slow, known = Slow(), Slow("law.design_delay_ms=300").given
     assert slow.look(0.298, begins=True) == known
-    (said,) = slow.notes
+    (said,) = slow.logged
     assert said.text == "links take 298 ms each way: gains are designed for 300 ms, instead of 0 ms"
     assert said.details["speed_kp"] == known.speed.kp < slow.given.speed.kp
     assert slow.look(0.34, begins=True) is None, "known well enough"

@@ -19,7 +19,7 @@ from gcs_formation.link.link_health import Connection
 from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.vehicle import Vehicle
-from tests.gcs_formation.noted import Noted
+from tests.gcs_formation.event_log import EventLog
 
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 AT_ONCE, WAITS = 0.03, 0.8
@@ -31,11 +31,11 @@ class Link:
     def __init__(self, stated: Stated | None = None) -> None:
         self.vehicle = Vehicle(VehicleId(1, 2), 0, ArduPlane(2, ORIGIN, 0.25), Connection(0), 10.0)
         self.vehicle.connection.heard(Instant(0), heartbeat=True)
-        self.load, self.notes, self.now = LinkLoad(self.vehicle), Noted(), Instant(0)
+        self.load, self.logged, self.now = LinkLoad(self.vehicle), EventLog(), Instant(0)
         named = {} if stated is None else {self.vehicle.identity: stated}
         vehicles = {self.vehicle.identity: self.vehicle}
-        self.heartbeats = HeartbeatScheduler(vehicles, self.notes)
-        self.budget = LinkBudget(vehicles, self.notes, RadioReports(()), self.heartbeats, named)
+        self.heartbeats = HeartbeatScheduler(vehicles, self.logged)
+        self.budget = LinkBudget(vehicles, self.logged, RadioReports(()), self.heartbeats, named)
 
     def second(self, round_trip_s: float, lost: float = 0.0, free_percent: float | None = None) -> None:
         """Let a second pass, in which this share is lost both ways."""
@@ -125,7 +125,7 @@ def test_rates_go_down_one_level_at_a_time_and_up_again_after_a_time_with_events
     link.seconds(TRY_AGAIN_S, AT_ONCE)
     assert link.level < 2
     assert not link.vehicle.limits.full
-    full, fuller, again = link.notes.of("link_load", 2)[:3]
+    full, fuller, again = link.logged.of("link_load", 2)[:3]
     assert full.startswith("the link of vehicle 2 is full (messages wait for 0.8 s, ")
     assert full.endswith(LEVELS[1].words)
     assert fuller.endswith(LEVELS[2].words)
@@ -137,7 +137,7 @@ def test_a_link_that_stays_as_it_is_at_the_lowest_rates_is_bad_and_gets_them_bac
     link.seconds(8, AT_ONCE)
     link.seconds(len(LEVELS) * (SETTLES_S + 2) + IN_VAIN_S, WAITS, 0.3)
     assert link.level == 0
-    assert link.notes.of("link_load", 2)[-1].startswith("the link of vehicle 2 is bad, not full")
+    assert link.logged.of("link_load", 2)[-1].startswith("the link of vehicle 2 is bad, not full")
 
 
 def test_a_radio_that_the_scenario_states_begins_at_what_it_carries_and_stays_there() -> None:
@@ -145,4 +145,4 @@ def test_a_radio_that_the_scenario_states_begins_at_what_it_carries_and_stays_th
     assert link.vehicle.start_up_hz[33] == 2.0
     link.seconds(300, AT_ONCE)
     assert link.level == 3
-    assert link.notes == []
+    assert link.logged == []

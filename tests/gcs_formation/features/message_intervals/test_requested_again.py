@@ -22,7 +22,7 @@ from gcs_formation.link.frame_loss import STALE_AFTER_S
 from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.vehicle.command_delivery import CommandQueue
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
-from tests.gcs_formation.noted import Noted
+from tests.gcs_formation.event_log import EventLog
 
 ATTITUDE, AIRSPEED, HEARTBEAT = m.MAVLINK_MSG_ID_ATTITUDE, m.MAVLINK_MSG_ID_VFR_HUD, m.MAVLINK_MSG_ID_HEARTBEAT
 STATUS = m.MAVLINK_MSG_ID_SYS_STATUS
@@ -46,12 +46,12 @@ class Sender:
             commands=CommandQueue(),
             autopilot=ArduPlane(2, ORIGIN, 0.25),
         )
-        self.notes, self.now = Noted(), Instant(0)
+        self.logged, self.now = EventLog(), Instant(0)
         self.asked: list[tuple[float, int, float]] = []
         """When each message was requested, its id, and its interval in s."""
         self._due, self._random = Counter[int](), np.random.default_rng(1)
         vehicles: dict[Any, Any] = {self.vehicle.identity: self.vehicle}
-        self._watch = MessageIntervals(vehicles, self.notes)
+        self._watch = MessageIntervals(vehicles, self.logged)
 
     def run(self, seconds: float, *, silent: bool = False) -> None:
         for _ in range(round(seconds / STEP_S)):
@@ -87,7 +87,7 @@ def test_nothing_is_asked_of_one_that_sends_as_asked_whatever_its_link_loses(los
     sends = Sender()
     sends.loss = loss
     sends.run(seconds)
-    assert sends.asked == sends.notes == []
+    assert sends.asked == sends.logged == []
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, 4.0])
@@ -97,7 +97,7 @@ def test_a_message_that_comes_less_than_half_as_often_is_asked_for_and_no_other(
     ((asked_s, message_id, interval_s), *_) = sender.asked
     assert 5.0 + 1.0 < asked_s < 5.0 + 3.0
     assert (message_id, interval_s) == (ATTITUDE, pytest.approx(0.1))
-    assert sender.notes.of("streams", 2) == [
+    assert sender.logged.of("streams", 2) == [
         "sends ATTITUDE less than half as often as asked for, or not at all; it is asked again"
     ]
     assert {each for _, each, _ in sender.asked} == {ATTITUDE}
@@ -119,7 +119,7 @@ def test_a_message_that_comes_again_is_said_to_once_it_has_been_counted_anew(
         sender.run(STEP_S)
     sender.rates_hz[message_id] = ASKED_HZ[message_id]
     sender.run(20.0)
-    asked, again = sender.notes
+    asked, again = sender.logged
     assert again.text.endswith(" again")
     assert counted_s <= again.at_s - asked.at_s <= counted_s + 1.0
     assert len(sender.asked) == 1
@@ -133,7 +133,7 @@ def test_one_that_is_switched_off_for_good_is_asked_ever_more_rarely_and_named_o
     waits = [min(ASK_AGAIN_S * 2**i, ASK_AGAIN_MAX_S) for i in range(len(gaps))]
     assert gaps == pytest.approx(waits, abs=0.6)
     assert len(gaps) > 6
-    assert len(sender.notes) == 1
+    assert len(sender.logged) == 1
 
 
 def test_one_that_has_sent_again_is_asked_as_soon_as_at_first(sender: Sender) -> None:
@@ -150,10 +150,10 @@ def test_one_that_has_sent_again_is_asked_as_soon_as_at_first(sender: Sender) ->
 def test_a_refusal_is_reported_once(sender: Sender) -> None:
     sender.rates_hz[ATTITUDE], sender.answer = 0.0, m.MAV_RESULT_DENIED
     sender.run(30.0)
-    assert sender.notes.of("streams")[1:] == ["refuses to send ATTITUDE as often as asked for"]
+    assert sender.logged.of("streams")[1:] == ["refuses to send ATTITUDE as often as asked for"]
     sender.rates_hz[ATTITUDE] = 10.0
     sender.run(5.0)
-    assert sender.notes.of("streams")[2:] == ["sends ATTITUDE again"]
+    assert sender.logged.of("streams")[2:] == ["sends ATTITUDE again"]
 
 
 @pytest.mark.parametrize("silence_s", [1.0, 2.0, 10.0])

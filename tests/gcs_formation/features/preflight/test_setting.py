@@ -56,10 +56,10 @@ def test_they_are_restored_after_a_failure_too() -> None:
     world = begun(SETS)
     world.station.phase_machine.fail("for a test", world.clock.now(), begun=False)
     assert world.station.flight.phase is Phase.FAILED
-    ticks = len(world.notes.ticks)
+    ticks = len(world.recorder.ticks)
     assert restored(world) == []
     assert values(world, "AIRSPEED_MAX", "TKOFF_ALT") == [20.0, 30.0]
-    assert len(world.notes.ticks) == ticks
+    assert len(world.recorder.ticks) == ticks
 
 
 def test_what_cannot_be_restored_is_said() -> None:

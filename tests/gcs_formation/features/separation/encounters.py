@@ -136,7 +136,7 @@ def encounter(vehicles: Vehicles, seconds: float = 40.0, *, rule: bool = True) -
             state = tables.predict(history, seen, since, acts, each)
             if rule:
                 side = _give_way(picture(vehicles, state, setpoints), side, setpoints)
-            history.note(tables.setpoints(setpoints))
+            history.record(tables.setpoints(setpoints))
             flown.sides.append(side)
             flown.setpoints.append(setpoints.table)
             late_s = np.maximum(0.0, vehicles.delay_s + vehicles.jitter_s * random.standard_normal(count))

@@ -75,7 +75,7 @@ class Crossing:
             for column, error_m in enumerate(self.error_m)
         ]
         self.history.begin_tick(vec[i64]([now] * 2))
-        self.history.note(tick.setpoints)
+        self.history.record(tick.setpoints)
         planned = None if planned_m is None else np.full((2, 2), planned_m)
         seen: list[int] = [now, now if self.seen_s is None else after(Instant(0), self.seen_s)]
         self.resolver.keep(tick, MeasuredStates(tick.state, vec[i64](seen), ours, vec[i64]([now] * 2)), planned)

@@ -46,7 +46,7 @@ def picture(
 
 
 def flown(climb_mps: float, models: AutopilotModels) -> tuple[float, float]:
-    """Fly for a minute from where one gives way above the other, each on the wrong side; return until when, how near.
+    """Fly for a minute from where one avoids above the other, each on the wrong side; return until when, how near.
 
     The law leads heights by the lags that it knows, and slots by nothing.
     """
@@ -106,4 +106,4 @@ def test_where_all_lag_alike_the_climb_changes_nothing() -> None:
     assert picture(state, law, model(2)).trails_m.tolist() == [0.0, 0.0]
     climbing = picture(state, law, lags(QUICK_S, SLOW_S))
     assert climbing.trails_m.tolist() == pytest.approx([0.0, 2.0 * (5.4 - 2.1)])
-    assert not replace(climbing, evades=True).trails_m.any(), "a leader that gives way climbs to a height"
+    assert not replace(climbing, evades=True).trails_m.any(), "a leader that avoids climbs to a height"

@@ -9,7 +9,7 @@ from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from gcs_formation.estimation.noise_and_plausibility import VehicleNoise
 from gcs_formation.features.telemetry_noise.noise import TelemetryNoise
-from tests.gcs_formation.noted import Noted
+from tests.gcs_formation.event_log import EventLog
 
 DECLARED = np.array([0.3, 0.3, 0.1, 0.1, 0.2, 0.01])[:, None]
 WHO = VehicleId(1, 2)
@@ -18,9 +18,9 @@ WHO = VehicleId(1, 2)
 def said(times, samples=400, stated=True):
     """Return the events while the position's noise is `times` the declared one, and as declared afterwards."""
     noise = VehicleNoise(tuple(DECLARED[:, 0]), tuple(DECLARED[:, 0] / 4), stated=stated)
-    random, notes = np.random.default_rng(1), Noted()
+    random, logged = np.random.default_rng(1), EventLog()
     vehicles: Any = {WHO: SimpleNamespace(identity=WHO, column=0)}
-    cycle: Any = SimpleNamespace(vehicles=vehicles, note=notes)
+    cycle: Any = SimpleNamespace(vehicles=vehicles, log_event=logged)
     watch = TelemetryNoise(cycle)
     sigma = np.repeat(DECLARED, (2, 1, 2, 1, 1, 1), axis=0)
     for scale in (times, 1.0):
@@ -32,7 +32,7 @@ def said(times, samples=400, stated=True):
             noise.adapt(tuple((white - before)[:, 0].tolist()), tuple(spread[:, 0].tolist()))
             before = white
             watch.watch_noise(Instant(0), [noise])
-    return notes.of("noise")
+    return logged.of("noise")
 
 
 def test_noise_that_is_three_times_as_declared_is_said_once_and_when_it_is_over():

@@ -10,7 +10,7 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.time_constants.estimator import TimeConstantEstimator
-from gcs_formation.stability.mismatch import TAUS_OFF_NOTED
+from gcs_formation.stability.mismatch import TAUS_OFF_COUNTED
 from tests.gcs_formation import tables
 from tests.gcs_formation.features.time_constants.time_constants_on_arrays import LagsOnArrays
 
@@ -158,7 +158,7 @@ def test_a_gust_that_the_law_answers_is_not_taken_for_other_time_constants():
     gone = flown(
         np.ones((1, 4)), 80, lambda at_s: (22.0, 0.0, 100.0 + 6.0 * share(at_s, 6.0)), lifted_m=lifted_m, kind=kind
     )
-    assert (gone.most < TAUS_OFF_NOTED).all()
+    assert (gone.most < TAUS_OFF_COUNTED).all()
 
 
 def test_beyond_half_and_twice_the_declared_time_constants_nothing_is_taken_and_the_mismatch_tells():
@@ -185,7 +185,7 @@ def test_noise_is_not_taken_for_other_time_constants_however_few_samples_there_a
         return 22 + 3 * np.exp(-time_s / 3), 0.2 * np.exp(-time_s / 3), 100 + 8 * np.exp(-time_s / 4)
 
     lags = flown(np.ones((20, 4)), 15, tell, noise=(0.2, 0.01, 0.3), kind=partial(Watched, hz))
-    assert (lags.most < TAUS_OFF_NOTED).all()
+    assert (lags.most < TAUS_OFF_COUNTED).all()
     assert min(flown(CORNERS, 25, in_use=False, kind=partial(Watched, hz)).of.misfit[0]) > 0.15
 
 

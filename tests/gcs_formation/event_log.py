@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from airlink.clock import NANOSECONDS, Instant
 
 
-class Said(NamedTuple):
+class LoggedEvent(NamedTuple):
     """An event, with its time in seconds and the vehicle's number."""
 
     at_s: float
@@ -18,12 +18,12 @@ class Said(NamedTuple):
     details: Mapping[str, Any]
 
 
-class Noted(list[Said]):
-    """A recorder of events (`recorder.Note`)."""
+class EventLog(list[LoggedEvent]):
+    """A recorder of events (`recorder.LogEvent`)."""
 
     def __call__(self, now: Instant, kind: str, text: str, vehicle: Any = None, details: Any = None) -> None:
         number = None if vehicle is None else vehicle.identity.system
-        self.append(Said(now / NANOSECONDS, kind, text, number, details or {}))
+        self.append(LoggedEvent(now / NANOSECONDS, kind, text, number, details or {}))
 
     def of(self, kind: str, number: int | None = None) -> list[str]:
         """Return the texts of the events of a kind, of one vehicle or of all."""
