@@ -199,7 +199,7 @@ class ComponentId(NamedTuple):
 
 
 class VehicleId(NamedTuple):
-    """A vehicle's identity: the MAVLink network it is heard on, and its system id there."""
+    """A vehicle's identity: the MAVLink network it is received on, and its system id there."""
 
     network: int
     system: int

@@ -24,7 +24,7 @@ from airlink.messages.system import Heartbeat, SetupSigning
 FORGOTTEN_S: Final = 30.0
 """A peer that hasn't sent for this long is sent nothing more."""
 MAX_PEERS: Final = 8
-"""At each endpoint; further ones aren't heard."""
+"""At each endpoint; further ones aren't received."""
 ACK_ID: Final = m.MAVLINK_MSG_ID_COMMAND_ACK.to_bytes(3, "little")
 ACK_SYSTEM: Final = HEADER_V2 + 8
 ACK_COMPONENT: Final = HEADER_V2 + 9
@@ -52,7 +52,7 @@ class Peer:
     """A second ground station's address."""
 
     def __init__(self) -> None:
-        """Start with nothing heard."""
+        """Start with nothing received."""
         self.parser, self.until = StreamParser(), Instant(0)
         self.senders = set[ComponentId]()
         """Those that have been reported."""
@@ -77,7 +77,7 @@ class Forwarding(Engine):
             forwards: the second ones.
             remotes: returns where the vehicles are at present.
             station: the first ground station's ids.
-            joined: called once for each sender that is heard at a forward.
+            joined: called once for each sender that is received at a forward.
             passed: returns what of a vehicle's datagram the second ones see: of a signed link what its key admits.
         """
         self._engine, self._forwards, self._remotes = engine, forwards, remotes

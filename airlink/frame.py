@@ -344,7 +344,7 @@ def first_system(data: bytes) -> int | None:
 MAX_REMOTES: Final = 1024
 """Largest number of addresses with parsers. The longest silent one is dropped first, so strangers can't fill memory."""
 MANY_REMOTES: Final = MAX_REMOTES // 2
-"""With more addresses, the order in which they were last heard is kept."""
+"""With more addresses, the order in which they were last received is kept."""
 
 
 class Receiver:
@@ -357,7 +357,7 @@ class Receiver:
         self._forgotten = ParserCounts()
         self._last_socket, self._last_peer = -1, Address("", 0)
         self._last = StreamParser()
-        """Parser of the remote heard last: several datagrams in a row come from it."""
+        """Parser of the remote received last: several datagrams in a row come from it."""
 
     def first(self, datagram: Datagram, now: Instant) -> Frame | None:  # noqa: ARG002 - links with a key go by it
         """Return the first of the frames that a datagram completes, linked to the others; None if there is none."""
@@ -381,7 +381,7 @@ class Receiver:
         return parser
 
     def counts(self, socket: int, peer: Address | None) -> ParserCounts:
-        """Return a remote's statistics, zeros if it was never heard from."""
+        """Return a remote's statistics, zeros if it was never received from."""
         of_peer = None if peer is None else self._parsers.get(peer)
         parser = None if of_peer is None else of_peer.get(socket)
         return ParserCounts() if parser is None else parser.counts

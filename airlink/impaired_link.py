@@ -35,9 +35,9 @@ class ImpairedEngine(Engine):
     """An engine that wraps another and impairs the link of each vehicle that this one talks to.
 
     A datagram's sender is identified by the system id of its first frame and the network of its socket, once a valid
-    frame has come from its address; its receiver by the address from which that vehicle was last heard. Datagrams from
-    or to unknown vehicles pass unimpaired. What goes to or comes from a vehicle with a radio passes that first, on its
-    first link.
+    frame has come from its address; its receiver by the address from which that vehicle was last received. Datagrams
+    from or to unknown vehicles pass unimpaired. What goes to or comes from a vehicle with a radio passes that first, on
+    its first link.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class ImpairedEngine(Engine):
         self._now = Instant(0)
 
     def expect(self, socket: int, peer: Address, vehicle: VehicleId) -> None:
-        """Take a vehicle to be at an address from which it was heard before."""
+        """Take a vehicle to be at an address from which it was received before."""
         self._vehicle_at[socket, peer] = vehicle
 
     def endpoints(self) -> tuple[Endpoint, ...]:
@@ -135,7 +135,7 @@ class ImpairedEngine(Engine):
         self._engine.left_unread(octets)
 
     def statistics(self, vehicle: VehicleId, number: int = 1) -> tuple[ChannelStatistics, ChannelStatistics]:
-        """Return the statistics so far of a vehicle's link, up and down; zeros if it was never heard from there."""
+        """Return the statistics so far of a vehicle's link, up and down; zeros if it was never received from there."""
         uplink, downlink = self._channels_of(vehicle, number)
         return uplink.statistics, downlink.statistics
 

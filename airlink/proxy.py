@@ -214,7 +214,7 @@ class Proxy:
         self._transports: dict[int, Transport] = {}
         """By remote, and those that all share."""
         self._targets: dict[Address, None] = {}
-        """Who has been heard at a shared target that listens."""
+        """Who has been received at a shared target that listens."""
         self._pieces: dict[tuple[int, Address], Pieces] = {}
         self._inbox = Inbox()
         self._selector = selectors.PollSelector()  # unlike epoll, it accepts any standard input
@@ -343,7 +343,7 @@ class Proxy:
             opened.send(data, peer)
 
     def _at_target(self) -> Iterator[Address]:
-        """Yield whom something goes to at the target: its address, or who has been heard there."""
+        """Yield whom something goes to at the target: its address, or who has been received there."""
         if self._target.peer is not None:
             yield self._target.peer
         else:

@@ -18,7 +18,8 @@ EACH_BYTES_PER_S: Final = 10e3
 """What is read of one stranger: twice what a vehicle sends, and the same at once."""
 ALL_BYTES_PER_S: Final = 100e3
 ALL_AT_ONCE_BYTES: Final = 400e3
-"""What is read of all strangers, a second and at once: a beginning of each of 250 vehicles heard for the first time."""
+"""What is read of all strangers, a second and at once: a beginning of each of 250 vehicles received for the first
+time."""
 MAX_STRANGERS: Final = 1024
 """Largest number of strangers with a share of their own; then all of them begin again."""
 

@@ -50,7 +50,7 @@ class End:
 
     def __init__(self, system: int) -> None:
         self._link: Any = dialect.MAVLink(None, srcSystem=system, srcComponent=1)
-        self._heard, self.lost = -1, 0
+        self._sequence, self.lost = -1, 0
 
     def encode(self, message: Any) -> bytes:  # noqa: ANN401 - pymavlink has no types
         """Return a frame."""
@@ -62,8 +62,8 @@ class End:
         """Return a frame's message."""
         message = self._link.decode(bytearray(raw))
         sequence = message.get_seq()
-        self.lost += (sequence - self._heard - 1) & 0xFF if self._heard >= 0 else 0
-        self._heard = sequence
+        self.lost += (sequence - self._sequence - 1) & 0xFF if self._sequence >= 0 else 0
+        self._sequence = sequence
         return message
 
 

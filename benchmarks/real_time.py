@@ -141,7 +141,7 @@ class Loop:
         return time.process_time() - began
 
     def request(self) -> None:
-        """Ask each vehicle that was heard for its state at 10 Hz."""
+        """Ask each vehicle that was received for its state at 10 Hz."""
         for place, link in enumerate(self._links):
             for name in STREAMS if self._newest[place] else ():
                 number = getattr(self._dialect, f"MAVLINK_MSG_ID_{name}")
@@ -184,7 +184,7 @@ class SocketsAlone(Loop):
         self._inbox, self._raw, self._peers = Inbox(), b"", list[tuple[str, int]]()
 
     def emptied(self) -> None:
-        """From now on only move datagrams, to the vehicles that were heard."""
+        """From now on only move datagrams, to the vehicles that were received."""
         tell = self._dialect.MAVLink_command_int_message(1, 1, 0, 0, 0, 0, 1.0, 0.0, 5.5, 0.0, 0, 0, 0.0)
         self._raw = bytes(tell.pack(self._links[0].mav))
         self._peers = [next(iter(link.clients)) for link in self._links]

@@ -260,7 +260,7 @@ class Scenario(Keys):
 
     @property
     def adjacency(self) -> Array:
-        """The weights of the consensus graph, (N, N) in the order of the vehicles: [p, q] > 0 if p hears q."""
+        """The weights of the consensus graph, (N, N) in the order of the vehicles: [p, q] > 0 if p receives q."""
         graph = self.law.consensus.graph
         return graph_adjacency(graph, len(self.vehicles)) if isinstance(graph, str) else np.array(graph, np.float64)
 

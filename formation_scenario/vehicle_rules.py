@@ -275,7 +275,7 @@ def consensus(scenario: Scenario) -> Iterator[Finding]:
 
 
 def all_receive_one(weights: Array) -> bool:
-    """Return whether all hear one vehicle, directly or through others, by weights [p, q] > 0: p hears q."""
+    """Return whether all hear one vehicle, directly or through others, by weights [p, q] > 0: p receives q."""
     receives: Array = np.sign(weights + np.eye(len(weights)))
     for _ in range(len(weights).bit_length()):
         receives = np.sign(receives @ receives)  # each squaring doubles the number of vehicles in between

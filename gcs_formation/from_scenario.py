@@ -276,7 +276,7 @@ def narrow_links(scenario: Scenario) -> frozenset[VehicleId]:
 def planned(scenario: Scenario) -> tuple[tuple[Endpoint, ...], tuple[int, ...], dict[VehicleId, Vehicle]]:
     """Return the endpoint of each socket, its MAVLink network, and the vehicles, the leader first.
 
-    There is a socket for each different endpoint; no vehicle has been heard yet.
+    There is a socket for each different endpoint; no vehicle has been received yet.
     """
     order = {column: vehicle for column, vehicle in enumerate(columns(scenario)) if vehicle is not None}
     texts = list(sockets(scenario))

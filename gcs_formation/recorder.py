@@ -30,7 +30,7 @@ class VehicleLink:
     """Instant at which a multirotor was commanded to stop, None if it wasn't."""
 
     def __init__(self, now: Instant) -> None:
-        """Start with the link of a virtual leader: no delay, always heard."""
+        """Start with the link of a virtual leader: no delay, always received."""
         self.ready = False
         """Whether the vehicle follows setpoints."""
         self.delay_s = 0.0
@@ -48,20 +48,20 @@ class VehicleLink:
         self.airborne = True
         """Whether the vehicle flies; False after its link is lost."""
         self.flew = True
-        """Whether it was flying when last heard."""
+        """Whether it was flying when last received."""
         self.circling, self.holds_at_m = False, math.nan
         """Whether it circles, or may do so on an earlier command; and the height commanded for that, NaN without
         one."""
         self.flies_home_m: tuple[float, float] | None = None
         self.home_m: tuple[float, float] | None = None
         """Its home, north and east: if its mode, not a command, brings it there; and whenever it is known."""
-        self.heard: int = now
-        """Until when it is known to have heard commands."""
+        self.received_at: int = now
+        """Until when it is known to have received commands."""
         self.disobeying = False
         """Whether it seems not to fly as commanded although it receives."""
         self.stands_after_s, self.returns_after_s = math.inf, 0.0
-        """Time from the last setpoint heard until it hovers, infinite if it flies on; and time from that setpoint until
-        its failsafe has sent it home, 0 without such a failsafe."""
+        """Time from the last setpoint received until it hovers, infinite if it flies on; and time from that setpoint
+        until its failsafe has sent it home, 0 without such a failsafe."""
         self.speeds_mps: tuple[float, float] | None = None
         """Lowest and highest true airspeed within reach soon, m/s; None if these are its model's limits."""
 
@@ -77,7 +77,7 @@ class VehicleLink:
 
 
 def unknown_state() -> FlightState:
-    """Return the state of a vehicle that was never heard: all NaN."""
+    """Return the state of a vehicle that was never received: all NaN."""
     return FlightState(math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
 
 

@@ -185,7 +185,7 @@ class Station(Engine):
 
     @property
     def commands_anybody(self) -> bool:
-        """Whether any vehicle heard is commanded: by a step of its start-up, in the formation, or at the end."""
+        """Whether any vehicle received is commanded: by a step of its start-up, in the formation, or at the end."""
         return commands_anybody(self.cycle)
 
     def each_link(self) -> Iterator[tuple[VehicleId, Link]]:
@@ -271,7 +271,7 @@ class Station(Engine):
             self._log_event(now, "mode", vehicle.autopilot.mode_name(seen), vehicle)
         if seen.texts_reported != texts:
             self._log_event(now, "statustext", seen.texts[-1], vehicle)
-            self._membership.hear(vehicle, seen.texts[-1], now)
+            self._membership.receive(vehicle, seen.texts[-1], now)
 
     def _send_all(self, messages: list[tuple[Vehicle, Message]], now: Instant) -> None:
         raws, datagrams, signing = list[bytes](), list[Datagram](), self.signatures.signing

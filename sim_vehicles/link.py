@@ -21,8 +21,8 @@ from sim_vehicles.config import VehicleConfig
 
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 PEER_FORGOTTEN_S: Final = 10.0
-UNHEARD: Final = Instant(-1)
-"""`Peer.heard` of a peer that hasn't sent a valid frame."""
+NEVER_RECEIVED: Final = Instant(-1)
+"""`Peer.received_at` of a peer that hasn't sent a valid frame."""
 MAX_PEERS: Final = 16
 MAX_INBOX: Final = 4096
 """Datagrams kept for the next cycle; more are dropped, as by a full serial buffer."""
@@ -40,21 +40,21 @@ class End:
 
 
 class Peer:
-    """A remote: its parser, the writer that numbers frames to it, and when it was last heard."""
+    """A remote: its parser, the writer that numbers frames to it, and when it was last received."""
 
     def __init__(self, address: Address, end: End, system: int) -> None:
-        """Start with nothing heard from it at an `end` of the vehicle's; `system` is the vehicle's."""
+        """Start with nothing received from it at an `end` of the vehicle's; `system` is the vehicle's."""
         self.address, self.end = address, end
         self.parser = StreamParser()
         self.writer = FrameWriter(system, AUTOPILOT)
-        self.heard = UNHEARD
+        self.received_at = NEVER_RECEIVED
         """When its last valid frame was read."""
 
 
 class Link:
     """Sends answers to the peer that asked, and everything else to all peers of all ends.
 
-    An end that sends to an address has one peer, one that listens all those heard recently. Frames are numbered
+    An end that sends to an address has one peer, one that listens all those received recently. Frames are numbered
     separately for each peer, so that a gap in the numbers is a loss on that peer's link.
     """
 
@@ -62,7 +62,7 @@ class Link:
         """Send on these sockets of the engine, one for each endpoint, which takes the datagrams from the `outbox`.
 
         `utc_at_0_us`: UTC at instant 0, microseconds since 1970, by its GNSS receiver, for signatures; `locks`: only
-        the first sender at each end is heard until the vehicle restarts.
+        the first sender at each end is received until the vehicle restarts.
         """
         self.signed: SignedLink | None = None
         """What signs and judges frames; None without a key."""
@@ -111,7 +111,7 @@ class Link:
         self.next_late = NEVER
         """When the first of these is sent."""
         self._peers.clear()
-        self._heard: list[Peer] = []
+        self._senders: list[Peer] = []
         """Peers that have sent a valid frame, sorted by when they first did."""
         self._last: Peer | None = None
         self._last_address: Address | None = None
@@ -140,7 +140,13 @@ class Link:
         Its target is whom to answer: the component that asked.
         """
         data, peer = datagram.data, self._peers.get(datagram.peer)
-        if len(data) < 10 or data[0] != MARKER_V2 or data[7:10] != _TIMESYNC or peer is None or peer.heard == UNHEARD:
+        if (
+            len(data) < 10
+            or data[0] != MARKER_V2
+            or data[7:10] != _TIMESYNC
+            or peer is None
+            or peer.received_at == NEVER_RECEIVED
+        ):
             return None
         frame = StreamParser().first(data)
         if frame is None or len(frame.raw) != len(data) or not self._is_for_us(frame):
@@ -151,7 +157,7 @@ class Link:
         if self.signed is not None and self.signed.authentication.verify(frame.raw, now) is not Verdict.AUTHENTIC:
             return None  # read, and counted, in the next cycle
         self._now = now
-        peer.heard = now
+        peer.received_at = now
         return Timesync(0, asked.ts1_ns, frame.system, frame.component)
 
     @property
@@ -180,10 +186,10 @@ class Link:
             if peer is None:
                 continue
             frame = self._admitted(peer.parser.first(datagram.data), peer, now)
-            if frame is not None and peer.heard == UNHEARD:
-                self._heard.append(peer)
+            if frame is not None and peer.received_at == NEVER_RECEIVED:
+                self._senders.append(peer)
             while frame is not None:
-                peer.heard = now
+                peer.received_at = now
                 if self._is_for_us(frame):
                     found.append((datagram.peer, frame))
                 frame = frame.following
@@ -214,7 +220,7 @@ class Link:
             self._send(peer, message)
 
     def broadcast(self, message: Message, now: Instant) -> None:
-        """Send to all peers heard recently, as faults of telemetry alter it."""
+        """Send to all peers received recently, as faults of telemetry alter it."""
         if self.altering:
             self._alter(message, now)
             return
@@ -244,8 +250,8 @@ class Link:
             self._send(peer, message)
         if not self._listens:
             return
-        for peer in self._heard:
-            if peer.end.address is None and seconds_between(peer.heard, now) <= PEER_FORGOTTEN_S:
+        for peer in self._senders:
+            if peer.end.address is None and seconds_between(peer.received_at, now) <= PEER_FORGOTTEN_S:
                 self._send(peer, message)
 
     def _send(self, peer: Peer, message: Message) -> None:
@@ -255,12 +261,12 @@ class Link:
         self.outbox.append(Datagram(peer.end.socket, peer.address, raw))
 
     def _peer(self, address: Address, socket: int) -> Peer | None:
-        """Return the sender of a datagram; None if it isn't heard."""
+        """Return the sender of a datagram; None if it isn't received."""
         if address is self._last_address:
             return self._last
         peer = self._peers.get(address)
-        if self._locks and (peer is None or peer.heard == UNHEARD):
-            for each in self._heard:
+        if self._locks and (peer is None or peer.received_at == NEVER_RECEIVED):
+            for each in self._senders:
                 if each.end.socket == socket:
                     return None
         if peer is None:
@@ -285,8 +291,8 @@ class Link:
     def _forget_one(self) -> None:
         """Make room for a new peer: forget one that never sent a valid frame, else the one silent longest."""
         known = [peer for peer in self._peers.values() if peer not in self._fixed]
-        gone = next((peer for peer in known if peer.heard == UNHEARD), known[0])
+        gone = next((peer for peer in known if peer.received_at == NEVER_RECEIVED), known[0])
         del self._peers[gone.address]
         self._dropped += gone.parser.counts.bad
-        if gone.heard != UNHEARD:
-            self._heard.remove(gone)
+        if gone.received_at != NEVER_RECEIVED:
+            self._senders.remove(gone)

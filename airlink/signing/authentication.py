@@ -21,7 +21,7 @@ EPOCH_US: Final = 1_420_070_400 * MICROSECONDS
 """2015-01-01 00:00 UTC, microseconds since 1970."""
 TICK_US: Final = 10
 A_MINUTE: Final = 60 * MICROSECONDS // TICK_US
-"""By how much a stream that is heard for the first time may be behind, in the unit of timestamps."""
+"""By how much a stream that is received for the first time may be behind, in the unit of timestamps."""
 SILENT_NS: Final = 2 * NANOSECONDS
 """After so long without a new frame of a stream its sender may be behind, rather than copied."""
 Stream = tuple[int, int, int]
@@ -62,7 +62,7 @@ class Authentication:
         """The newest that was sent or received."""
         self.streams: dict[Stream, int] = dict(streams or {})
         """The newest that was received of each stream."""
-        self._heard = dict[Stream, Instant]()
+        self._received_at = dict[Stream, Instant]()
         """When that was."""
 
     def sign(self, raw: bytes, link_id: int, now: Instant) -> bytes:
@@ -87,7 +87,7 @@ class Authentication:
                 return Verdict.STALE
             if last is not None:
                 return Verdict.REPLAYED
-        self.streams[stream], self._heard[stream] = timestamp, now
+        self.streams[stream], self._received_at[stream] = timestamp, now
         self.timestamp = max(self.timestamp, timestamp)
         return Verdict.AUTHENTIC
 
@@ -101,13 +101,13 @@ class Authentication:
 
     def is_silent(self, raw: bytes, now: Instant) -> bool:
         """Return whether no new frame of a frame's stream has come for a while, or ever since we began."""
-        heard = self._heard.get((raw[5], raw[6], link_id_of(raw)))
-        return heard is None or now - heard > SILENT_NS
+        at = self._received_at.get((raw[5], raw[6], link_id_of(raw)))
+        return at is None or now - at > SILENT_NS
 
     def restart(self, timestamp: int) -> None:
         """Forget the streams, and go on from a timestamp, as after a restart."""
         self.streams.clear()
-        self._heard.clear()
+        self._received_at.clear()
         self.timestamp = timestamp
 
     def _clock(self, now: Instant) -> int:

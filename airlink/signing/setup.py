@@ -42,7 +42,7 @@ class _Progress:
     def __init__(self, asked: Asked, authentication: Authentication) -> None:
         self.asked, self.authentication = asked, authentication
         self.peer: Address | None = None
-        self.heard = self.done = self.signs = False
+        self.received = self.done = self.signs = False
         self.words = ""
         """Its last text."""
 
@@ -89,7 +89,7 @@ class KeySetup(Engine):
         return [self._failure(each) for each in self._vehicles.values() if not each.done]
 
     def _failure(self, each: _Progress) -> str:
-        if not each.heard:
+        if not each.received:
             return f"vehicle {each.asked.system} isn't heard at {self._endpoints[each.asked.socket]}"
         otherwise = "signs with another key" if each.signs else "doesn't sign"
         what = "still signs" if self._remove else otherwise
@@ -111,7 +111,7 @@ class KeySetup(Engine):
                 frame = frame.following
 
     def _take(self, vehicle: _Progress, frame: Frame, peer: Address, now: Instant) -> None:
-        vehicle.heard, vehicle.peer = True, peer
+        vehicle.received, vehicle.peer = True, peer
         if isinstance(frame.message, Statustext):
             vehicle.words = frame.message.text
         vehicle.signs = is_signed(frame.raw)
@@ -137,7 +137,7 @@ class KeySetup(Engine):
             if each.peer is None:
                 continue
             self._send(each, each.peer, HEARTBEAT, now)
-            if each.heard and not each.done:
+            if each.received and not each.done:
                 self._send(each, each.peer, self._request(each, now), now)
 
     def _request(self, each: _Progress, now: Instant) -> SetupSigning:

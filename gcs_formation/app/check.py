@@ -354,8 +354,8 @@ def _consensus_text(scenario: Scenario) -> Iterator[str]:
     graph = scenario.law.consensus.graph
     yield f"# communication graph: {graph if isinstance(graph, str) else 'by its weights'}"
     for vehicle, row in zip(scenario.vehicles, scenario.adjacency, strict=True):
-        heard = [f"{scenario.vehicles[q].vehicle_id} ({row[q]:g})" for q in np.flatnonzero(row)]
-        yield f"#   vehicle {vehicle.vehicle_id} receives from {', '.join(heard) or 'none'}"
+        sources = [f"{scenario.vehicles[q].vehicle_id} ({row[q]:g})" for q in np.flatnonzero(row)]
+        yield f"#   vehicle {vehicle.vehicle_id} receives from {', '.join(sources) or 'none'}"
     if not law_kind(scenario).has_margins:
         return
     along_s, across_s = consensus_margins(scenario)

@@ -132,13 +132,11 @@ class Conclusion:
         """
         return planned_end_s(self._scenario, identity, self._station.flight.mission_time_s(self._times.ended))
 
-    def _heard_to_s(self, identity: VehicleId) -> float:
-        """Return the mission time at which a vehicle that was lost by the end was last heard; infinity for others."""
-        heard = self._station.vehicles[identity].connection.last_heard
-        known = (
-            seconds_between(heard, self._times.ended) >= LOST_AFTER_S and self._station.flight.path_began is not None
-        )
-        return self._station.flight.mission_time_s(heard) if known else math.inf
+    def _received_to_s(self, identity: VehicleId) -> float:
+        """Return the mission time of the last frame of a vehicle that was lost by the end; infinity for others."""
+        last = self._station.vehicles[identity].connection.last_received
+        known = seconds_between(last, self._times.ended) >= LOST_AFTER_S and self._station.flight.path_began is not None
+        return self._station.flight.mission_time_s(last) if known else math.inf
 
     def _radio_reports(self, identity: VehicleId) -> list[RadioReport]:
         return self._station.radio_reports.all_of(self._station.vehicles[identity].connection)
@@ -161,7 +159,7 @@ class Conclusion:
             frames_late=sum(int(link.history.late) for link in vehicle.each_link),
             **self._authentication(identity),
             due_to_s=due_to_s,
-            heard_to_s=self._heard_to_s(identity),
+            heard_to_s=self._received_to_s(identity),
             radio=radio_figures(self._radio_reports(identity)),
         )
         return with_each_link(whole, vehicle, one_link, self._station, self._times.ended)

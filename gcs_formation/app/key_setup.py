@@ -17,7 +17,7 @@ from gcs_formation.errors import RunAbortedError
 from gcs_formation.from_scenario import sockets
 
 LIMIT_S = 20.0
-"""How long a vehicle has to be heard and to sign: one that boots needs some seconds."""
+"""How long a vehicle has to be received and to sign: one that boots needs some seconds."""
 NO_CABLE = "loopback, or with --cable a serial line that is a cable and no radio: the key is sent as it is"
 
 
@@ -32,7 +32,7 @@ def set_up_keys(scenario: Scenario, only: Collection[int], *, remove: bool, cabl
 
     Raises:
         ScenarioError: a link without a key, or on which the key would be sent through the air or a network.
-        RunAbortedError: a port is taken, or a vehicle isn't heard or doesn't sign.
+        RunAbortedError: a port is taken, or a vehicle isn't received or doesn't sign.
     """
     links = sockets(scenario)
     endpoints = tuple(parse_endpoint(text) for text in links)

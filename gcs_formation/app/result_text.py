@@ -30,7 +30,7 @@ SHORT = {
     Member.STARTING: "starting",
     Member.FLYING: "in formation",
     Member.PARTED: "parted",
-    Member.UNHEARD: "not heard",
+    Member.NO_LINK: "not heard",
     Member.HOLDING: "told to loiter",
     Member.RETURNING: "coming back",
     Member.HOMEWARD: "sent home",

@@ -29,7 +29,7 @@ LINK_EXAMPLES = examples(
     "gcs-formation link tcp:127.0.0.1:5760 --probe-capacity 200      fills the link, at the end",
 )
 FIGURES = "link.json"
-UNHEARD_S = 30.0
+NO_LINK_S = 30.0
 """Without any vehicle the survey ends after this time."""
 
 
@@ -60,7 +60,7 @@ def link(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Measure the links of all vehicles heard at each ENDPOINT, and say what formation they carry.
+    """Measure the links of all vehicles received at each ENDPOINT, and say what formation they carry.
 
     Nothing is commanded: it listens, sends heartbeats, and asks for the vehicles' time (TIMESYNC). Exit status 3:
     none answered.
@@ -99,7 +99,7 @@ class _Interrupts(Interrupts):
 
     def ends(self, survey: LinkSurvey, now: Instant) -> bool:
         """Return whether to end: by a signal, or as no vehicle is there."""
-        return self.count > 0 or (not survey.links and now > UNHEARD_S * NANOSECONDS)
+        return self.count > 0 or (not survey.links and now > NO_LINK_S * NANOSECONDS)
 
 
 def _no_vehicle(survey: LinkSurvey) -> str:

@@ -231,8 +231,8 @@ def _done(
 
 def _run_options(out: Path, given: dict[str, Any]) -> RunOptions:
     seen: tuple[Endpoint, ...] = given.pop("forward_only", ())
-    heard: tuple[Endpoint, ...] = given.pop("forward", ())
-    given["forward"] = tuple(Forward(end, end in heard) for end in dict.fromkeys((*heard, *seen)))
+    listening: tuple[Endpoint, ...] = given.pop("forward", ())
+    given["forward"] = tuple(Forward(end, end in listening) for end in dict.fromkeys((*listening, *seen)))
     try:
         return RunOptions(out, **given)
     except ValueError as error:

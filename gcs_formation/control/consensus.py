@@ -81,9 +81,9 @@ class ConsensusLaw(Law):
         weights = self._weights[np.ix_(places, places)]
         for lost in self._members:
             if not active[lost]:
-                heard, hearers = weights[lost].copy(), weights[:, lost].copy()
-                total = float(heard.sum())
-                weights += np.outer(hearers, heard / total if total > 0.0 else 0.0 * heard)
+                incoming, outgoing = weights[lost].copy(), weights[:, lost].copy()
+                total = float(incoming.sum())
+                weights += np.outer(outgoing, incoming / total if total > 0.0 else 0.0 * incoming)
                 weights[lost], weights[:, lost] = 0.0, 0.0
                 np.fill_diagonal(weights, 0.0)
         receivers, senders = np.nonzero(weights)

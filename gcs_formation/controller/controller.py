@@ -273,7 +273,7 @@ class FormationController:
         return acts
 
     def _measured(self, active: list[bool], acts: vec[i64]) -> MeasuredStates:
-        """Return the measured states; a vehicle never heard from gets the leader's, so that no value is NaN."""
+        """Return the measured states; a vehicle never received from gets the leader's, so that no value is NaN."""
         filters = self.estimator.filters
         leader = filters[self.plan.leader]
         assert leader.state is not None

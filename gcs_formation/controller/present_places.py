@@ -26,7 +26,7 @@ def places_from_leader(filters: list[VehicleFilter], leader: int, frame: Frame, 
 
 
 def _place_at(known: VehicleFilter, now: Instant) -> tuple[float, float, float]:
-    """Return where a vehicle is now if it flies straight on, north, east and up; NaN if it was never heard from."""
+    """Return where a vehicle is now if it flies straight on, north, east and up; NaN if it was never received from."""
     if known.state is None:
         return UNKNOWN
     state, seconds = known.state, (now - known.stamp) / NANOSECONDS

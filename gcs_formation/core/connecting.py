@@ -15,7 +15,7 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 
 class Links(Stage):
-    """Judges each link by what was heard, before a vehicle is judged by its messages."""
+    """Judges each link by what was received, before a vehicle is judged by its messages."""
 
     name = "links"
 

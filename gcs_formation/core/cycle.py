@@ -68,7 +68,7 @@ class Findings:
         self.tuned = scenario
         """The scenario with the gains in force."""
         self.silent_aloft = list[VehicleId]()
-        """Silent vehicles that were last heard in the air, if all others are down."""
+        """Silent vehicles that were last received in the air, if all others are down."""
         self.others_listen = False
         """Whether a second ground station receives the vehicles, and may read what this one doesn't."""
         self.crashed = frozenset[VehicleId]()

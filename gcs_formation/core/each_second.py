@@ -66,7 +66,7 @@ class Heartbeats(Stage):
 
 
 def commands_anybody(cycle: Cycle) -> bool:
-    """Return whether any vehicle heard is commanded: by a step of its start-up, in the formation, or at the end."""
+    """Return whether any vehicle received is commanded: by a step of its start-up, in the formation, or at the end."""
     commands = cycle.flight.phase in COMMANDED or cycle.flight.phase is Phase.LOITERING
-    heard = (each for each in cycle.each if each.connection.state is not LinkState.SEARCHING)
-    return any(commands or each.start_up.acted for each in heard)
+    received = (each for each in cycle.each if each.connection.state is not LinkState.SEARCHING)
+    return any(commands or each.start_up.acted for each in received)

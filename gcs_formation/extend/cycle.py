@@ -35,7 +35,7 @@ class Vehicle:
 
     @cached_property
     def state(self) -> State:
-        """Its state when its setpoint acts; NaN if it was never heard."""
+        """Its state when its setpoint acts; NaN if it was never received."""
         return plain_state(self._tick.state[self._column])
 
     @property

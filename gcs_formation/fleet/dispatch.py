@@ -69,7 +69,7 @@ class Dispatch:
                 link.holds_at_m = math.nan if vehicle.member is Member.PARTED else vehicle.holds_at_m
                 if vehicle.autopilot.stands and vehicle.member is Member.HOLDING:
                     link.brakes = vehicle.holds_from
-            link.heard = vehicle.round_trips.received_at(now)
+            link.received_at = vehicle.round_trips.received_at(now)
             link.dead_s = self._dead_s[vehicle.column]
             link.lag_s = clock.loop_s / 2 + link.dead_s
             link.disobeying = may_loiter or disobeying[vehicle.column]

@@ -61,14 +61,14 @@ class HeartbeatScheduler:
         self._next_heartbeat = Instant(0)
         self._log_event, self._withheld = log_event, frozenset[VehicleId]()
         self._missed = list[Vehicle]()
-        """Vehicles of a resumed flight that haven't been heard yet: their failsafe may be about to act."""
+        """Vehicles of a resumed flight that haven't been received yet: their failsafe may be about to act."""
 
     def spare(self, identity: VehicleId, period_s: float, *, irregular: bool) -> None:
         """Send a vehicle requests at this period, or irregularly at this mean period, unless more of them pay."""
         self._slower[identity] = period_s, irregular
 
     def resume(self, at: Instant) -> None:
-        """Send no TIMESYNC request before a flight is resumed, then heartbeats whenever another vehicle is heard."""
+        """Send no TIMESYNC request before a flight is resumed, then heartbeats whenever another vehicle is received."""
         self.next_probe = self._next_common = at
         self._missed = list(self._vehicles.values())
 
@@ -111,17 +111,17 @@ class HeartbeatScheduler:
         return found
 
     def probes(self, now: Instant) -> list[tuple[Vehicle, Message]]:
-        """Return a TIMESYNC request for each vehicle that was ever heard and is due, and schedule the next ones.
+        """Return a TIMESYNC request for each vehicle that was ever received and is due, and schedule the next ones.
 
         When a vehicle is due depends on its own link alone, so that a change of one link leaves the others as they are.
         """
-        heard = [each for each in self._vehicles.values() if _is_received(each)]
-        asked = [each for each in heard if now >= self._due.get(each.identity, self._next_common)]
+        received = [each for each in self._vehicles.values() if _is_received(each)]
+        asked = [each for each in received if now >= self._due.get(each.identity, self._next_common)]
         if now >= self._next_common:
             self._next_common = _next_probe(now, PROBE_S)
         for each in asked:
             self._due[each.identity] = self._next(each, now)
-        self.next_probe = min((self._due[each.identity] for each in heard), default=self._next_common)
+        self.next_probe = min((self._due[each.identity] for each in received), default=self._next_common)
         self.next_probe = min(self.next_probe, self._next_common)
         return [(vehicle, vehicle.probe(now)) for vehicle in asked]
 
@@ -148,7 +148,7 @@ class HeartbeatScheduler:
 
 
 def _is_received(vehicle: Vehicle) -> bool:
-    """Return whether a vehicle was ever heard, on any link."""
+    """Return whether a vehicle was ever received, on any link."""
     if vehicle.links is None:
         return vehicle.connection.state is not LinkState.SEARCHING
     return any(link.connection.state is not LinkState.SEARCHING for link in vehicle.each_link)

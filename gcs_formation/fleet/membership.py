@@ -78,7 +78,7 @@ class Membership:
             if vehicle is not leader:
                 self.judge_one(vehicle, estimator, now, fresh=led and self.is_fresh(vehicle, estimator, beyond, now))
 
-    def hear(self, vehicle: Vehicle, text: str, now: Instant) -> None:
+    def receive(self, vehicle: Vehicle, text: str, now: Instant) -> None:
         """Take a vehicle's text; a failsafe's text may arrive after the mode that the failsafe chose."""
         if not vehicle.autopilot.tells_failsafe(text):
             return
@@ -126,14 +126,14 @@ class Membership:
     def _next(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> Member:
         """Return a vehicle's next membership by what is known of it now."""
         link = vehicle.connection  # after silence a vehicle gets time to answer: it may have hung, and still receive us
-        heard = link.talks and seconds_between(link.back_at, now) > UNANSWERED_S
+        receives = link.talks and seconds_between(link.back_at, now) > UNANSWERED_S
         forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
         seen = Seen(
             started=vehicle.start_up.finished and not vehicle.telemetry.boots,
             guided=vehicle.follows_setpoints,
             loiters=vehicle.telemetry.custom_mode == vehicle.autopilot.loiter_mode,
             fresh=fresh,
-            loiter_may_be_commanded=heard or forgotten,
+            loiter_may_be_commanded=receives or forgotten,
             order_may_come=self._order_may_come(vehicle, now),
             sent_home=vehicle.sent_home != "",
             homeward=vehicle.telemetry.custom_mode == vehicle.autopilot.home_mode,

@@ -58,8 +58,8 @@ class Seen:
             guided: whether it's in the mode in which it follows setpoints, by its pilot's choice, too.
             loiters: whether it's in its loiter mode.
             fresh: whether its telemetry is recent enough for prediction and there is a leader to follow.
-            loiter_may_be_commanded: whether it is heard, or has been silent for so long that the others no longer keep
-                clear of it.
+            loiter_may_be_commanded: whether it is received, or has been silent for so long that the others no longer
+                keep clear of it.
             order_may_come: whether a recently sent command to loiter may still reach it.
             sent_home: whether it is to fly home while the others fly on.
             homeward: whether it's in the mode in which it flies home.
@@ -78,9 +78,9 @@ class Transition:
 
 
 ALL: Final[tuple[Member, ...]] = tuple(Member)
-COMMANDABLE: Final = (Member.FLYING, Member.UNHEARD, Member.HOLDING, Member.RETURNING)
+COMMANDABLE: Final = (Member.FLYING, Member.NO_LINK, Member.HOLDING, Member.RETURNING)
 """Memberships of vehicles that neither start nor are left to their pilots."""
-UNCOMMANDED: Final = (Member.FLYING, Member.UNHEARD)
+UNCOMMANDED: Final = (Member.FLYING, Member.NO_LINK)
 """Memberships of vehicles that haven't been commanded to loiter."""
 
 TRANSITIONS: Final[tuple[Transition, ...]] = (
@@ -106,7 +106,7 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     # A silent vehicle may not receive a command to loiter, and flies on by its last setpoint; the others keep clear.
     Transition(
         UNCOMMANDED,
-        Member.UNHEARD,
+        Member.NO_LINK,
         "it can't be flown by what is known of it, and may not receive the command to loiter",
         lambda seen: not seen.fresh and not seen.loiter_may_be_commanded,
     ),

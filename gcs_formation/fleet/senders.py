@@ -94,8 +94,8 @@ class Senders:
         connection, history = vehicle.connection, vehicle.history
         bound = connection.state is not LinkState.SEARCHING
         elsewhere = bound and (socket != connection.socket or datagram.peer != connection.peer)
-        silent = now - connection.last_heard >= STALE_AFTER_NS
-        follows = vehicle.sequence.may_follow(frame.sequence, now, connection.last_heard)
+        silent = now - connection.last_received >= STALE_AFTER_NS
+        follows = vehicle.sequence.may_follow(frame.sequence, now, connection.last_received)
         if history.is_copy(frame, now, elsewhere=elsewhere, follows=follows, silent=silent):
             if history.copies == MANY_COPIES:
                 self._log_event(now, "copies", COPIES_TEXT, vehicle, {"peer": str(datagram.peer)})

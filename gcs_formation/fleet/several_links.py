@@ -99,7 +99,7 @@ class SeveralLinks:
 
 
 def receivers(vehicle: Vehicle, message: Message) -> list[Link]:
-    """Return the links on which a message to a vehicle goes out, of those where it was heard or has an address.
+    """Return the links on which a message to a vehicle goes out, of those where it was received or has an address.
 
     What keeps links alive and measures them goes out on all, and so does the request for a message's rate, which an
     autopilot takes for the link on which it comes.

@@ -105,9 +105,9 @@ class TurnBounds:
         followed = math.sqrt(self.bend_max_rps2 * speed_mps / (2.0 * GUST_MPS))
         noise_rps2 = NOISE_RPS2 * (1.0 + rough * (ROUGH_NOISE_RATIO - 1.0))
         quiet = math.sqrt(noise_rps2 / max(self.course_sigma_rad, TINY))
-        heard = math.sqrt(math.sqrt(HELD_UP_RADPS4 / max(self.held_up, TINY)))
+        held_up = math.sqrt(math.sqrt(HELD_UP_RADPS4 / max(self.held_up, TINY)))
         calm = self._delayed(min(BANDWIDTH_RADPS, followed))
-        return min((1.0 + rough * (ROUGH_RATIO - 1.0)) * calm, quiet, heard)
+        return min((1.0 + rough * (ROUGH_RATIO - 1.0)) * calm, quiet, held_up)
 
     def _delayed(self, radps: float) -> float:
         """Return the bandwidth with which a wind that grows steadily leads as far off the route as without delay.

@@ -89,7 +89,7 @@ class SequenceTracker:
     """
 
     def __init__(self) -> None:
-        """Start with nothing heard."""
+        """Start with nothing received."""
         self.received: i64 = 0
         self.lost: i64 = 0
         self.gaps: i64 = 0
@@ -120,13 +120,13 @@ class SequenceTracker:
         self._jump: i64 = 0  # frames counted as lost at the last gap
         self._jumped: i64 = 0  # frames that had been received by then
 
-    def observe(self, sequence: i64, now: Instant, heard: Instant) -> bool:
-        """Take the sequence number of a frame that arrived now; the previous frame arrived at `heard`.
+    def observe(self, sequence: i64, now: Instant, last: Instant) -> bool:
+        """Take the sequence number of a frame that arrived now; the previous frame arrived at `last`.
 
         Return whether the known number of lost frames has changed.
         """
         newest = self._newest
-        changed = self._observe(sequence, now, heard)
+        changed = self._observe(sequence, now, last)
         if len(self._doubtful) > 0:
             self._settle(newest, sequence)
         return changed
@@ -148,8 +148,8 @@ class SequenceTracker:
                 self._observe_late(each)
         self._doubtful.clear()
 
-    def _observe(self, sequence: i64, now: Instant, heard: Instant) -> bool:
-        silent = now - heard >= STALE_AFTER_NS and self._newest != ANY
+    def _observe(self, sequence: i64, now: Instant, last: Instant) -> bool:
+        silent = now - last >= STALE_AFTER_NS and self._newest != ANY
         marked = self.received == self._next.received and self._newest != ANY  # nothing received since but repeats
         if self.received % MODULUS == 0 and not silent and not marked:
             self._since, self._next = self._next, self._mark(now)
@@ -161,7 +161,7 @@ class SequenceTracker:
         if self._newest == ANY:
             self._newest = (sequence - 1) % MODULUS
         elif silent:
-            return self._observe_after_silence(sequence, now, heard)
+            return self._observe_after_silence(sequence, now, last)
         newest = self._newest
         if (newest - sequence) % MODULUS <= LATE:
             return self._observe_late(sequence)
@@ -179,12 +179,12 @@ class SequenceTracker:
         self._expect()
         return gap > 0
 
-    def may_follow(self, sequence: i64, now: Instant, heard: Instant) -> bool:
+    def may_follow(self, sequence: i64, now: Instant, last: Instant) -> bool:
         """Return whether a number is in its turn.
 
         It is the next one, or others as may be lost here or in a silence are between; or others overtook it just now.
         """
-        if sequence == self._expected or self._newest == ANY or now - heard >= STALE_AFTER_NS:
+        if sequence == self._expected or self._newest == ANY or now - last >= STALE_AFTER_NS:
             return True
         if sequence in self._missing and (self._newest - sequence) % MODULUS < NEAR:
             return True
@@ -249,9 +249,9 @@ class SequenceTracker:
         lost = self.lost + self.missed
         return float(lost) / float(self.received + lost) if lost else 0.0
 
-    def break_off(self, heard: Instant, until: Instant) -> None:
-        """Count the vehicle's own frames lost in a final silence, from `heard` to `until`."""
-        self.missed += rounded(self._own_rate_hz(heard) * seconds_between(heard, until))
+    def break_off(self, last: Instant, until: Instant) -> None:
+        """Count the vehicle's own frames lost in a final silence, from `last` to `until`."""
+        self.missed += rounded(self._own_rate_hz(last) * seconds_between(last, until))
 
     def sent_for(self, seconds: float) -> None:
         """Correct the last silence's loss by how long the vehicle was sending, on its own clock."""
@@ -259,16 +259,16 @@ class SequenceTracker:
         if silence is not None:
             self.missed += silence.missed(seconds) - silence.missed(silence.seconds)
 
-    def _observe_after_silence(self, sequence: i64, now: Instant, heard: Instant) -> bool:
+    def _observe_after_silence(self, sequence: i64, now: Instant, last: Instant) -> bool:
         """Take the first number after a silence; the numbers skipped aren't expected to arrive late.
 
         If it is the next number, the vehicle itself was silent and the link lost nothing.
         """
         gap: int = (sequence - self._newest - 1) % MODULUS
-        silent_s, missed, self.silence = seconds_between(heard, now), 0, None
+        silent_s, missed, self.silence = seconds_between(last, now), 0, None
         self.silent_s += silent_s
         if gap:
-            own = self._own_rate_hz(heard) * silent_s
+            own = self._own_rate_hz(last) * silent_s
             silence = Silence(silent_s, gap, own, self._answers_due(), self._usual_run())
             missed, self.silence = silence.missed(silent_s), silence
         self.missed += missed
@@ -287,14 +287,14 @@ class SequenceTracker:
         """
         return min(run_length(self.loss, RARELY), float(self._longest))
 
-    def _own_rate_hz(self, heard: Instant) -> float:
-        """Return the rate of the vehicle's unasked frames until `heard`; too short a time keeps the earlier rate."""
+    def _own_rate_hz(self, last: Instant) -> float:
+        """Return the rate of the vehicle's unasked frames until `last`; too short a time keeps the earlier rate."""
         since = self._since if self._since.at else self._next
-        if heard - since.at >= STALE_AFTER_NS or not self._own_hz:
+        if last - since.at >= STALE_AFTER_NS or not self._own_hz:
             received: i64 = max(1, self.received - since.received)
             own_share = 1.0 - float(self.answers - since.answers) / float(received)
             sent: i64 = self.received + self.lost - since.sent
-            self._own_hz = own_share * float(sent) * NANOSECONDS / max(heard - since.at, STALE_AFTER_NS)
+            self._own_hz = own_share * float(sent) * NANOSECONDS / max(last - since.at, STALE_AFTER_NS)
         return self._own_hz
 
     def _answers_due(self) -> float:

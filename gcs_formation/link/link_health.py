@@ -73,20 +73,20 @@ because an autopilot whose heartbeats are switched off may still announce a chan
 
 @dataclass
 class Connection:
-    """Where a vehicle was last heard, and when."""
+    """Where a vehicle was last received, and when."""
 
     socket: int
     peer: Address | None = None
     state: LinkState = LinkState.SEARCHING
-    last_heard: Instant = Instant(0)
+    last_received: Instant = Instant(0)
     last_heartbeat: Instant = Instant(0)
-    """The last heartbeat, or when the vehicle was heard again after silence."""
+    """The last heartbeat, or when the vehicle was received again after silence."""
     back_at: Instant = LONG_AGO
-    """When it was last heard again after LOST."""
+    """When it was last received again after LOST."""
 
-    def heard(self, now: Instant, *, heartbeat: bool) -> bool:
+    def record_frame(self, now: Instant, *, heartbeat: bool) -> bool:
         """Record a frame; return whether the state changed."""
-        self.last_heard = now
+        self.last_received = now
         if not heartbeat and self.state is not LinkState.STALE:
             return False
         self.last_heartbeat, alone = now, seconds_between(self.last_heartbeat, now) > MUTE_AFTER_S
@@ -102,7 +102,7 @@ class Connection:
         if self.state is LinkState.CONNECTED and self.mute_s(loss) > 0.0:
             self.state = LinkState.MUTE
             return True
-        silence_s = seconds_between(self.last_heard, now)
+        silence_s = seconds_between(self.last_received, now)
         for state, limit_s, following in SILENCE_LEADS_TO:
             if self.state is state and silence_s > limit_s:
                 self.state = following
@@ -111,8 +111,12 @@ class Connection:
 
     def in_order(self, now: Instant) -> bool:
         """Return whether frames and heartbeats are on time, without allowance for loss."""
-        heard = now - self.last_heard <= STALE_AFTER_NS
-        return heard and self.last_heard - self.last_heartbeat <= MUTE_AFTER_NS and self.state is LinkState.CONNECTED
+        in_contact = now - self.last_received <= STALE_AFTER_NS
+        return (
+            in_contact
+            and self.last_received - self.last_heartbeat <= MUTE_AFTER_NS
+            and self.state is LinkState.CONNECTED
+        )
 
     @property
     def talks(self) -> bool:
@@ -122,4 +126,4 @@ class Connection:
     def mute_s(self, loss: float) -> float:
         """Return for how long heartbeats have been missing beyond what `loss` explains, s; negative if they aren't."""
         due_s = run_length(loss, ALL_LOST)
-        return seconds_between(self.last_heartbeat, self.last_heard) - max(MUTE_AFTER_S, due_s)
+        return seconds_between(self.last_heartbeat, self.last_received) - max(MUTE_AFTER_S, due_s)

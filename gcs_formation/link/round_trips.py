@@ -115,7 +115,7 @@ class RoundTrips:
         self._pending.clear()
         self._answered = now
 
-    def hear(self, now: Instant) -> None:
+    def record_answer(self, now: Instant) -> None:
         """Record an answer to any message."""
         self._answered = now
 
@@ -189,7 +189,7 @@ class RoundTrips:
         return self.clock.one_way_s if math.isnan(down_s) else down_s
 
     def received_at(self, now: Instant) -> Instant:
-        """Return until when it is known to have heard the station: its newest answer's time less the delay down.
+        """Return until when it is known to have received the station: its newest answer's time less the delay down.
 
         Before the first answer this is `now`.
         """
@@ -198,9 +198,9 @@ class RoundTrips:
         down_s = self.down_s
         return self._answered if math.isnan(down_s) else Instant(self._answered - nanoseconds(down_s))
 
-    def unanswered_s(self, last_heard: Instant) -> float:
+    def unanswered_s(self, last_received: Instant) -> float:
         """Return the time from its newest answer to its last frame, s."""
-        return 0.0 if self._answered == NEVER else max(0.0, seconds_between(self._answered, last_heard))
+        return 0.0 if self._answered == NEVER else max(0.0, seconds_between(self._answered, last_received))
 
     def _new_stamps(self) -> StampMap:
         return StampMap(self.clock, GnssClock(self.loop_s) if self.by_utc else None)

@@ -1,8 +1,8 @@
 """Decides which address speaks for a vehicle.
 
 A system id is no proof of identity, and without signing nothing else is. So another address can't take a vehicle's
-place while the vehicle is heard. After the vehicle falls silent, another address can, if its time since boot agrees:
-its clock must continue the vehicle's, or have started after the vehicle was last heard.
+place while the vehicle is received. After the vehicle falls silent, another address can, if its time since boot agrees:
+its clock must continue the vehicle's, or have started after the vehicle was last received.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ BOOT_SLACK_S: Final = 1.0
 """Tolerance on a new clock's start: it may seem to precede the last stamp of the old clock by this much. Tuned: s; 0.5
 to 3; by judgement."""
 BOTH_TALK_S: Final = 1.0
-"""If a vehicle is still heard this long after another sender started, there are two vehicles, not one that moved.
+"""If a vehicle is still received this long after another sender started, there are two vehicles, not one that moved.
 Tuned: s; 0.5 to 3; by judgement."""
 FEWEST_FRAMES: Final = 4
 """Of so many frames not all are ones that the vehicle's link lost, from a second link that isn't known as one yet.
@@ -151,7 +151,7 @@ class SourceBinding:
 
     def _move(self, remote: Remote, evidence: Evidence, now: Instant) -> str:
         connection = self._connection
-        silence_s = seconds_between(connection.last_heard, now)
+        silence_s = seconds_between(connection.last_received, now)
         before, (connection.socket, connection.peer) = connection.peer, remote
         self._duplicates.pop(remote, None)
         return f"is heard from {remote[1]}; {before} fell silent {silence_s:.1f} s ago, {evidence.value}"
@@ -184,15 +184,15 @@ class SourceBinding:
         return second_sender(remote[1], bound, about)
 
     def may_be_second_port(self, socket: int, peer: Address) -> bool:
-        """Return whether another sender, which is heard at the same time, may be the vehicle by another port."""
+        """Return whether another sender, which is received at the same time, may be the vehicle by another port."""
         duplicate = self._duplicates.get((socket, peer))
         elsewhere = socket != self._connection.socket or peer != self._connection.peer
         return elsewhere and duplicate is not None and duplicate.goes_on and not duplicate.refuted
 
     def _last_certain(self, remote: Remote) -> Instant:
-        """Return when the vehicle itself was last heard for certain, given the other sender `remote`."""
+        """Return when the vehicle itself was last received for certain, given the other sender `remote`."""
         connection = self._connection
-        return self._agreed if remote == (connection.socket, connection.peer) else connection.last_heard
+        return self._agreed if remote == (connection.socket, connection.peer) else connection.last_received
 
 
 def second_sender(peer: Address, bound: Address | None, about: str = "") -> str:

@@ -6,9 +6,9 @@ copy of a setpoint that comes later, by the slower link, would undo a newer one.
 
 The rule: the link in use is the one by which a setpoint has come through soonest, on average, by its delay, jitter and
 loss (as the expected transmission time of routing: Draves, Padhye, Zill, "Routing in Multi-Radio, Multi-Hop Wireless
-Mesh Networks", MobiCom 2004). A link that falls silent or is no longer answered on is left at once, if another is heard
-and answers. A better one is taken once it has been better by `BETTER` for `BETTER_S`, and one that failed not before
-`BARRED_S` are over, twice as long after each further failure.
+Mesh Networks", MobiCom 2004). A link that falls silent or is no longer answered on is left at once, if another is
+received and answers. A better one is taken once it has been better by `BETTER` for `BETTER_S`, and one that failed not
+before `BARRED_S` are over, twice as long after each further failure.
 
 A second vehicle with the same system id must not come in by a second link. So a link is the vehicle's only while its
 clock is the one known from the others: their offsets agree to within half of both round trips.
@@ -74,7 +74,7 @@ RESTARTED_S: Final = 10.0
 """A stamp that is older by more than this is of a clock that has restarted; the link's own history has judged that.
 Tuned: s; 5 to 30; by judgement."""
 GONE: Final = (LinkState.SEARCHING, LinkState.LOST)
-"""Nothing is heard of the vehicle on a link in these states: then another link may, whatever its clock."""
+"""Nothing is received of the vehicle on a link in these states: then another link may, whatever its clock."""
 TRIAL_S: Final = 5.0
 """Time within which a link that has appeared by itself must be proven. Tuned: s; 3 to 15; by judgement."""
 ALIKE: Final = 3
@@ -97,10 +97,10 @@ ANSWERS: Final = frozenset(
 
 
 class Link:
-    """One link of a vehicle: where it is heard there, and what is measured there."""
+    """One link of a vehicle: where it is received there, and what is measured there."""
 
     def __init__(self, number: int, connection: Connection, loop_s: float, *, by_utc: bool) -> None:
-        """Start with nothing heard; `number` counts from 1, `loop_s` is the period of the vehicle's answering loop."""
+        """Start with nothing received; `number` counts from 1, `loop_s` is the period of its answering loop."""
         self.number, self.connection = number, connection
         self.round_trips = RoundTrips(loop_s, by_utc=by_utc)
         self.source_binding = SourceBinding(connection, self.round_trips.clock)
@@ -164,7 +164,7 @@ class Link:
 
     def failing(self, now: Instant) -> str:
         """Return in words why nothing passes any more, empty if it does."""
-        silent_s = seconds_between(self.connection.last_heard, now)
+        silent_s = seconds_between(self.connection.last_received, now)
         if silent_s > SILENT_S:
             return f"nothing has come for {silent_s:.1f} s"
         overdue = self.unanswered(now)

@@ -1,7 +1,7 @@
 """What a survey's links mean for a formation: a rehearsal with their delays and losses under the virtual clock.
 
-Aeroplanes of the default model fly bends at 22 m/s over links as they were measured: as many as were heard, each over
-its own, or four over the only one.
+Aeroplanes of the default model fly bends at 22 m/s over links as they were measured: as many as were received, each
+over its own, or four over the only one.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from gcs_formation.link_survey.report import write
 from gcs_formation.python_api import run
 
 ALONE: Final = 4
-"""Vehicles of the rehearsal where one was heard."""
+"""Vehicles of the rehearsal where one was received."""
 MAXIMUM: Final = 12
 """Vehicles of a rehearsal at most: those with the longest delays."""
 RATES_HZ: Final = (10.0, 5.0, 2.0)

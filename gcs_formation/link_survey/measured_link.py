@@ -33,7 +33,7 @@ class MeasuredLink:
         planes = heartbeat.autopilot == m.MAV_AUTOPILOT_ARDUPILOTMEGA and heartbeat.type == m.MAV_TYPE_FIXED_WING
         self.answering_s = PLANES_S if planes else ANSWERING_S.get(heartbeat.autopilot, 0.0)
         self.clock, self.sequence, self.jitter = ClockSync(self.answering_s), SequenceTracker(), JitterMeter()
-        self.first_received = self.last_heard = now
+        self.first_received = self.last_received = now
         self.restarts = 0
         self.bursts = list[int]()
         """Numbers of frames missing in a row, down."""
@@ -56,10 +56,10 @@ class MeasuredLink:
     def receive(self, frame: Frame, now: Instant) -> None:
         """Take a frame of its autopilot."""
         lost = self.sequence.lost
-        self.sequence.observe(frame.sequence, now, self.last_heard)
+        self.sequence.observe(frame.sequence, now, self.last_received)
         if self.sequence.lost > lost:
             self.bursts.append(int(self.sequence.lost - lost))
-        self.last_heard, second = now, int(now // NANOSECONDS)
+        self.last_received, second = now, int(now // NANOSECONDS)
         self.bytes_down[second] = self.bytes_down.get(second, 0) + len(frame.raw)
         message = frame.message
         if isinstance(message, Timesync):
@@ -120,6 +120,6 @@ class MeasuredLink:
         """Number of answers."""
         return int(np.count_nonzero(~np.isnan(self._received)))
 
-    def heard_s(self) -> float:
-        """Return for how long it has been heard, s."""
-        return seconds_between(self.first_received, self.last_heard)
+    def received_s(self) -> float:
+        """Return for how long it has been received, s."""
+        return seconds_between(self.first_received, self.last_received)

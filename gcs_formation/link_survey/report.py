@@ -121,10 +121,10 @@ def _bursts(lengths: list[int]) -> dict[str, float | int]:
 
 
 def _rates(octets: Mapping[int, int], link: MeasuredLink) -> dict[str, float]:
-    """Return what went over the link, kbit/s: over the time in which it was heard, and in the busiest second."""
+    """Return what went over the link, kbit/s: over the time in which it was received, and in the busiest second."""
     total = sum(octets.values())
     return {
-        "mean": round(8e-3 * total / max(1.0, link.heard_s()), 2),
+        "mean": round(8e-3 * total / max(1.0, link.received_s()), 2),
         "peak": round(8e-3 * max(octets.values(), default=0), 2),
     }
 

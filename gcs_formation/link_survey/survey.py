@@ -31,7 +31,7 @@ MAX_VEHICLES: Final = 255
 
 
 class LinkSurvey(Engine):
-    """Measures every vehicle that is heard at its endpoints, until an instant."""
+    """Measures every vehicle that is received at its endpoints, until an instant."""
 
     def __init__(
         self, endpoints: Sequence[Endpoint], until: Instant, probe_hz: float, load_kbps: float | None = None

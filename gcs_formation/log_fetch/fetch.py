@@ -21,7 +21,7 @@ from gcs_formation.log_fetch.transfer import LogTransfer
 HEARTBEAT: Final = Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
 HEARTBEAT_S: Final = 1.0
 LOOK_S: Final = 0.05
-HEARD_S: Final = 30.0
+RECEIVED_S: Final = 30.0
 """Longest wait for a vehicle's first heartbeat, s."""
 ARMED: Final = "it is armed: autopilots send their logs on the ground"
 SAMPLES: Final = 8
@@ -76,7 +76,7 @@ class LogFetch(Engine):
         """Begin at instant 0.
 
         Args:
-            endpoints: where vehicles are heard.
+            endpoints: where vehicles are received.
             vehicles: of each by its name the number of its endpoint, and its system id.
             ids: who asks: the station to which vehicles answer.
             number: the log's number, None for the newest.
@@ -139,8 +139,8 @@ class LogFetch(Engine):
     def _go_on(self, name: str, each: Wanted, now: Instant) -> None:
         """Ask a vehicle for its time, then for its log."""
         if each.autopilot is None:
-            if seconds_between(Instant(0), now) > HEARD_S:
-                each.failure = f"it wasn't heard at {self._endpoints[each.socket]} in {HEARD_S:g} s"
+            if seconds_between(Instant(0), now) > RECEIVED_S:
+                each.failure = f"it wasn't heard at {self._endpoints[each.socket]} in {RECEIVED_S:g} s"
             return
         if each.armed:
             each.failure = ARMED

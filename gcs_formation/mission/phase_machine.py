@@ -95,8 +95,8 @@ class FlightPhaseMachine:
 
     def move(self, cause: Cause, now: Instant, manner: End = "loiter") -> bool:
         """Move to the phase that `cause` leads to; return whether there is one. `manner`: how the flight ends then."""
-        unheard = all(vehicle.connection.state is LinkState.SEARCHING for vehicle in self._vehicles.values())
-        if not self.gate.passed or (cause is Cause.FAILURE and unheard):
+        none_received = all(vehicle.connection.state is LinkState.SEARCHING for vehicle in self._vehicles.values())
+        if not self.gate.passed or (cause is Cause.FAILURE and none_received):
             cause = BEFORE_COMMANDS.get(cause, cause)
         if not self.flight.move(cause, now):
             return False
@@ -227,8 +227,8 @@ class FlightPhaseMachine:
             for vehicle in pending:
                 text = f"has not acknowledged that it loiters{ending.lacks(vehicle)}"
                 self._log_event(now, "unacknowledged", text, vehicle)
-            heard = [each for each in self._vehicles.values() if each.connection.talks]
-            elsewhere = [each for each in heard if each.effects.missing is not None]
+            received = [each for each in self._vehicles.values() if each.connection.talks]
+            elsewhere = [each for each in received if each.effects.missing is not None]
             for vehicle in dict.fromkeys((*pending, *elsewhere)):
                 if vehicle.flies_on:
                     mode = vehicle.autopilot.mode_name(vehicle.telemetry)

@@ -38,7 +38,7 @@ class Starting:
         *,
         together: bool,
     ) -> None:
-        """Start up `vehicles`, the leader first; `endpoints` are where they should be heard.
+        """Start up `vehicles`, the leader first; `endpoints` are where they should be received.
 
         With `together`, those that are ready hover until all are, so that none is led past others still climbing.
         """

@@ -88,7 +88,7 @@ def link_verdict(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool
 
     Args:
         verdict: by the figures alone.
-        link: when the vehicle was silenced by a fault, and when it was last heard and last answered.
+        link: when the vehicle was silenced by a fault, and when it was last received and last answered.
         end_s: the end of the window, or of the flight if that came first.
         out: whether the scenario has an outage of the link then.
     """

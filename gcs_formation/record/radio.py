@@ -57,10 +57,10 @@ def figures(reports: Sequence[RadioReport]) -> Mapping[str, Any] | None:
 
 
 def _level(values: Array) -> dict[str, float | None]:
-    heard = values[~np.isnan(values)]
-    if not heard.size:
+    levels = values[~np.isnan(values)]
+    if not levels.size:
         return dict.fromkeys(("p50", "min", "max"))
-    return {"p50": float(np.median(heard)), "min": float(heard.min()), "max": float(heard.max())}
+    return {"p50": float(np.median(levels)), "min": float(levels.min()), "max": float(levels.max())}
 
 
 def _counted(counts: Sequence[int]) -> int:

@@ -95,7 +95,7 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, take: bool) 
     """Return the state of an unfinished record's flight at `now`, or at the record's end if that is later.
 
     Raises:
-        RecordError: the record can't be read, or no vehicle had been heard.
+        RecordError: the record can't be read, or no vehicle had been received.
     """
     recorded, _ = recorded_events(directory)
     try:

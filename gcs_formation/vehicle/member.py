@@ -12,7 +12,7 @@ class Member(Enum):
     STARTING = "starting"
     FLYING = "flying in formation"
     PARTED = "parted by its pilot"
-    UNHEARD = "not heard: told nothing until it is"
+    NO_LINK = "not heard: told nothing until it is"
     HOLDING = "told to loiter"
     RETURNING = "told to come back"
     HOMEWARD = "sent home"

@@ -52,7 +52,7 @@ class Sampler:
         """Return the newest sample, once; None while the vehicle's clock is unknown.
 
         The heading is that of the attitude, at the position's time. A multirotor's airspeed and heading are those
-        of its ground velocity. `flew`: it flies, or did when last heard; readings on the ground before that aren't
+        of its ground velocity. `flew`: it flies, or did when last received; readings on the ground before that aren't
         learned from. `leads`: other vehicles' slots depend on its motion.
         """
         seen = self._telemetry

@@ -46,14 +46,14 @@ class Vehicle(VehicleState):
         self.alone_at = now
 
     def end_silence(self, at: Instant) -> None:
-        """Count the frames missing since it was last heard as lost, if it flew and was silent beyond its jitter.
+        """Count the frames missing since it was last received as lost, if it flew and was silent beyond its jitter.
 
         A vehicle on the ground isn't counted: it may have been switched off. `at`: the end of the flight.
         """
-        heard, jitter_s = self.connection.last_heard, self.jitter.jitter_s
+        last, jitter_s = self.connection.last_received, self.jitter.jitter_s
         usual_s = STALE_AFTER_S + (0.0 if math.isnan(jitter_s) else JITTERS * jitter_s)
-        if seconds_between(heard, at) >= usual_s and self.flew:
-            self.sequence.break_off(heard, at)
+        if seconds_between(last, at) >= usual_s and self.flew:
+            self.sequence.break_off(last, at)
 
     def receive(self, frame: Frame, now: Instant, *, timed: bool = True) -> bool:
         """Take a frame of this vehicle's autopilot; return whether the link's state changed.
@@ -63,11 +63,11 @@ class Vehicle(VehicleState):
         message, sequence = frame.message, self.sequence
         if message is not None and self.history.copies_come(now) and not math.isnan(message.boot_s()):
             sequence.return_to(frame.sequence)
-        if self.history.may_be_copy and not sequence.may_follow(frame.sequence, now, self.connection.last_heard):
+        if self.history.may_be_copy and not sequence.may_follow(frame.sequence, now, self.connection.last_received):
             sequence.doubt(frame.sequence)
-        elif sequence.observe(frame.sequence, now, self.connection.last_heard):
+        elif sequence.observe(frame.sequence, now, self.connection.last_received):
             self.setpoints.lost_at = self.frames_lost_at = now
-        changed = self.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
+        changed = self.connection.record_frame(now, heartbeat=isinstance(message, Heartbeat))
         turned_s = self.source_binding.turned_s
         if turned_s and isinstance(message, (GlobalPositionInt, Attitude, SystemTime)):
             message.time_boot_s += turned_s
@@ -217,7 +217,7 @@ class Vehicle(VehicleState):
         if not self.round_trips.is_answer(answer):
             return
         trips = self.round_trips
-        trips.hear(now)
+        trips.record_answer(now)
         overtaken = self.history.copies_come(now) and answer.ts1_ns < trips.answered_to
         trips.answered_to = max(trips.answered_to, Instant(answer.ts1_ns))
         if timed and not overtaken:  # while copies come, one overtaken is the copy of an answer that was lost
@@ -283,7 +283,7 @@ class Vehicle(VehicleState):
         if ack.target_system not in (0, ours.system) or ack.target_component not in (0, ours.component):
             return
         self.sequence.answers += 1
-        self.round_trips.hear(now)
+        self.round_trips.record_answer(now)
         if self._is_of_other_link(ack):
             return
         if ack.command == m.MAV_CMD_REQUEST_MESSAGE and ack.result == ACCEPTED:

@@ -39,7 +39,7 @@ from gcs_formation.vehicle.startup_step import StartUpStep
 from gcs_formation.vehicle.telemetry import Telemetry
 
 UNANSWERED_S: Final = 1.5
-"""Longest time without an answer from a vehicle that hears the ground station."""
+"""Longest time without an answer from a vehicle that receives the ground station."""
 UNANSWERED_PROBES: Final = 3.0
 """More of it, in periods of TIMESYNC requests that a full link makes rarer."""
 
@@ -58,7 +58,7 @@ class SendingLimits:
 class VehicleState:
     """All state of one vehicle.
 
-    Where it is heard, and what is measured there, is that of the link in use; while a frame is taken, of the link on
+    Where it is received, and what is measured there, is that of the link in use; while a frame is taken, of the link on
     which it came.
     """
 
@@ -89,7 +89,7 @@ class VehicleState:
         airspeed_check: AirspeedCheck | None = None,
         setpoint_gap_s: float = GAP_S,
     ) -> None:
-        """Start with a vehicle not heard yet; `by_utc`: its stamps are mapped by UTC once that is known.
+        """Start with a vehicle not received yet; `by_utc`: its stamps are mapped by UTC once that is known.
 
         An `airspeed_check` decides whether a fixed wing's airspeeds are plausible. Acknowledgements of setpoints may
         come `setpoint_gap_s` late. Of several connections each is a link of its own.
@@ -182,11 +182,11 @@ class VehicleState:
     @property
     def unanswered_s(self) -> float:
         """Time from its newest answer to its last frame, s."""
-        return self.round_trips.unanswered_s(self.connection.last_heard)
+        return self.round_trips.unanswered_s(self.connection.last_received)
 
     @property
-    def hears(self) -> bool:
-        """Whether it answers as often as it must if it hears the ground station; rarer requests are allowed for."""
+    def receives(self) -> bool:
+        """Whether it answers as often as it must if it receives the ground station; rarer requests are allowed for."""
         return self.unanswered_s <= UNANSWERED_S + UNANSWERED_PROBES * self.limits.probe_s
 
     @property
@@ -203,7 +203,7 @@ class VehicleState:
 
     @property
     def flew(self) -> bool:
-        """Whether it was flying when last heard."""
+        """Whether it was flying when last received."""
         return self.autopilot.is_airborne(self.telemetry)
 
     @property

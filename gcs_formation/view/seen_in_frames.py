@@ -326,14 +326,14 @@ def _byte(raw: bytes, place: int) -> int:
 
 
 def table(snapshots: Sequence[dict[int, list[float]]], systems: Sequence[int]) -> Rows:
-    """Return snapshots as rows of some systems; NaN before one was heard."""
+    """Return snapshots as rows of some systems; NaN before one was received."""
     unknown = [math.nan] * len(COLUMNS)
     rows = [[each.get(system, unknown) for system in systems] for each in snapshots]
     return np.array(rows, dtype=np.float32).reshape(len(rows), len(systems), len(COLUMNS))
 
 
 def of(rows: Rows, systems: Sequence[int], wanted: Sequence[int]) -> Rows:
-    """Return rows of the wanted systems; NaN for those that haven't been heard."""
+    """Return rows of the wanted systems; NaN for those that haven't been received."""
     found = np.full((len(rows), len(wanted), rows.shape[2]), np.nan, dtype=np.float32)
     for column, system in enumerate(wanted):
         if system in systems:

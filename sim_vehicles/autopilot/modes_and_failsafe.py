@@ -239,7 +239,7 @@ class GroundStationFailsafe:
     def __init__(self, parameters: ParameterServer, keys: FailsafeKeys, since: Instant | None = None) -> None:
         """Start waiting: from `since`, as an ArduPlane from its boot on, or only after a first heartbeat."""
         self._parameters, self._keys = parameters, keys
-        self._heard = since
+        self._heartbeat_at = since
         self.active = False
         self._deadline, self._known = NEVER, STALE
         """When it triggers, and the parameters' change count for which this was computed."""
@@ -247,7 +247,7 @@ class GroundStationFailsafe:
     def heartbeat(self, system: int, now: Instant) -> None:
         """Take a heartbeat."""
         if system == self._parameters["MAV_GCS_SYSID"]:
-            self._heard, self._known = now, STALE
+            self._heartbeat_at, self._known = now, STALE
             self.active = False
 
     def deadline(self) -> Instant:
@@ -257,9 +257,9 @@ class GroundStationFailsafe:
         return self._deadline
 
     def _found(self) -> Instant:
-        if self._heard is None or self.active or not self._parameters[self._keys.enabled]:
+        if self._heartbeat_at is None or self.active or not self._parameters[self._keys.enabled]:
             return NEVER
-        return after(self._heard, self._parameters[self._keys.timeout_s])
+        return after(self._heartbeat_at, self._parameters[self._keys.timeout_s])
 
     @property
     def action(self) -> int:

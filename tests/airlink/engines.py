@@ -10,7 +10,7 @@ class PlainEngine(Engine):
 
     def __init__(self, *endpoints):
         self.wanted = tuple(parse_endpoint(text) for text in endpoints)
-        self.heard, self.outbox = [], []
+        self.received, self.outbox = [], []
         self.timer: Instant | None = Instant(0)
 
     def endpoints(self):

@@ -17,7 +17,7 @@ PERIOD_S = 0.05
 
 
 class Vehicle(PlainEngine):
-    """Sends its time every period; records what it hears."""
+    """Sends its time every period; records what it receives."""
 
     def __init__(self, system, port=14550):
         super().__init__(f"udpout:127.0.0.1:{port}")
@@ -26,7 +26,7 @@ class Vehicle(PlainEngine):
     def take(self, datagram, now):
         (frame,) = StreamParser().feed(datagram.data)
         message: Any = frame.message
-        self.heard.append((now, message.time_boot_s))
+        self.received.append((now, message.time_boot_s))
 
     def handle_timer(self, now):
         frame = self.writer.encode(SystemTime(0, seconds_between(Instant(0), now)))
@@ -46,7 +46,7 @@ class Ground(PlainEngine):
         for frame in StreamParser().feed(datagram.data):
             message: Any = frame.message
             age_s = seconds_between(Instant(0), now) - message.time_boot_s
-            self.heard.append((now, frame.system, age_s))
+            self.received.append((now, frame.system, age_s))
         answer = self.writer.encode(SystemTime(0, seconds_between(Instant(0), now)))
         self.outbox.append(Datagram(datagram.socket, datagram.peer, answer))
 
@@ -55,7 +55,7 @@ class Ground(PlainEngine):
         self.timer = after(now, 0.1)
 
     def ages(self, system):
-        return [age_s for _, heard, age_s in self.heard if heard == system]
+        return [age_s for _, received, age_s in self.received if received == system]
 
 
 def fly(schedule, seconds=10.0, systems=(1, 2), seed=1):
@@ -78,7 +78,7 @@ def test_each_vehicle_has_the_delays_of_its_own_link_in_each_direction():
     ground, vehicles, engine = fly(only_for(2, Impairment(delay_s=0.1), Impairment(delay_s=0.3)))
     assert ground.ages(2) == pytest.approx([0.3] * len(ground.ages(2)), abs=1e-9)
     assert ground.ages(1) == pytest.approx([0.0] * len(ground.ages(1)), abs=1e-9)
-    ages = [seconds_between(Instant(0), now) - sent_s for now, sent_s in vehicles[2].heard]
+    ages = [seconds_between(Instant(0), now) - sent_s for now, sent_s in vehicles[2].received]
     assert ages == pytest.approx([0.1] * len(ages), abs=1e-9)
     assert len(ages) > 190
     statistics = engine.statistics(VehicleId(1, 2))
@@ -97,18 +97,18 @@ def test_the_engines_own_timers_are_not_disturbed():
 def test_what_is_lost_never_arrives_and_is_counted():
     ground, vehicles, engine = fly(only_for(1, Impairment(outage=True), Impairment(loss=0.3)), 100.0)
     downlink = engine.statistics(VehicleId(1, 1))[Direction.DOWNLINK]
-    assert vehicles[1].heard == []
+    assert vehicles[1].received == []
     assert len(ground.ages(1)) == downlink.datagrams - downlink.lost
     assert downlink.loss == pytest.approx(0.3, abs=4 * (0.21 / 2000) ** 0.5)
-    assert len(ground.ages(2)) == len(vehicles[2].heard)
+    assert len(ground.ages(2)) == len(vehicles[2].received)
 
 
 def test_a_run_repeats_itself_and_another_seed_does_not():
     schedule = only_for(2, Impairment(0.1, 0.05), Impairment(0.2, 0.1, duplicate=0.1, loss=0.1))
     first, again, other = fly(schedule), fly(schedule), fly(schedule, seed=2)
-    assert first[0].heard == again[0].heard
-    assert first[1][2].heard == again[1][2].heard
-    assert first[0].heard != other[0].heard
+    assert first[0].received == again[0].received
+    assert first[1][2].received == again[1][2].received
+    assert first[0].received != other[0].received
 
 
 def test_changing_one_link_leaves_the_others_alone():
@@ -123,14 +123,14 @@ def test_changing_one_link_leaves_the_others_alone():
 
 def test_both_copies_of_a_duplicate_reach_their_receiver():
     _, vehicles, _ = fly(only_for(1, Impairment(duplicate=1.0), UNIMPAIRED), 2.0)
-    once, twice = ([sent_s for _, sent_s in vehicles[system].heard] for system in (2, 1))
+    once, twice = ([sent_s for _, sent_s in vehicles[system].received] for system in (2, 1))
     assert twice == [sent_s for sent_s in once for _ in range(2)]
 
 
 def test_a_schedule_may_change_in_flight():
     before, then = Impairment(delay_s=0.1), Impairment(delay_s=0.3)
     ground, _, _ = fly(lambda vehicle, now: (UNIMPAIRED, before if now < after(Instant(0), 5.0) else then))
-    sent = [(seconds_between(Instant(0), now) - age_s, round(age_s, 6)) for now, _, age_s in ground.heard]
+    sent = [(seconds_between(Instant(0), now) - age_s, round(age_s, 6)) for now, _, age_s in ground.received]
     assert {age_s for sent_s, age_s in sent if sent_s < 4.999} == {0.1}
     assert {age_s for sent_s, age_s in sent if sent_s > 4.999} == {0.3}
 
@@ -143,7 +143,7 @@ def test_without_impairment_everything_is_as_without_the_links():
     network.attach(vehicle)
     network.run(lambda: clock.now() >= after(Instant(0), 10.0))
     ground, vehicles, _ = fly(lambda vehicle, now: (UNIMPAIRED, UNIMPAIRED), systems=(1,))
-    assert (ground.heard, vehicles[1].heard) == (bare.heard, vehicle.heard)
+    assert (ground.received, vehicles[1].received) == (bare.received, vehicle.received)
 
 
 def test_one_system_id_on_two_networks_is_two_vehicles():
@@ -175,7 +175,7 @@ def test_equal_instants_keep_the_order_in_which_they_came():
     ground.timer = None
     assert engine.next_timer() == 500_000_000
     engine.handle_timer(Instant(500_000_000))
-    assert [system for _, system, _ in ground.heard] == [3, 1, 2]
+    assert [system for _, system, _ in ground.received] == [3, 1, 2]
     assert engine.next_timer() is None
 
 

@@ -17,7 +17,7 @@ class Beacon(PlainEngine):
         self.timer = Instant(0) if period_s else None
 
     def take(self, datagram, now):
-        self.heard.append((now, datagram.peer, datagram.data))
+        self.received.append((now, datagram.peer, datagram.data))
         if self.answers:
             self.outbox.append(datagram)
 
@@ -42,15 +42,15 @@ def test_datagrams_arrive_at_once_and_answers_find_the_sender():
     ground = Beacon("g", "udpin:0.0.0.0:14550", answers=True)
     first, second = (Beacon(name, "udpout:127.0.0.1:14550", 0.5) for name in "ab")
     run_until(network_of(ground, first, second), 1.0)
-    assert [(now, data) for now, _, data in ground.heard[:4]] == [
+    assert [(now, data) for now, _, data in ground.received[:4]] == [
         (0, b"a1"),
         (0, b"b1"),
         (500_000_000, b"a2"),
         (500_000_000, b"b2"),
     ]
-    assert [data for _, _, data in first.heard[:2]] == [b"a1", b"a2"]
-    assert all(peer == GROUND for _, peer, _ in first.heard + second.heard)
-    assert len({peer for _, peer, _ in ground.heard}) == 2
+    assert [data for _, _, data in first.received[:2]] == [b"a1", b"a2"]
+    assert all(peer == GROUND for _, peer, _ in first.received + second.received)
+    assert len({peer for _, peer, _ in ground.received}) == 2
 
 
 def test_a_run_repeats_itself():
@@ -58,7 +58,7 @@ def test_a_run_repeats_itself():
         ground = Beacon("g", "udpin:127.0.0.1:14550", answers=True)
         others = [Beacon(name, "udpout:127.0.0.1:14550", period) for name, period in (("a", 0.3), ("b", 0.2))]
         run_until(network_of(ground, *others), 5.0)
-        return ground.heard
+        return ground.received
 
     assert record() == record()
 
@@ -67,7 +67,7 @@ def test_what_no_one_listens_for_is_lost_and_an_idle_network_stops():
     lonely = Beacon("a", "udpout:127.0.0.1:14550")
     lonely.outbox.append(Datagram(0, GROUND, b"x"))
     network_of(lonely).run(lambda: False)
-    assert lonely.heard == []
+    assert lonely.received == []
 
 
 def test_what_is_sent_on_start_arrives_though_no_timer_runs():
@@ -75,7 +75,7 @@ def test_what_is_sent_on_start_arrives_though_no_timer_runs():
     sender = Beacon("a", "udpout:127.0.0.1:14550")
     sender.outbox.append(Datagram(0, GROUND, b"x"))
     network_of(ground, sender).run(lambda: False)
-    assert [data for _, _, data in ground.heard] == [b"x"]
+    assert [data for _, _, data in ground.received] == [b"x"]
 
 
 @pytest.mark.parametrize("taken", ["udpin:127.0.0.1:14550", "udpin:0.0.0.0:14550"])
@@ -98,4 +98,4 @@ def test_an_engine_attached_late_receives_what_is_sent_to_its_address():
     ground = Beacon("g", "udpin:127.0.0.1:14550")
     network.attach(ground)
     run_until(network, 1.6)
-    assert [data for _, _, data in ground.heard] == [b"a4", b"a5"]
+    assert [data for _, _, data in ground.received] == [b"a4", b"a5"]

@@ -129,20 +129,20 @@ def test_frames_are_pymavlinks_to_the_byte_and_each_side_reads_the_others(kind, 
 
 
 def pymavlink_reads(raw, kind, wire, names):
-    (heard,) = peer().parse_buffer(raw)
-    assert (heard.get_srcSystem(), heard.get_srcComponent(), heard.get_seq()) == (7, 9, 0)
-    assert heard.get_type() == KIND[kind].name
+    (received,) = peer().parse_buffer(raw)
+    assert (received.get_srcSystem(), received.get_srcComponent(), received.get_seq()) == (7, 9, 0)
+    assert received.get_type() == KIND[kind].name
     for name in names:
-        assert getattr(heard, name) == (wire[name].decode() if isinstance(wire[name], bytes) else wire[name])
+        assert getattr(received, name) == (wire[name].decode() if isinstance(wire[name], bytes) else wire[name])
 
 
 def we_read(raw, message):
     (frame,) = StreamParser().feed(raw)
     assert (frame.system, frame.component, frame.sequence, frame.version) == (7, 9, 200, 2)
     assert frame.message_id == KIND[type(message)].message_id
-    heard: Any = frame.message
-    assert isinstance(heard, type(message))
-    for ours, expected in zip(heard.values().values(), message.values().values(), strict=True):
+    received: Any = frame.message
+    assert isinstance(received, type(message))
+    for ours, expected in zip(received.values().values(), message.values().values(), strict=True):
         close = expected if isinstance(expected, str) else pytest.approx(expected, rel=1e-15, abs=0.0, nan_ok=True)
         assert ours == close
 
@@ -200,29 +200,29 @@ def test_a_golden_frame():
 
 @pytest.mark.parametrize(("given_s", "sent_s"), [(-5.0, 0.0), (1e10, (2**32 - 1) / 1e3), (math.inf, (2**32 - 1) / 1e3)])
 def test_what_a_field_cannot_hold_is_sent_as_the_nearest_that_it_can(given_s, sent_s):
-    heard = over_the_wire(GlobalPositionInt(given_s, 0, 0, 1e9, -1e9, 400.0, -400.0, 1.0, 0))
-    assert heard.time_boot_s == pytest.approx(sent_s)
-    assert heard.alt_m == pytest.approx((2**31 - 1) / 1e3)
-    assert heard.relative_alt_m == pytest.approx(-(2**31) / 1e3)
-    assert (heard.vx_mps, heard.vy_mps, heard.vz_mps) == pytest.approx((327.67, -327.68, 1.0))
+    received = over_the_wire(GlobalPositionInt(given_s, 0, 0, 1e9, -1e9, 400.0, -400.0, 1.0, 0))
+    assert received.time_boot_s == pytest.approx(sent_s)
+    assert received.alt_m == pytest.approx((2**31 - 1) / 1e3)
+    assert received.relative_alt_m == pytest.approx(-(2**31) / 1e3)
+    assert (received.vx_mps, received.vy_mps, received.vz_mps) == pytest.approx((327.67, -327.68, 1.0))
 
 
 def test_integers_saturate_too():
-    heard = over_the_wire(CommandLong(300, -1, 70_000, 256))
-    assert heard == CommandLong(255, 0, 65535, 255)
+    received = over_the_wire(CommandLong(300, -1, 70_000, 256))
+    assert received == CommandLong(255, 0, 65535, 255)
 
 
 def test_nan_is_unknown_where_a_16_bit_field_has_an_unknown_and_zero_in_other_integers():
-    heard = over_the_wire(GlobalPositionInt(1.0, 0.1, 0.2, math.nan, 2.0, 3.0, 4.0, 5.0, math.nan))
-    assert math.isnan(heard.hdg_rad)
-    assert heard.alt_m == 0.0
-    assert heard.relative_alt_m == 2.0
+    received = over_the_wire(GlobalPositionInt(1.0, 0.1, 0.2, math.nan, 2.0, 3.0, 4.0, 5.0, math.nan))
+    assert math.isnan(received.hdg_rad)
+    assert received.alt_m == 0.0
+    assert received.relative_alt_m == 2.0
 
 
 def test_nan_stays_nan_in_a_float():
-    heard = over_the_wire(CommandLong(1, 1, m.MAV_CMD_NAV_LOITER_UNLIM, 0, math.nan, 2.0))
-    assert math.isnan(heard.param1)
-    assert heard.param2 == 2.0
+    received = over_the_wire(CommandLong(1, 1, m.MAV_CMD_NAV_LOITER_UNLIM, 0, math.nan, 2.0))
+    assert math.isnan(received.param1)
+    assert received.param2 == 2.0
 
 
 @pytest.mark.parametrize("value", [3.5e38, -1e300, 1.7e308])
@@ -246,9 +246,9 @@ def test_a_whole_parameter_name_has_no_terminating_zero():
 
 @given(st.text(), st.integers(0, 7))
 def test_any_text_can_be_sent(text, severity):
-    heard = over_the_wire(Statustext(severity, text))
-    assert heard.severity == severity
-    assert len(heard.text) <= 50
+    received = over_the_wire(Statustext(severity, text))
+    assert received.severity == severity
+    assert len(received.text) <= 50
 
 
 def test_bytes_that_are_no_text_are_replaced():
@@ -281,5 +281,5 @@ def test_a_payload_of_any_length_decodes_as_if_filled_with_zeros_and_cut(payload
 def test_the_sequence_number_counts_the_writers_frames_and_wraps():
     writer = FrameWriter(1, 1)
     parser = StreamParser()
-    heard = [parser.feed(writer.encode(Heartbeat(1, 3)))[0].sequence for _ in range(300)]
-    assert heard == [number % 256 for number in range(300)]
+    received = [parser.feed(writer.encode(Heartbeat(1, 3)))[0].sequence for _ in range(300)]
+    assert received == [number % 256 for number in range(300)]

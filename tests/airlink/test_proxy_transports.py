@@ -31,23 +31,23 @@ ANSWER = STATION.encode(Heartbeat(6, 8))
 
 
 class Hearing(PlainEngine):
-    """Keeps what it hears, and can say something."""
+    """Keeps what it receives, and can say something."""
 
     def __init__(self, endpoint):
         super().__init__(endpoint)
         self.timer = None
 
     def take(self, datagram, now):
-        self.heard.append(datagram)
+        self.received.append(datagram)
 
     def say(self, data):
-        peer = self.wanted[0].peer or (self.heard[-1].peer if self.heard else None)
+        peer = self.wanted[0].peer or (self.received[-1].peer if self.received else None)
         if peer is not None:
             self.outbox.append(Datagram(0, peer, data))
 
     @property
     def octets(self):
-        return b"".join(each.data for each in self.heard)
+        return b"".join(each.data for each in self.received)
 
 
 def free_port():
@@ -129,7 +129,7 @@ def run(proxy, stations, until):
 
 KINDS = ["udpin", "udpout", "tcp", "tcpin", "serial"]
 SILENT = {"udpout", "tcp"}
-"""Ends at which the other side listens, and doesn't speak before it has heard somebody."""
+"""Ends at which the other side listens, and doesn't speak before it has received somebody."""
 SOME = {("udpin", "serial"), ("serial", "serial"), ("tcp", "tcpin"), ("tcpin", "udpout"), ("udpout", "udpin")}
 PAIRS = [
     pytest.param(listen, to, marks=[] if (listen, to) in SOME else pytest.mark.slow)
@@ -168,10 +168,10 @@ def test_of_a_stream_whole_frames_are_lost(ends):
             run(proxy, [station], iter((False, True)).__next__)
         run(proxy, [station], lambda: relay.statistics(Direction.DOWNLINK).datagrams == 60)
         run(proxy, [station], iter((False, False, True)).__next__)
-        heard = [each.data for each in station.engine.heard]
-    assert set(heard) <= set(SAID)
-    assert len(heard) == 60 - relay.statistics(Direction.DOWNLINK).lost
-    assert 10 < len(heard) < 50
+        received = [each.data for each in station.engine.received]
+    assert set(received) <= set(SAID)
+    assert len(received) == 60 - relay.statistics(Direction.DOWNLINK).lost
+    assert 10 < len(received) < 50
 
 
 def test_a_vehicle_on_tcp_is_met_with_delay(ends):

@@ -81,8 +81,8 @@ def test_what_a_restarted_vehicle_s_numbers_seem_to_skip_was_not_lost():
 
 def test_a_silence_that_a_restart_ends_lost_nothing():
     tracker = SequenceTracker()
-    heard = heard_for(tracker, 20)
-    tracker.observe(50, after(heard, 15.0), heard)
+    received = received_for(tracker, 20)
+    tracker.observe(50, after(received, 15.0), received)
     assert tracker.missed > 0
     tracker.restart()
     assert tracker.missed == 0
@@ -92,9 +92,9 @@ def test_a_silence_that_a_restart_ends_lost_nothing():
 def test_after_an_outage_that_both_counts_fit_none_is_thought_to_have_answered(every):
     """In 15 s: 640 unasked frames; with 256 answers the numbers would be the same."""
     tracker = SequenceTracker()
-    heard = heard_for(tracker, 20)
+    received = received_for(tracker, 20)
     tracker.asked += 256
-    tracker.observe((20 * 64 + 640 + (256 if every else 0)) % MODULUS, after(heard, 15.0), heard)
+    tracker.observe((20 * 64 + 640 + (256 if every else 0)) % MODULUS, after(received, 15.0), received)
     assert tracker.missed == 640
 
 
@@ -105,7 +105,7 @@ def test_nothing_heard_is_no_loss():
 @given(st.floats(1.6, 60.0), st.sampled_from([0.0, 0.1]), st.floats(20.0, 120.0))
 def test_what_a_silence_lost_is_counted_however_often_numbers_come_round(silent_s, loss, rate_hz):
     """20 s of frames, a silence, 20 s more; every tenth frame is lost."""
-    tracker, heard, came, sent = SequenceTracker(), Instant(0), 0, round((40.0 + silent_s) * rate_hz)
+    tracker, received, came, sent = SequenceTracker(), Instant(0), 0, round((40.0 + silent_s) * rate_hz)
     newest = -1
     for number in range(sent):
         at_s = number / rate_hz
@@ -113,8 +113,8 @@ def test_what_a_silence_lost_is_counted_however_often_numbers_come_round(silent_
             continue
         now = after(Instant(1), at_s)
         assume((number - newest) % MODULUS != 1 or number == newest + 1)  # else it may have hung
-        tracker.observe(number % MODULUS, now, heard)
-        heard, came, newest = now, came + 1, number
+        tracker.observe(number % MODULUS, now, received)
+        received, came, newest = now, came + 1, number
     last = sent - 1 if not loss or (sent - 1) % 10 != 5 else sent - 2
     assert tracker.received == came
     assert tracker.whole_loss == pytest.approx(1.0 - came / (last + 1))
@@ -126,35 +126,35 @@ def test_what_a_silence_lost_is_counted_however_often_numbers_come_round(silent_
 @pytest.mark.parametrize("loss", [0.0, 0.1, 0.3])
 def test_a_vehicle_that_hangs_loses_nothing_by_that(silent_s, loss):
     """It sends nothing meanwhile, and its sequence numbers continue where they stopped."""
-    tracker, drops, heard, came, last = SequenceTracker(), random.Random(1), Instant(0), 0, 0
+    tracker, drops, received, came, last = SequenceTracker(), random.Random(1), Instant(0), 0, 0
     for number in range(4000):
         now = after(Instant(1), 0.01 * number + (silent_s if number >= 3000 else 0.0))
         if drops.random() >= loss:
-            tracker.observe(number % MODULUS, now, heard)
-            heard, came, last = now, came + 1, number
+            tracker.observe(number % MODULUS, now, received)
+            received, came, last = now, came + 1, number
     assert tracker.whole_loss == pytest.approx(1.0 - came / (last + 1), abs=1e-3)
 
 
-def heard_for(tracker, seconds):
+def received_for(tracker, seconds):
     """Feed frames from instant 1 on, 64 per second, every third an answer; return when the last one came."""
-    heard = Instant(1)
+    received = Instant(1)
     for number in range(seconds * 64):
         now = after(Instant(1), number / 64)
         if number % 3 == 0:
             tracker.asked += 1
             tracker.answers += 1
-        tracker.observe(number % MODULUS, now, heard)
-        heard = now
-    return heard
+        tracker.observe(number % MODULUS, now, received)
+        received = now
+    return received
 
 
 def test_repeated_frames_do_not_shorten_what_rates_are_counted_over():
     """After a multiple of 256 frames each repeat restarted the count: of 640 lost in 15 s, 512 fewer were seen."""
     tracker = SequenceTracker()
-    heard = heard_for(tracker, 20)
+    received = received_for(tracker, 20)
     for _ in range(3):
-        tracker.observe(20 * 64 - 1 & 255, after(heard, 0.001), heard)
-    tracker.observe((20 * 64 + 640) % MODULUS, after(heard, 15.0), heard)
+        tracker.observe(20 * 64 - 1 & 255, after(received, 0.001), received)
+    tracker.observe((20 * 64 + 640) % MODULUS, after(received, 15.0), received)
     assert (tracker.repeated, tracker.missed) == (3, 640)
 
 
@@ -162,9 +162,9 @@ def test_repeated_frames_do_not_shorten_what_rates_are_counted_over():
 def test_a_silence_has_lost_what_is_sent_unasked_and_answers_or_none(answers):
     """In 15 s: 640 unasked frames and 320 answers; sequence numbers alone can't tell 640 from 896."""
     tracker = SequenceTracker()
-    heard = heard_for(tracker, 20)
+    received = received_for(tracker, 20)
     tracker.asked += 320
-    tracker.observe((20 * 64 + 640 + answers) % MODULUS, after(heard, 15.0), heard)
+    tracker.observe((20 * 64 + 640 + answers) % MODULUS, after(received, 15.0), received)
     assert tracker.missed == 640 + answers
 
 
@@ -177,17 +177,17 @@ def test_a_vehicle_s_clock_tells_whether_it_sent_in_a_silence(gap, sent_s, misse
     If no number is missing it hung; by chance one in 256 silences of a link ends like that, too.
     """
     tracker = SequenceTracker()
-    heard = heard_for(tracker, 20)
+    received = received_for(tracker, 20)
     tracker.asked += 171
-    tracker.observe((20 * 64 + gap) % MODULUS, after(heard, 8.0), heard)
+    tracker.observe((20 * 64 + gap) % MODULUS, after(received, 8.0), received)
     tracker.sent_for(sent_s)
     assert tracker.missed == missed
 
 
 def test_what_a_silence_without_an_end_lost_is_what_was_sent_unasked_before():
     tracker = SequenceTracker()
-    heard = heard_for(tracker, 20)
-    tracker.break_off(heard, after(heard, 30.0))
+    received = received_for(tracker, 20)
+    tracker.break_off(received, after(received, 30.0))
     assert tracker.missed == pytest.approx(30 * 64 * 2 / 3, rel=0.01)
     assert tracker.loss == 0.0
 
@@ -197,13 +197,13 @@ def test_a_filter_that_keeps_back_four_of_five_is_no_reason_to_think_that_a_vehi
 
     Before 10 s of silence a frame comes each 29 ms. 1741 numbers are expected meanwhile, and 1806 were sent.
     """
-    tracker, heard, number = SequenceTracker(), Instant(0), 0
+    tracker, received, number = SequenceTracker(), Instant(0), 0
     for frame in range(700):
         now = after(Instant(1), 0.02877 * frame)
         number = 5 * frame % MODULUS
-        tracker.observe(number, now, heard)
-        heard = now
-    tracker.observe((number + 1 + 1806) % MODULUS, after(heard, 10.02), heard)
+        tracker.observe(number, now, received)
+        received = now
+    tracker.observe((number + 1 + 1806) % MODULUS, after(received, 10.02), received)
     assert tracker.missed == 1806
 
 

@@ -40,12 +40,12 @@ def test_many_strangers_share_what_is_read_of_all() -> None:
 
 def test_a_flood_keeps_no_other_from_being_received() -> None:
     limit, flood, vehicle = StrangerLimit(0), Address(LOOPBACK, 1), Address(LOOPBACK, 2)
-    heard = 0
+    received = 0
     for at in range(0, 20 * SECOND, SECOND // 4500):
         limit.admits(flood, SIZE, at)
         if at % SECOND < SECOND // 4500:
-            heard += limit.admits(vehicle, VEHICLE, at)
-    assert heard == 20
+            received += limit.admits(vehicle, VEHICLE, at)
+    assert received == 20
 
 
 def test_vehicles_heard_for_the_first_time_are_read_at_once_however_many_they_are() -> None:
@@ -67,14 +67,14 @@ class Knowing(PlainEngine):
         self.unread += octets
 
     def take(self, datagram, now):
-        self.heard.append(datagram)
+        self.received.append(datagram)
 
     def handle_timer(self, now: Instant) -> None:
         self.timer = after(now, 0.001)
 
 
 def of_vehicle(engine: Knowing) -> list[Datagram]:
-    return [each for each in engine.heard if each.peer == engine.known]
+    return [each for each in engine.received if each.peer == engine.known]
 
 
 def test_of_a_stranger_s_flood_little_arrives_and_of_a_known_peer_everything() -> None:
@@ -92,7 +92,7 @@ def test_of_a_stranger_s_flood_little_arrives_and_of_a_known_peer_everything() -
         ends = time.monotonic() + 60.0
         driver.run(lambda: len(of_vehicle(engine)) >= 200 or time.monotonic() > ends)
     own = of_vehicle(engine)
-    others = [each for each in engine.heard if each.peer != engine.known]
+    others = [each for each in engine.received if each.peer != engine.known]
     assert len(own) == 200
     assert 0 < len(others) < 200
     assert engine.unread + SIZE * len(others) == 200 * SIZE

@@ -21,20 +21,20 @@ LIMIT_S = 60.0
 
 
 class Hearing(PlainEngine):
-    """Keeps what it hears, and can answer."""
+    """Keeps what it receives, and can answer."""
 
     def __init__(self, *endpoints):
         super().__init__(*endpoints)
         self.timer = None
 
     def take(self, datagram, now):
-        self.heard.append(datagram)
+        self.received.append(datagram)
 
     def say(self, data, peer=None, number=0):
         self.outbox.append(Datagram(number, peer or self.wanted[number].peer, data))
 
     def bytes_of(self, number=0):
-        return b"".join(each.data for each in self.heard if each.socket == number)
+        return b"".join(each.data for each in self.received if each.socket == number)
 
 
 def run_both(one, other, until):
@@ -68,10 +68,10 @@ def serial_pair():
 def test_what_is_sent_arrives_and_is_answered(near, far, host, port):
     one, other = Hearing(f"{near}:{host}:{port}"), Hearing(f"{far}:{host}:{port}")
     with Driver(other, RealClock()) as there, Driver(one, RealClock()) as here:
-        run_both(here, there, lambda: one.say(b"a") or other.heard)
-        other.say(b"answer", other.heard[0].peer)
-        run_both(here, there, lambda: one.heard)
-        assert one.heard[0].peer == parse_endpoint(f"{near}:{host}:{port}").address
+        run_both(here, there, lambda: one.say(b"a") or other.received)
+        other.say(b"answer", other.received[0].peer)
+        run_both(here, there, lambda: one.received)
+        assert one.received[0].peer == parse_endpoint(f"{near}:{host}:{port}").address
         assert one.bytes_of() == b"answer"
 
 
@@ -81,7 +81,7 @@ def test_a_tcp_client_waits_for_its_listener_and_connects_again_after_each_loss(
         for _ in range(2):
             other = Hearing(f"tcpin:127.0.0.1:{port}")
             with Driver(other, RealClock()) as there:
-                run_both(here, there, lambda other=other: one.say(b"again") or other.heard)
+                run_both(here, there, lambda other=other: one.say(b"again") or other.received)
             one.outbox.clear()
 
 
@@ -93,8 +93,8 @@ def test_a_listener_has_many_clients_and_forgets_those_that_have_gone(port):
             with Driver(client, RealClock()) as here:
                 word = b"%d" % number
                 run_both(here, there, lambda client=client, word=word: client.say(word) or word in listening.bytes_of())
-        assert len({each.peer for each in listening.heard}) == 3
-        listening.say(b"to one that has gone", listening.heard[0].peer)
+        assert len({each.peer for each in listening.received}) == 3
+        listening.say(b"to one that has gone", listening.received[0].peer)
         passes = iter((False, True))
         there.run(lambda: next(passes))
 
@@ -116,7 +116,7 @@ def test_bytes_go_over_a_serial_line_both_ways():
         passes = iter((False, True))
         here.run(lambda: next(passes))
         assert os.read(far, 100) == b"answer"
-    assert {each.peer for each in one.heard} == {parse_endpoint(f"serial:{device}:57600").peer}
+    assert {each.peer for each in one.received} == {parse_endpoint(f"serial:{device}:57600").peer}
     os.close(near)
     os.close(far)
 
@@ -152,7 +152,7 @@ def test_a_line_that_is_unplugged_is_opened_again_when_it_is_back(tmp_path):
         far, near, device = serial_pair()
         link.symlink_to(device)
         ends_s = time.monotonic() + LIMIT_S
-        here.run(lambda: os.write(far, b"a") == 0 or bool(one.heard) or time.monotonic() > ends_s)
+        here.run(lambda: os.write(far, b"a") == 0 or bool(one.received) or time.monotonic() > ends_s)
     assert set(one.bytes_of()) == set(b"a")
     os.close(near)
     os.close(far)
@@ -167,11 +167,11 @@ def test_what_is_no_serial_line_is_named(device):
 def test_in_a_group_every_end_receives_every_other_and_not_itself(port):
     members = [Hearing(f"mcast:239.255.145.51:{port}") for _ in range(2)]
     with Driver(members[0], RealClock()) as here, Driver(members[1], RealClock()) as there:
-        run_both(here, there, lambda: members[0].say(b"a") or members[1].heard)
+        run_both(here, there, lambda: members[0].say(b"a") or members[1].received)
         members[1].say(b"b")
-        run_both(here, there, lambda: members[0].heard)
+        run_both(here, there, lambda: members[0].received)
     assert set(members[0].bytes_of()) == set(b"b")
-    assert {each.peer for each in members[0].heard} == {Address("239.255.145.51", port)}
+    assert {each.peer for each in members[0].received} == {Address("239.255.145.51", port)}
 
 
 def test_a_full_stream_loses_whole_datagrams_and_never_cuts_one():

@@ -21,7 +21,7 @@ class Echo(PlainEngine):
         self.timers = []
 
     def take(self, datagram, now):
-        self.heard.append(datagram)
+        self.received.append(datagram)
         self.outbox.append(Datagram(datagram.socket, datagram.peer, datagram.data.upper()))
 
     def handle_timer(self, now):
@@ -43,9 +43,11 @@ def test_datagrams_come_in_and_answers_go_back(port):
         remote.bind(("127.0.0.1", 0))
         remote.settimeout(120.0)
         remote.sendto(b"hello", ("127.0.0.1", port))
-        driver.run(lambda: bool(engine.heard) and len(engine.timers) >= 3)
+        driver.run(lambda: bool(engine.received) and len(engine.timers) >= 3)
         assert remote.recv(100) == b"HELLO"
-        assert [(each.remote, each.data) for each in engine.heard] == [((0, Address(*remote.getsockname())), b"hello")]
+        assert [(each.remote, each.data) for each in engine.received] == [
+            ((0, Address(*remote.getsockname())), b"hello")
+        ]
         assert engine.timers == sorted(engine.timers)
 
 
@@ -55,7 +57,7 @@ def test_the_end_is_not_looked_for_after_each_datagram_but_without_any_timer_too
     engine.timer = None
     engine.outbox.append(Datagram(0, Address("127.0.0.1", port), b"on and on"))
     with Driver(engine, RealClock()) as driver:
-        driver.run(lambda: looks.append(len(engine.heard)) or looks[-1] >= 300)
+        driver.run(lambda: looks.append(len(engine.received)) or looks[-1] >= 300)
     assert len(looks) < 100
 
 
@@ -87,7 +89,7 @@ def test_who_cannot_be_reached_is_no_error(port):
     engine.outbox.append(Datagram(0, Address("127.0.0.1", port), bytes(70_000)))
     with Driver(engine, RealClock()) as driver:
         driver.run(lambda: len(engine.timers) >= 2)
-    assert engine.heard == []
+    assert engine.received == []
 
 
 @pytest.mark.parametrize("platform", [sys.platform, "without recvmmsg"])
@@ -169,7 +171,7 @@ def test_junk_at_one_socket_stops_neither_the_others_nor_the_timers(two_ports, c
 
 
 def test_no_timer_is_handled_before_what_arrived_during_a_long_receive(two_ports, clock):
-    """Silence is judged at timers: a vehicle that sent during another's long receive must have been heard by then."""
+    """Silence is judged at timers: a vehicle that sent during another's long receive must be received by then."""
     (slow, other), endpoints = two_ports
 
     class HeldUp(Busy):

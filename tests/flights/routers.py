@@ -15,7 +15,7 @@ from tests.flights.in_memory import Between
 
 
 class MavlinkRouter(Between):
-    """It passes on what names a system it has heard to that one, and everything else to all.
+    """It passes on what names a system it has received to that one, and everything else to all.
 
     Source: mavlink-router's README, "Message Routing".
     """
@@ -26,7 +26,7 @@ class MavlinkRouter(Between):
     def __init__(self, fleet: Fleet) -> None:
         super().__init__(fleet)
         self.links = dict[int, int]()
-        """Which link each system was heard on."""
+        """Which link each system was received on."""
         self.passed = [0] * len(fleet.vehicles)
         """Number of frames that each vehicle got."""
 

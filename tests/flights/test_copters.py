@@ -65,7 +65,7 @@ def test_none_manoeuvres_in_a_change_that_is_planned(shape, other, spacing_m, tm
 
 @pytest.mark.parametrize("ends", [{"duration_s": 12}, {"orders": [{"at_s": 12, "order": "loiter"}]}])
 def test_they_stop_together_before_they_are_left_alone(ends, tmp_path):
-    """One hears the command to brake 0.8 s after the others: it used to fly 6 m on, into the one ahead of it."""
+    """One receives the command to brake 0.8 s after the others: it used to fly 6 m on, into the one ahead of it."""
     keys = {
         "start": {"in_air": True, "run_in_s": 6},
         "duration_s": 30,

@@ -55,10 +55,10 @@ def test_a_silent_follower_is_given_up_step_by_step_and_the_others_fly_on(kind: 
     world, struck_s = flying(kind, 2, duration_s=35)
     world.run()
     (stale_s,), (lost_s,) = world.times_s("link", 2, "stale"), world.times_s("link", 2, "lost")
-    (unheard_s,), (commanded_s,) = world.times_s("member", 2, "not heard"), world.times_s("member", 2, "told to loiter")
+    (silent_s,), (commanded_s,) = world.times_s("member", 2, "not heard"), world.times_s("member", 2, "told to loiter")
     assert stale_s - struck_s == pytest.approx(1.5, abs=LAG_S)
     assert lost_s - struck_s == pytest.approx(5.0, abs=LAG_S)
-    assert unheard_s - struck_s == pytest.approx(5.0, abs=LAG_S)
+    assert silent_s - struck_s == pytest.approx(5.0, abs=LAG_S)
     assert commanded_s - struck_s == pytest.approx(30.0, abs=LAG_S)
     assert world.times_s("member", 3, "told to loiter") == []
     assert max(max(map(abs, tick.error_m[2])) for tick in world.recorder.ticks if tick.mission_time_s > 2.0) < 0.05

@@ -30,11 +30,11 @@ HEARTBEAT = Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID)
 
 
 class Second(Engine):
-    """A ground station at a forward: it keeps what it hears, and sends its heartbeat and what it is told to."""
+    """A ground station at a forward: it keeps what it receives, and sends its heartbeat and what it is told to."""
 
     def __init__(self, ids: ComponentId = MAVPROXY, key: SigningKey | None = None) -> None:
         self.signed = None if key is None else SignedLink(Authentication(key, VIRTUAL_EPOCH_US))
-        self.heard, self.acknowledged = dict[int, int](), list[CommandAck]()
+        self.received, self.acknowledged = dict[int, int](), list[CommandAck]()
         self._writer, self._parser, self._out = FrameWriter(*ids), StreamParser(), list[Datagram]()
         self._next = Instant(0)
 
@@ -48,7 +48,7 @@ class Second(Engine):
     def receive(self, datagrams: list[Datagram], now: Instant) -> None:
         for datagram in datagrams:
             for frame in self._parser.feed(datagram.data):
-                self.heard[frame.system] = self.heard.get(frame.system, 0) + 1
+                self.received[frame.system] = self.received.get(frame.system, 0) + 1
                 if isinstance(frame.message, CommandAck):
                     self.acknowledged.append(frame.message)
 
@@ -95,9 +95,9 @@ def test_it_sees_every_vehicle_and_is_reported_once() -> None:
     beside = Beside(duration_s=3)
     beside.world.run()
     assert beside.joined == [MAVPROXY]
-    assert sorted(beside.second.heard) == [1, 2, 3]
+    assert sorted(beside.second.received) == [1, 2, 3]
     frames = {vehicle.identity.system: vehicle.frames_in for vehicle in beside.world.station.vehicles.values()}
-    for system, count in beside.second.heard.items():
+    for system, count in beside.second.received.items():
         assert count > 0.5 * frames[system]
     assert all(each.target_component != STATION.component for each in beside.second.acknowledged)
     assert beside.world.worst_m(0.5) < 0.05
@@ -148,14 +148,14 @@ def test_on_signed_links_it_commands_with_the_key_alone_and_sees_nothing_forged(
     refused = world.vehicle(3).link.signed.judged.get(MAVPROXY.system)
     assert (world.vehicle(3).pilot.mode is Mode.LOITER) is keyed
     assert bool(refused and refused.refused) is not keyed
-    assert sorted(beside.second.heard) == [1, 2, 3]
-    heard = dict(beside.second.heard)
+    assert sorted(beside.second.received) == [1, 2, 3]
+    received = dict(beside.second.received)
     vehicle = world.station.vehicles[VehicleId(1, 2)].connection
     assert vehicle.peer is not None
     forged = Datagram(vehicle.socket, vehicle.peer, FrameWriter(2, 1).encode(HEARTBEAT))
     world.process.receive([forged] * 1000, world.clock.now())
     world.run(0.2)
-    assert beside.second.heard[2] - heard[2] < 200
+    assert beside.second.received[2] - received[2] < 200
 
 
 def test_a_key_isnt_passed_on() -> None:

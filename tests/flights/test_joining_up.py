@@ -102,7 +102,7 @@ def test_planes_beside_a_slow_leader_are_in_their_slots_by_the_first_pass_of_the
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 5])
 def test_who_is_heard_late_behind_a_turning_leader_is_in_its_slot_when_the_leader_comes_by_again(seed, tmp_path):
-    """Links lose a fifth, five in a row. It used to fly after the place where it was first heard, 230 m back."""
+    """Links lose a fifth, five in a row. It used to fly after the place where it was first received, 230 m back."""
     keys = yaml.safe_load((CONFIGS / "paper.yaml").read_text())
     links = {"default": {"loss": 0.2, "mean_burst": 5.0}}
     keys |= {"seed": seed, "duration_s": 1, "links": links, "disturbances": [], "expect": []}

@@ -99,10 +99,10 @@ def test_multirotors_follow_in_offboard_with_clocks_that_are_late_by_14_ms_a_sec
     world.fly_to(25.0)
     assert world.worst_m(from_s=8.0) < 0.15
     assert {world.vehicle(number).mode for number in (1, 2, 3)} == {Px4Mode.OFFBOARD}
-    heard = world.between
-    assert isinstance(heard, Listener)
-    assert m.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED in heard.ids
-    assert m.MAVLINK_MSG_ID_SYSTEM_TIME not in heard.ids
+    received = world.between
+    assert isinstance(received, Listener)
+    assert m.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED in received.ids
+    assert m.MAVLINK_MSG_ID_SYSTEM_TIME not in received.ids
 
 
 @pytest.mark.slow

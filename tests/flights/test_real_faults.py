@@ -171,9 +171,9 @@ def test_faults_over_udp_lead_to_what_they_lead_to_under_the_virtual_clock(path:
         return [event["t_s"] - begun_s for event in those if text in (event["text"], event["kind"])]
 
     assert when(2, "lost") == [about(9.0)]
-    unheard = "not heard: told nothing until it is"
-    assert when(2, unheard) == [about(9.0)]
-    assert when(3, unheard) == [about(9.0)]
+    silent = "not heard: told nothing until it is"
+    assert when(2, silent) == [about(9.0)]
+    assert when(3, silent) == [about(9.0)]
     assert when(3, "flying in formation")[0] == about(12.0, 2.0)
     assert when(4, "restarted") == [about(4.0, 1.0)]
     assert when(4, "ready") == [about(6.0, 2.0)]

@@ -104,7 +104,7 @@ def test_in_flight_a_second_vehicle_with_the_same_id_is_reported_and_ignored() -
     (reported_s,) = world.times_s("duplicate", 2)
     assert 1.0 <= reported_s - begun_s < 2.5
     assert not world.times_s("address")
-    assert twin.vehicles[0].link._heard == []  # nothing was ever sent to it
+    assert twin.vehicles[0].link._senders == []  # nothing was ever sent to it
     taken = sum(vehicle.frames_in for vehicle in world.station.vehicles.values())
     assert world.station.received().frames - taken == world.station.frames_refused > 100
 
@@ -165,7 +165,7 @@ def test_the_place_of_a_silent_vehicle_is_not_taken_by_another_clock() -> None:
         "another sender has its system id, from 127.0.0.1:49155, beside 127.0.0.1:49153, its clock is another's; "
         "it is ignored"
     ]
-    assert impostor.vehicles[0].link._heard == []
+    assert impostor.vehicles[0].link._senders == []
 
 
 class HeartbeatsOnly(Between):
@@ -236,7 +236,7 @@ def station() -> Station:
     return Station(load_scenario(scenario()), MemoryRecorder())
 
 
-def hear(station: Station, writer: FrameWriter, message, at_s: float = 0.0, port: int = 40000) -> None:
+def receive(station: Station, writer: FrameWriter, message, at_s: float = 0.0, port: int = 40000) -> None:
     station.receive([Datagram(0, Address(LOOPBACK, port), writer.encode(message))], after(Instant(0), at_s))
 
 
@@ -253,7 +253,7 @@ def test_systems_that_are_not_ours_are_reported_once(
     station: Station, system: int, component: int, kind: str, words: str
 ) -> None:
     for _ in range(3):
-        hear(station, FrameWriter(system, component), PLANE)
+        receive(station, FrameWriter(system, component), PLANE)
     recorder = station._recorder
     assert isinstance(recorder, MemoryRecorder)
     (event,) = recorder.events
@@ -265,12 +265,12 @@ def test_systems_that_are_not_ours_are_reported_once(
 def test_a_vehicles_other_components_say_nothing_of_its_autopilot(station: Station) -> None:
     vehicle = station.vehicles[VehicleId(1, 2)]
     for component in (0, m.MAV_COMP_ID_MISSIONPLANNER, 191):
-        hear(station, FrameWriter(2, component), PLANE, port=50000)
+        receive(station, FrameWriter(2, component), PLANE, port=50000)
     assert vehicle.connection.peer is None
     autopilot, companion = FrameWriter(2, m.MAV_COMP_ID_AUTOPILOT1), FrameWriter(2, 191)
     for i in range(20):
-        hear(station, autopilot, PLANE, 0.1 * i)
-        hear(station, companion, Statustext(2, "not the autopilot's words"), 0.1 * i, port=50000)
+        receive(station, autopilot, PLANE, 0.1 * i)
+        receive(station, companion, Statustext(2, "not the autopilot's words"), 0.1 * i, port=50000)
     assert vehicle.connection.peer == Address(LOOPBACK, 40000)
     assert vehicle.sequence.loss == 0.0
     assert vehicle.frames_in == 20

@@ -231,11 +231,11 @@ def test_over_udp_one_of_two_links_dies(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_second_ground_station_sees_the_link_in_use() -> None:
     outage = {"at_s": 3.0, "link": 1, "outage": True}
-    heard = list[dict[int, int]]()
+    received = list[dict[int, int]]()
     for beside in (Beside(), Beside(vehicles=TWO, links=linked(outage, first=0.0, second=20.0))):
         beside.world.fly_to(8.0)
-        heard.append(beside.second.heard)
-    one, two = heard
+        received.append(beside.second.received)
+    one, two = received
     assert sorted(two) == [1, 2, 3]
     for system, count in two.items():
         assert 0.8 * one[system] < count < 1.2 * one[system]

@@ -183,8 +183,8 @@ def test_a_vehicle_without_a_key_is_refused_unless_unsigned_frames_are_accepted(
         world = World(duration_s=3, links=links)
         world.fleet.vehicles[1].link.set_key(None, 0)
         world.run(2.0)
-        heard = world.station.vehicles[VehicleId(1, 2)].frames_in
-        assert (heard > 0) is (policy == "accept")
+        received = world.station.vehicles[VehicleId(1, 2)].frames_in
+        assert (received > 0) is (policy == "accept")
         assert any("unsigned" in each or "not signed" in each for each in world.words("signing"))
 
 
@@ -226,7 +226,7 @@ def test_a_vehicle_that_restarts_is_heard_again(links: dict[str, Any]) -> None:
 
 @pytest.mark.slow
 def test_vehicles_whose_timestamps_are_behind_hear_how_late_they_are_and_fly(links: dict[str, Any]) -> None:
-    """Nobody's clock has to be right: a station that is ten minutes ahead is heard, and then followed."""
+    """Nobody's clock has to be right: a station that is ten minutes ahead is received, and then followed."""
     world = World(duration_s=3, links=links)
     signing = world.station.signatures.signing
     assert signing is not None

@@ -97,7 +97,7 @@ class Ends:
         self._unchanging = (self._flight.station.scenario, self._flight.fleet.config)
         self._end = end
 
-    def hear(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         """Let one end receive what an input's bytes encode; the flight must stay within the envelope."""
         flight = copy.deepcopy(self._flight, {id(each): each for each in self._unchanging})
         tell = self._tell_station if self._end == "station" else self._tell_vehicle
@@ -161,7 +161,7 @@ def seeds(target: Target) -> list[bytes]:
 
 def one_input(target: Target) -> Callable[[bytes], None]:
     """Return the function that takes an input."""
-    return parse if target == "parser" else Ends(target).hear
+    return parse if target == "parser" else Ends(target).receive
 
 
 def fuzz(target: Target, seconds: int, corpus: Path, inputs: tuple[Path, ...]) -> None:

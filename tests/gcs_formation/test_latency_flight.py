@@ -186,7 +186,7 @@ def test_what_comes_8_s_later_all_at_once_is_no_loss(plan):
 
 @pytest.mark.slow
 def test_a_link_that_dies_for_good_has_lost_what_the_vehicle_sends_by_itself(plan):
-    """A vehicle that still hears us also answers, as can't be known; one that doesn't sends the rest alone.
+    """A vehicle that still receives us also answers, as can't be known; one that doesn't sends the rest alone.
 
     That is what was asked for, at the rates of flight, for 35 s.
     """

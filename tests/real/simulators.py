@@ -146,14 +146,14 @@ def flown(
     With a delay each way, in simulated time, each vehicle is behind a proxy of its own.
     """
     ports = free_ports(2 * len(keys["vehicles"]))
-    heard, sent_to = ports[::2], ports[1::2] if delay_ms else ports[::2]
+    received, sent_to = ports[::2], ports[1::2] if delay_ms else ports[::2]
     with ExitStack() as stack:
-        for number, (listen, to) in enumerate(zip(sent_to, heard, strict=True) if delay_ms else (), 1):
+        for number, (listen, to) in enumerate(zip(sent_to, received, strict=True) if delay_ms else (), 1):
             proxy = [*PROXY, "--listen", f"udpin:127.0.0.1:{listen}", "--to", f"udpout:127.0.0.1:{to}"]
             (place := directory / f"proxy{number}").mkdir()
             stack.enter_context(running([*proxy, "--delay-ms", str(delay_ms / speedup)], place))
         stack.enter_context(kind.several(sent_to, directory, speedup, **parameters))
-        done = fly(directory, at_ports(keys, heard), "--speedup", str(speedup))
+        done = fly(directory, at_ports(keys, received), "--speedup", str(speedup))
     assert done.returncode == 0, done.stderr
     return directory / "run"
 

@@ -50,7 +50,7 @@ class Pilot:
     ready: bool = False
 
     def __post_init__(self) -> None:
-        """Listen at the port until the vehicle is heard."""
+        """Listen at the port until the vehicle is received."""
         self.link: Any = mavutil.mavlink_connection(
             f"udpin:127.0.0.1:{self.port}", source_system=255, dialect="ardupilotmega"
         )

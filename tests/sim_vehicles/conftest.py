@@ -28,7 +28,7 @@ class Peer:
         self.dialect = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
         self.parser = mavlink.MAVLink(None)
         self.parser.robust_parsing = True
-        self.heard = []
+        self.received = []
 
     def send(self, message, vehicle=0):
         self.send_bytes(message.pack(self.dialect), vehicle)
@@ -36,13 +36,13 @@ class Peer:
     def send_bytes(self, data, vehicle=0):
         self.fleet.receive([Datagram(vehicle, self.address, data)], self.fleet.next_timer())
 
-    def hear(self, data, seconds):
-        self.heard += [(seconds, message) for message in self.parser.parse_buffer(data) or []]
+    def receive(self, data, seconds):
+        self.received += [(seconds, message) for message in self.parser.parse_buffer(data) or []]
 
     def of(self, name, system=None):
         return [
             message
-            for _, message in self.heard
+            for _, message in self.received
             if message.get_type() == name and system in (None, message.get_srcSystem())
         ]
 
@@ -69,7 +69,7 @@ class Air:
             for datagram in self.fleet.datagrams_to_send():
                 self.sent.append((now, datagram))
                 if datagram.peer in self.peers:
-                    self.peers[datagram.peer].hear(datagram.data, self.seconds)
+                    self.peers[datagram.peer].receive(datagram.data, self.seconds)
 
     def run_until(self, holds, limit_s):
         while not holds():

@@ -387,7 +387,7 @@ def test_with_a_delay_of_0_it_never_disarms_by_itself(grounded):
 
 
 def test_unasked_it_sends_heartbeats_alone(grounded):
-    telemetry = {each.get_type() for _, each in grounded.ground.heard} - {"HEARTBEAT", "STATUSTEXT", "TIMESYNC"}
+    telemetry = {each.get_type() for _, each in grounded.ground.received} - {"HEARTBEAT", "STATUSTEXT", "TIMESYNC"}
     assert telemetry == set()
     assert grounded.command_long(INTERVAL, 33, 100_000) == ACCEPTED
     grounded.run(1.0)

@@ -20,10 +20,10 @@ def velocity(air, vehicle=0):
     return state.wind_north_mps, state.wind_east_mps
 
 
-def heard_from(air, system, seconds):
-    before = len(air.ground.heard)
+def received_from(air, system, seconds):
+    before = len(air.ground.received)
     air.run(seconds)
-    return [message for _, message in air.ground.heard[before:] if message.get_srcSystem() == system]
+    return [message for _, message in air.ground.received[before:] if message.get_srcSystem() == system]
 
 
 def disturbed(make_air, *disturbances, count=2):
@@ -139,9 +139,9 @@ def test_a_crashed_vehicle_falls_silent_to_the_ground_and_the_others_fly_on(make
     air = make_air(2, faults=((Fault(at_s=5.0, kind="crash"), frozenset({FIRST})),))
     air.tell_mission_time(0.0)
     air.run(6.0)
-    assert heard_from(air, 1, 5.0) == []
+    assert received_from(air, 1, 5.0) == []
     assert [air.state(name) for name in ("height_m", "airspeed_mps", "climb_mps")] == [0.0, 0.0, 0.0]
-    assert heard_from(air, 2, 5.0)
+    assert received_from(air, 2, 5.0)
     assert air.state("height_m", 1) == pytest.approx(100.0)
 
 
@@ -153,7 +153,7 @@ def test_a_frozen_vehicle_is_deaf_and_dumb_and_flies_on_as_it_was_reported(make_
     air.tell_mission_time(59.0)
     air.run(30.0)
     assert air.command_int(HEADING, 1, 180.0, 10.0) is None
-    assert heard_from(air, 1, 10.0) == []
+    assert received_from(air, 1, 10.0) == []
     assert math.degrees(air.state("heading_rad")) == pytest.approx(90.0, abs=1e-3)
     assert air.state("airspeed_mps") == pytest.approx(22.0)
 

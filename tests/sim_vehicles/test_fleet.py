@@ -97,7 +97,7 @@ def test_vehicles_speak_with_their_own_system_ids_and_do_what_they_are_reported_
         reported = air.command_int(HEADING, 1, 30.0 * vehicle, 10.0, target=vehicle + 1, vehicle=vehicle)
         assert reported == 0
     air.run(60.0)
-    assert {message.get_srcSystem() for _, message in air.ground.heard} == {1, 2, 3}
+    assert {message.get_srcSystem() for _, message in air.ground.received} == {1, 2, 3}
     for vehicle in range(3):
         assert math.degrees(air.state("heading_rad", vehicle)) - 30.0 * vehicle < 1e-6
 
@@ -106,7 +106,7 @@ def test_a_listening_vehicle_tells_everyone_it_receives_and_forgets_the_silent(m
     air = make_air(endpoint="udpin:127.0.0.1:14560")
     other = air.peer(Address("127.0.0.1", 15000), system=250)
     air.run(3.0)
-    assert not air.ground.heard
+    assert not air.ground.received
     beat = air.ground.dialect.heartbeat_encode(6, 8, 0, 0, 0)
     other.send(beat)
     for _ in range(30):

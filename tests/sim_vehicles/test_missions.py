@@ -34,10 +34,10 @@ def count(number, kind=0):
 def ask(air, message, seconds=0.1, peer=None):
     """Send a message; return the answers of the mission protocol, as (name, number or result)."""
     peer = peer or air.ground
-    before = len(peer.heard)
+    before = len(peer.received)
     peer.send(message)
     air.run(seconds)
-    return [answer for _, each in peer.heard[before:] if (answer := reported(each)) is not None]
+    return [answer for _, each in peer.received[before:] if (answer := reported(each)) is not None]
 
 
 def reported(message):

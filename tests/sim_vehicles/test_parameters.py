@@ -42,7 +42,7 @@ def test_the_list_has_every_index_once_at_one_a_turn(flying):
     assert [value.param_index for value in values] == list(range(values[0].param_count))
     assert {value.param_count for value in values} == {len(values)}
     assert TYPES.items() <= {value.param_id: value.param_type for value in values}.items()
-    times = [seconds for seconds, message in flying.ground.heard if message.get_type() == "PARAM_VALUE"]
+    times = [seconds for seconds, message in flying.ground.received if message.get_type() == "PARAM_VALUE"]
     assert len(set(times)) == len(times)
 
 

@@ -103,7 +103,7 @@ class Px4:
 
 @pytest.fixture
 def px4(make_air):
-    """Return a factory of PX4s that have booted and heard their ground station."""
+    """Return a factory of PX4s that have booted and received their ground station."""
 
     def make(model=COPTER, *, wait_s=3.5, **keys):
         vehicle = Px4(make_air(model=model, **keys))
@@ -600,7 +600,7 @@ def test_its_link_receives_the_first_port_alone(make_air):
     copter.wait(1.0)
     assert copter.air.command_long(m.MAV_CMD_REQUEST_MESSAGE, 0, peer=other) is None
     copter.wait(1.0)
-    assert other.heard == []
+    assert other.received == []
     assert copter.air.command_long(m.MAV_CMD_REQUEST_MESSAGE, 0) == ACCEPTED
 
 

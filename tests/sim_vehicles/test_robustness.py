@@ -78,7 +78,7 @@ def envelope_holds(air):
 
 
 def told_is_finite(air):
-    for _, message in air.ground.heard:
+    for _, message in air.ground.received:
         values = [value for value in message.to_dict().values() if isinstance(value, float)]
         assert all(map(math.isfinite, values)), message
 
@@ -122,9 +122,9 @@ def test_a_crowd_of_strangers_neither_fills_the_memory_nor_disturbs_the_ground_s
         air.run(0.02)
     air.run(1.0)
     vehicle = air.fleet.vehicles[0]
-    assert max(map(len, (vehicle.link._peers, vehicle.link._heard))) <= MAX_PEERS + 1
+    assert max(map(len, (vehicle.link._peers, vehicle.link._senders))) <= MAX_PEERS + 1
     assert len(vehicle.parameters._to_list) <= MAX_LISTS * len(vehicle.parameters.entries())
-    numbers = [message.get_seq() for _, message in air.ground.heard]
+    numbers = [message.get_seq() for _, message in air.ground.received]
     assert numbers == [number % 256 for number in range(len(numbers))]
 
 
@@ -134,6 +134,6 @@ def test_a_ground_station_that_was_heard_outlasts_addresses_that_send_noise(make
     air.run(0.02)
     for number in range(100):
         air.fleet.receive([Datagram(0, Address("10.0.0.1", number), b"\xfd\x09\x00")], air.fleet.next_timer())
-    air.ground.heard.clear()
+    air.ground.received.clear()
     air.run(2.0)
     assert air.ground.of("HEARTBEAT")

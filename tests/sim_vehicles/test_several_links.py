@@ -52,20 +52,20 @@ def test_its_sockets_are_its_own_end_of_each_link(fleet: Fleet) -> None:
 
 
 def test_both_ends_have_the_same_telemetry_each_with_its_own_numbers(fleet: Fleet) -> None:
-    heard = said(fleet, 1.0, Instant(0))
-    assert SOCKETS[1] not in heard, "nobody has been heard at the end that listens"
+    received = said(fleet, 1.0, Instant(0))
+    assert SOCKETS[1] not in received, "nobody has been heard at the end that listens"
     now = after(Instant(0), 1.0)
     fleet.receive([Datagram(socket, peer, command(100_000)) for socket, peer in zip(SOCKETS, GROUND, strict=True)], now)
-    heard = said(fleet, 3.0, now)
+    received = said(fleet, 3.0, now)
     positions = [
-        [each.message for each in heard[socket] if isinstance(each.message, GlobalPositionInt)] for socket in SOCKETS
+        [each.message for each in received[socket] if isinstance(each.message, GlobalPositionInt)] for socket in SOCKETS
     ]
     assert len(positions[0]) > 25
     assert [each.time_boot_s for each in positions[0]] == [each.time_boot_s for each in positions[1]]
     for socket in SOCKETS:
-        numbers = [each.sequence for each in heard[socket]]
+        numbers = [each.sequence for each in received[socket]]
         assert all((after_it - each) % 256 == 1 for each, after_it in pairwise(numbers))
-    assert heard[SOCKETS[0]][0].sequence != heard[SOCKETS[1]][0].sequence
+    assert received[SOCKETS[0]][0].sequence != received[SOCKETS[1]][0].sequence
 
 
 @pytest.mark.parametrize("place", [0, 1])
@@ -73,8 +73,10 @@ def test_a_command_is_taken_on_either_and_answered_there(fleet: Fleet, place: in
     said(fleet, 1.0, Instant(0))
     now = after(Instant(0), 1.0)
     fleet.receive([Datagram(SOCKETS[place], GROUND[place], command(50_000))], now)
-    heard = said(fleet, 0.5, now)
-    answers = {socket: sum(isinstance(each.message, CommandAck) for each in frames) for socket, frames in heard.items()}
+    received = said(fleet, 0.5, now)
+    answers = {
+        socket: sum(isinstance(each.message, CommandAck) for each in frames) for socket, frames in received.items()
+    }
     assert answers[SOCKETS[place]] == 1
     assert answers.get(SOCKETS[1 - place], 0) == 0
 

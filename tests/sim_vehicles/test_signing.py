@@ -23,7 +23,7 @@ ARM = 400
 
 @pytest.fixture
 def air():
-    """Return a vehicle that is up and ready, and a ground station heard by it."""
+    """Return a vehicle that is up and ready, and a ground station received by it."""
     config = VehicleConfig(VehicleId(1, 1), parse_endpoint("udpout:127.0.0.1:14550"), StartState(0.0, 0.0))
     found = Air(FleetConfig(Origin().geodetic, (config,), ready_s=0.0))
     found.ground.send(found.ground.dialect.heartbeat_encode(6, 8, 0, 0, 4))
@@ -63,10 +63,10 @@ def test_with_a_key_it_signs_begins_a_minute_later_and_pymavlink_takes_it(air):
     set_up(air)
     assert is_authentic(newest(air), KEY.octets)
     assert NOW + A_MINUTE < timestamp_of(newest(air)) < NOW + A_MINUTE + 10**6
-    heard = len(air.ground.heard)
+    received = len(air.ground.received)
     signs(air.ground, NOW)
     air.run(1.0)
-    assert air.ground.parser.signing.goodsig_count == len(air.ground.heard) - heard > 0
+    assert air.ground.parser.signing.goodsig_count == len(air.ground.received) - received > 0
 
 
 def test_it_refuses_what_isnt_signed_with_its_key_and_takes_what_is(air):

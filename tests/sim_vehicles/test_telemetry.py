@@ -32,22 +32,22 @@ UNASKED = {
 
 
 def counts(air, seconds):
-    before = len(air.ground.heard)
+    before = len(air.ground.received)
     air.run(seconds)
-    return Counter(message.get_type() for _, message in air.ground.heard[before:])
+    return Counter(message.get_type() for _, message in air.ground.received[before:])
 
 
 def test_everything_that_clients_wait_for_comes_at_1_hz_unasked(flying):
-    heard = counts(flying, 10.0)
-    assert {name: heard[name] for name in UNASKED} == dict.fromkeys(UNASKED, 10)
+    received = counts(flying, 10.0)
+    assert {name: received[name] for name in UNASKED} == dict.fromkeys(UNASKED, 10)
 
 
 @pytest.mark.parametrize("hz", [1, 2, 5, 10, 25, 50])
 def test_intervals_are_kept_exactly(flying, hz):
     assert flying.command_long(INTERVAL, 33, 1e6 / hz) == 0
     assert flying.command_int(INTERVAL, 30, 1e6 / hz) == 0
-    heard = counts(flying, 10.0)
-    assert (heard["GLOBAL_POSITION_INT"], heard["ATTITUDE"]) == (10 * hz, 10 * hz)
+    received = counts(flying, 10.0)
+    assert (received["GLOBAL_POSITION_INT"], received["ATTITUDE"]) == (10 * hz, 10 * hz)
 
 
 def test_interval_minus_1_stops_a_message_and_0_brings_the_default_back(flying):
@@ -67,19 +67,19 @@ def test_extended_state_comes_when_asked_for_and_says_in_the_air(flying):
 def test_request_data_stream_sets_all_rates_but_the_heartbeat_s(flying, hz):
     flying.ground.send(flying.ground.dialect.request_data_stream_encode(1, 0, 0, hz, 1))
     flying.run(0.5)
-    heard = counts(flying, 12.0)
-    assert heard["HEARTBEAT"] == 12
-    assert all(abs(heard[name] - 12 * hz) <= 4 for name in UNASKED - {"HEARTBEAT"})
+    received = counts(flying, 12.0)
+    assert received["HEARTBEAT"] == 12
+    assert all(abs(received[name] - 12 * hz) <= 4 for name in UNASKED - {"HEARTBEAT"})
 
 
 def test_messages_of_one_turn_carry_one_time(flying):
     for message_id in (30, 33):  # both in one cycle, so that they're in phase
         flying.ground.send(flying.ground.dialect.command_long_encode(1, 1, INTERVAL, 0, message_id, 1e5, 0, 0, 0, 0, 0))
     flying.run(0.1)
-    flying.ground.heard.clear()
+    flying.ground.received.clear()
     flying.run(5.0)
     stamps = [
-        {message.time_boot_ms for _, message in flying.ground.heard if message.get_type() == name}
+        {message.time_boot_ms for _, message in flying.ground.received if message.get_type() == name}
         for name in ("ATTITUDE", "GLOBAL_POSITION_INT")
     ]
     assert len(stamps[0]) == 50
@@ -88,7 +88,7 @@ def test_messages_of_one_turn_carry_one_time(flying):
 
 def test_one_frame_a_datagram_and_no_gap_in_the_numbers(flying):
     flying.run(5.0)
-    sequences = [message.get_seq() for _, message in flying.ground.heard]
+    sequences = [message.get_seq() for _, message in flying.ground.received]
     assert all((b - a) % 256 == 1 for a, b in pairwise(sequences))
     assert len(flying.sent) == len(sequences)
 
@@ -105,7 +105,7 @@ def test_timesync_echoes_ts1_and_gives_nanoseconds_since_boot(flying):
 def test_it_asks_for_the_time_itself_every_10_s(make_air):
     air = make_air()
     air.run(45.0)
-    asked = [round(seconds) for seconds, message in air.ground.heard if message.get_type() == "TIMESYNC"]
+    asked = [round(seconds) for seconds, message in air.ground.received if message.get_type() == "TIMESYNC"]
     assert asked == [10, 20, 30, 40]
     assert {message.tc1 for message in air.ground.of("TIMESYNC")} == {0}
 
@@ -114,7 +114,7 @@ def test_it_asks_for_the_time_itself_every_10_s(make_air):
 def test_every_stamp_is_the_vehicle_s_own_clock(make_air, offset_s, drift):
     air = make_air(clock=VehicleClock(offset_s=offset_s, drift_ppm=1e6 * drift))
     air.run(100.0)
-    last = {message.get_type(): (seconds, message) for seconds, message in air.ground.heard}
+    last = {message.get_type(): (seconds, message) for seconds, message in air.ground.received}
     for name in ("ATTITUDE", "GLOBAL_POSITION_INT", "SYSTEM_TIME"):
         seconds, message = last[name]
         assert message.time_boot_ms / 1e3 == pytest.approx(seconds * (1 + drift) + offset_s, abs=6e-4)

@@ -57,7 +57,7 @@ def rehearse(scenario: Scenario, wall_s: float = WALL_S) -> Rehearsal:
     def over(share: float) -> bool:
         return watch.wall_s > share * wall_s
 
-    heard, drifted = silences(scenario, partial(over, SILENCES_SHARE)), drift(scenario)
+    silent, drifted = silences(scenario, partial(over, SILENCES_SHARE)), drift(scenario)
     from_s, stretch, begun, not_flown = worst_s(scenario), None, None, None
     try:
         begun = starts(scenario, partial(over, STARTS_SHARE)) if scenario.followers else None
@@ -66,7 +66,7 @@ def rehearse(scenario: Scenario, wall_s: float = WALL_S) -> Rehearsal:
         stretch = _stretch(there, partial(over, STRETCH_SHARE)) if scenario.followers else None
     except (RunAbortedError, ScenarioError) as error:
         not_flown = str(error)
-    return Rehearsal(from_s, stretch, begun, heard, drifted, not_flown)
+    return Rehearsal(from_s, stretch, begun, silent, drifted, not_flown)
 
 
 def _stretch(scenario: Scenario, over: Callable[[], bool]) -> Flown:

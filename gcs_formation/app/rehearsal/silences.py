@@ -1,6 +1,6 @@
 """How long losses in bursts silence uplinks: the links' channels alone, with as many datagrams as a flight sends.
 
-A vehicle that hears nothing for long flies on by its last setpoint, can't evade, and has to come back. Such silences
+A vehicle that receives nothing for long flies on by its last setpoint, can't evade, and has to come back. Such silences
 are rare, so that a stretch of a flight needn't show one; a channel alone passes a whole flight's datagrams in its time.
 """
 
@@ -86,17 +86,17 @@ def _gaps_s(
 ) -> tuple[list[float], float]:
     """Return how long each silence of one uplink lasts, and for how long it was flown."""
     channel, end_s = Channel(random_stream(scenario.seed, "rehearsal", *vehicle.vehicle_id)), planned_end_s(scenario)
-    found, heard, now, index = list[float](), Instant(0), Instant(0), 0
+    found, last, now, index = list[float](), Instant(0), Instant(0), 0
     while (now_s := index / sent_hz) < end_s and (index % 256 or not over()):
         now, index = after(Instant(0), now_s), index + 1
         impairment = schedule.both_ways(vehicle.vehicle_id, now)[Direction.UPLINK]
         if impairment.outage:  # planned, and said by others
-            heard = now
+            last = now
         elif channel.pass_on(FRAME_BYTES, now, impairment):
-            if (silent_s := seconds_between(heard, now)) > SUCCESSION_S:
+            if (silent_s := seconds_between(last, now)) > SUCCESSION_S:
                 found.append(silent_s)
-            heard = now
-    if (silent_s := seconds_between(heard, now)) > SUCCESSION_S:
+            last = now
+    if (silent_s := seconds_between(last, now)) > SUCCESSION_S:
         found.append(silent_s)
     return found, now_s
 

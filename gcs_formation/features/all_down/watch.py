@@ -55,7 +55,7 @@ class AllDown(Stage):
         return self._words() if seconds_between(self._since, now) >= DOWN_S else None
 
     def _is_down(self, identity: VehicleId, vehicle: Vehicle) -> bool:
-        """Return whether a vehicle that flew, or was left on the ground, was last heard there."""
+        """Return whether a vehicle that flew, or was left on the ground, was last received there."""
         return not vehicle.may_fly and (identity in self._flew or vehicle.start_up.abandoned)
 
     def _words(self) -> str:

@@ -250,7 +250,7 @@ class FlownSetpoints:
             return speed.known_since(latest, now), heading.known_since(latest, now), height.known_since(latest, now)
         # Without acknowledgements, answers to TIMESYNC show that it receives. In hover a multirotor may have any
         # course.
-        receives = self.vehicle.hears
+        receives = self.vehicle.receives
         return receives, receives and not self.vehicle.autopilot.stands, receives
 
     def _judge(self, expected: Vector3, flown: Vector3, airspeed_mps: float, judged: Judged) -> int | None:

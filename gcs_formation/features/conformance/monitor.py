@@ -86,9 +86,9 @@ class ConformanceMonitor:
         """Command list and text of the last reported refusal of a command under insistence."""
 
     def judge_answers(self, now: Instant) -> None:
-        """Check that vehicles heard and commanded answer: an event `uplink` at the beginning and end of a failure."""
+        """Check that vehicles in contact and commanded answer: an event `uplink` when a failure begins and ends."""
         for place, vehicle in enumerate(self._vehicles):
-            missing = not vehicle.hears
+            missing = not vehicle.receives
             if missing:
                 self._missed[place] = now
             if not missing and not self._unanswered:

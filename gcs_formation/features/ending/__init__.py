@@ -25,7 +25,7 @@ flown. To send all commands at once is what came to 1.3 m.
 **Costs and limits.** 8 to 24 s of flight before the first circle (30 s at least are allowed, 300 s at most). More
 vehicles make a higher stack: fifty at 15 m need 735 m. At the time limit vehicles leave though not all are apart, and
 `at_one_height` names the pairs that may circle at one height; the run then fails with exit status 1. A vehicle that
-hears nothing for longer than `FORGOTTEN_AFTER_S` isn't counted any more.
+receives nothing for longer than `FORGOTTEN_AFTER_S` isn't counted any more.
 
 **Shown by** `tests/gcs_formation/features/ending/` and, with links that fail and vehicles that refuse at the last
 moment, `tests/flights/test_end_of_flight.py`; figures by `python -m benchmarks.endings`.

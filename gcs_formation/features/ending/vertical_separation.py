@@ -86,8 +86,8 @@ class VerticalSeparation:
 
     def _flier(self, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> FlyingVehicle | None:
         place, column = vehicle.telemetry.motion, vehicle.column
-        unheard_s = seconds_between(vehicle.connection.last_heard, now)
-        if place is None or not vehicle.telemetry.armed or unheard_s > FORGOTTEN_AFTER_S:
+        silent_s = seconds_between(vehicle.connection.last_received, now)
+        if place is None or not vehicle.telemetry.armed or silent_s > FORGOTTEN_AFTER_S:
             return None
         if vehicle.autopilot.climbs_out(vehicle.telemetry):
             place = climbed_out(place, vehicle)
@@ -108,7 +108,7 @@ class VerticalSeparation:
 
     def _received_m(self, column: int, links: list[VehicleLink]) -> float:
         """Return the height setpoint at the time when a vehicle was last known to receive."""
-        _, _, height_m = self._controller.history.commanded(links[column].heard, column)
+        _, _, height_m = self._controller.history.commanded(links[column].received_at, column)
         return height_m
 
     def _commanded_m(self, column: int) -> float:

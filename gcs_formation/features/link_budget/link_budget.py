@@ -64,12 +64,12 @@ class VehicleBudget:
     def look(self, now: Instant, *, near: bool) -> None:
         """Save nothing while a loop is `near` its margin or the link loses, and for some time after, at full rates.
 
-        Of one that isn't heard rates stay: what a silence lost is counted by them.
+        Of one that isn't received rates stay: what a silence lost is counted by them.
         """
         vehicle = self.vehicle
         vehicle.setpoints.tolerance = EVERYTHING if near and not self.level else 1.0
-        heard = seconds_between(vehicle.connection.last_heard, now) < SILENT_S
-        if heard and (near or seconds_between(vehicle.frames_lost_at, now) < LOSSY_S):
+        received = seconds_between(vehicle.connection.last_received, now) < SILENT_S
+        if received and (near or seconds_between(vehicle.frames_lost_at, now) < LOSSY_S):
             self._careful_at = now
 
     def level_change(self, now: Instant) -> int:

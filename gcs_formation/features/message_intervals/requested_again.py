@@ -31,8 +31,8 @@ FEWEST: Final = 16
 """Messages expected in the time over which they are counted, which is at least `WINDOW_S`. Tuned: messages; 10 to 40;
 by judgement."""
 FEWEST_SENT: Final = 8.0
-"""Messages expected in the time in which anything was heard, from which on their lack says something. Tuned: messages;
-5 to 20; by judgement."""
+"""Messages expected in the time in which anything was received, from which on their lack says something. Tuned:
+messages; 5 to 20; by judgement."""
 QUICK_HZ: Final = 5.0
 """Messages that come at least as often as attitudes are counted over `WINDOW_S`. Tuned: Hz; 2 to 10; by judgement."""
 WINDOW_S: Final = 2.0
@@ -93,7 +93,7 @@ class MessageCounts:
         self.looks += 1
 
     def received_s(self, span: i64) -> float:
-        """Return the time, in the last `span` intervals, in which anything was heard, s."""
+        """Return the time, in the last `span` intervals, in which anything was received, s."""
         first, last = self._ends(span)
         return self._received_s[last] - self._received_s[first]
 

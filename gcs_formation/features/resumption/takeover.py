@@ -93,7 +93,7 @@ class FailsafeReaders:
 
 
 class Takeover(Beginning):
-    """Decides for each vehicle as it is heard."""
+    """Decides for each vehicle as it is received."""
 
     from_start = False
 
@@ -176,7 +176,7 @@ class Takeover(Beginning):
         return seconds_between(self.past.at, now) > for_s
 
     def settled(self, now: Instant) -> bool:
-        """Return whether every vehicle heard is decided on, except those given up, and no other is waited for."""
+        """Return whether every vehicle received is decided on, except those given up, and no other is waited for."""
         silent = {identity for identity, _ in self._silent()}
         abandoned = {identity for identity, vehicle in self._vehicles.items() if vehicle.start_up.abandoned}
         return not self.waits_for(now) and self._decided >= self._vehicles.keys() - silent - abandoned

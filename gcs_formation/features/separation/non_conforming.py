@@ -91,11 +91,11 @@ class NonConforming:
                 self._left[column] = None
             elif self._left[column] is None:
                 self._left[column] = now
-            answers = now - link.heard <= _suspect_after_s(link) * NANOSECONDS
+            answers = now - link.received_at <= _suspect_after_s(link) * NANOSECONDS
             if answers:
                 self._held[column] = None
             elif self._held[column] is None:
-                self._held[column] = self._history.commanded(link.heard, column)
+                self._held[column] = self._history.commanded(link.received_at, column)
             self._disobeying[column] = link.disobeying
 
     @property
@@ -149,13 +149,13 @@ class NonConforming:
             if self._held[column] is None or math.isinf(link.stands_after_s):
                 continue
             after_ns, home_m = round(link.stands_after_s * NANOSECONDS), link.home_m
-            if now < link.heard + after_ns - SOON_NS:
+            if now < link.received_at + after_ns - SOON_NS:
                 continue
-            for heard in (link.heard,) if left is None else (link.heard, left):
-                stands = heard + after_ns
+            for received_at in (link.received_at,) if left is None else (link.received_at, left):
+                stands = received_at + after_ns
                 held = self._held_by(column)
                 found.append(Place(column, stands, held=held))
-                first, last = max(stands, int(seen[column])), heard + round(link.returns_after_s * NANOSECONDS)
+                first, last = max(stands, int(seen[column])), received_at + round(link.returns_after_s * NANOSECONDS)
                 if home_m is not None and first <= last:
                     over_ns = min(max(now, first), last) - first
                     found += [Place(column, stands, first + round(share * over_ns), home_m, held) for share in SET_OFF]

@@ -70,11 +70,11 @@ class StreamLoss(FrameLoss):
             self._expect(vehicle.rates_hz)
         if self._counts:
             silent_s = vehicle.sequence.silent_s - self._silent_s
-            received_s = seconds_between(self._began, vehicle.connection.last_heard) - silent_s
+            received_s = seconds_between(self._began, vehicle.connection.last_received) - silent_s
             if received_s < self._window_s:
                 return
             self._judge(received_s)
-        self._began, self._silent_s = vehicle.connection.last_heard, vehicle.sequence.silent_s
+        self._began, self._silent_s = vehicle.connection.last_received, vehicle.sequence.silent_s
         self._counts = self._counted()
 
     @property

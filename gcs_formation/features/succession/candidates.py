@@ -35,7 +35,7 @@ class Candidate(NamedTuple):
 
 
 def can_lead(vehicle: Vehicle, age_s: float, now: Instant) -> bool:
-    """Return whether a vehicle flies in the formation, hears, and is heard, with a state `age_s` old."""
+    """Return whether a vehicle flies in the formation, receives, and is received, with a state `age_s` old."""
     receives = seconds_between(vehicle.round_trips.received_at(now), now) <= RECEIVED_S
     return vehicle.member is Member.FLYING and receives and age_s <= RECEIVED_S
 

@@ -213,7 +213,7 @@ class Copter(Vehicle):
 
     @property
     def armable(self) -> bool:
-        """Whether it is ready, and the ground station is heard."""
+        """Whether it is ready, and the ground station is received."""
         return self.ready and not (self.failsafe.active and not self.pilot.condition.armed)
 
     @property

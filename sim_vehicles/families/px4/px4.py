@@ -185,7 +185,7 @@ class Px4(Vehicle):
 
     @property
     def _misses_station(self) -> bool:
-        """Whether no ground station is heard, though NAV_DLL_ACT is to act on that."""
+        """Whether no ground station is received, though NAV_DLL_ACT is to act on that."""
         failsafe = self.failsafe
         return isinstance(failsafe, services.LinkLoss) and failsafe.lost(self.now)
 

@@ -340,20 +340,20 @@ class LinkLoss(GroundStationFailsafe):
 
     def heartbeat(self, system: int, now: Instant) -> None:  # noqa: ARG002 - any ground station's counts
         """Take a ground station's heartbeat."""
-        self._heard, self.active, self._holds, self._known = now, False, False, STALE
+        self._heartbeat_at, self.active, self._holds, self._known = now, False, False, STALE
 
     def _found(self) -> Instant:
         action = int(self._parameters["NAV_DLL_ACT"])
-        if self._heard is None or not action or (self.active and not (self._holds and action in LOST_LINK)):
+        if self._heartbeat_at is None or not action or (self.active and not (self._holds and action in LOST_LINK)):
             return NEVER
         wait_s = self._parameters["COM_DL_LOSS_T"] + (self._parameters["COM_FAIL_ACT_T"] if self._holds else 0.0)
-        return after(self._heard, wait_s)
+        return after(self._heartbeat_at, wait_s)
 
     def lost(self, now: Instant) -> bool:
-        """Return whether it is to act and no ground station is heard, as before the first heartbeat."""
+        """Return whether it is to act and no ground station is received, as before the first heartbeat."""
         if not self._parameters["NAV_DLL_ACT"]:
             return False
-        return self._heard is None or now >= after(self._heard, self._parameters["COM_DL_LOSS_T"])
+        return self._heartbeat_at is None or now >= after(self._heartbeat_at, self._parameters["COM_DL_LOSS_T"])
 
     def trigger(self) -> FlightMode | None:
         """Act, once `deadline` has come; return the mode to change to."""

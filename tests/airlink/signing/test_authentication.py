@@ -120,11 +120,11 @@ def link(**given):
 
 def first(signed_link, *raws):
     links = SignedLinks([signed_link])
-    found, heard = VerifyingReceiver(links).first(Datagram(0, HERE, b"".join(raws)), START), []
+    found, received = VerifyingReceiver(links).first(Datagram(0, HERE, b"".join(raws)), START), []
     while found is not None:
-        heard.append(found.raw)
+        received.append(found.raw)
         found = found.following
-    return heard
+    return received
 
 
 def test_of_a_datagram_the_frames_that_are_admitted_come_without_signatures():

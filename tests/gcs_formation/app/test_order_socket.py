@@ -63,15 +63,15 @@ def test_a_new_flight_takes_the_place_of_one_that_was_killed(tmp_path: Path) -> 
 
 
 def test_callers_that_say_nothing_or_too_much_are_dropped(tmp_path: Path) -> None:
-    heard: list[str] = []
-    with OrderSocket(tmp_path, lambda text: Answer(True, heard.append(text) or text)) as orders:
+    received: list[str] = []
+    with OrderSocket(tmp_path, lambda text: Answer(True, received.append(text) or text)) as orders:
         with socket.socket(socket.AF_UNIX) as gone, socket.socket(socket.AF_UNIX) as loud:
             for caller in (gone, loud):
                 caller.connect(str(tmp_path / "orders.sock"))
             loud.sendall(b"x" * 2 * MAX_BYTES)
         for _ in range(10):
             orders.poll()
-    assert heard == []
+    assert received == []
 
 
 def test_where_no_more_files_may_be_opened_an_order_waits(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ def in_air(**keys: Any) -> Scenario:
 def test_a_run_in_too_short_to_begin_at_once_is_warned_of_with_what_it_takes(delay_ms: float, allowed_s: float) -> None:
     """Compared with flights: with the time that is allowed the path begins at once, with three tenths less it doesn't.
 
-    Vehicles start in their slots, are heard and answer four requests, each in turn; 2 s in slots, and 2 s before the
+    Vehicles start in their slots, are received and answer four requests, each in turn; 2 s in slots, and 2 s before the
     path it is decided.
     """
     for run_in_s, rounds in ((allowed_s - 0.3, True), (allowed_s, False)):

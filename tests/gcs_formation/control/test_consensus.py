@@ -108,7 +108,7 @@ def test_setpoints_are_the_protocol_on_a_straight_path(offset: Array, heading_ra
 
 @given(offsets)
 def test_a_new_leader_takes_the_place_of_the_old_one_in_the_graph(offset: Array) -> None:
-    """Each is heard by those who heard the other, with their weights; the others hear each other as before."""
+    """Each is received by those who received the other, with their weights; the others hear each other as before."""
     swapped = [2, 1, 0, 3]
     matrix, here = laplacian(GRAPH[np.ix_(swapped, swapped)]), cycle_input(0.0, offset)
     flying = law(1 / TAU_V_S)

@@ -78,7 +78,7 @@ def test_a_vehicle_that_comes_back_is_not_mixed_with_what_stood_for_it() -> None
 
 
 def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_met_it() -> None:
-    """Both fly north at 20 m/s; a gust of 0.6 m/s comes at 1 s, and the second is no longer heard after 0.8 s."""
+    """Both fly north at 20 m/s; a gust of 0.6 m/s comes at 1 s, and the second is no longer received after 0.8 s."""
     model = AutopilotModels.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 2, axis=1))
     history, one = SetpointHistory(RATE_HZ), np.ones(2)
     tables.send(history, np.zeros(2, np.int64), Setpoints(20 * one, 0 * one, 100 * one))

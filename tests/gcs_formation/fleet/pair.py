@@ -28,7 +28,7 @@ GUIDED, LOITER, MANUAL = m.PLANE_MODE_GUIDED, m.PLANE_MODE_LOITER, m.PLANE_MODE_
 
 
 class Formation:
-    """A leader and a follower in GUIDED, heard and answering at 0 s; the test sets the age of their telemetry."""
+    """A leader and a follower in GUIDED, received and answering at 0 s; the test sets the age of their telemetry."""
 
     def __init__(self, **law: Any) -> None:
         planned = load_scenario(scenario(vehicles={"count": 2}, law={"type": "fuzzy_pid", **law}))
@@ -40,25 +40,25 @@ class Formation:
         self.now = Instant(0)
         self.judge(0.0)
 
-    def judge(self, at_s: float, *, heard: bool = True) -> Member:
-        """Judge all at a time until which they were heard; return the follower's membership."""
+    def judge(self, at_s: float, *, received: bool = True) -> Member:
+        """Judge all at a time until which they were received; return the follower's membership."""
         self.now = after(Instant(0), at_s)
         for each in self.vehicles.values():
-            if heard:
-                each.connection.heard(self.now, heartbeat=True)
+            if received:
+                each.connection.record_frame(self.now, heartbeat=True)
                 each.round_trips._answered = self.now
         self.membership.update(self.vehicles[LEADER], self.estimator, self.now, connecting=False, beyond=self.beyond)
         return self.follower.member
 
     def silent(self, at_s: float, of: VehicleId = FOLLOWER) -> Member:
-        """Judge at a time when one of them was last heard at 0 s, and the other just now."""
+        """Judge at a time when one of them was last received at 0 s, and the other just now."""
         other = LEADER if of == FOLLOWER else FOLLOWER
-        self.vehicles[other].connection.heard(after(Instant(0), at_s), heartbeat=True)
+        self.vehicles[other].connection.record_frame(after(Instant(0), at_s), heartbeat=True)
         self.vehicles[other].round_trips._answered = after(Instant(0), at_s)
         while self.vehicles[of].connection.check(after(Instant(0), at_s)):
             pass
         self.ages_s[0 if of == LEADER else 1] = at_s
-        return self.judge(at_s, heard=False)
+        return self.judge(at_s, received=False)
 
     def told(self, number: VehicleId = FOLLOWER) -> list[float]:
         """Return the modes that a vehicle is being commanded."""

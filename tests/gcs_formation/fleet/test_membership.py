@@ -39,7 +39,7 @@ def test_vehicles_that_are_heard_and_guided_fly_in_the_formation_and_are_command
 
 
 def words(formation: Formation, at_s: float, text: str) -> None:
-    formation.membership.hear(formation.follower, text, after(Instant(0), at_s))
+    formation.membership.receive(formation.follower, text, after(Instant(0), at_s))
 
 
 @pytest.mark.parametrize("said_s", [0.5, 2.5])
@@ -82,7 +82,7 @@ def test_one_that_was_left_alone_may_have_been_parted_by_its_failsafe() -> None:
     formation.reports(m.PLANE_MODE_RTL)
     formation.judge(17.0)
     told = ["parted by its pilot or its failsafe, in RTL", "flying in formation"]
-    assert formation.logged.of("member", 2)[1:] == [*told, Member.UNHEARD.value, told[0]]
+    assert formation.logged.of("member", 2)[1:] == [*told, Member.NO_LINK.value, told[0]]
 
 
 def test_what_its_failsafe_says_is_known_of_each_family() -> None:
@@ -96,8 +96,8 @@ def test_what_its_failsafe_says_is_known_of_each_family() -> None:
 def test_a_silent_follower_is_commanded_nothing_at_first_and_to_loiter_once_the_others_no_longer_keep_clear() -> None:
     formation = Formation()
     assert formation.silent(formation.max_age_s - 0.1) is Member.FLYING
-    assert formation.silent(formation.max_age_s + 0.1) is Member.UNHEARD
-    assert formation.silent(FORGOTTEN_AFTER_S - 0.1) is Member.UNHEARD
+    assert formation.silent(formation.max_age_s + 0.1) is Member.NO_LINK
+    assert formation.silent(FORGOTTEN_AFTER_S - 0.1) is Member.NO_LINK
     assert formation.told() == []
     assert formation.silent(FORGOTTEN_AFTER_S + 0.1) is Member.HOLDING
     assert formation.told() == [LOITER]
@@ -108,10 +108,10 @@ def test_one_that_is_heard_again_has_a_moment_to_answer_before_it_is_commanded_t
     """It hung for 8 s; its first frame comes before its first answer."""
     formation = Formation()
     for at_s in (5.0, 6.0, 8.0):
-        assert formation.silent(at_s) is (Member.UNHEARD if at_s > formation.max_age_s else Member.FLYING)
+        assert formation.silent(at_s) is (Member.NO_LINK if at_s > formation.max_age_s else Member.FLYING)
     for at_s in (8.1, 9.5, 9.7):
-        formation.follower.connection.heard(after(Instant(0), at_s), heartbeat=True)
-        assert formation.judge(at_s, heard=False) is (Member.HOLDING if at_s > 8.1 + 1.5 else Member.UNHEARD)
+        formation.follower.connection.record_frame(after(Instant(0), at_s), heartbeat=True)
+        assert formation.judge(at_s, received=False) is (Member.HOLDING if at_s > 8.1 + 1.5 else Member.NO_LINK)
     back = Formation()
     back.silent(8.0)
     back.ages_s[1] = 0.0
@@ -140,8 +140,8 @@ def test_one_that_is_heard_and_answers_nothing_is_commanded_to_loiter_at_once_wh
     """It sends, so the others see where it goes; and it may hear."""
     formation = Formation()
     for at_s in (1.0, formation.max_age_s - 0.1, formation.max_age_s + 0.1):
-        formation.follower.connection.heard(after(Instant(0), at_s), heartbeat=True)
-        member = formation.judge(at_s, heard=False)
+        formation.follower.connection.record_frame(after(Instant(0), at_s), heartbeat=True)
+        member = formation.judge(at_s, received=False)
     assert member is Member.HOLDING
     assert formation.told() == [LOITER]
 
@@ -152,10 +152,10 @@ def test_one_whose_heartbeats_are_missing_flies_on_for_a_while_and_is_commanded_
     found: dict[float, Member] = {}
     for tenth in range(1, 80):
         now = after(begun, 0.1 * tenth)
-        formation.follower.connection.heard(now, heartbeat=False)
+        formation.follower.connection.record_frame(now, heartbeat=False)
         formation.follower.round_trips._answered = now
         formation.follower.connection.check(now)
-        found[0.1 * tenth] = formation.judge(0.1 * tenth, heard=False)
+        found[0.1 * tenth] = formation.judge(0.1 * tenth, received=False)
     assert formation.follower.connection.state is LinkState.MUTE
     (reported_s,) = [each.at_s for each in formation.logged if each.text == "told to loiter" and each.vehicle == 2]
     assert reported_s == pytest.approx(3.5 + MUTE_S, abs=0.15)
@@ -168,8 +168,8 @@ def test_one_whose_mode_is_not_known_does_not_come_back() -> None:
     formation.ages_s[1] = 0.0
     formation.judge(40.0)
     formation.follower.member, formation.follower.connection.state = Member.HOLDING, LinkState.MUTE
-    formation.follower.connection.last_heard = formation.follower.round_trips._answered = after(Instant(0), 40.1)
-    assert formation.judge(40.1, heard=False) is Member.HOLDING
+    formation.follower.connection.last_received = formation.follower.round_trips._answered = after(Instant(0), 40.1)
+    assert formation.judge(40.1, received=False) is Member.HOLDING
 
 
 def test_a_command_to_loiter_that_may_still_arrive_is_revoked_at_once_and_until_then_others_keep_clear() -> None:
@@ -177,9 +177,9 @@ def test_a_command_to_loiter_that_may_still_arrive_is_revoked_at_once_and_until_
     formation = Formation()
     vehicle, deaf_s = formation.follower, formation.max_age_s + 1.0
     for each in formation.vehicles.values():
-        each.connection.heard(after(Instant(0), deaf_s), heartbeat=True)
+        each.connection.record_frame(after(Instant(0), deaf_s), heartbeat=True)
     formation.vehicles[LEADER].round_trips._answered = after(Instant(0), deaf_s)
-    assert formation.judge(deaf_s, heard=False) is Member.HOLDING
+    assert formation.judge(deaf_s, received=False) is Member.HOLDING
     assert (formation.told(), vehicle.circles) == ([LOITER], True)
     assert formation.judge(deaf_s + 0.5) is Member.FLYING
     assert (formation.told(), vehicle.may_loiter, vehicle.circles) == ([GUIDED], True, True)
@@ -264,7 +264,7 @@ def test_at_the_end_none_who_circles_is_commanded_to_come_back_and_each_has_the_
     assert formation.judge(60.0) is Member.HOLDING
 
 
-@pytest.mark.parametrize("member", [Member.FLYING, Member.UNHEARD, Member.HOLDING, Member.RETURNING])
+@pytest.mark.parametrize("member", [Member.FLYING, Member.NO_LINK, Member.HOLDING, Member.RETURNING])
 def test_one_that_is_heard_in_a_mode_that_none_of_our_commands_leads_to_is_its_pilot_s_whatever_else_is_known(
     member: Member,
 ) -> None:

@@ -14,12 +14,12 @@ def next_membership(member: Member, **seen: bool) -> Member:
     return membership_table.next_membership(member, Seen(**seen))
 
 
-HEARD = {"started": True, "fresh": True, "loiter_may_be_commanded": True, "order_may_come": False}
-GUIDED = HEARD | {"guided": True, "loiters": False}
-LOITERS = HEARD | {"guided": False, "loiters": True}
-ELSEWHERE = HEARD | {"guided": False, "loiters": False}
+RECEIVED = {"started": True, "fresh": True, "loiter_may_be_commanded": True, "order_may_come": False}
+GUIDED = RECEIVED | {"guided": True, "loiters": False}
+LOITERS = RECEIVED | {"guided": False, "loiters": True}
+ELSEWHERE = RECEIVED | {"guided": False, "loiters": False}
 SILENT = GUIDED | {"fresh": False}
-STARTS_ANEW = HEARD | {"started": False, "guided": True, "loiters": True}
+STARTS_ANEW = RECEIVED | {"started": False, "guided": True, "loiters": True}
 
 
 @pytest.mark.parametrize("member", list(Member))
@@ -37,10 +37,10 @@ def test_silence_leads_to_loitering_and_back() -> None:
 
 def test_one_that_is_not_seen_is_commanded_nothing_until_it_is_commanded_blindly() -> None:
     unseen = SILENT | {"loiter_may_be_commanded": False}
-    unheard = next_membership(Member.FLYING, **unseen)
-    assert unheard is next_membership(unheard, **unseen) is Member.UNHEARD
-    assert next_membership(unheard, **SILENT) is Member.HOLDING
-    assert next_membership(unheard, **GUIDED) is Member.FLYING
+    silent = next_membership(Member.FLYING, **unseen)
+    assert silent is next_membership(silent, **unseen) is Member.NO_LINK
+    assert next_membership(silent, **SILENT) is Member.HOLDING
+    assert next_membership(silent, **GUIDED) is Member.FLYING
     assert next_membership(Member.RETURNING, **unseen) is Member.HOLDING
 
 
@@ -48,7 +48,7 @@ def test_an_outage_too_short_for_the_order_to_arrive_ends_at_once() -> None:
     assert next_membership(Member.HOLDING, **GUIDED) is Member.FLYING
 
 
-@pytest.mark.parametrize("member", [Member.FLYING, Member.UNHEARD, Member.HOLDING, Member.RETURNING])
+@pytest.mark.parametrize("member", [Member.FLYING, Member.NO_LINK, Member.HOLDING, Member.RETURNING])
 def test_a_pilots_choice_is_respected_until_the_pilot_gives_it_back(member: Member) -> None:
     parted = next_membership(member, **ELSEWHERE)
     assert parted is Member.PARTED
@@ -60,13 +60,13 @@ def test_a_pilots_choice_is_respected_until_the_pilot_gives_it_back(member: Memb
 def test_an_order_to_loiter_that_comes_late_is_taken_back_and_isnt_a_pilots_choice() -> None:
     """After an outage the vehicle flies in formation again before the command sent meanwhile reaches it."""
     late = LOITERS | {"order_may_come": True}
-    for member in (Member.FLYING, Member.UNHEARD):
+    for member in (Member.FLYING, Member.NO_LINK):
         assert next_membership(member, **late) is Member.RETURNING
         assert next_membership(member, **LOITERS) is Member.PARTED
         assert next_membership(member, **ELSEWHERE | {"order_may_come": True}) is Member.PARTED
 
 
-@pytest.mark.parametrize("member", [Member.FLYING, Member.UNHEARD, Member.HOLDING, Member.RETURNING])
+@pytest.mark.parametrize("member", [Member.FLYING, Member.NO_LINK, Member.HOLDING, Member.RETURNING])
 def test_one_that_is_sent_home_flies_there_until_its_pilot_takes_it(member: Member) -> None:
     """A pilot who has it already keeps it; given back, it is sent home."""
     assert next_membership(member, **GUIDED, sent_home=True) is Member.HOMEWARD

@@ -30,9 +30,14 @@ def vehicle(identity: VehicleId, jitter_s: float, loss: float) -> Any:
         clock.observe(now, there, Instant(there + round(down_s * NANOSECONDS)))
         return now
 
-    heard = SimpleNamespace(state=LinkState.CONNECTED)
+    received = SimpleNamespace(state=LinkState.CONNECTED)
     return SimpleNamespace(
-        identity=identity, links=None, clock=clock, connection=heard, probe=probe, sequence=SimpleNamespace(loss=loss)
+        identity=identity,
+        links=None,
+        clock=clock,
+        connection=received,
+        probe=probe,
+        sequence=SimpleNamespace(loss=loss),
     )
 
 

@@ -44,7 +44,7 @@ class Ground:
         self.writers = dict[tuple[int, int], FrameWriter]()
         self.identities = Senders(self.vehicles, (1, 2), Flight(phase), self.logged, self.given_up)
 
-    def hear(
+    def receive(
         self, message: Message, system: int = 2, component: int = 1, port: int = HERE, socket: int = 0, at_s: float = 0
     ) -> Vehicle | None:
         """Receive a frame; let its vehicle take it."""
@@ -55,7 +55,7 @@ class Ground:
         frame = Frame(system, component, 0, message.kind().message_id, 2, message, raw)
         sender = self.identities.sender(frame, Datagram(socket, Address("127.0.0.1", port), b""), now)
         if sender:
-            sender.connection.heard(now, heartbeat=isinstance(message, Heartbeat))
+            sender.connection.record_frame(now, heartbeat=isinstance(message, Heartbeat))
         return sender
 
 
@@ -65,8 +65,8 @@ def ground() -> Ground:
 
 
 def test_one_id_in_two_networks_is_two_vehicles(ground: Ground) -> None:
-    assert ground.hear(PLANE, socket=0) is ground.vehicles[FIRST]
-    assert ground.hear(PLANE, socket=1) is ground.vehicles[SECOND]
+    assert ground.receive(PLANE, socket=0) is ground.vehicles[FIRST]
+    assert ground.receive(PLANE, socket=1) is ground.vehicles[SECOND]
     assert ground.logged == []
 
 
@@ -83,19 +83,19 @@ def test_one_id_in_two_networks_is_two_vehicles(ground: Ground) -> None:
     ],
 )
 def test_who_is_not_ours_is_reported_once_by_its_heartbeat(ground: Ground, system: int, kind: str, words: str) -> None:
-    assert ground.hear(Attitude(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), system) is None
+    assert ground.receive(Attitude(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), system) is None
     assert ground.logged == []
     for _ in range(3):
-        assert ground.hear(PLANE, system) is None
+        assert ground.receive(PLANE, system) is None
     (said,) = ground.logged.of(kind)
     assert said.startswith(words)
-    assert ground.hear(PLANE, 9, socket=1) is None
+    assert ground.receive(PLANE, 9, socket=1) is None
     assert any("system 2:9" in said for said in ground.logged.of("stranger")), "a stranger in each network is another"
 
 
 def test_a_vehicle_s_other_components_and_companions_say_nothing_of_its_autopilot(ground: Ground) -> None:
-    assert ground.hear(PLANE, component=191) is None
-    assert ground.hear(COMPANION) is None
+    assert ground.receive(PLANE, component=191) is None
+    assert ground.receive(COMPANION) is None
     assert ground.vehicles[FIRST].connection.peer is None
     assert ground.logged == []
 
@@ -104,8 +104,8 @@ def test_a_vehicle_s_other_components_and_companions_say_nothing_of_its_autopilo
 def test_two_with_one_id_are_not_taken_off_and_the_second_is_ignored_in_flight(phase: Phase, ends: bool) -> None:
     ground = Ground(phase)
     for tenth in range(20):
-        assert ground.hear(PLANE, at_s=0.1 * tenth) is ground.vehicles[FIRST]
-        assert ground.hear(PLANE, port=THERE, at_s=0.1 * tenth) is None
+        assert ground.receive(PLANE, at_s=0.1 * tenth) is ground.vehicles[FIRST]
+        assert ground.receive(PLANE, port=THERE, at_s=0.1 * tenth) is None
     (said,) = ground.logged.of("duplicate", 2)
     assert said == "another sender has its system id, from 127.0.0.1:50000, beside 127.0.0.1:40000; it is ignored"
     names = f"vehicle 2: {said}; allowed: each id once. If it is one vehicle with two links, name both: "
@@ -114,11 +114,11 @@ def test_two_with_one_id_are_not_taken_off_and_the_second_is_ignored_in_flight(p
 
 def test_one_that_has_moved_is_the_same_and_its_sequence_numbers_begin_again(ground: Ground) -> None:
     vehicle = ground.vehicles[FIRST]
-    ground.hear(PLANE)
+    ground.receive(PLANE)
     vehicle.sequence.observe(200, Instant(0), Instant(0))
     while vehicle.connection.check(after(Instant(0), 6.0)):
         pass
-    assert ground.hear(PLANE, port=THERE, at_s=6.0) is vehicle
+    assert ground.receive(PLANE, port=THERE, at_s=6.0) is vehicle
     vehicle.sequence.observe(3, after(Instant(0), 6.0), Instant(0))
     assert vehicle.sequence.lost == 0
     (said,) = ground.logged.of("address", 2)

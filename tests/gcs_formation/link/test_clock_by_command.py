@@ -12,7 +12,7 @@ def unanswered(count: int = UNANSWERED) -> RoundTrips:
     trips = RoundTrips(0.02)
     for _ in range(count):
         trips.request(Instant(0), 3)
-    trips.hear(Instant(0))
+    trips.record_answer(Instant(0))
     return trips
 
 

@@ -81,8 +81,8 @@ def test_edges_of_before_a_step_of_the_delay_are_forgotten(up_ms: float, down_ms
     for number in range(800):
         sent_s = PERIOD_S * number
         shown = round((OFFSET_S + sent_s + up_s[number]) * NANOSECONDS)
-        heard = Instant(round((sent_s + up_s[number] + down_s[number]) * NANOSECONDS))
-        sync.observe(Instant(round(sent_s * NANOSECONDS)), shown, heard)
+        received = Instant(round((sent_s + up_s[number] + down_s[number]) * NANOSECONDS))
+        sync.observe(Instant(round(sent_s * NANOSECONDS)), shown, received)
         if number in {399, 420}:
             assert abs(sync.to_instant(OFFSET_S + sent_s) / NANOSECONDS - sent_s) < (1e-3 if number < 400 else 8e-3)
     assert sync.one_way_s == pytest.approx(DELAY_S + (up_ms + down_ms) / 2e3, abs=2e-3)

@@ -131,12 +131,12 @@ def test_a_clock_that_is_ahead_or_shows_less_than_it_did_is_another_vehicles(ahe
 
 @pytest.mark.parametrize("rate", [1.0, 1.015])
 def test_one_that_booted_after_it_was_last_asked_has_restarted_however_late_it_is_heard(rate: float) -> None:
-    """Its answer of 0.1 s arrived at 2 s; it booted at 0.2 s, and is heard after 200 s without delay."""
+    """Its answer of 0.1 s arrived at 2 s; it booted at 0.2 s, and is received after 200 s without delay."""
     sync = ClockSync()
     sync.observe(Instant(0), 500 * NANOSECONDS, after(Instant(0), 2.0))
-    heard = after(Instant(0), 200.0)
-    assert sync.observe(heard, round(rate * 199.8 * NANOSECONDS), heard)
-    assert sync.to_instant(rate * 199.8) == pytest.approx(heard, abs=2)
+    received = after(Instant(0), 200.0)
+    assert sync.observe(received, round(rate * 199.8 * NANOSECONDS), received)
+    assert sync.to_instant(rate * 199.8) == pytest.approx(received, abs=2)
 
 
 def test_the_jitter_of_round_trips_is_their_sample_deviation() -> None:

@@ -17,7 +17,7 @@ def at(seconds: float) -> Instant:
 
 
 class Vehicle:
-    """A vehicle that is heard on its links, with delays each way, ms, and answers; its clock is ours."""
+    """A vehicle that is received on its links, with delays each way, ms, and answers; its clock is ours."""
 
     def __init__(self, *delays_ms: float, ahead_s: tuple[float, ...] = (0.0, 0.0)) -> None:
         self.links = Links(
@@ -35,7 +35,7 @@ class Vehicle:
             for place, link in enumerate(self.links.each):
                 one_way_s = self.delays_ms[place] / 1e3
                 if self.down[place]:
-                    link.connection.heard(at(self.now_s), heartbeat=True)
+                    link.connection.record_frame(at(self.now_s), heartbeat=True)
                     link.sequence.observe((link.sequence.received + link.sequence.lost) % 256, at(self.now_s), at(0))
                 if round(self.now_s / TICK_S) % 2 == 0:
                     link.round_trips.request(at(self.now_s))
@@ -55,7 +55,7 @@ class Vehicle:
             trips.requests -= 1
             answer.tc1_ns = at(shown_s)
             if trips.is_answer(answer):
-                trips.hear(at(due_s))
+                trips.record_answer(at(due_s))
                 trips.measure(answer, at(due_s))
 
     @property

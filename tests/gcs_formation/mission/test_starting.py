@@ -66,9 +66,9 @@ class Ground:
         made.start_up = StartUp((self.step,))
         return made
 
-    def hear(self, *numbers: int, mode: int = m.PLANE_MODE_MANUAL, kind: Heartbeat = PLANE) -> None:
+    def receive(self, *numbers: int, mode: int = m.PLANE_MODE_MANUAL, kind: Heartbeat = PLANE) -> None:
         for number in numbers:
-            self.at(number).connection.heard(Instant(0), heartbeat=True)
+            self.at(number).connection.record_frame(Instant(0), heartbeat=True)
             self.at(number).telemetry.store(kind.but(custom_mode=mode))
 
     def advance(self, at_s: float) -> None:
@@ -94,10 +94,10 @@ class Preflight:
 
 def test_none_is_commanded_before_all_have_answered() -> None:
     ground = Ground()
-    ground.hear(1)
+    ground.receive(1)
     ground.advance(1.0)
     assert not ground.sent(1, 1.0)
-    ground.hear(2)
+    ground.receive(2)
     ground.advance(2.0)
     assert [ground.sent(number, 2.0) for number in (1, 2)] == [True, True]
 
@@ -105,7 +105,7 @@ def test_none_is_commanded_before_all_have_answered() -> None:
 def test_none_is_commanded_before_it_is_allowed_and_waiting_for_that_costs_no_time() -> None:
     ground = Ground()
     ground.preflight.passed = False
-    ground.hear(1, 2)
+    ground.receive(1, 2)
     for at_s in (1.0, 100.0):
         ground.advance(at_s)
         assert not ground.sent(1, at_s)
@@ -120,12 +120,12 @@ def test_none_is_commanded_before_it_is_allowed_and_waiting_for_that_costs_no_ti
 def test_who_can_stand_begins_when_all_are_ready(together: bool) -> None:
     """With a quarter of frames lost, one of four vehicles was led past another that still climbed, 5 m away."""
     ground = Ground(together=together)
-    ground.hear(1, 2)
+    ground.receive(1, 2)
     ground.advance(1.0)
-    ground.hear(2, mode=m.PLANE_MODE_GUIDED)
+    ground.receive(2, mode=m.PLANE_MODE_GUIDED)
     ground.advance(2.0)
     assert ground.at(2).start_up.finished == (not together)
-    ground.hear(1, mode=m.PLANE_MODE_GUIDED)
+    ground.receive(1, mode=m.PLANE_MODE_GUIDED)
     for at_s in (2.1, 2.2):
         ground.advance(at_s)
     assert [ground.at(number).start_up.finished for number in (1, 2)] == [True, True]
@@ -137,8 +137,8 @@ def test_who_restarts_meanwhile_waits_for_the_others_too() -> None:
     waits = ground.at(2).start_up.steps[-1]
     ground.at(1).restart()
     assert ground.at(1).start_up.steps[-1] is waits
-    ground.hear(1, 2)
-    ground.hear(2, mode=m.PLANE_MODE_GUIDED)
+    ground.receive(1, 2)
+    ground.receive(2, mode=m.PLANE_MODE_GUIDED)
     ground.at(1).start_up.index = len(ground.at(1).start_up.steps) - 2
     ground.advance(1.0)
     assert not ground.at(2).start_up.finished
@@ -146,7 +146,7 @@ def test_who_restarts_meanwhile_waits_for_the_others_too() -> None:
 
 def test_who_never_answers_is_named_with_where_it_should_be_heard_after_30_s() -> None:
     ground = Ground()
-    ground.hear(1)
+    ground.receive(1)
     ground.advance(CONNECT_LIMIT_S - 0.1)
     assert ground.given_up == []
     ground.advance(CONNECT_LIMIT_S + 0.1)
@@ -164,7 +164,7 @@ def test_the_wait_begins_when_vehicles_may_be_up() -> None:
 
 def test_one_that_falls_silent_again_in_flight_is_waited_for_without_an_end() -> None:
     ground = Ground(Phase.FLYING)
-    ground.hear(1)
+    ground.receive(1)
     ground.advance(CONNECT_LIMIT_S + 100.0)
     assert ground.given_up == []
 
@@ -182,18 +182,18 @@ def test_another_family_is_refused_before_any_takes_off_and_not_in_flight(kind: 
         (Phase.FLYING, []),
     ):
         ground = Ground(phase)
-        ground.hear(1)
-        ground.hear(2, kind=kind)
+        ground.receive(1)
+        ground.receive(2, kind=kind)
         ground.advance(1.0)
         assert ground.given_up == expected
 
 
 def test_a_vehicle_is_ready_once_its_last_step_is_done_and_this_is_said_once() -> None:
     ground = Ground()
-    ground.hear(1, 2)
+    ground.receive(1, 2)
     ground.advance(1.0)
     ground.sent(1, 1.0, m.MAV_RESULT_ACCEPTED)
-    ground.hear(1, mode=m.PLANE_MODE_GUIDED)
+    ground.receive(1, mode=m.PLANE_MODE_GUIDED)
     for at_s in (2.0, 3.0):
         ground.advance(at_s)
     assert ground.logged.of("ready") == ground.logged.of("ready", 1) == ["in the air and following setpoints"]
@@ -204,11 +204,11 @@ def test_a_step_that_takes_too_long_ends_the_run_but_once_the_path_has_begun_onl
     phase: Phase, ends: bool
 ) -> None:
     ground = Ground(phase)
-    ground.hear(1, 2)
+    ground.receive(1, 2)
     ground.advance(1.0)
     ground.advance(20.9)
     assert ground.given_up == ground.logged == []
-    ground.hear(1, mode=m.PLANE_MODE_GUIDED)
+    ground.receive(1, mode=m.PLANE_MODE_GUIDED)
     for at_s in (21.1, 30.0):
         ground.advance(at_s)
     said = "vehicle 2: not done within 20 s after we set mode GUIDED"
@@ -218,7 +218,7 @@ def test_a_step_that_takes_too_long_ends_the_run_but_once_the_path_has_begun_onl
 
 def test_a_refusal_is_passed_on_with_its_result_and_the_vehicle_s_own_words() -> None:
     ground = Ground()
-    ground.hear(1, 2)
+    ground.receive(1, 2)
     ground.advance(1.0)
     ground.sent(2, 1.0, m.MAV_RESULT_DENIED)
     ground.at(2).telemetry.store(Statustext(m.MAV_SEVERITY_CRITICAL, "PreArm: Compass not calibrated"))
@@ -234,7 +234,7 @@ def test_of_a_refused_message_interval_it_is_said_which_message() -> None:
     for number in (1, 2):
         step = StartUpStep("asked for telemetry", lambda seen: False, lambda seen: (ask,), 20.0)
         ground.at(number).start_up = StartUp((step,))
-    ground.hear(1, 2)
+    ground.receive(1, 2)
     ground.advance(1.0)
     ground.sent(2, 1.0, m.MAV_RESULT_DENIED)
     ground.advance(1.1)
@@ -245,7 +245,7 @@ def test_of_a_refused_message_interval_it_is_said_which_message() -> None:
 @pytest.mark.parametrize(("phase", "left"), [(Phase.FLYING, True), (Phase.ASSEMBLING, False)])
 def test_who_is_on_the_ground_once_the_path_has_begun_is_left_to_its_pilot_for_good(phase: Phase, left: bool) -> None:
     ground = Ground(phase, takes_off=True)
-    ground.hear(1, 2)
+    ground.receive(1, 2)
     ground.advance(1.0)
     assert ground.sent(2, 1.0) is not left
     assert bool(ground.logged.of("abandoned", 2)) is left
@@ -260,7 +260,7 @@ def test_who_is_on_the_ground_once_the_path_has_begun_is_left_to_its_pilot_for_g
 @pytest.mark.parametrize("phase", [Phase.ENDING, Phase.LOITERING])
 def test_at_the_end_of_a_flight_none_is_started_any_more(phase: Phase) -> None:
     ground = Ground(phase)
-    ground.hear(1, 2)
+    ground.receive(1, 2)
     ground.advance(1.0)
     assert not ground.sent(1, 1.0)
 

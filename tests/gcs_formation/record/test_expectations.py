@@ -262,7 +262,7 @@ def test_what_is_measured_of_a_link_is_not_judged_after_an_outage_that_is_planne
 
 @pytest.mark.parametrize("planned", [True, False])
 def test_delays_are_not_known_of_a_vehicle_that_answers_nothing_any_more(planned: bool) -> None:
-    """It is heard to the end; the last answer came 10.5 s before it."""
+    """It is received to the end; the last answer came 10.5 s before it."""
     out = [{"at_s": 0, "uplink": {"outage": True}}] if planned else []
     found = link_verdict("measured_delay_ms.p99", out, ago_s=10.5)
     assert found.held is (None if planned else False)
@@ -364,10 +364,10 @@ def test_a_follower_that_was_away_and_came_back_is_said_to_have_been(away_s: flo
 def test_a_vehicle_that_falls_silent_in_the_air_for_good_is_lost(
     link: dict[str, Any], keys: dict[str, Any], lost: bool
 ) -> None:
-    """It had no fault of the scenario's. It comes down at 4.1 s, so that one last heard later was on the ground."""
+    """It had no fault of the scenario's. It comes down at 4.1 s, so that one last received later was on the ground."""
     scenario = load_scenario(KEYS | {"duration_s": FLOWN_S} | keys)
-    heard = LinkFigures(np.zeros((1, 3)), np.zeros(1), 0.0, 9, 9, 0)
-    own = replace(heard, **link)
-    links = {each.vehicle_id: heard for each in scenario.vehicles} | {FOLLOWER: own}
+    received = LinkFigures(np.zeros((1, 3)), np.zeros(1), 0.0, 9, 9, 0)
+    own = replace(received, **link)
+    links = {each.vehicle_id: received for each in scenario.vehicles} | {FOLLOWER: own}
     words = ["vehicle 2 was lost in the air: not heard from 3.0 s to the end"]
     assert list(_lost(scenario, flown(FOLLOWER), links)) == (words if lost else [])

@@ -28,7 +28,7 @@ def consensus_rightmost_root(
     same for all vehicles.
 
     Args:
-        adjacency: (n, n) weights; entry (p, q) > 0 when p hears q.
+        adjacency: (n, n) weights; entry (p, q) > 0 when p receives q.
         k1: position gain, 1/s^2.
         k2: velocity gain, 1/s.
         k3: gain of the undelayed velocity term, 1/s.

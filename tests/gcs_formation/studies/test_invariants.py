@@ -98,8 +98,8 @@ def test_a_vehicle_that_a_delay_of_seconds_keeps_unheard_in_the_calm_need_not_be
         return with_column(off, "injected_delay_s", row, mean_s)
 
     assert broken(with_delay(9.0, 2.0)) == []
-    for heard in (with_delay(9.0, 0.4), with_delay(3.0, 2.0), with_delay(11.0, 2.0)):
-        assert "regained: vehicle 3" in "\n".join(broken(heard))
+    for received in (with_delay(9.0, 0.4), with_delay(3.0, 2.0), with_delay(11.0, 2.0)):
+        assert "regained: vehicle 3" in "\n".join(broken(received))
 
 
 def test_a_flight_may_end_before_its_time_at_its_path_s_end_alone(sound: FlightRecord) -> None:

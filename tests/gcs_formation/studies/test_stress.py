@@ -58,8 +58,8 @@ def test_faults_of_telemetry_are_drawn_where_asked_for() -> None:
 def test_a_vehicle_that_its_pilot_takes_is_heard(scenarios: list[Scenario]) -> None:
     for each in scenarios:
         taken = {number for fault in each.faults if fault.kind == "pilot" for number in fault.vehicles}
-        unheard = {number for change in each.links.changes if change.outage for number in change.vehicles}
-        assert not taken & unheard
+        silent = {number for change in each.links.changes if change.outage for number in change.vehicles}
+        assert not taken & silent
 
 
 def test_hard_flights_are_faster_and_in_trouble_for_longer(scenarios: list[Scenario]) -> None:

@@ -43,10 +43,10 @@ class Flight:
         self.membership = Membership(load_scenario(keys), {identity: self.plane}, EventLog())
         self.now, self._writer = Instant(0), FrameWriter(1, 1)
         lat_rad, lon_rad, alt_m = ORIGIN.from_ned(0.0, 0.0, -80.0)
-        self.hears(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, 80.0, 0.0, 0.0, 0.0, 0.0))
+        self.receive(GlobalPositionInt(1.0, lat_rad, lon_rad, alt_m, 80.0, 0.0, 0.0, 0.0, 0.0))
         self.beats(LOITER)
 
-    def hears(self, message: Message) -> None:
+    def receive(self, message: Message) -> None:
         (frame,) = StreamParser().feed(self._writer.encode(message))
         self.plane.receive(frame, self.now)
 
@@ -54,7 +54,7 @@ class Flight:
         """Take a heartbeat a second later, and judge."""
         self.now = after(self.now, 1.0)
         base = m.MAV_MODE_FLAG_SAFETY_ARMED | m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-        self.hears(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_PX4, base, mode, m.MAV_STATE_ACTIVE))
+        self.receive(Heartbeat(m.MAV_TYPE_FIXED_WING, m.MAV_AUTOPILOT_PX4, base, mode, m.MAV_STATE_ACTIVE))
         return self.judge()
 
     def judge(self) -> Member:
@@ -69,23 +69,23 @@ def flight() -> Flight:
 
 
 def test_a_mode_seen_between_two_setpoints_is_the_pilots_and_is_commanded_again(flight: Flight) -> None:
-    flight.hears(CurrentMode(0, RTL))
-    flight.hears(CurrentMode(0, LOITER))  # by the next setpoint, before the first judgement
+    flight.receive(CurrentMode(0, RTL))
+    flight.receive(CurrentMode(0, LOITER))  # by the next setpoint, before the first judgement
     assert flight.judge() is Member.PARTED
     command = flight.plane.commands.due(flight.now)
     assert command == flight.plane.autopilot.set_mode(RTL)
 
 
 def test_it_stays_the_pilots_until_heartbeats_after_the_acknowledgement_show_hold(flight: Flight) -> None:
-    flight.hears(CurrentMode(0, RTL))
+    flight.receive(CurrentMode(0, RTL))
     assert flight.judge() is Member.PARTED
     assert [flight.beats(LOITER) for _ in range(4)] == [Member.PARTED] * 4  # setpoints command Hold: no acknowledgement
     assert flight.plane.commands.due(flight.now) is not None
-    flight.hears(CommandAck(m.MAV_CMD_DO_SET_MODE, m.MAV_RESULT_ACCEPTED))
+    flight.receive(CommandAck(m.MAV_CMD_DO_SET_MODE, m.MAV_RESULT_ACCEPTED))
     assert [flight.beats(RTL) for _ in range(3)] == [Member.PARTED] * 3
     assert flight.beats(LOITER) is Member.FLYING  # the pilot gives it back
 
 
 def test_its_own_hold_is_no_pilots_choice(flight: Flight) -> None:
-    flight.hears(CurrentMode(0, LOITER))
+    flight.receive(CurrentMode(0, LOITER))
     assert flight.judge() is Member.FLYING

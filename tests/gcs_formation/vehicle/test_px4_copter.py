@@ -169,11 +169,11 @@ def test_steps_from_the_ground_to_offboard(telemetry):
 
 def test_it_measures_no_airspeed_and_says_so(telemetry):
     """VFR_HUD's airspeed is NaN."""
-    unheard = VfrHud(math.nan, 3.0, 0.5, 50, 20.0, 0.0)
-    telemetry.store(unheard)
+    silent = VfrHud(math.nan, 3.0, 0.5, 50, 20.0, 0.0)
+    telemetry.store(silent)
     assert (telemetry.implausible, math.isnan(telemetry.airspeed_mps)) == (1, True)
     copters = Telemetry(ORIGIN, COPTER.stands)
-    copters.store(unheard)
+    copters.store(silent)
     assert (copters.implausible, copters.airspeed_mps) == (0, 3.0)
 
 

@@ -52,7 +52,7 @@ class Told:
 
     def acknowledge(self, command: int, result: int = m.MAV_RESULT_ACCEPTED, whom: tuple[int, int] = (255, 25)) -> None:
         answer = CommandAck(command, result, 0, 0, *whom)
-        self.hear(m.MAVLINK_MSG_ID_COMMAND_ACK, answer)
+        self.receive(m.MAVLINK_MSG_ID_COMMAND_ACK, answer)
 
     def slow_link(self, one_way_s: float) -> None:
         """Let it answer probes after this long each way."""
@@ -61,7 +61,7 @@ class Told:
             self.vehicle.clock.observe(sent, after(sent, one_way_s), after(sent, 2 * one_way_s))
         assert self.vehicle.clock.one_way_s == pytest.approx(one_way_s - 0.005)  # minus a quarter of its loop's period
 
-    def hear(self, message_id: int, message: Message | None = None, *, lost: int = 0) -> None:
+    def receive(self, message_id: int, message: Message | None = None, *, lost: int = 0) -> None:
         """Receive a frame, the next one after `lost` lost ones."""
         self._number += 1 + lost
         self.vehicle.receive(Frame(2, 1, self._number % 256, message_id, 2, message, b""), self.now)
@@ -175,7 +175,7 @@ def test_over_a_link_that_loses_a_repetition_follows_each_step_until_it_is_ackno
     told = Told()
     told.tick()
     for lost in (0, 0, 1):
-        told.hear(m.MAVLINK_MSG_ID_VFR_HUD, lost=lost)
+        told.receive(m.MAVLINK_MSG_ID_VFR_HUD, lost=lost)
     step = Setpoint(25.0, 0.3, 200.0)
     sent, all_three = [told.tick(step, answers=tick == 3) for tick in range(7)], [SPEED, ALTITUDE, HEADING]
     assert sent[0] == all_three  # the others go with the one that is news, and are repeated after twice the time

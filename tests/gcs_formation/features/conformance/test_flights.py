@@ -349,7 +349,7 @@ def test_an_effect_not_shown_in_two_heartbeats_and_2_s_is_missing_until_it_shows
     assert effect is not None
     effects.acknowledged(effect, seen, START)
     effects.update(seen, after(START, 4.0))
-    assert effects.missing is None  # nothing heard since
+    assert effects.missing is None  # nothing received since
     for _ in range(2):
         beat(seen, GUIDED)
     effects.update(seen, after(START, 4.1))

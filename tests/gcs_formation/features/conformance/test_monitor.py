@@ -265,7 +265,7 @@ def test_one_that_is_heard_and_answers_nothing_is_reported_once_and_again_when_i
     follower = ground.second()
 
     def judge(at_s: float) -> list[str]:
-        follower.connection.heard(after(START, at_s), heartbeat=True)
+        follower.connection.record_frame(after(START, at_s), heartbeat=True)
         ground.monitor.judge_answers(after(START, at_s))
         return ground.logged.of("uplink", 2)
 
@@ -279,7 +279,7 @@ def test_one_that_is_silent_altogether_or_not_in_the_formation_is_not_said_to_an
     ground = Ground()
     ground.monitor.judge_answers(after(START, 10.0))
     ground.second().member = Member.PARTED
-    ground.second().connection.heard(after(START, 10.0), heartbeat=True)
+    ground.second().connection.record_frame(after(START, 10.0), heartbeat=True)
     ground.monitor.judge_answers(after(START, 10.0))
     assert ground.logged == []
 

@@ -295,7 +295,7 @@ class Link:
             self.answers.append((back_s, sent_s, there_s))
         self.answers.sort()
 
-    def hear(self, until_s: float) -> ClockSync:
+    def receive(self, until_s: float) -> ClockSync:
         while self.answers and self.answers[0][0] <= until_s:
             back_s, sent_s, there_s = self.answers.pop(0)
             self.sync.observe(after(NOW, sent_s), round((5.0 + there_s) * NANOSECONDS), after(NOW, back_s))
@@ -317,7 +317,7 @@ def test_a_step_of_the_delay_is_no_scatter(delays_s: tuple[float, float], jitter
     for seed in range(4 if jitter_s else 1):
         formation, link = Formation(delay_compensation=True, on_delay="hold"), Link(delays_s, jitter_s, seed)
         for second in range(6, 25):
-            sync = link.hear(float(second))
+            sync = link.receive(float(second))
             formation.delay(formation.follower, sync.one_way_s, sync.usual_jitter_s)
             formation.look()
         assert formation.watch.max_used <= max(used) + 1e-6

@@ -59,7 +59,7 @@ def test_in_air_that_moves_them_circles_are_four_standard_deviations_of_their_di
 
 
 def test_all_heights_between_which_one_that_receives_nothing_may_be_are_left_to_it() -> None:
-    """It flies at 100 m, or at the 112 m that it was commanded when it may no longer have heard."""
+    """It flies at 100 m, or at the 112 m that it was commanded when it may no longer have received."""
     stack = HoldingStack(GAP_M)
     stack.assign(named(deaf(100.0, 112.0), obeys(95.0), obeys(100.0)))
     assert heights(stack) == [112.0, 127.0, 142.0]

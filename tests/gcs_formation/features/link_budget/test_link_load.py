@@ -30,7 +30,7 @@ class Link:
 
     def __init__(self, stated: Stated | None = None) -> None:
         self.vehicle = Vehicle(VehicleId(1, 2), 0, ArduPlane(2, ORIGIN, 0.25), Connection(0), 10.0)
-        self.vehicle.connection.heard(Instant(0), heartbeat=True)
+        self.vehicle.connection.record_frame(Instant(0), heartbeat=True)
         self.load, self.logged, self.now = LinkLoad(self.vehicle), EventLog(), Instant(0)
         named = {} if stated is None else {self.vehicle.identity: stated}
         vehicles = {self.vehicle.identity: self.vehicle}

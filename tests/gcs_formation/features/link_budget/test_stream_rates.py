@@ -28,10 +28,10 @@ class Streamed:
 
     def __init__(self) -> None:
         self.vehicle = Vehicle(VehicleId(1, 2), 0, ArduPlane(2, ORIGIN, 0.25), Connection(0), 10.0)
-        self.vehicle.connection.heard(Instant(0), heartbeat=True)
+        self.vehicle.connection.record_frame(Instant(0), heartbeat=True)
         self.streams, self.second, self._number = StreamRates(self.vehicle), 0, 0
 
-    def hear(
+    def receive(
         self, seconds: int, rates_hz: dict[int, int], unread_hz: float | None = UNREAD_HZ
     ) -> list[tuple[int, int]]:
         """Return the requests in some seconds: the message and the interval, µs."""
@@ -51,26 +51,26 @@ class Streamed:
 
 
 def test_what_none_reads_is_asked_for_rarely_also_of_kinds_that_are_unknown_here() -> None:
-    assert sorted(Streamed().hear(8, {WIND: 1, RAW_IMU: 4})) == [(RAW_IMU, 10_000_000), (WIND, 10_000_000)]
+    assert sorted(Streamed().receive(8, {WIND: 1, RAW_IMU: 4})) == [(RAW_IMU, 10_000_000), (WIND, 10_000_000)]
 
 
 def test_what_comes_on_a_request_or_at_its_rate_is_left_alone() -> None:
     answers = {m.MAVLINK_MSG_ID_PARAM_VALUE: 10, m.MAVLINK_MSG_ID_COMMAND_ACK: 20}
-    assert Streamed().hear(30, {**answers, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10}) == []
+    assert Streamed().receive(30, {**answers, m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 10}) == []
 
 
 def test_for_a_second_ground_station_what_we_do_not_read_stays_as_it_is() -> None:
-    assert Streamed().hear(30, {WIND: 4}, None) == []
+    assert Streamed().receive(30, {WIND: 4}, None) == []
 
 
 def test_a_message_that_goes_on_is_asked_again_after_each_twice_as_long() -> None:
     """Another station may ask for it every 15 s."""
     streamed = Streamed()
-    asked_at = [second for second in range(200) if streamed.hear(1, {WIND: 4})]
+    asked_at = [second for second in range(200) if streamed.receive(1, {WIND: 4})]
     between = [later - earlier for earlier, later in itertools.pairwise(asked_at)]
     assert asked_at[0] <= 6
     assert between == [5, 10, 20, 40, 80]
 
 
 def test_rate_0_stops_a_message() -> None:
-    assert Streamed().hear(8, {WIND: 1}, 0.0) == [(WIND, -1)]
+    assert Streamed().receive(8, {WIND: 1}, 0.0) == [(WIND, -1)]

@@ -50,7 +50,7 @@ class Crossing:
         self.stands_after_s, self.returns_after_s = math.inf, 0.0
         self.home_m: tuple[float, float] | None = None
         self.received_s: float | None = None
-        """Time until which the second is known to have heard setpoints; None: now."""
+        """Time until which the second is known to have received setpoints; None: now."""
         self.seen_s: float | None = None
         """Time of its last known position; None: now."""
 
@@ -63,7 +63,7 @@ class Crossing:
         links[1].holds_at_m = self.holds_at_m
         links[1].stands_after_s, links[1].returns_after_s = self.stands_after_s, self.returns_after_s
         links[1].home_m = self.home_m
-        links[1].heard = now if self.received_s is None else after(Instant(0), self.received_s)
+        links[1].received_at = now if self.received_s is None else after(Instant(0), self.received_s)
         tick = Tick(now, 0.0, "flying", 0, links, [age_s] * 2, [0.0] * 2, ours)
         tick.state = tables.states(table)
         commanded_mps = [each.airspeed_mps if self.commanded_mps is None else self.commanded_mps for each in tick.state]
@@ -97,14 +97,14 @@ def test_the_older_the_states_the_more_room_for_instants_that_are_off(
 
 def test_of_two_that_are_commanded_the_one_that_surely_receives_manoeuvres() -> None:
     """Otherwise the later one evades. One that may not hear is commanded, but others avoid it as if it flew on."""
-    heard, unheard = Crossing(), Crossing()
-    for each in (heard, unheard):
+    received, silent = Crossing(), Crossing()
+    for each in (received, silent):
         each.ours = np.array((True, True))
         each.north, each.east = np.array((0.0, 0.0)), np.array((0.0, 24.0))
         each.heading[:] = (0.0, -0.5)
-    assert heard.keep(at_s=10.0).yielding == [False, True]
-    unheard.received_s = 9.1
-    assert unheard.keep(at_s=10.0).yielding[0], "requests and their answers are 0.27 s apart where nothing is lost"
+    assert received.keep(at_s=10.0).yielding == [False, True]
+    silent.received_s = 9.1
+    assert silent.keep(at_s=10.0).yielding[0], "requests and their answers are 0.27 s apart where nothing is lost"
 
 
 @pytest.mark.parametrize(("planned_m", "gives"), [(None, True), (math.inf, True), (13.1, True), (12.0, False)])
@@ -336,7 +336,7 @@ def test_one_that_receives_nothing_any_more_may_hover_where_it_is_that_kind(
 
 
 def standing_column(home_m: tuple[float, float] | None) -> Crossing:
-    """The same, hovering; the second has heard nothing since 10.1 s, stops at 11.1 s and leaves by 16.1 s."""
+    """The same, hovering; the second has received nothing since 10.1 s, stops at 11.1 s and leaves by 16.1 s."""
     column = column_of_copters()
     column.stands_after_s, column.returns_after_s, column.home_m = 1.0, 6.0, home_m
     column.commanded_mps, column.speed[:] = 0.0, 0.0
