@@ -66,6 +66,7 @@ class Channel:
         self._impairment = UNIMPAIRED
         self._transparent = True
         self._loss_after_arrival, self._loss_after_loss = 0.0, 0.0
+        self._delays = UNIMPAIRED.delays
 
     def lose(self) -> None:
         """Count a datagram that was dropped before it came here."""
@@ -82,6 +83,7 @@ class Channel:
         if impairment is not self._impairment:
             self._impairment, self._transparent = impairment, impairment.transparent
             self._loss_after_arrival, self._loss_after_loss = impairment.loss_after
+            self._delays = impairment.delays
         statistics = self.statistics
         number = statistics.datagrams
         statistics.datagrams = number + 1
@@ -117,9 +119,9 @@ class Channel:
             if found_s is None:
                 return []
             more_s += found_s
-        deliveries = [after(departure, impairment.delay_of(draws[2]) + more_s)]
+        deliveries = [after(departure, self._delays.quantile_s(draws[2]) + more_s)]
         if draws[1] < impairment.duplicate:
-            deliveries.append(after(departure, impairment.delay_of(draws[3]) + more_s))
+            deliveries.append(after(departure, self._delays.quantile_s(draws[3]) + more_s))
             deliveries.sort()
         if not impairment.reorder:
             deliveries = [max(delivery, self._last_delivery) for delivery in deliveries]

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from airlink.clock import NANOSECONDS, Instant
-from airlink.impairment import QUANTILE
+from airlink.delay_distribution import QUANTILE
 from flight_model.arrays import Array
 from gcs_formation.link.clock_sync import CRYSTAL_DRIFT, ClockSync
 from gcs_formation.link.delay_edges import NEW

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from airlink.clock import Instant, after
-from airlink.impairment import Distribution, Impairment
+from airlink.delay_distribution import Distribution
+from airlink.impairment import Impairment
 from airlink.one_way_channel import Channel
 from gcs_formation.studies.dataset import markdown
 

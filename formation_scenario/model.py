@@ -295,6 +295,10 @@ class Scenario(Keys):
         vars(copied).update({name: vars(self)[name] for name in found & vars(self).keys()})
         return copied
 
+    def with_seed(self, seed: int) -> Scenario:
+        """Return the scenario with another seed; everything that was computed from its other keys is shared."""
+        return self.model_copy(update={"seed": seed})
+
     def with_path_of(self, other: Scenario) -> Scenario:
         """Return itself with the path that another has found, whose keys that decide it are the same."""
         vars(self).update({name: vars(other)[name] for name in {"written_path"} & vars(other).keys()})

@@ -98,6 +98,8 @@ class LinkSchedule:
         links = self._links.get((vehicle, number))
         if links is None:
             return UNIMPAIRED, UNIMPAIRED
+        if not links.times_s:
+            return links.ways[0]
         mission_s = self._flight.mission_time_s(now)
         return links.ways[0 if math.isnan(mission_s) else bisect_right(links.times_s, mission_s)]
 
@@ -290,7 +292,10 @@ class InjectedDelays:
             return
         if self._links is not None:
             for vehicle, series_s in self._series_s.items():
-                series_s.extend(self._since_last_s(vehicle, self._links) * (ticks - self._ticks))
+                up_s, down_s = self._since_last_s(vehicle, self._links)
+                for _ in range(ticks - self._ticks):
+                    series_s.append(up_s)
+                    series_s.append(down_s)
         self._ticks = ticks
 
     def series_s(self, ticks: int) -> Mapping[VehicleId, Array]:
@@ -307,6 +312,7 @@ class InjectedDelays:
 
     def _since_last_s(self, vehicle: VehicleId, links: ImpairedEngine) -> tuple[float, float]:
         link = vehicle, self._in_use(vehicle)
-        ways = self._ways.setdefault(link, (RecentDelay(), RecentDelay()))
-        up, down = (each.look(way) for each, way in zip(ways, links.statistics(*link), strict=True))
-        return up, down
+        ways, (uplink, downlink) = self._ways.get(link), links.statistics(*link)
+        if ways is None:
+            ways = self._ways[link] = RecentDelay(), RecentDelay()
+        return ways[0].look(uplink), ways[1].look(downlink)

@@ -186,7 +186,7 @@ class Session:
         if self.lying is not None and self.station.cycle.findings.silent_aloft and self.clock.now() >= self._next_look:
             self._next_look = after(self.clock.now(), LOOK_S)
             self.station.cycle.findings.lie(self.lying())
-        left = self.interrupts.process(self.station.phase_machine, self.clock.now())
+        left = self.interrupts.count > 0 and self.interrupts.process(self.station.phase_machine, self.clock.now())
         self._injected.record(self.station.recorded_ticks)
         if self.recorder.is_beside and self.station.commands_anybody:
             self.recorder.replace_earlier()
@@ -194,7 +194,8 @@ class Session:
             self._faults.record_due(self.station.flight, self.clock.now())
         if self.script.pending:
             self.script.attend(self.clock.now())
-        self._keep_timestamps()
+        if self.signing.links is not None:
+            self._keep_timestamps()
         if self._orders is not None:
             self._orders.poll()
         if self._confirmation is not None:

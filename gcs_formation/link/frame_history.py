@@ -64,6 +64,23 @@ STATES: Final = (
 """Messages without a time that say how the vehicle is, until it is otherwise. A measurement contradicts no other."""
 
 
+class CopyEvidence:
+    """What speaks for copies that come from one place: when one came last, and how much suggests others."""
+
+    def __init__(self) -> None:
+        """Start without any."""
+        self.last: i64 = LONG_AGO
+        """When a copy came last."""
+        self._suspicion: float = 0.0
+
+    def weigh(self, now: i64, *, suspicious: bool) -> None:
+        """Take whether a frame seems to be a copy; a few may seem so by chance."""
+        suspicion = self._suspicion + (1.0 if suspicious else -CALMED)
+        self._suspicion = max(0.0, min(2.0 * SUSPICION, suspicion))
+        if suspicious and suspicion >= SUSPICION:
+            self.last = now
+
+
 class FrameHistory:
     """What was received from one vehicle, by which later frames are judged."""
 
@@ -84,8 +101,8 @@ class FrameHistory:
         """Newest stamp of each kind of message."""
         self._seen, self._seen_before = bytearray(MARKS // BYTE), bytearray(MARKS // BYTE)
         self._renewed = Instant(0)
-        self._copied_at, self._suspicion = [LONG_AGO, LONG_AGO], [0.0, 0.0]
-        """When copies came last, and how much speaks for it: from the vehicle's own address, and from others."""
+        self._own, self._others = CopyEvidence(), CopyEvidence()
+        """From the vehicle's own address, and from others."""
         self._others_own: i64 = 0
         """Frames from other addresses since the last one that had been received before."""
         self._last = dict[int, tuple[bytes, Instant]]()
@@ -93,8 +110,9 @@ class FrameHistory:
 
     def copies_come(self, now: Instant, *, elsewhere: bool = False) -> bool:
         """Return whether copies have just come from the vehicle's own address, or from another one."""
-        recently = now - self._copied_at[elsewhere] < COPIES_COME_NS
-        return recently and not (elsewhere and self._others_own >= OTHERS_OWN)
+        if elsewhere:
+            return now - self._others.last < COPIES_COME_NS and self._others_own < OTHERS_OWN
+        return now - self._own.last < COPIES_COME_NS
 
     def is_copy(self, frame: Frame, now: Instant, *, elsewhere: bool, follows: bool, silent: bool) -> bool:
         """Return whether a frame had been received before, and count it if so.
@@ -110,7 +128,8 @@ class FrameHistory:
             self._others_own = 0 if known else self._others_own + 1
         copied = known and timed and (self._is_old(frame, stamp_s) or not self._is_of_now(stamp_s, now))
         if timed or not elsewhere:
-            self._weigh(copied or (known and not timed and not follows), now, elsewhere)
+            evidence = self._others if elsewhere else self._own
+            evidence.weigh(now, suspicious=copied or (known and not timed and not follows))
         if known and not timed:
             if elsewhere:
                 copied = not silent or self.copies_come(now, elsewhere=True)
@@ -122,13 +141,6 @@ class FrameHistory:
             self.copies += 1
             self.is_news, self.was_copy = False, True
         return copied
-
-    def _weigh(self, suspicious: bool, now: Instant, elsewhere: bool) -> None:
-        """Take whether a frame seems to be a copy; a few may seem so by chance."""
-        suspicion = self._suspicion[elsewhere] + (1.0 if suspicious else -CALMED)
-        self._suspicion[elsewhere] = max(0.0, min(2.0 * SUSPICION, suspicion))
-        if suspicious and suspicion >= SUSPICION:
-            self._copied_at[elsewhere] = now
 
     def is_lost_one(self, frame: Frame, now: Instant, *, elsewhere: bool) -> bool:
         """Return whether a frame that never came seems to be among the copies that come: it shows no other sender.

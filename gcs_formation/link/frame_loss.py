@@ -173,9 +173,11 @@ class SequenceTracker:
             self.gaps += 1
             self._longest = max(self._longest, gap)
             self._jump, self._jumped = gap, self.received
-        if gap or self._missing:
-            self._missing.update(int((newest + ahead) % MODULUS) for ahead in range(1, gap + 1))
-            self._missing = {number for number in self._missing if (sequence - number) % MODULUS <= LATE}
+        if self._missing:
+            for behind in range(LATE + 1, LATE + gap + 2):  # what was within `LATE` of the newest until now
+                self._missing.discard(int((sequence - behind) % MODULUS))
+        for ahead in range(1, gap + 1):
+            self._missing.add(int((newest + ahead) % MODULUS))
         self._expect()
         return gap > 0
 

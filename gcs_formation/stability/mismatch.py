@@ -61,6 +61,7 @@ class MismatchMargin(NamedTuple):
         return cls(shorter if shorter >= -nominal_delay_s else -np.inf, float(np.min(turned / w)))
 
 
+@lru_cache(maxsize=4096)
 def predicted_mismatch_margin(loop: Loop, nominal_delay_s: float) -> MismatchMargin:
     """Mismatch of the delay at which the loop with prediction loses stability.
 

@@ -16,6 +16,7 @@ from airlink.clock import Stopwatch
 from airlink.installed import installed_version
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, METRICS, Expectation
+from formation_scenario.extensions import Registry
 from formation_scenario.overrides import settings
 from gcs_formation.app.operator_at_terminal import Interrupts, Record, RunOptions
 from gcs_formation.app.progress import Progress
@@ -34,6 +35,9 @@ from gcs_formation.studies.records import kept_at
 VERSION: Final = installed_version()
 REPEATED_EVERY = 10
 """If invariants are checked, every flight whose seed is a multiple of this is repeated and compared byte for byte."""
+MOST_KNOWN: Final = 16
+"""Scenarios that a process keeps for further flights that differ in their seed alone."""
+_KNOWN = dict[tuple[str, Registry], Scenario]()
 LOWER_IS_WORSE = ("min_separation_m", "min_clearance_m", "in_slot_share", "delay_margin_s", "left_at_s")
 
 
@@ -59,9 +63,21 @@ class Task:
         for name, value in self.planned.parameters.items():
             keys |= cases[name][value] if name in cases else {name: value}
         base = self.base if study.random is None else draw(seed, SEVERITIES[study.random], study.registered)
-        if isinstance(base, Scenario) and base.seed == seed and not keys:
-            return base
-        return load_scenario(base, settings({**keys, "seed": seed}), option="", plugins=self.study.registered)
+        if isinstance(base, Scenario):
+            if base.seed == seed and not keys:
+                return base
+            return load_scenario(base, settings({**keys, "seed": seed}), option="", plugins=self.study.registered)
+        return _alike(base, keys, self.study.registered).with_seed(seed)
+
+
+def _alike(base: Mapping[Any, Any], keys: Mapping[str, Any], registered: Registry) -> Scenario:
+    """Return the scenario of flights that differ in their seed alone: its path is found once a process."""
+    written = repr((base, keys)), registered  # unlike the values, 1 and 1.0 aren't equal as they are written
+    if written not in _KNOWN:
+        if len(_KNOWN) == MOST_KNOWN:
+            _KNOWN.clear()
+        _KNOWN[written] = load_scenario(base, settings(keys), option="", plugins=registered)
+    return _KNOWN[written]
 
 
 def fly(task: Task) -> dict[str, Any]:

@@ -9,8 +9,9 @@ from scipy.integrate import quad
 from scipy.stats import kstest, truncnorm
 
 from airlink.clock import Instant, after, seconds_between
+from airlink.delay_distribution import CDF, QUANTILE
 from airlink.endpoint import VehicleId
-from airlink.impairment import CDF, QUANTILE, UNIMPAIRED, Direction, Impairment
+from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from airlink.one_way_channel import Channel
 from airlink.random_streams import random_stream
 
@@ -87,7 +88,7 @@ def test_the_normal_distribution_is_cut_off_at_no_delay():
     st.floats(0, 1, exclude_max=True),
 )
 def test_no_delay_is_negative(name, delay_s, jitter_s, share):
-    delay_s = Impairment(delay_s=delay_s, jitter_s=jitter_s, distribution=name).delay_of(share)
+    delay_s = Impairment(delay_s=delay_s, jitter_s=jitter_s, distribution=name).delays.quantile_s(share)
     assert 0.0 <= delay_s < math.inf
 
 

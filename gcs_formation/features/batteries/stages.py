@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """The stage that sends vehicles home whose batteries last for the way home alone."""
 
 from __future__ import annotations

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """What the links carry, watched once a second.
 
 Over a full link rates go down by `levels.LEVELS`, one level at a time, until it isn't full any more. They go up again

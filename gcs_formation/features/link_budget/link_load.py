@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Whether one vehicle's link is full: what its radio says, how long messages wait, and what is lost.
 
 A queue that never empties shows in the shortest of recent round trips (RFC 8289, "Controlled Delay Active Queue

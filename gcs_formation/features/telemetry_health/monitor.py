@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Watches whether the telemetry of all vehicles can be true: what is flown by instead, who leaves, events `health`."""
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ import pytest
 from click.testing import CliRunner
 from jsonschema import Draft202012Validator
 
-from formation_scenario import ScenarioError
+from formation_scenario import ScenarioError, load_scenario
 from gcs_formation.cli import main
 from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.studies import Study, study_schema
@@ -318,6 +318,16 @@ def test_a_seed_changes_a_flight_through_losses_alone():
 
     assert flown(1, 0.0) == flown(2, 0.0)
     assert flown(1, 0.1) != flown(2, 0.1)
+
+
+def test_flights_that_differ_in_their_seed_alone_share_what_follows_from_the_rest():
+    planned = study(parameters={LOSS: [0.1, 0.2]}, metrics=["violations"], record="none")
+    one, other = (Task(Planned(0, seed, {LOSS: 0.1}), planned, SCENARIO).scenario() for seed in (1, 2))
+    assert (one.seed, other.seed) == (1, 2)
+    assert other.written_path is one.written_path
+    assert other == load_scenario(SCENARIO, ["seed=2", f"{LOSS}=0.1"])
+    third = Task(Planned(0, 2, {LOSS: 0.2}), planned, SCENARIO).scenario()
+    assert third == load_scenario(SCENARIO, ["seed=2", f"{LOSS}=0.2"])
 
 
 def test_of_several_vehicles_the_worst_counts_and_one_that_never_settles_has_no_time():
