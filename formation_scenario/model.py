@@ -296,8 +296,16 @@ class Scenario(Keys):
         return copied
 
     def with_seed(self, seed: int) -> Scenario:
-        """Return the scenario with another seed; everything that was computed from its other keys is shared."""
-        return self.model_copy(update={"seed": seed})
+        """Return the scenario with another seed; its path, and what else was computed from its other keys, is shared.
+
+        Raises:
+            FileError: the elevation file can't be read.
+            PathError: no path leads through the waypoints.
+        """
+        computed = {"leader_path": self.leader_path} | vars(self)
+        copied = self.model_copy(update={"seed": seed})
+        vars(copied).update({name: computed[name] for name in computed.keys() - type(self).model_fields.keys()})
+        return copied
 
     def with_path_of(self, other: Scenario) -> Scenario:
         """Return itself with the path that another has found, whose keys that decide it are the same."""
