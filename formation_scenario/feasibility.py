@@ -20,10 +20,10 @@ from formation_scenario.slot_assignment import (
     Arrangement,
     SlotStep,
     assigned,
-    column_names,
-    columns,
     first_arrangement,
+    names_by_index,
     slot_schedule,
+    vehicles_by_index,
 )
 from formation_scenario.slot_motion import Transition
 from formation_scenario.source import KeyPath, dotted
@@ -113,7 +113,7 @@ def _why_refused(flown: _Flown, order: Order, path: FlightPath, at_s: float, at_
             return reason
     after = flown.after(order)
     try:
-        places_m = assigned(flown.scenario, after.arrangement, np.zeros((len(columns(flown.scenario)), 3)))
+        places_m = assigned(flown.scenario, after.arrangement, np.zeros((len(vehicles_by_index(flown.scenario)), 3)))
         reasons = check_ahead(after.scenario, SlotStep(at_s, after.arrangement, places_m), path, at_m)
     except ValueError as error:  # a custom shape without slots
         reasons = [str(error)]
@@ -189,7 +189,7 @@ def _near(
     scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath], min_m: float
 ) -> Iterator[tuple[KeyPath, str]]:
     """Yield the two nearest slots of each step if they are nearer than `min_m`, with the key that places them."""
-    everyone = column_names(scenario)
+    everyone = names_by_index(scenario)
     for path, step in zip(keys, steps, strict=True):
         places = step.places_m
         distances = np.linalg.norm(places[:, None] - places[None, :], axis=-1)
@@ -211,7 +211,7 @@ def _ahead_of_leader(scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequ
         if before.size:
             forward = step.places_m[before[0], 0]
             found = (
-                f"found shape {step.shape} with {column_names(scenario)[before[0]]}'s slot {forward:.3g} m ahead of "
+                f"found shape {step.shape} with {names_by_index(scenario)[before[0]]}'s slot {forward:.3g} m ahead of "
                 "the leader, unstable in follower_heading"
             )
             yield Violation((*path, "shape"), found, "slots behind, or frame: leader_heading or north", "frame")

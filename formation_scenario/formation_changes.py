@@ -23,7 +23,7 @@ from flight_model.path_lift_and_displacement import (
     sample_places,
 )
 from formation_scenario.model import Scenario
-from formation_scenario.slot_assignment import Arrangement, assigned, column_models, column_names
+from formation_scenario.slot_assignment import Arrangement, assigned, models_by_index, names_by_index
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, Transition
 from formation_scenario.terrain import LEADER_SHARE, Ground
 from formation_scenario.transition_plan import (
@@ -130,11 +130,11 @@ def _conditions(scenario: Scenario, leader: int, flight: Callable[[Array], Leade
     return Conditions(
         flight=flight,
         frame=scenario.formation.frame,
-        limits=Limits.of(column_models(scenario), scenario.path.begin_mps),
+        limits=Limits.of(models_by_index(scenario), scenario.path.begin_mps),
         separation_m=scenario.safety.separation_m,
         leader=leader,
         present=present,
-        names=column_names(scenario),
+        names=names_by_index(scenario),
     )
 
 
@@ -154,7 +154,7 @@ def take_over(
     Its turns are gentle enough for slots up to `reach_m` away to keep up. It continues the vehicle's climb, and its
     lateral motion: `right_slope` to the right for each metre along the path. A given ground is cleared by a lift.
     """
-    speed, models = max(scenario.path.begin_mps, MIN_MPS), column_models(scenario)
+    speed, models = max(scenario.path.begin_mps, MIN_MPS), models_by_index(scenario)
     reach_m = reach_m if scenario.formation.slots_turn else 0.0
     turn_rps = TURN_SHARE * keepable_turn_rps(scenario, reach_m)
     slot_mps2 = ACCELERATION_SHARE * min(model.accel_max_mps2 for model in models)
@@ -182,7 +182,7 @@ def take_over(
 def keepable_turn_rps(scenario: Scenario, reach_m: float) -> float:
     """Return the highest turn rate of a leader at which slots `reach_m` away keep up, outside and inside the turn."""
     reach_m = reach_m if scenario.formation.slots_turn else 0.0
-    speed, models = scenario.path.begin_mps, column_models(scenario)
+    speed, models = scenario.path.begin_mps, models_by_index(scenario)
     spare_mps = min(abs(bound - speed) for model in models for bound in model.soon_mps(speed))
     return max(min(*(model.turn_rate_max_rps for model in models), spare_mps / max(reach_m, 1.0)), 1e-3)
 

@@ -18,7 +18,7 @@ from formation_scenario.geofence import OUTER, Geofence
 from formation_scenario.model import Scenario
 from formation_scenario.path_limits import TOLERANCE
 from formation_scenario.sampled_path import WAYPOINTS, SampledPath, place_of
-from formation_scenario.slot_assignment import SlotStep, column_names, columns, slot_schedule
+from formation_scenario.slot_assignment import SlotStep, names_by_index, slot_schedule, vehicles_by_index
 from formation_scenario.slot_frame import axis_rad
 from formation_scenario.source import KeyPath, dotted
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m, start_states
@@ -74,7 +74,7 @@ def _over_plain(scenario: Scenario) -> Iterator[Violation]:
 
 def _unknown_ground(scenario: Scenario, ground: Ground, places: Array, points: PathPoints) -> Iterator[Violation]:
     """Yield the first point of the path where the file has no value below the leader or a slot."""
-    everyone, slots = column_names(scenario), {(0.0, 0.0, 0.0): "the leader"}
+    everyone, slots = names_by_index(scenario), {(0.0, 0.0, 0.0): "the leader"}
     for step in slot_schedule(scenario):
         for who, (forward, right, up) in zip(everyone, step.places_m.tolist(), strict=True):
             slots.setdefault((forward, right, up), f"{who} in shape {step.shape}")
@@ -282,11 +282,11 @@ def check_fence(
 def _flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> Places:
     found: Places = {}
     for step in steps:
-        for column, vehicle in enumerate(columns(scenario)):
+        for index, vehicle in enumerate(vehicles_by_index(scenario)):
             if vehicle is not None:
-                leads = column == step.arrangement.leader
+                leads = index == step.arrangement.leader
                 who = "the leader" if leads else f"vehicle {vehicle.vehicle_id}'s slot in shape {step.shape}"
-                forward, right, up = step.places_m[column].tolist()
+                forward, right, up = step.places_m[index].tolist()
                 found.setdefault((forward, right, up), (who, vehicle))
     return found
 

@@ -15,7 +15,7 @@ from flight_model.stops.timetable import Timetable
 from formation_scenario.fields import distinct_texts
 from formation_scenario.model import Scenario
 from formation_scenario.sampled_path import SAME_PLACE_M, WAYPOINTS, SampledPath
-from formation_scenario.slot_assignment import SlotStep, columns
+from formation_scenario.slot_assignment import SlotStep, vehicles_by_index
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.start_states_and_end_times import over_ground_mps, wind_mps
 from formation_scenario.turn_limits import climb_limits
@@ -146,7 +146,7 @@ def _steep_legs(scenario: Scenario, steep: Mapping[int, Steep]) -> Iterator[Viol
 def _speed(scenario: Scenario) -> Iterator[Violation]:
     """Yield the path's speed if some vehicle can't fly it, the leader first."""
     speed = scenario.path.begin_mps
-    for vehicle in (each for each in columns(scenario) if each is not None):
+    for vehicle in (each for each in vehicles_by_index(scenario) if each is not None):
         slowest, fastest = scenario.speeds_mps(vehicle)
         if not slowest <= speed <= fastest:
             who = "leader" if vehicle is scenario.leader else "vehicle"
@@ -186,7 +186,7 @@ def _bends(
     A slot's turn isn't mentioned where the leader's is, a setpoint where the speed is, nor a slot's speed where the
     path's is beyond its limits everywhere (`too_fast`).
     """
-    everyone = columns(scenario)
+    everyone = vehicles_by_index(scenario)
     leading = _leaders(scenario, sampled, everyone, steps)
     turns = list(_worst(scenario, sampled, everyone, [leading]))
     yield from turns
@@ -225,10 +225,14 @@ def _worst(
     for stretch in sampled.stretches(_over(demands)) if demands else ():
         worst = max(demands, key=lambda demand: float(demand.share[stretch].max()))
         share = worst.share[stretch]
-        row, column = np.argwhere(share >= share.max() * (1.0 - EQUAL))[0]
-        who, index = everyone[int(column)], stretch.start + int(row)
+        row, vehicle_index = np.argwhere(share >= share.max() * (1.0 - EQUAL))[0]
+        who, index = everyone[int(vehicle_index)], stretch.start + int(row)
         assert who is not None
-        figure, bound, excess = float(worst.figure[index, column]), float(worst.bound[column]), float(share.max()) - 1.0
+        figure, bound, excess = (
+            float(worst.figure[index, vehicle_index]),
+            float(worst.bound[vehicle_index]),
+            float(share.max()) - 1.0,
+        )
         if worst.step is None and excess > BACK - 1.0:
             yield _reversal(sampled, index, who, scenario.path.begin_mps)
             continue
@@ -263,7 +267,9 @@ def _leaders(
 ) -> _Demand:
     """Return the turn rates of leaders; `climbs` checks their climbs, which slots at rest share."""
     leads = {step.arrangement.leader for step in steps}
-    models = [None if who is None or column not in leads else who.model for column, who in enumerate(everyone)]
+    models = [
+        None if who is None or vehicle_index not in leads else who.model for vehicle_index, who in enumerate(everyone)
+    ]
     most = np.array([np.inf if each is None else each.turn_rate_max_rps for each in models])
     turn = np.abs(scenario.path.begin_mps * sampled.points.curvature_1pm)[:, None] * np.ones(len(everyone))
     return _Demand("turn", "rad/s of turn", turn, most, None)
@@ -277,7 +283,9 @@ def _followers(
     needs = slot_needs(flight, SlotMotion.at_rest(step.places_m), scenario.formation.frame)
     speed, turn, accel = needs.speed_mps, np.abs(needs.turn_rate_rps), np.abs(needs.accel_mps2)
     leader, at_mps = step.arrangement.leader, scenario.path.begin_mps
-    models = [None if who is None or column == leader else who.model for column, who in enumerate(everyone)]
+    models = [
+        None if who is None or vehicle_index == leader else who.model for vehicle_index, who in enumerate(everyone)
+    ]
     slowest, fastest = np.array([(0.0, np.inf) if each is None else each.soon_mps(at_mps) for each in models]).T
     turn_max = np.array([np.inf if each is None or each.hovers else each.turn_rate_max_rps for each in models])
     accel_max = np.array([np.inf if each is None else each.accel_max_mps2 for each in models])

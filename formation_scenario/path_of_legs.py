@@ -20,7 +20,7 @@ from flight_model.stops.path import PathWithStops
 from formation_scenario.geofence import Geofence
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.path_with_stops import CHANGE_TAUS, path_with_stops, short_legs, timetable
-from formation_scenario.slot_assignment import Members, SlotStep, column_models, slot_schedule
+from formation_scenario.slot_assignment import Members, SlotStep, models_by_index, slot_schedule
 from formation_scenario.turn_limits import climb_limits, turn_limits
 
 MAX_ROUNDS = 5
@@ -119,7 +119,7 @@ def _lack(
         return None
     first = 0 if members.leader else 1
     places = np.concatenate([step.places_m[first:] for step in steps])
-    turn_rps = np.array([each.turn_rate_max_rps for each in column_models(members)[first:]] * len(steps))
+    turn_rps = np.array([each.turn_rate_max_rps for each in models_by_index(members)[first:]] * len(steps))
     flyers = Flyers(places[:, 0], places[:, 1], turn_rps, members.formation.slots_turn)
     drift = Drift(speed_mps, *drift_mps, speed_mps + math.hypot(*drift_mps))
 

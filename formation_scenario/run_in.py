@@ -10,7 +10,7 @@ from flight_model.fence_geometry import CHECKED_M, Flyers, room_along_m
 from flight_model.path import FlightPath
 from formation_scenario.ground_and_fence import drift
 from formation_scenario.model import Scenario
-from formation_scenario.slot_assignment import column_models, slot_schedule
+from formation_scenario.slot_assignment import models_by_index, slot_schedule
 
 SHORTEST_S = 10.0
 """Shortest run-in that a fence makes, s: with less room the fence's check says what is outside."""
@@ -28,7 +28,7 @@ def run_in_inside_fence_s(scenario: Scenario, path: FlightPath) -> float | None:
         return None
     before_m = np.arange(0.0, scenario.run_in_m + BETWEEN_M, BETWEEN_M)
     points, (forward_m, right_m, _) = path.at(-before_m), slot_schedule(scenario)[0].places_m.T
-    flyers = Flyers(forward_m, right_m, np.array([each.turn_rate_max_rps for each in column_models(scenario)]))
+    flyers = Flyers(forward_m, right_m, np.array([each.turn_rate_max_rps for each in models_by_index(scenario)]))
     way = points.north_m, points.east_m, points.course_rad
     _, room_m = room_along_m(fence.sides, way, flyers, drift(scenario))
     cramped = room_m.min(axis=0) < CHECKED_M

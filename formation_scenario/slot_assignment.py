@@ -1,6 +1,6 @@
 """The slots of each shape, and their assignment to vehicles, at the start and after each change of the formation.
 
-Arrays of vehicles have a column for each: first the scenario's leader, real or virtual, then its followers in the
+Arrays of vehicles have an index for each: first the scenario's leader, real or virtual, then its followers in the
 scenario's order.
 """
 
@@ -74,7 +74,7 @@ def slots(shape: str, followers: int, spacing_m: float, own: Shape | None = None
 
 
 class Arrangement(NamedTuple):
-    """A formation without its assignment to vehicles: shape, spacing, a custom shape's slots, leading column."""
+    """A formation without its assignment to vehicles: shape, spacing, a custom shape's slots, index of the leader."""
 
     shape: str
     spacing_m: float
@@ -89,7 +89,7 @@ class Arrangement(NamedTuple):
             change.shape or self.shape,
             change.spacing_m or self.spacing_m,
             change.slots_m if change.slots_m is not None else self.slots_m,
-            self.leader if change.leader is None else column_of(scenario, change.leader),
+            self.leader if change.leader is None else index_of(scenario, change.leader),
             self._parameters(change, scenario.formation),
         )
 
@@ -103,7 +103,7 @@ class Arrangement(NamedTuple):
 
 
 class SlotStep(NamedTuple):
-    """The formation from `at_s` on: places (C, 3) of all columns, m forward, right and up of the leader."""
+    """The formation from `at_s` on: places (C, 3) of all vehicles, m forward, right and up of the leader."""
 
     at_s: float
     arrangement: Arrangement
@@ -115,35 +115,35 @@ class SlotStep(NamedTuple):
         return self.arrangement.shape
 
 
-def columns(scenario: Members) -> tuple[Vehicle | None, ...]:
-    """Return the vehicle of each column, None for a virtual leader."""
+def vehicles_by_index(scenario: Members) -> tuple[Vehicle | None, ...]:
+    """Return the vehicle of each index, None for a virtual leader."""
     return (scenario.leader, *scenario.followers)
 
 
-def column_models(scenario: Members) -> tuple[VehicleModel, ...]:
-    """Return the model of each column; a virtual leader has the first follower's."""
-    return tuple((vehicle or scenario.followers[0]).model for vehicle in columns(scenario))
+def models_by_index(scenario: Members) -> tuple[VehicleModel, ...]:
+    """Return the model of each index; a virtual leader has the first follower's."""
+    return tuple((vehicle or scenario.followers[0]).model for vehicle in vehicles_by_index(scenario))
 
 
-def column_names(scenario: Members) -> tuple[str, ...]:
-    """Return a name for the vehicle of each column, for messages."""
-    return tuple(f"vehicle {v.vehicle_id}" if v else "the virtual leader" for v in columns(scenario))
+def names_by_index(scenario: Members) -> tuple[str, ...]:
+    """Return a name for the vehicle of each index, for messages."""
+    return tuple(f"vehicle {v.vehicle_id}" if v else "the virtual leader" for v in vehicles_by_index(scenario))
 
 
-def column_ids(scenario: Members) -> list[VehicleId | None]:
-    """Return the network and system id of each column's vehicle, None for a virtual leader."""
-    return [None if vehicle is None else vehicle.vehicle_id for vehicle in columns(scenario)]
+def ids_by_index(scenario: Members) -> list[VehicleId | None]:
+    """Return the network and system id of the vehicle of each index, None for a virtual leader."""
+    return [None if vehicle is None else vehicle.vehicle_id for vehicle in vehicles_by_index(scenario)]
 
 
-def column_of(scenario: Members, ref: VehicleRef) -> int:
-    """Return the column of the vehicle with an id, or 'network:id'.
+def index_of(scenario: Members, ref: VehicleRef) -> int:
+    """Return the index of the vehicle with an id, or 'network:id'.
 
     Raises:
         ValueError: there is no such vehicle.
     """
-    for column, vehicle in enumerate(columns(scenario)):
+    for index, vehicle in enumerate(vehicles_by_index(scenario)):
         if vehicle is not None and ref in vehicle.refs:
-            return column
+            return index
     known = ", ".join(str(vehicle.vehicle_id) for vehicle in scenario.vehicles)
     raise ValueError(f"found vehicle {ref}; allowed: {known}")
 
@@ -155,7 +155,7 @@ def first_arrangement(scenario: Members) -> Arrangement:
 
 
 def arrangements(scenario: Members) -> list[Arrangement]:
-    """Return the shapes at the start and after each of `formation.changes`, in the keys' order, led by column 0."""
+    """Return the shapes at the start and after each of `formation.changes`, in the keys' order, led by index 0."""
     found = [first_arrangement(scenario)]
     for change in scenario.formation.changes:
         found.append(found[-1].changed(change.model_copy(update={"leader": None}), scenario))
@@ -185,8 +185,8 @@ def planned_slots(scenario: Members) -> dict[VehicleId, Array]:
     The scenario's leader has slots if another vehicle leads later. A vehicle that never follows has no entry.
     """
     steps, planned = slot_schedule(scenario), dict[VehicleId, Array]()
-    for column, vehicle in enumerate(columns(scenario)):
-        slots_m = [step.places_m[column] for step in steps if step.arrangement.leader != column]
+    for index, vehicle in enumerate(vehicles_by_index(scenario)):
+        slots_m = [step.places_m[index] for step in steps if step.arrangement.leader != index]
         if vehicle is not None and slots_m:
             planned[vehicle.vehicle_id] = np.array(slots_m)
     return planned
@@ -219,7 +219,7 @@ def assigned(scenario: Members, arrangement: Arrangement, now_m: Array, present:
 
 
 def _in_order(scenario: Members, arrangement: Arrangement) -> Array:
-    """Return the places (C, 3) with the shape's slots in the order of the columns, 0 for the leader."""
+    """Return the places (C, 3) with the shape's slots in the order of the indices, 0 for the leader."""
     followers, leader = len(scenario.followers), arrangement.leader
     places = np.zeros((1 + followers, 3))
     if arrangement.shape != "custom":

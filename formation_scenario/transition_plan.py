@@ -211,7 +211,7 @@ def _ratio(over: Array, under: Array) -> Array:
 
 
 def _pairs(conditions: Conditions) -> Indices:
-    """Return the two columns of each pair, (pairs, 2)."""
+    """Return the two indices of each pair, (pairs, 2)."""
     there = np.flatnonzero(conditions.present)
     return np.stack([there[index] for index in np.triu_indices(there.size, 1)], axis=1)
 
@@ -228,10 +228,10 @@ def _levels(near: Indices, conditions: Conditions) -> Array:
     """Return a level (N,) for each vehicle, different for any two that come near; the leader has the lowest."""
     levels = {conditions.leader: 0}
     pairs: list[list[int]] = _pairs(conditions)[near].tolist()
-    for who in sorted({column for pair in pairs for column in pair} - {conditions.leader}):
+    for who in sorted({index for pair in pairs for index in pair} - {conditions.leader}):
         taken = {levels.get(one if other == who else other) for one, other in pairs if who in (one, other)}
         levels[who] = next(level for level in range(len(taken) + 1) if level not in taken)
-    return np.array([float(levels.get(column, 0)) for column in range(conditions.present.size)])
+    return np.array([float(levels.get(index, 0)) for index in range(conditions.present.size)])
 
 
 def _lifts_m(way: Transition, levels: Array, apart_m: float) -> Array:
@@ -264,6 +264,6 @@ def _refuse_near(distances: Array, apart_m: float, moments_s: Array, conditions:
     nearest_m = float(distances[moment, pair])
     if nearest_m < apart_m * 0.999:
         pairs: list[list[int]] = _pairs(conditions).tolist()
-        one, other = (conditions.names[column] for column in pairs[int(pair)])
+        one, other = (conditions.names[index] for index in pairs[int(pair)])
         found = f"{one} and {other} would come within {nearest_m:.3g} m on the way"
         raise NotFlyableError(found, f"{apart_m:.3g} m or more", float(moments_s[moment]))

@@ -14,7 +14,7 @@ from flight_model.arrays import Array, Mask
 from flight_model.legs.heights import Climbs
 from flight_model.legs.turn import STEEPEST, TurnLimits
 from formation_scenario.fields import Frame
-from formation_scenario.slot_assignment import Members, SlotStep, column_models
+from formation_scenario.slot_assignment import Members, SlotStep, models_by_index
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.vehicles import VehicleModel
 
@@ -46,7 +46,7 @@ def turn_limits(members: Members, steps: Sequence[SlotStep], speed_mps: float, w
         speed_mps: the leader's airspeed.
         wind_mps: of the wind that drifts the vehicles.
     """
-    speed_mps, models, frame = max(speed_mps, MIN_MPS), column_models(members), members.formation.frame
+    speed_mps, models, frame = max(speed_mps, MIN_MPS), models_by_index(members), members.formation.frame
     max_rps = TURN_SHARE * min(each.turn_rate_max_rps for each in models)
     if any(each.hovers for each in models):
         accel_mps2 = min(each.accel_max_mps2 for each in models if each.hovers)
@@ -64,7 +64,7 @@ def turn_limits(members: Members, steps: Sequence[SlotStep], speed_mps: float, w
 
 def turns_well(members: Members, steps: Sequence[SlotStep], speed_mps: float, wind_mps: float) -> bool:
     """Return whether slots leave the formation turns that are at most `WIDEST` times as wide as the vehicles' own."""
-    max_rps = TURN_SHARE * min(each.turn_rate_max_rps for each in column_models(members))
+    max_rps = TURN_SHARE * min(each.turn_rate_max_rps for each in models_by_index(members))
     own_1pm = max_rps / (max(speed_mps, MIN_MPS) + wind_mps)
     return WIDEST * turn_limits(members, steps, speed_mps, wind_mps).curvature_1pm >= own_1pm
 

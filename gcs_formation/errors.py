@@ -12,13 +12,13 @@ class RunAbortedError(StationError):
 class NotFiniteError(StationError):
     """A part of the control cycle returned a value that is NaN or infinite, or failed to compute one."""
 
-    def __init__(self, part: str, column: int | None, found: str) -> None:
-        """Take the part, the column of the vehicle that its output is for (None: not known), and the values in words.
+    def __init__(self, part: str, index: int | None, found: str) -> None:
+        """Take the part, the index of the vehicle that its output is for (None: not known), and the values in words.
 
-        Without a column nothing was returned: `found` is the error of the computation.
+        Without an index nothing was returned: `found` is the error of the computation.
         """
         super().__init__(f"{part}: {found}")
-        self.part, self.column, self.found = part, column, found
+        self.part, self.index, self.found = part, index, found
 
 
 class RecordingError(RunAbortedError):

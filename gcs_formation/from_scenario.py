@@ -18,7 +18,7 @@ from formation_scenario.extensions import AUTOPILOT, DELAY_ESTIMATOR, GUIDANCE, 
 from formation_scenario.gains import AUTO, design_delay_s
 from formation_scenario.links import Links
 from formation_scenario.navigation import NoisyNavigation
-from formation_scenario.slot_assignment import column_models, columns, slot_schedule, slot_table
+from formation_scenario.slot_assignment import models_by_index, slot_schedule, slot_table, vehicles_by_index
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.terrain import FOLLOWER_SHARE, LEADER_SHARE
 from formation_scenario.vehicles import VehicleClock, family_of, reads_equivalent_airspeed
@@ -99,7 +99,7 @@ def _predictor(scenario: Scenario, history: SetpointHistory, models: list[Autopi
 
 
 def declared_noise(scenario: Scenario) -> list[VehicleNoise]:
-    """Return the declared noise of every column's telemetry; that of emulated vehicles without any is rounding.
+    """Return the declared noise of every vehicle's telemetry; that of emulated vehicles without any is rounding.
 
     Errors shared by several samples aren't visible from sample to sample, so the declared noise is their lower bound.
     Correlated errors (`correlation_s`) aren't reduced by averaging over the time for which model (7) can be trusted in
@@ -108,14 +108,14 @@ def declared_noise(scenario: Scenario) -> list[VehicleNoise]:
     sigma, minimum = np.tile(RESOLUTION, (2, 1 + len(scenario.followers), 1))
     first = 0 if scenario.leader else 1
     vehicles = [vehicle for vehicle in (scenario.leader, *scenario.followers) if vehicle is not None]
-    for column, vehicle in enumerate(vehicles, first):
+    for index, vehicle in enumerate(vehicles, first):
         if isinstance(vehicle.navigation, NoisyNavigation):
             white, repeated = _noise(vehicle.navigation), _repeated(vehicle.navigation, scenario.telemetry.rate_hz)
             seen = repeated == 1.0 and vehicle.navigation.correlation_s == 0.0
-            sigma[column] = np.maximum(repeated * white, RESOLUTION)
-            minimum[column] = np.maximum(sigma[column] * (MIN_OF_DECLARED if seen else 1.0), RESOLUTION)
+            sigma[index] = np.maximum(repeated * white, RESOLUTION)
+            minimum[index] = np.maximum(sigma[index] * (MIN_OF_DECLARED if seen else 1.0), RESOLUTION)
         elif vehicle.autopilot != "emulator":
-            sigma[column] = UNDECLARED
+            sigma[index] = UNDECLARED
     stated = [False] * first + [isinstance(vehicle.navigation, NoisyNavigation) for vehicle in vehicles]
     each = zip(sigma.tolist(), minimum.tolist(), stated, strict=True)
     return [VehicleNoise(tuple(declared), tuple(lowest), stated=says) for declared, lowest, says in each]
@@ -138,7 +138,7 @@ def _repeated(keys: NoisyNavigation, telemetry_hz: float) -> float:
 
 def autopilot_models(scenario: Scenario) -> list[AutopilotModel]:
     """Return the autopilot model of the leader and of each follower."""
-    return [each.autopilot() for each in column_models(scenario)]
+    return [each.autopilot() for each in models_by_index(scenario)]
 
 
 def leader_guidance(scenario: Scenario) -> LeaderGuidance:
@@ -153,7 +153,7 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         run_in_m=scenario.run_in_m,
         hold_speed_mps=scenario.path.begin_mps,
         hold_turn_rps=hold_turn_rps(scenario),
-        climb_max_mps=min(each.climb_max_mps for each in column_models(scenario)),
+        climb_max_mps=min(each.climb_max_mps for each in models_by_index(scenario)),
         settle_s=settle_s(scenario),
         first_straight_s=first_straight_s(scenario),
         hovers=scenario.hovers,
@@ -200,7 +200,7 @@ def settle_s(scenario: Scenario) -> float:
     In `follower_heading` they leave a turn late, and aircraft under total-energy control later still.
     """
     own_frame = scenario.formation.frame == "follower_heading"
-    by_energy = any(each.airframe is not None for each in column_models(scenario)[1:])
+    by_energy = any(each.airframe is not None for each in models_by_index(scenario)[1:])
     return 2.0 * SETTLE_S if own_frame and by_energy else SETTLE_S
 
 
@@ -223,7 +223,7 @@ def _pattern_fence(scenario: Scenario) -> LapFence | None:
         return None
     first = 0 if scenario.leader else 1
     forward_m, right_m, _ = slot_schedule(scenario)[0].places_m[first:].T
-    turn_rps = np.array([each.turn_rate_max_rps for each in column_models(scenario)[first:]])
+    turn_rps = np.array([each.turn_rate_max_rps for each in models_by_index(scenario)[first:]])
     start = scenario.leader_path.at(0.0)
     return LapFence(sides, start, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn))
 
@@ -231,8 +231,8 @@ def _pattern_fence(scenario: Scenario) -> LapFence | None:
 def hold_turn_rps(scenario: Scenario) -> float:
     """Return the rate of the leader's turns before its path: the fastest in which all slots keep up, either way."""
     speed = scenario.path.begin_mps
-    models = column_models(scenario)[1:]
-    max_rps = HOLD_TURN_SHARE * min(each.turn_rate_max_rps for each in column_models(scenario))
+    models = models_by_index(scenario)[1:]
+    max_rps = HOLD_TURN_SHARE * min(each.turn_rate_max_rps for each in models_by_index(scenario))
     turn_rps = np.geomspace(min(GENTLEST_RPS, max_rps), max_rps, 200)
     still, slots = np.zeros_like(turn_rps), SlotMotion.at_rest(slot_table(scenario))
     share = np.array([HOLD_SHARE if each.airframe is None else ENERGY_HOLD_SHARE for each in models])
@@ -278,12 +278,12 @@ def planned(scenario: Scenario) -> tuple[tuple[Endpoint, ...], tuple[int, ...], 
 
     There is a socket for each different endpoint; no vehicle has been received yet.
     """
-    order = {column: vehicle for column, vehicle in enumerate(columns(scenario)) if vehicle is not None}
+    order = {index: vehicle for index, vehicle in enumerate(vehicles_by_index(scenario)) if vehicle is not None}
     texts = list(sockets(scenario))
     endpoints = tuple(parse_endpoint(text) for text in texts)
     vehicles = {
-        each.vehicle_id: _vehicle(each, column, [texts.index(text) for text in each.endpoints], endpoints, scenario)
-        for column, each in order.items()
+        each.vehicle_id: _vehicle(each, index, [texts.index(text) for text in each.endpoints], endpoints, scenario)
+        for index, each in order.items()
     }
     return endpoints, tuple(each[0].network for each in sockets(scenario).values()), vehicles
 
@@ -291,7 +291,7 @@ def planned(scenario: Scenario) -> tuple[tuple[Endpoint, ...], tuple[int, ...], 
 def sockets(scenario: Scenario) -> dict[str, list[PlannedVehicle]]:
     """Return the endpoint of each socket, in the sockets' order, with its vehicles."""
     found = dict[str, list[PlannedVehicle]]()
-    for vehicle in columns(scenario):
+    for vehicle in vehicles_by_index(scenario):
         if vehicle is not None:
             for text in vehicle.endpoints:
                 found.setdefault(text, []).append(vehicle)
@@ -299,7 +299,7 @@ def sockets(scenario: Scenario) -> dict[str, list[PlannedVehicle]]:
 
 
 def _vehicle(
-    planned: PlannedVehicle, column: int, own: list[int], endpoints: tuple[Endpoint, ...], scenario: Scenario
+    planned: PlannedVehicle, index: int, own: list[int], endpoints: tuple[Endpoint, ...], scenario: Scenario
 ) -> Vehicle:
     """Return a vehicle with a link at each of its `own` sockets."""
     telemetry = scenario.telemetry
@@ -308,7 +308,7 @@ def _vehicle(
     check = None if autopilot.stands else AirspeedCheck(planned.model.speed_min_mps, planned.model.speed_max_mps)
     vehicle = Vehicle(
         planned.vehicle_id,
-        column,
+        index,
         autopilot,
         [Connection(socket, endpoints[socket].peer) for socket in own],
         telemetry.rate_hz,

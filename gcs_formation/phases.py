@@ -10,7 +10,7 @@ from typing import Final
 from airlink.clock import Instant, seconds_between
 from formation_scenario import Scenario
 from formation_scenario.orders import End
-from formation_scenario.slot_assignment import column_ids
+from formation_scenario.slot_assignment import ids_by_index
 from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.recorder import Event, Tick
 
@@ -149,7 +149,7 @@ class Assembly:
     def __init__(self, scenario: Scenario) -> None:
         """Begin with a formation that isn't assembled; `start.tolerance_m` says how near is in a slot."""
         self._tolerance_m, self._dt_s = scenario.start.tolerance_m, 1.0 / scenario.law.rate_hz
-        self._identities = column_ids(scenario)
+        self._identities = ids_by_index(scenario)
         self._in_slots_s = 0.0
         self._patterns = 0
         self._below_m = 0.0
@@ -197,9 +197,9 @@ class Assembly:
         return self._below_m < max_m
 
     def _all_within(self, max_m: float, tick: Tick) -> bool:
-        for column in range(len(self._identities)):
-            x_m, y_m, z_m = tick.error_of(column)
-            if column != tick.leader and not (abs(x_m) < max_m and abs(y_m) < max_m and abs(z_m) < max_m):
-                self._missed, self._missed_m, self._missed_at = column, max(abs(x_m), abs(y_m), abs(z_m)), tick.now
+        for index in range(len(self._identities)):
+            x_m, y_m, z_m = tick.error_of(index)
+            if index != tick.leader and not (abs(x_m) < max_m and abs(y_m) < max_m and abs(z_m) < max_m):
+                self._missed, self._missed_m, self._missed_at = index, max(abs(x_m), abs(y_m), abs(z_m)), tick.now
                 return False
         return True

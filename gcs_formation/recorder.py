@@ -82,7 +82,7 @@ def unknown_state() -> FlightState:
 
 
 class Tick:
-    """One control tick: lists with an entry for each of C columns; column 0 is the scenario's leader, real or virtual.
+    """One control tick: lists with an entry for each of C vehicles; index 0 is the scenario's leader, real or virtual.
 
     Only the controller writes it.
     """
@@ -104,11 +104,11 @@ class Tick:
             now: the tick's instant.
             mission_time_s: NaN before the path has begun.
             phase: phase of the run.
-            leader: the leader's column.
+            leader: the leader's index.
             links: the measured links.
             age_s: ages of the newest states, NaN if there is none.
             margin_used: share of the delay margin that the loops use.
-            active: which columns are commanded.
+            active: which vehicles are commanded.
         """
         self.now = now
         self.mission_time_s = mission_time_s
@@ -128,35 +128,35 @@ class Tick:
         self.replaced: list[Replaced] = [AS_DECIDED] * count
         """Which of these differ from the law's."""
         self.yielding = [False] * count
-        """Columns whose setpoints are the separation rule's instead of the law's."""
+        """Vehicles whose setpoints are the separation rule's instead of the law's."""
         self.slots_m: list[Vector3] = [UNKNOWN] * count
         """Forward, right and up; NaN for the leader."""
         self.slots_left = False
         """Whether heights of the end are flown, so that there are no slots."""
         self.decided: list[LawOutput | None] = [None] * count
-        """Decision, mixed errors and gains of the law; None for the leader and columns not commanded."""
+        """Decision, mixed errors and gains of the law; None for the leader and vehicles not commanded."""
         self.events: list[Event] = []
         """Events on beginning and end of replacements."""
 
-    def error_of(self, column: int) -> Vector3:
+    def error_of(self, index: int) -> Vector3:
         """Return a vehicle's formation error, forward, right and up; NaN for the leader, and without slots."""
-        decided = self.decided[column]
+        decided = self.decided[index]
         if decided is None or self.slots_left:
             return (math.nan, math.nan, math.nan)
         return decided.error_m
 
     @property
     def error_m(self) -> list[Vector3]:
-        """The errors of all columns."""
-        return [self.error_of(column) for column in range(len(self.decided))]
+        """The errors of all vehicles."""
+        return [self.error_of(index) for index in range(len(self.decided))]
 
-    def replace(self, column: int, setpoint: Vector3) -> None:
-        """Replace a column's setpoint, and record which components changed."""
-        speed_mps, heading_rad, height_m = self.setpoints[column]
-        faster, turned, higher = self.replaced[column]
+    def replace(self, index: int, setpoint: Vector3) -> None:
+        """Replace a vehicle's setpoint, and record which components changed."""
+        speed_mps, heading_rad, height_m = self.setpoints[index]
+        faster, turned, higher = self.replaced[index]
         faster, turned = faster or setpoint[0] != speed_mps, turned or setpoint[1] != heading_rad
-        self.replaced[column] = faster, turned, higher or setpoint[2] != height_m
-        self.setpoints[column] = setpoint
+        self.replaced[index] = faster, turned, higher or setpoint[2] != height_m
+        self.setpoints[index] = setpoint
 
 
 @dataclass(frozen=True)

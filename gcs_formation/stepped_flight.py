@@ -16,7 +16,7 @@ from formation_scenario import Scenario
 from formation_scenario.orders import Answer, OrderError, parse_order
 from formation_scenario.scripted import ScriptedOrder
 from formation_scenario.shapes import SHAPE
-from formation_scenario.slot_assignment import column_ids, column_of
+from formation_scenario.slot_assignment import ids_by_index, index_of
 from gcs_formation.app.operator_at_terminal import ClockName
 from gcs_formation.app.script import scripted
 from gcs_formation.app.stepping import Stepped, Stop, asynchronously, stepped
@@ -123,9 +123,9 @@ class Flight:
         keys = dict(overrides or {}) | ({} if seed is None else {"seed": seed})
         given = {"clock": clock, "speedup": speedup, "until_s": until, "overwrite": overwrite}
         self._scenario, self._options = flown_by(scenario, keys, out, given, plugins)
-        self._identities: list[VehicleId | None] = list(column_ids(self._scenario))
+        self._identities: list[VehicleId | None] = list(ids_by_index(self._scenario))
         self._replaced = dict[int, Wanted]()
-        """What the program has replaced since it was given a tick, by column."""
+        """What the program has replaced since it was given a tick, by index."""
         self._steps: Stepped | None = None
         self._number = 0
         self._last: Stop | None = None
@@ -315,20 +315,20 @@ class Flight:
         Raises:
             ValueError: no such vehicle, or a value that isn't finite.
         """
-        self._replace(column_of(self._scenario, vehicle), (speed_mps, heading_rad, height_m))
+        self._replace(index_of(self._scenario, vehicle), (speed_mps, heading_rad, height_m))
 
-    def _replace(self, column: int, wanted: Wanted) -> None:
+    def _replace(self, index: int, wanted: Wanted) -> None:
         steps = self._flying
         for part in wanted:
             if part is not None and not math.isfinite(part):
                 raise ValueError(f"found {part}; allowed: a finite number")
-        before = self._replaced.get(column, wanted)
+        before = self._replaced.get(index, wanted)
         speed_mps, heading_rad, height_m = (
             old if new is None else new for old, new in zip(before, wanted, strict=True)
         )
         merged = speed_mps, heading_rad, height_m
-        self._replaced[column] = merged
-        steps.do(lambda now: steps.session.script.replace(column, merged, now))
+        self._replaced[index] = merged
+        steps.do(lambda now: steps.session.script.replace(index, merged, now))
 
     def _release(self) -> None:
         """Give back to the law what the program hasn't replaced since it was given a tick."""

@@ -39,7 +39,7 @@ class Fleet(Engine):
             (HoveringBody if vehicle.model.hovers else Body)(vehicle, config.wind_mps, config.seed)
             for vehicle in config.vehicles
         ]
-        self._columns = {vehicle.identity: index for index, vehicle in enumerate(config.vehicles)}
+        self._indices = {vehicle.identity: index for index, vehicle in enumerate(config.vehicles)}
         self.environment = Environment(config, self.bodies)
         self._truth = truth
         self._outbox: list[Datagram] = []
@@ -56,9 +56,9 @@ class Fleet(Engine):
         self._at_socket = [at[socket] for socket in range(len(at))]
         """The vehicle of each socket."""
 
-    def column(self, vehicle: VehicleId) -> int:
+    def index_of(self, vehicle: VehicleId) -> int:
         """Return a vehicle's index."""
-        return self._columns[vehicle]
+        return self._indices[vehicle]
 
     @property
     def failure(self) -> str | None:

@@ -17,7 +17,7 @@ from formation_scenario.feasibility import refused_orders, slots_without_room, u
 from formation_scenario.feature_folders import brought, feature_names
 from formation_scenario.gains import AUTO, by_design, figures
 from formation_scenario.ground_and_fence import starts_without_room
-from formation_scenario.slot_assignment import columns
+from formation_scenario.slot_assignment import vehicles_by_index
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_times_s
 from gcs_formation.app import (
     check_budget,
@@ -297,7 +297,7 @@ def slots_of_no_shape(scenario: Scenario) -> str | None:
 
 def doomed_orders(scenario: Scenario) -> Iterator[str]:
     """Yield the planned orders that will be refused, and why, as far as that is known before the flight."""
-    flown = [] if not scenario.timed_orders else [each for each in columns(scenario) if each is not None]
+    flown = [] if not scenario.timed_orders else [each for each in vehicles_by_index(scenario) if each is not None]
     unable = next((each for each in flown if each.landing is None and not autopilot_for(each, scenario).land()), None)
     why_not = None if unable is None else f"vehicle {unable.vehicle_id} can't land by itself; allowed: rtl, loiter"
     named = dict(scenario.timed_orders)

@@ -12,7 +12,7 @@ from flight_model.path import PathPoints
 from formation_scenario import Scenario
 from formation_scenario.orders import read_order
 from formation_scenario.sampled_path import SampledPath
-from formation_scenario.slot_assignment import SlotStep, columns, slot_schedule
+from formation_scenario.slot_assignment import SlotStep, slot_schedule, vehicles_by_index
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.surroundings import DrydenTurbulence, OwnDisturbance
 
@@ -78,11 +78,11 @@ def _left(
     flight = flight._replace(turn_rate_rps=windy * flight.turn_rate_rps)
     needs_mps = slot_needs(flight, SlotMotion.at_rest(step.places_m), scenario.formation.frame).speed_mps
     below, above = list[tuple[float, str]](), list[tuple[float, str]]()
-    for column, vehicle in enumerate(columns(scenario)):
-        if vehicle is None or column == step.arrangement.leader:
+    for index, vehicle in enumerate(vehicles_by_index(scenario)):
+        if vehicle is None or index == step.arrangement.leader:
             continue
         whose = f"vehicle {vehicle.vehicle_id}'s slot in shape {step.shape} is flown at"
-        min_mps, max_mps = float(needs_mps[:, column].min()), float(needs_mps[:, column].max())
+        min_mps, max_mps = float(needs_mps[:, index].min()), float(needs_mps[:, index].max())
         slowest_mps, fastest_mps = vehicle.model.soon_mps(speed_mps)
         below.append((min_mps - slowest_mps, f"{whose} {min_mps:.3g} m/s, and {slowest_mps:.3g} is its least"))
         above.append((fastest_mps - max_mps, f"{whose} {max_mps:.3g} m/s, and {fastest_mps:.3g} is its most"))

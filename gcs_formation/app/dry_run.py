@@ -12,7 +12,7 @@ from airlink.messages.command import CommandInt, CommandLong
 from flight_model.arrays import offset_points
 from flight_model.autopilot_model import FlightState, Setpoint
 from formation_scenario import Scenario
-from formation_scenario.slot_assignment import columns, slot_schedule
+from formation_scenario.slot_assignment import slot_schedule, vehicles_by_index
 from formation_scenario.slot_frame import axis_rad
 from gcs_formation.station import Station
 from gcs_formation.vehicle.autopilot_family import Autopilot
@@ -66,7 +66,7 @@ def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, FlightState
     """Return each vehicle's setpoint when the leader is at the path's start, and its state in its slot there."""
     start, found = scenario.leader_path.at(0.0), dict[str, tuple[Setpoint, FlightState]]()
     axis = axis_rad(scenario.formation.frame, start.course_rad, start.course_rad)
-    for vehicle, place_m in zip(columns(scenario), slot_schedule(scenario)[0].places_m.tolist(), strict=True):
+    for vehicle, place_m in zip(vehicles_by_index(scenario), slot_schedule(scenario)[0].places_m.tolist(), strict=True):
         if vehicle is not None:
             forward_m, right_m, up_m = place_m
             north_m, east_m = offset_points(start.north_m, start.east_m, axis, forward_m, right_m)

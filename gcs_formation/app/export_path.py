@@ -14,7 +14,7 @@ from formation_scenario.mission_fence import file_fence
 from formation_scenario.mission_files.export import NamedPath, export
 from formation_scenario.mission_files.mission import MissionFileError
 from formation_scenario.sampled_path import with_turns
-from formation_scenario.slot_assignment import columns, slot_schedule
+from formation_scenario.slot_assignment import slot_schedule, vehicles_by_index
 from formation_scenario.slot_frame import axis_rad
 
 SAMPLE_M = 2.0
@@ -68,7 +68,7 @@ def _paths(scenario: Scenario) -> dict[str, Array]:
     _, points = with_turns(scenario.leader_path, _sampled_m(scenario))
     axis = axis_rad(scenario.formation.frame, points.course_rad, points.course_rad)
     paths = dict[str, Array]()
-    for vehicle, place in zip(columns(scenario), slot_schedule(scenario)[0].places_m, strict=True):
+    for vehicle, place in zip(vehicles_by_index(scenario), slot_schedule(scenario)[0].places_m, strict=True):
         forward_m, right_m, up_m = place.tolist()
         north_m, east_m = offset_points(points.north_m, points.east_m, axis, forward_m, right_m)
         name = "leader" if vehicle is None else str(vehicle.vehicle_id)

@@ -259,9 +259,9 @@ def _where(station: Station, now: Instant) -> str:
 def _groups(station: Station) -> list[ColumnGroup]:
     """Return the table's columns; errors and states are kept longest."""
     vehicles, tick = station.vehicles, station.last_tick
-    errors = [UNKNOWN if tick is None else tick.error_of(each.column) for each in vehicles.values()]
+    errors = [UNKNOWN if tick is None else tick.error_of(each.index) for each in vehicles.values()]
     places = [(str(identity), *_cells(own, 2)) for identity, own in zip(vehicles, errors, strict=True)]
-    used = [station.cycle.findings.margin_used[each.column] for each in vehicles.values()]
+    used = [station.cycle.findings.margin_used[each.index] for each in vehicles.values()]
     ways = [_cells([1e3 * way_s for way_s in each.round_trips.up_down_s], 0) for each in vehicles.values()]
     several = [ColumnGroup(("links ms",), [(_links(each),) for each in vehicles.values()], keep=2)]
     return [
@@ -294,7 +294,7 @@ def _state(station: Station, vehicle: Vehicle) -> str:
         return f"link {link.value}"
     if not vehicle.start_up.finished:
         return vehicle.start_up.doing
-    leads = tick is not None and tick.leader == vehicle.column
+    leads = tick is not None and tick.leader == vehicle.index
     return "leads" if leads and vehicle.member is Member.FLYING else SHORT[vehicle.member]
 
 

@@ -134,7 +134,7 @@ def closed_if_it_raises(session: Session) -> Generator[None]:
 
 
 def _true_place(fleet: Fleet, vehicle: VehicleId) -> Place:
-    state = fleet.bodies[fleet.column(vehicle)].state
+    state = fleet.bodies[fleet.index_of(vehicle)].state
     return Place(state.north_m, state.east_m, state.height_m)
 
 

@@ -20,7 +20,7 @@ from formation_scenario.links import LinkChange
 from formation_scenario.orders import Answer
 from formation_scenario.rules import refused_act
 from formation_scenario.scripted import REPLACED, ScriptedFault, ScriptedOrder
-from formation_scenario.slot_assignment import column_ids
+from formation_scenario.slot_assignment import ids_by_index
 from formation_scenario.source import Source, plain_mapping
 from formation_scenario.surroundings import Disturbance, Fault
 from gcs_formation.app.link_injection import LinkSchedule
@@ -63,33 +63,33 @@ class Script:
         self._lasting = set[tuple[str, str, VehicleId]]()
         """Faults that were injected for good, of each vehicle."""
         self._replaces_since = dict[int, Instant]()
-        """When the program replaced a setpoint first, of each column."""
+        """When the program replaced a setpoint first, of each vehicle."""
         self.emulators: Strike | None = None
         """Reaches the emulated vehicles; None where there are none."""
 
-    def replace(self, column: int, wanted: Wanted, now: Instant) -> None:
-        """Command a column otherwise than the law does, until `keep_replaced` without it.
+    def replace(self, index: int, wanted: Wanted, now: Instant) -> None:
+        """Command a vehicle otherwise than the law does, until `keep_replaced` without it.
 
         Values aren't recorded: run.yaml says that this flight needs its program.
         """
         if not self._replaces_since:
             self._new.append(ScriptedOrder(at_tick=self._station.recorded_ticks, setpoints=REPLACED))
-        if column not in self._replaces_since:
-            identity = column_ids(self._scenario)[column]
+        if index not in self._replaces_since:
+            identity = ids_by_index(self._scenario)[index]
             self._recorder.event(Event(now, "script", "its setpoint is replaced by the program", identity))
-        self._replaces_since.setdefault(column, now)
-        self._station.controller.outside(self._station.scenario).by_program[column] = wanted
+        self._replaces_since.setdefault(index, now)
+        self._station.controller.outside(self._station.scenario).by_program[index] = wanted
 
     @property
     def replaces(self) -> bool:
         """Whether a program has replaced any setpoint."""
         return bool(self._replaces_since)
 
-    def keep_replaced(self, columns: Collection[int]) -> None:
-        """Give all columns but some back to the law."""
+    def keep_replaced(self, indices: Collection[int]) -> None:
+        """Give all vehicles but some back to the law."""
         replaced = self._station.controller.outside(self._station.scenario).by_program
-        for column in [each for each in replaced if each not in columns]:
-            del replaced[column]
+        for index in [each for each in replaced if each not in indices]:
+            del replaced[index]
 
     @property
     def pending(self) -> bool:

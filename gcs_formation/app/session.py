@@ -15,7 +15,7 @@ from formation_scenario import Scenario, ScenarioError
 from formation_scenario.extensions import ExtensionError
 from formation_scenario.orders import Answer
 from formation_scenario.simulated import Place
-from formation_scenario.slot_assignment import column_ids
+from formation_scenario.slot_assignment import ids_by_index
 from gcs_formation.app.conclusion import Conclusion, FlightTimes, InjectedWays
 from gcs_formation.app.link_injection import (
     InjectedDelays,
@@ -62,7 +62,7 @@ def _opened(scenario: Scenario, options: RunOptions, began_us: int, *, resume: b
     recorder = RunDirectory(
         options.out,
         scenario,
-        column_ids(scenario),
+        ids_by_index(scenario),
         began_us,
         overwrite=options.overwrite,
         frames=options.record == "full",

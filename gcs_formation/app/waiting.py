@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from formation_scenario.slot_assignment import column_ids
+from formation_scenario.slot_assignment import ids_by_index
 from gcs_formation.phases import Phase
 from gcs_formation.recorder import Tick
 from gcs_formation.station import Station
@@ -38,10 +38,10 @@ def _starting(station: Station) -> str:
 
 def _far_from_slot(station: Station, tick: Tick) -> str:
     """Return which follower is farthest from its slot, if it is farther than `start.tolerance_m`."""
-    identities, max_m, farthest = column_ids(station.scenario), station.scenario.start.tolerance_m, ""
-    for column, identity in enumerate(identities):
-        off_m = max((abs(error) for error in tick.error_of(column)), default=math.nan)
-        if column != tick.leader and off_m > max_m:
+    identities, max_m, farthest = ids_by_index(station.scenario), station.scenario.start.tolerance_m, ""
+    for index, identity in enumerate(identities):
+        off_m = max((abs(error) for error in tick.error_of(index)), default=math.nan)
+        if index != tick.leader and off_m > max_m:
             max_m, farthest = off_m, f"vehicle {identity} is {off_m:.0f} m from its slot"
     return farthest
 

@@ -59,7 +59,7 @@ class ConsensusLaw(Law):
         Args:
             gains: k1 in 1/s², k2 in 1/s and k3 in 1/s.
             weights: (C, C): entry (p, q) > 0 when p receives from q; a virtual leader has no edges.
-            members: columns of real vehicles.
+            members: indices of real vehicles.
             frame: frame in which slots are defined.
             models: (C,) autopilot models.
         """
@@ -69,7 +69,7 @@ class ConsensusLaw(Law):
         self._connect(0, [True] * len(models))
 
     def _connect(self, leader: int, active: list[bool]) -> None:
-        """Set the graph's edges: the leader trades places with column 0, and inactive columns are bridged.
+        """Set the graph's edges: the leader trades places with index 0, and inactive vehicles are bridged.
 
         Bridging is Kron reduction: any vehicle that received an inactive one receives that one's sources instead. A
         connected graph stays connected, and on an undirected graph no delay margin is lowered (Doerfler and Bullo,
@@ -99,8 +99,8 @@ class ConsensusLaw(Law):
             self._connect(cycle_input.lead.leader, cycle_input.active)
         states, slots, models = cycle_input.states, cycle_input.slots, self._models
         everyone = range(len(models))
-        flown = [states.of(column, column) for column in everyone]
-        leaders = [states.of(self._leader, column) for column in everyone]
+        flown = [states.of(index, index) for index in everyone]
+        leaders = [states.of(self._leader, index) for index in everyone]
         references = [_reference(cycle_input, each, leaders[each], models[self._leader]) for each in everyone]
         own = list(map(self._deviation, flown, references, slots))
         sums = self._protocol(cycle_input, references, slots, own)
@@ -118,9 +118,9 @@ class ConsensusLaw(Law):
             for p in self._members
         ]
 
-    def _error(self, column: int, leader: FlightState, state: FlightState, slot: Slot) -> Vector3:
+    def _error(self, index: int, leader: FlightState, state: FlightState, slot: Slot) -> Vector3:
         axis = axis_rad(self._frame, leader.heading_rad, state.heading_rad)
-        return UNKNOWN if column == self._leader else formation_error(leader, state, slot, axis)
+        return UNKNOWN if index == self._leader else formation_error(leader, state, slot, axis)
 
     def _protocol(
         self, cycle_input: CycleInput, references: list[_Reference], slots: list[Slot], own: list[_Deviation]
@@ -184,13 +184,13 @@ class ConsensusLaw(Law):
         return _Deviation(state, rotated(-heading_rad, slot.forward_m, slot.right_m), target)
 
 
-def _reference(cycle_input: CycleInput, column: int, flown: FlightState, model: AutopilotModel) -> _Reference:
+def _reference(cycle_input: CycleInput, index: int, flown: FlightState, model: AutopilotModel) -> _Reference:
     """Return the guidance's reference motion at the instant of one vehicle's state; `model` is the leader's.
 
     The reference doesn't lag behind the guidance: it is the leader's setpoints minus the lead for its time constants.
     """
     lead, path = cycle_input.lead, cycle_input.lead.path
-    commanded, later_s = lead.commanded[column], (cycle_input.states.instant(column) - lead.at) / NANOSECONDS
+    commanded, later_s = lead.commanded[index], (cycle_input.states.instant(index) - lead.at) / NANOSECONDS
     swung_rad = (path.turn_rps + path.bend_rps2 * later_s / 2) * later_s
     lag_s = model.tau_ha_s + model.tau_hb_s
     state = FlightState(

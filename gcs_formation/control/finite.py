@@ -72,10 +72,10 @@ class FiniteStates(States):
         return self._states.instant(whose)
 
 
-def require_setpoint(part: str, column: int, setpoint: Vector3) -> None:
+def require_setpoint(part: str, index: int, setpoint: Vector3) -> None:
     """Raise NotFiniteError if a setpoint isn't finite: airspeed m/s, heading rad and height m."""
     if not all_finite(setpoint):
-        raise NotFiniteError(part, column, f"setpoint: {_listed(SETPOINT, list(setpoint))}")
+        raise NotFiniteError(part, index, f"setpoint: {_listed(SETPOINT, list(setpoint))}")
 
 
 def require_route(path: RouteHeading, turn_rps: float, leader: int) -> None:
@@ -88,20 +88,20 @@ def require_route(path: RouteHeading, turn_rps: float, leader: int) -> None:
 
 def require_slots(slots: list[Slot], active: list[bool]) -> None:
     """Raise NotFiniteError if the place or the motion of an active vehicle's slot isn't finite."""
-    for column, slot in enumerate(slots):
+    for index, slot in enumerate(slots):
         total = slot.forward_m + slot.right_m + slot.up_m + slot.forward_mps + slot.right_mps + slot.up_mps
         total += slot.forward_mps2 + slot.right_mps2 + slot.up_mps2
-        if active[column] and total - total != 0.0:
+        if active[index] and total - total != 0.0:
             values = [slot.forward_m, slot.right_m, slot.up_m, slot.forward_mps, slot.right_mps, slot.up_mps]
             values += [slot.forward_mps2, slot.right_mps2, slot.up_mps2]
-            raise NotFiniteError(GUIDANCE, column, f"slot: {_listed(MOTION, values)}")
+            raise NotFiniteError(GUIDANCE, index, f"slot: {_listed(MOTION, values)}")
 
 
 def require_decision(decided: LawOutput, leader: int) -> None:
     """Raise NotFiniteError if a law's setpoint or, of a follower, its error isn't finite."""
-    require_setpoint(LAW, decided.column, decided.setpoint)
-    if decided.column != leader and not all_finite(decided.error_m):
-        raise NotFiniteError(LAW, decided.column, f"error: {_listed(PLACE, list(decided.error_m))}")
+    require_setpoint(LAW, decided.index, decided.setpoint)
+    if decided.index != leader and not all_finite(decided.error_m):
+        raise NotFiniteError(LAW, decided.index, f"error: {_listed(PLACE, list(decided.error_m))}")
 
 
 def _listed(names: tuple[str, ...], values: list[float]) -> str:

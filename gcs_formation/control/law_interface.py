@@ -1,4 +1,4 @@
-"""Input and output of every formation law at a tick; lists have an entry for each of C columns."""
+"""Input and output of every formation law at a tick; lists have an entry for each of C vehicles."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Lead:
         """Take the guidance's output.
 
         Args:
-            leader: its column.
+            leader: its index.
             at: instant of the leader's state that the guidance used.
-            commanded: for each column, the command that the leader follows when that column's setpoint acts, within
+            commanded: for each vehicle, the command that the leader follows when that vehicle's setpoint acts, within
                 the envelope.
             path: how it continues.
         """
@@ -59,7 +59,7 @@ class CycleInput:
             slots: at rest at 0 for the leader.
             history: setpoints sent to the vehicles.
             wind_variance: of each component of the wind in a state, (m/s)².
-            active: columns that follow setpoints; the others' states are finite but otherwise meaningless.
+            active: vehicles that follow setpoints; the others' states are finite but otherwise meaningless.
             bandwidth: share of the full bandwidth for each channel's loop now; 1: the scenario's gains.
             replaced: channels whose last setpoint was the separation rule's: their errors aren't integrated.
         """
@@ -72,9 +72,9 @@ class CycleInput:
         self.bandwidth = bandwidth
         self.replaced = replaced
 
-    def commanded(self, column: int) -> Vector3:
+    def commanded(self, index: int) -> Vector3:
         """Return the setpoint that a vehicle follows at the instant of its own state; NaN before the first."""
-        return self.history.commanded(self.states.instant(column) - 1, column)
+        return self.history.commanded(self.states.instant(index) - 1, index)
 
 
 @mypyc_attr(acyclic=True)
@@ -82,19 +82,19 @@ class LawOutput:
     """A law's decision for one vehicle, and the quantities behind it."""
 
     def __init__(
-        self, column: int, state: FlightState, setpoint: Vector3, error_m: Vector3, mixed: Vector3, gains: Gains
+        self, index: int, state: FlightState, setpoint: Vector3, error_m: Vector3, mixed: Vector3, gains: Gains
     ) -> None:
         """Take the decision; it has no meaning for an inactive vehicle.
 
         Args:
-            column: the vehicle's.
+            index: the vehicle's.
             state: the one that the law used.
             setpoint: speed, heading and height.
             error_m: formation error; NaN for the leader.
             mixed: mixed errors of (13); NaN where the law has none.
             gains: NaN where the law has none.
         """
-        self.column = column
+        self.index = index
         self.state = state
         self.setpoint = setpoint
         self.error_m = error_m

@@ -9,7 +9,7 @@ from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.slot import UNKNOWN, Vector3, all_finite
 from formation_scenario import Scenario
 from formation_scenario.extensions import Registered
-from formation_scenario.slot_assignment import column_ids
+from formation_scenario.slot_assignment import ids_by_index
 from formation_scenario.slot_frame import axis_rad
 from gcs_formation.control.follower import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
@@ -31,7 +31,7 @@ class LawOverAll(Law):
         """
         self._entry, self._models, self._leader = entry, models, 0
         self._law: Any = made(entry, scenario.law.parameters)
-        self._identities: list[VehicleId | None] = list(column_ids(scenario))
+        self._identities: list[VehicleId | None] = list(ids_by_index(scenario))
         self._frame = scenario.formation.frame
 
     def retune(self, parameters: LawParameters) -> None:
@@ -48,29 +48,29 @@ class LawOverAll(Law):
             self._leader = leader
             guarded(self._entry, self._law.reset)
         decided, seen = list[LawOutput](), list[FollowerSlot]()
-        for column, identity in enumerate(self._identities):
-            if column != leader and identity is not None:
+        for index, identity in enumerate(self._identities):
+            if index != leader and identity is not None:
                 state, led, slot = (
-                    cycle_input.states.of(column, column),
-                    cycle_input.states.of(leader, column),
-                    cycle_input.slots[column],
+                    cycle_input.states.of(index, index),
+                    cycle_input.states.of(leader, index),
+                    cycle_input.slots[index],
                 )
                 axis = axis_rad(self._frame, led.heading_rad, state.heading_rad)
                 error_m = formation_error(led, state, slot, axis)
-                decided.append(LawOutput(column, state, UNKNOWN, error_m, UNKNOWN, NO_GAINS))
-                if cycle_input.active[column]:
-                    speeds_mps = self._models[column].speed_min_mps, self._models[column].speed_max_mps
+                decided.append(LawOutput(index, state, UNKNOWN, error_m, UNKNOWN, NO_GAINS))
+                if cycle_input.active[index]:
+                    speeds_mps = self._models[index].speed_min_mps, self._models[index].speed_max_mps
                     place = slot.forward_m, slot.right_m, slot.up_m
                     name = vehicle_name(identity)
                     seen.append(FollowerSlot(name, plain_state(state), plain_state(led), place, error_m, speeds_mps))
         found = guarded(self._entry, lambda: dict(self._law.setpoints(seen, dt_s)))
         for each in decided:
-            if cycle_input.active[each.column]:
-                each.setpoint = self._within(each.column, each.state, found)
+            if cycle_input.active[each.index]:
+                each.setpoint = self._within(each.index, each.state, found)
         return decided
 
-    def _within(self, column: int, state: FlightState, found: dict[Any, Any]) -> Vector3:
-        identity = self._identities[column]
+    def _within(self, index: int, state: FlightState, found: dict[Any, Any]) -> Vector3:
+        identity = self._identities[index]
         assert identity is not None
         name, entry = vehicle_name(identity), self._entry
         wanted = entry.call(
@@ -79,5 +79,5 @@ class LawOverAll(Law):
         )
         if not all_finite(wanted):
             values = f"speed {wanted[0]:.6g} m/s, heading {wanted[1]:.6g} rad, height {wanted[2]:.6g} m"
-            raise NotFiniteError(f"{self._entry} ({self._entry.where})", column, f"setpoint: {values}")
-        return Envelope(wanted[1], state, self._models[column]).limit(wanted[0], wanted[1], wanted[2])
+            raise NotFiniteError(f"{self._entry} ({self._entry.where})", index, f"setpoint: {values}")
+        return Envelope(wanted[1], state, self._models[index]).limit(wanted[0], wanted[1], wanted[2])

@@ -146,7 +146,7 @@ class FormationLaw(Law):
     def _lead_by(self, leader: int) -> None:
         """Reset the controllers behind a new leader: the integrals belong to the previous one."""
         self._leader = leader
-        self._followers = [column for column in range(len(self._controllers)) if column != leader]
+        self._followers = [index for index in range(len(self._controllers)) if index != leader]
         for controller in self._controllers:
             controller.reset()
 
@@ -161,11 +161,11 @@ class FormationLaw(Law):
             self._lead_by(cycle_input.lead.leader)
         its_model, states = self._models[self._leader].held(dt_s), cycle_input.states
         # Each stage runs for all followers: its code then stays in the processor's cache, which can't hold all stages.
-        flown = [states.of(column, column) for column in self._followers]
+        flown = [states.of(index, index) for index in self._followers]
         pairs = list[LawInput | None]()
-        for i, column in enumerate(self._followers):
-            active = cycle_input.active[column]
-            pairs.append(self._pair(cycle_input, column, flown[i], its_model, dt_s) if active else None)
+        for i, index in enumerate(self._followers):
+            active = cycle_input.active[index]
+            pairs.append(self._pair(cycle_input, index, flown[i], its_model, dt_s) if active else None)
         for i, pair in enumerate(pairs):
             controller = self._controllers[self._followers[i]]
             if pair is None:
@@ -173,32 +173,32 @@ class FormationLaw(Law):
             else:
                 controller.decide(pair, dt_s)
         decided = list[LawOutput]()
-        for i, column in enumerate(self._followers):
-            of = self._controllers[column]
+        for i, index in enumerate(self._followers):
+            of = self._controllers[index]
             error_m, pair = of.error_m, pairs[i]
             if self._to_north and pair is not None:
                 error_m = *rotated(-pair.leader.state.heading_rad, error_m[0], error_m[1]), error_m[2]
-            decided.append(LawOutput(column, flown[i], of.setpoint, error_m, of.mixed, of.gains))
+            decided.append(LawOutput(index, flown[i], of.setpoint, error_m, of.mixed, of.gains))
         return decided
 
     def _pair(
-        self, cycle_input: CycleInput, column: int, state: FlightState, its_model: AutopilotModel, dt_s: float
+        self, cycle_input: CycleInput, index: int, state: FlightState, its_model: AutopilotModel, dt_s: float
     ) -> LawInput:
         """Return a follower and its leader when the follower's setpoint acts; `its_model`: the leader's, `held`."""
-        leader = cycle_input.states.of(self._leader, column)
-        motion = leader_motion(cycle_input.lead.commanded[column], leader, its_model, dt_s)
-        slot = cycle_input.slots[column]
+        leader = cycle_input.states.of(self._leader, index)
+        motion = leader_motion(cycle_input.lead.commanded[index], leader, its_model, dt_s)
+        slot = cycle_input.slots[index]
         if self._to_north:
             slot = slot.turned(leader.heading_rad, motion.begun_rps, motion.bend_rps2)
         return LawInput(
             motion,
             state,
             slot,
-            self._models[column].held(dt_s),
-            cycle_input.commanded(column),
-            cycle_input.wind_variance[column] + cycle_input.wind_variance[self._leader],
-            cycle_input.bandwidth[column],
-            cycle_input.replaced[column],
+            self._models[index].held(dt_s),
+            cycle_input.commanded(index),
+            cycle_input.wind_variance[index] + cycle_input.wind_variance[self._leader],
+            cycle_input.bandwidth[index],
+            cycle_input.replaced[index],
         )
 
 
@@ -276,7 +276,7 @@ def formation_law(scenario: Scenario, models: list[AutopilotModel]) -> Formation
     controller = VelocityController if _by_velocity(scenario) else FollowerController
     entry, keys, feedbacks = scenario.registered.get(scenario.law.type, LAW), scenario.law.parameters, None
     if entry is not None:
-        feedbacks = [Feedback(entry, keys, column) for column in range(len(models))]
+        feedbacks = [Feedback(entry, keys, index) for index in range(len(models))]
     return FormationLaw(law_parameters(scenario), models, controller, feedbacks)
 
 
@@ -288,13 +288,13 @@ def law_over_all(scenario: Scenario, models: list[AutopilotModel]) -> LawOverAll
 
 
 def consensus_law(scenario: Scenario, models: list[AutopilotModel]) -> ConsensusLaw:
-    """Return the consensus law, its graph in column order; the scenario's leader is column 0."""
+    """Return the consensus law, its graph in the order of indices; the scenario's leader has index 0."""
     law, followers = scenario.law.consensus, {each.vehicle_id: 1 + i for i, each in enumerate(scenario.followers)}
-    columns = np.array([followers.get(vehicle.vehicle_id, 0) for vehicle in scenario.vehicles], dtype=np.intp)
+    indices = np.array([followers.get(vehicle.vehicle_id, 0) for vehicle in scenario.vehicles], dtype=np.intp)
     weights = np.zeros((1 + len(followers),) * 2)
-    weights[np.ix_(columns, columns)] = scenario.adjacency
+    weights[np.ix_(indices, indices)] = scenario.adjacency
     frame = scenario.formation.frame
-    return ConsensusLaw((law.k1, law.k2, law.k3), weights, sorted(columns.tolist()), frame, models)
+    return ConsensusLaw((law.k1, law.k2, law.k3), weights, sorted(indices.tolist()), frame, models)
 
 
 @dataclass(frozen=True)

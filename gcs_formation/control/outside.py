@@ -39,9 +39,9 @@ def three_numbers(values: Iterable[Any]) -> Vector3:
 class Feedback:
     """The feedback of one follower's law from outside."""
 
-    def __init__(self, entry: Registered, keys: Mapping[str, Any], column: int) -> None:
-        """Make an instance for one column."""
-        self._entry, self._column, self._law = entry, column, made(entry, keys)
+    def __init__(self, entry: Registered, keys: Mapping[str, Any], index: int) -> None:
+        """Make an instance for one vehicle."""
+        self._entry, self._index, self._law = entry, index, made(entry, keys)
 
     def output(self, mixed: Vector3, slopes: Vector3, replaced: tuple[bool, bool, bool], dt_s: float) -> Vector3:
         """Return what it adds to the feed-forward, m/s, rad, m.
@@ -54,7 +54,7 @@ class Feedback:
         output = guarded(self._entry, lambda: three_numbers(law.feedback(mixed, slopes, dt_s)))
         if not all_finite(output):
             values = "speed {:.6g} m/s, heading {:.6g} rad, height {:.6g} m".format(*output)
-            raise NotFiniteError(f"{self._entry} ({self._entry.where})", self._column, f"feedback: {values}")
+            raise NotFiniteError(f"{self._entry} ({self._entry.where})", self._index, f"feedback: {values}")
         return output
 
     def limited(self, excess: Vector3) -> None:

@@ -12,7 +12,7 @@ from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from formation_scenario import Scenario
 from formation_scenario.extensions import Registered
-from formation_scenario.slot_assignment import column_ids
+from formation_scenario.slot_assignment import ids_by_index
 from gcs_formation.control.outside import guarded, made
 from gcs_formation.control.plain_values import MeasuredVehicle, Setpoint, State, plain_state, vehicle_name
 from gcs_formation.errors import NotFiniteError
@@ -38,7 +38,7 @@ class OwnPrediction(States):
         """
         self._entry = entry
         self._own: Any = made(entry, keys)
-        self._identities: list[VehicleId | None] = list(column_ids(scenario))
+        self._identities: list[VehicleId | None] = list(ids_by_index(scenario))
         self._history, self._models = history, models
         self._by_model = Prediction(history, models, scenario.telemetry.rate_hz)
         self._measured: MeasuredStates | None = None
@@ -53,7 +53,7 @@ class OwnPrediction(States):
         """
         self._by_model.predict(measured)
         self._measured, self._found = measured, {}
-        self._seen = [self._vehicle(column, measured) for column in range(len(measured.states))]
+        self._seen = [self._vehicle(index, measured) for index in range(len(measured.states))]
         guarded(self._entry, partial(self._own.take, tuple(self._seen)))
         return self
 
@@ -85,30 +85,30 @@ class OwnPrediction(States):
         state.wind_north_mps, state.wind_east_mps = wind_north_mps, wind_east_mps
         return state
 
-    def _vehicle(self, column: int, measured: MeasuredStates) -> MeasuredVehicle:
-        identity = self._identities[column]
+    def _vehicle(self, index: int, measured: MeasuredStates) -> MeasuredVehicle:
+        identity = self._identities[index]
         return MeasuredVehicle(
             None if identity is None else vehicle_name(identity),
-            plain_state(measured.states[column]),
-            measured.stamps[column] / NANOSECONDS,
-            measured.acts[column] / NANOSECONDS,
-            measured.active[column],
-            partial(self._carried, column),
-            partial(self._commanded, column),
+            plain_state(measured.states[index]),
+            measured.stamps[index] / NANOSECONDS,
+            measured.acts[index] / NANOSECONDS,
+            measured.active[index],
+            partial(self._carried, index),
+            partial(self._commanded, index),
         )
 
-    def _carried(self, column: int, to_s: float) -> State:
+    def _carried(self, index: int, to_s: float) -> State:
         """Return a vehicle's state at a time by equation (7), through the setpoints in flight."""
         assert self._measured is not None
-        state, since = self._measured.states[column].copy(), int(self._measured.stamps[column])
+        state, since = self._measured.states[index].copy(), int(self._measured.stamps[index])
         until = max(since, round(to_s * NANOSECONDS))
-        self._history.carry(state, since, until, column, self._models[column])
+        self._history.carry(state, since, until, index, self._models[index])
         return plain_state(state)
 
-    def _commanded(self, column: int, at_s: float) -> Setpoint:
+    def _commanded(self, index: int, at_s: float) -> Setpoint:
         if self._history.empty:
             return Setpoint(math.nan, math.nan, math.nan)
-        return Setpoint(*self._history.commanded(round(at_s * NANOSECONDS), column))
+        return Setpoint(*self._history.commanded(round(at_s * NANOSECONDS), index))
 
 
 def _eight_numbers(values: Iterable[Any]) -> list[float]:

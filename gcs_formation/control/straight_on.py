@@ -18,7 +18,7 @@ class StraightOn:
     """
 
     def __init__(self, models: list[AutopilotModel], *, hovers: bool) -> None:
-        """Take the (C,) models of all columns."""
+        """Take the (C,) models of all vehicles."""
         self._models, self._hovers = models, hovers
         self._speed_mps = self._heading_rad = 0.0
         self._begun = False
@@ -28,16 +28,16 @@ class StraightOn:
 
         `last`: the leader's last setpoint, if that is finite; otherwise its own motion is continued.
         """
-        columns = range(len(measured.states))
-        active = [measured.active[column] and is_finite(measured.states[column]) for column in columns]
-        known = [column for column in columns if active[column]]
+        indices = range(len(measured.states))
+        active = [measured.active[index] and is_finite(measured.states[index]) for index in indices]
+        known = [index for index in indices if active[index]]
         if not known:
             return MeasuredStates(measured.states, measured.stamps, active, measured.acts)
         if not self._begun:
             state = measured.states[leader if active[leader] else known[0]]
             speed_mps, heading_rad, _ = last if all_finite(last) else (state.airspeed_mps, state.heading_rad, 0.0)
             self._speed_mps, self._heading_rad, self._begun = speed_mps, heading_rad, True
-        states = [measured.states[column if is_finite(measured.states[column]) else known[0]] for column in columns]
+        states = [measured.states[index if is_finite(measured.states[index]) else known[0]] for index in indices]
         return MeasuredStates(states, measured.stamps, active, measured.acts)
 
     def ahead_m(self, seconds: float) -> list[tuple[float, float]]:
@@ -49,9 +49,9 @@ class StraightOn:
     def setpoints(self, known: MeasuredStates) -> list[Vector3]:
         """Return the setpoints of a tick, NaN for inactive vehicles: airspeed, heading and height."""
         setpoints = [UNKNOWN] * len(self._models)
-        for column, model in enumerate(self._models):
-            if known.active[column]:
+        for index, model in enumerate(self._models):
+            if known.active[index]:
                 speed_mps = within(self._speed_mps, model.speed_min_mps, model.speed_max_mps)
-                height_m = known.states[column].height_m
-                setpoints[column] = 0.0 if self._hovers else speed_mps, self._heading_rad, height_m
+                height_m = known.states[index].height_m
+                setpoints[index] = 0.0 if self._hovers else speed_mps, self._heading_rad, height_m
         return setpoints

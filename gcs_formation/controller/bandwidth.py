@@ -14,15 +14,15 @@ GAINS_CHANGE_S: Final = 1.0
 class Bandwidth:
     """Shares of the full bandwidth, (C, 3)."""
 
-    def __init__(self, columns: int, dt_s: float) -> None:
+    def __init__(self, count: int, dt_s: float) -> None:
         """Begin with the full one."""
-        self.shares = [[1.0] * len(CHANNELS) for _ in range(columns)]
+        self.shares = [[1.0] * len(CHANNELS) for _ in range(count)]
         self._change = 1.0 - math.exp(-dt_s / GAINS_CHANGE_S)
 
     def follow(self, wanted: list[list[float]]) -> None:
         """Move the shares towards those wanted, with a time constant of `GAINS_CHANGE_S`."""
-        for column, shares in enumerate(self.shares):
-            goals = wanted[column]
+        for index, shares in enumerate(self.shares):
+            goals = wanted[index]
             for channel in range(len(CHANNELS)):
                 share = shares[channel]
                 if share != goals[channel]:

@@ -46,7 +46,7 @@ from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 
 
 class FormationController:
-    """Commands C columns, one of which is the leader. Column 0 is the scenario's leader, real or virtual.
+    """Commands C vehicles, one of which is the leader. Index 0 is the scenario's leader, real or virtual.
 
     It knows neither messages nor sockets.
     """
@@ -58,10 +58,10 @@ class FormationController:
         """Build law, models, path and slots from the scenario."""
         self.plan, self.assembly, self._frame = FormationPlan(scenario), Assembly(scenario), scenario.formation.frame
         self._dt_s, self._compensates = 1.0 / scenario.law.rate_hz, scenario.law.delay_compensation
-        self._every_column = list(range(1 + len(scenario.followers)))
-        self.columns = len(self._every_column)
+        self._indices = list(range(1 + len(scenario.followers)))
+        self.count = len(self._indices)
         self.models = from_scenario.autopilot_models(scenario)
-        """The autopilot model of every column; its lags are updated by the lag estimator."""
+        """The autopilot model of every vehicle; its lags are updated by the lag estimator."""
         self._law = law_kind(scenario).make(scenario, self.models)
         self._leads_as_centroid = scenario.leader is None and law_kind(scenario).mutual
         self.history = SetpointHistory(scenario.law.rate_hz)
@@ -73,12 +73,12 @@ class FormationController:
         self._slots = SlotsOverGround(scenario, self.plan, self.guidance)
         self.last_tick: Tick | None = None
         """The last tick at which there was a leader to follow."""
-        self._bandwidth = Bandwidth(self.columns, self._dt_s)
+        self._bandwidth = Bandwidth(self.count, self._dt_s)
         self._outside = on_ticks(scenario, self.models)
         self._placed, self.slots_m = list[Slot](), list[Vector3]()
         """The slots commanded last, and their places in the form that a tick records."""
-        self._acts = vec[i64]([0] * self.columns)
-        """When each column's present setpoint acts."""
+        self._acts = vec[i64]([0] * self.count)
+        """When each vehicle's present setpoint acts."""
         observer_radps = scenario.law.disturbance_observer_radps
         self.estimator = StateEstimator(
             from_scenario.declared_noise(scenario),
@@ -99,7 +99,7 @@ class FormationController:
         return self._steering.leader_m
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
-        """Make another column the leader; its heading is `swing_rad` clockwise of the present leader's."""
+        """Make another vehicle the leader; its heading is `swing_rad` clockwise of the present leader's."""
         self.plan.hand_over(leader, swing_rad)
         if self._outside is not None:
             self._outside.reset()
@@ -131,8 +131,8 @@ class FormationController:
         return [(0.0, 0.0)] if route is None else path_ahead(route, begin_m, seconds * self.guidance.speed_mps)
 
     def update_states(self, samples: list[Sample | None]) -> None:
-        """Take the columns' newest samples, (C,); None for a column without a new one."""
-        commanded = [False] * self.columns if self.last_tick is None else self.last_tick.active
+        """Take the vehicles' newest samples, (C,); None for a vehicle without a new one."""
+        commanded = [False] * self.count if self.last_tick is None else self.last_tick.active
         self.estimator.update_states(samples, self.models, commanded)
 
     def begin_tick(
@@ -144,7 +144,7 @@ class FormationController:
             now: the tick's instant.
             mission_time_s: seconds since the leader started along its path, NaN before.
             phase: recorded with the tick.
-            links: the link to every column.
+            links: the link to every vehicle.
             margin_used: (C,) share of the delay margin that the loops use.
         """
         if self._virtual is not None and self.fault is None:
@@ -159,7 +159,7 @@ class FormationController:
         self.history.begin_tick(self._acts)
         tick.virtual_leader = None if self._virtual is None else self._virtual.flown_on(tick.now)
         if not tick.active[tick.leader]:
-            tick.active = [False] * self.columns
+            tick.active = [False] * self.count
             self.assembly.begin_anew()
             return False
         return True
@@ -191,7 +191,7 @@ class FormationController:
             lead = self._steer_leader(tick, states, assembled=assembled)
             self._turn_rps = lead.path.turn_rps
             part = LAW
-            if self.columns > 1:
+            if self.count > 1:
                 self._bandwidth.follow(bandwidth)
                 self._by_law(tick, states, lead)
                 self._await_followers(tick)
@@ -226,8 +226,8 @@ class FormationController:
         last = UNKNOWN if self.last_tick is None else self.last_tick.setpoints[self.last_tick.leader]
         known = self._straight_on.known(measured, tick.leader, last)
         tick.active, tick.setpoints = known.active, self._straight_on.setpoints(known)
-        tick.decided, tick.replaced = [None] * self.columns, [AS_DECIDED] * self.columns
-        tick.state = [state if known.active[column] else unknown_state() for column, state in enumerate(known.states)]
+        tick.decided, tick.replaced = [None] * self.count, [AS_DECIDED] * self.count
+        tick.state = [state if known.active[index] else unknown_state() for index, state in enumerate(known.states)]
         return known
 
     def look_on(
@@ -239,37 +239,37 @@ class FormationController:
         seen: dict[int, tuple[FlightState, float]],
     ) -> Tick:
         """Return a tick at which no vehicle is commanded; `seen`: states from the newest positions, and their ages."""
-        tick = self._blank_tick(now, mission_time_s, phase, links, [math.nan] * self.columns)
-        tick.active = [False] * self.columns
-        for column, (state, age_s) in seen.items():
-            tick.state[column], tick.age_s[column] = state, age_s
+        tick = self._blank_tick(now, mission_time_s, phase, links, [math.nan] * self.count)
+        tick.active = [False] * self.count
+        for index, (state, age_s) in seen.items():
+            tick.state[index], tick.age_s[index] = state, age_s
         return tick
 
     def _blank_tick(
         self, now: Instant, mission_time_s: float, phase: str, links: list[VehicleLink], margin_used: list[float]
     ) -> Tick:
         """Return a tick at which nothing is commanded yet."""
-        age_s = [self.estimator.age_s(column, now) for column in self._every_column]
-        active = [links[column].ready and not math.isnan(age_s[column]) for column in self._every_column]
+        age_s = [self.estimator.age_s(index, now) for index in self._indices]
+        active = [links[index].ready and not math.isnan(age_s[index]) for index in self._indices]
         return Tick(now, mission_time_s, phase, self.plan.leader, links, age_s, list(margin_used), active)
 
-    def bound(self, column: int, accel_max_mps2: float, turn_rate_max_rps: float, climb_max_mps: float) -> None:
+    def bound(self, index: int, accel_max_mps2: float, turn_rate_max_rps: float, climb_max_mps: float) -> None:
         """Bound a vehicle's setpoints by limits that it has reported; the leader's way is for the slowest climb."""
-        self.models[column].bound(accel_max_mps2, turn_rate_max_rps, climb_max_mps)
+        self.models[index].bound(accel_max_mps2, turn_rate_max_rps, climb_max_mps)
         self.guidance.climb_max_mps = min(self.guidance.climb_max_mps, climb_max_mps)
 
     def _limit_speeds(self, links: list[VehicleLink]) -> None:
         """Set the models' speed limits to the airspeeds that vehicles can be commanded to fly now."""
-        for column, link in enumerate(links):
+        for index, link in enumerate(links):
             speeds_mps = link.speeds_mps
             if speeds_mps is not None:
-                self.models[column].reach(speeds_mps[0], speeds_mps[1])
+                self.models[index].reach(speeds_mps[0], speeds_mps[1])
 
     def _acts_at(self, now: Instant, links: list[VehicleLink]) -> vec[i64]:
-        """Return when each column's present setpoint acts; for a leader that is their centroid the mean."""
+        """Return when each vehicle's present setpoint acts; for a leader that is their centroid the mean."""
         acts = vec[i64]([_acts(now, link) for link in links])
         if self._leads_as_centroid:
-            acts[0] = sum([acts[column] for column in self._every_column[1:]]) // (self.columns - 1)
+            acts[0] = sum([acts[index] for index in self._indices[1:]]) // (self.count - 1)
         return acts
 
     def _measured(self, active: list[bool], acts: vec[i64]) -> MeasuredStates:
@@ -286,7 +286,7 @@ class FormationController:
         slots, commanded_slots = self._slots.at(tick, states, lead)
         require_slots(slots, tick.active)
         variance = [each.wind_variance for each in self.estimator.filters]
-        replaced = [AS_DECIDED] * self.columns if self.last_tick is None else self.last_tick.replaced
+        replaced = [AS_DECIDED] * self.count if self.last_tick is None else self.last_tick.replaced
         cycle_input = CycleInput(
             states, lead, slots, self.history, variance, tick.active, self._bandwidth.shares, replaced
         )
@@ -296,13 +296,13 @@ class FormationController:
             self.slots_m[tick.leader] = UNKNOWN
         tick.slots_m = self.slots_m
         for each in self._law.decide(cycle_input, self._dt_s):
-            column = each.column
-            if tick.active[column]:
+            index = each.index
+            if tick.active[index]:
                 require_decision(each, tick.leader)
-                tick.setpoints[column] = each.setpoint
-                tick.decided[column] = each
-            if not math.isnan(tick.age_s[column]):
-                tick.state[column] = each.state
+                tick.setpoints[index] = each.setpoint
+                tick.decided[index] = each
+            if not math.isnan(tick.age_s[index]):
+                tick.state[index] = each.state
 
     def _place_virtual_leader(self, leader: VirtualLeader, now: Instant) -> None:
         """Set the virtual leader's state: from the followers' at first or if the law commands it, else by the model."""
@@ -325,22 +325,22 @@ class FormationController:
 
         One vehicle alone goes on at the law's.
         """
-        if self.columns == 1:
+        if self.count == 1:
             return
-        for column, height_m in enumerate(heights_m):
-            if tick.active[column] and finite(height_m):
-                speed_mps, heading_rad, _ = tick.setpoints[column]
-                bounds = Envelope(heading_rad, tick.state[column], self.models[column])
-                tick.setpoints[column] = bounds.limit(speed_mps, heading_rad, height_m)
-        tick.slots_m, tick.slots_left = [UNKNOWN] * self.columns, True
+        for index, height_m in enumerate(heights_m):
+            if tick.active[index] and finite(height_m):
+                speed_mps, heading_rad, _ = tick.setpoints[index]
+                bounds = Envelope(heading_rad, tick.state[index], self.models[index])
+                tick.setpoints[index] = bounds.limit(speed_mps, heading_rad, height_m)
+        tick.slots_m, tick.slots_left = [UNKNOWN] * self.count, True
 
     def _await_followers(self, tick: Tick) -> None:
         """Slow down the slots' motion before the path begins while a follower is farther off than `plan.kept_m`."""
         pace = 1.0
         if math.isnan(tick.mission_time_s) and not self.plan.settled(tick.now / NANOSECONDS):
-            for column in self._every_column:
-                if tick.active[column] and column != tick.leader:
-                    x_m, y_m, _ = tick.error_of(column)
+            for index in self._indices:
+                if tick.active[index] and index != tick.leader:
+                    x_m, y_m, _ = tick.error_of(index)
                     pace = min(pace, within(2.0 - math.hypot(x_m, y_m) / self.plan.kept_m, 0.0, 1.0))
         self.plan.wait(pace, self._dt_s)
 

@@ -32,7 +32,7 @@ class LeaderSteering:
 
     _turning: int | None = None
     _course_lag_s: float = math.nan
-    """The column of a leader that turns on the spot, and the time constant of its course."""
+    """The index of a leader that turns on the spot, and the time constant of its course."""
 
     _decided_rad: float = math.nan
     """The leader's heading setpoint of the last tick, before a filter, the fence or the separation rule."""
@@ -42,13 +42,13 @@ class LeaderSteering:
     def __init__(
         self, scenario: Scenario, plan: FormationPlan, models: list[AutopilotModel], history: SetpointHistory
     ) -> None:
-        """Build guidance and what is added to it; the columns' `models` and the setpoints' `history` are shared."""
+        """Build guidance and what is added to it; the vehicles' `models` and the setpoints' `history` are shared."""
         self.guidance: Final = from_scenario.leader_guidance(scenario)
         self._own_guidance = from_scenario.own_guidance(scenario)
         self._steps = from_scenario.added_steps(scenario)
         self._plan, self._models, self._history = plan, models, history
         self._compensates = scenario.law.delay_compensation
-        self._every_column = list(range(len(models)))
+        self._indices = list(range(len(models)))
         self._commands = LeaderCommands(1.0 / scenario.law.rate_hz)
 
     def hand_over(self) -> NotFiniteError | None:
@@ -64,13 +64,13 @@ class LeaderSteering:
 
     def lag_of_turn(self) -> None:
         """Give a leader that turns on the spot the time constant of its yaw, and that of its course back later."""
-        column = self._plan.leader if self.guidance.turn is not None else None
-        if column != self._turning:
+        index = self._plan.leader if self.guidance.turn is not None else None
+        if index != self._turning:
             if self._turning is not None:
                 self._models[self._turning].tau_psi_s = self._course_lag_s
-            if column is not None:
-                self._course_lag_s, self._models[column].tau_psi_s = self._models[column].tau_psi_s, NOSE_LAG_S
-            self._turning = column
+            if index is not None:
+                self._course_lag_s, self._models[index].tau_psi_s = self._models[index].tau_psi_s, NOSE_LAG_S
+            self._turning = index
 
     def before_filters(self, tick: Tick) -> None:
         """Note the leader's heading setpoint before something replaces it."""
@@ -133,7 +133,7 @@ class LeaderSteering:
         self._commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
         self._plan.turn(tick.now / NANOSECONDS, turn_rps)
         compensates, told = self._compensates, self._commands
-        commands = [told.at(states.instant(column) if compensates else at) for column in self._every_column]
+        commands = [told.at(states.instant(index) if compensates else at) for index in self._indices]
         return Lead(tick.leader, at, commands, path)
 
     def _go_on_from_replaced(self, state: FlightState, model: AutopilotModel) -> None:

@@ -22,9 +22,9 @@ class SlotsOverGround:
     def __init__(self, scenario: Scenario, plan: FormationPlan, guidance: LeaderGuidance) -> None:
         """Begin without offsets."""
         self._plan, self._guidance = plan, guidance
-        self._columns = 1 + len(scenario.followers)
+        self._count = 1 + len(scenario.followers)
         self._clearance = from_scenario.slot_clearance(scenario)
-        self.terrain_offset_m = [0.0] * self._columns
+        self.terrain_offset_m = [0.0] * self._count
         """By how much each slot commanded last is raised, m."""
 
     def planned(self, now: Instant, mission_time_s: float) -> SlotMotion:
@@ -35,12 +35,12 @@ class SlotsOverGround:
         """Return the slots at the instants when setpoints act, clear of the ground, and the slots commanded now."""
         slots, route = self.planned(tick.now, tick.mission_time_s), self._guidance.route
         later, earliest = slots, int(tick.now)
-        for column in range(self._columns):
-            earliest = min(earliest, states.instant(column))
+        for index in range(self._count):
+            earliest = min(earliest, states.instant(index))
         rests = self._plan.at_rest(earliest / NANOSECONDS)
         if rests and (self._clearance is None or route is None):
             return slots.each, slots.each
-        instants = [states.instant(column) for column in range(self._columns)]
+        instants = [states.instant(index) for index in range(self._count)]
         if not rests:
             later = self._plan.at_each([each / NANOSECONDS for each in instants], begun=tick.mission_time_s >= 0)
         if self._clearance is None or route is None:
@@ -55,6 +55,6 @@ class SlotsOverGround:
         at_m = [outlook.distance_m + along_mps * ((each - lead.at) / NANOSECONDS) for each in instants]
         self._clearance.look_ahead(outlook, at_m)
         now_m = outlook.distance_m - along_mps * ((lead.at - tick.now) / NANOSECONDS)
-        self.terrain_offset_m = [offset_m for offset_m, _, _ in self._clearance.offsets([now_m] * self._columns)]
+        self.terrain_offset_m = [offset_m for offset_m, _, _ in self._clearance.offsets([now_m] * self._count)]
         commanded = [slot.raised(up_m, 0.0, 0.0) for slot, up_m in zip(slots.each, self.terrain_offset_m, strict=True)]
         return self._clearance.raised(later.each, at_m, along_mps), commanded

@@ -13,7 +13,7 @@ from gcs_formation.estimation.estimator import VehicleFilter
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 VIRTUAL: Final = 0
-"""The column of a virtual leader."""
+"""The index of a virtual leader."""
 
 
 class VirtualLeader:
@@ -28,7 +28,7 @@ class VirtualLeader:
         *,
         as_centroid: bool,
     ) -> None:
-        """Take the columns' `filters`, the setpoints' `history`, the leader's model and the slots' frame.
+        """Take the vehicles' `filters`, the setpoints' `history`, the leader's model and the slots' frame.
 
         `as_centroid`: the law commands it, so that it is always the followers' centroid.
         """
@@ -49,7 +49,7 @@ class VirtualLeader:
 
         Args:
             now: this instant.
-            slots: of all columns.
+            slots: of all vehicles.
             speed_mps: at which it begins.
             turn_rps: its turn rate.
         """

@@ -46,7 +46,7 @@ class Delays(Stage):
         leader = cycle.controller.plan.leader
         cycle.links, cycle.hold_s = self._dispatch.links(leader, cycle.findings.doubted, cycle.now)
         for identity, each in cycle.findings.losses.items():
-            if cycle.vehicles[identity].column == leader:
+            if cycle.vehicles[identity].index == leader:
                 cycle.links[leader].loss, cycle.links[leader].mean_gap = each.loss, each.mean_gap
 
 

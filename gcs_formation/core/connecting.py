@@ -49,8 +49,8 @@ class Restarts(Stage):
         for place, vehicle in enumerate(cycle.each):
             if vehicle.restarts > self._handled[place]:
                 self._handled[place] = vehicle.restarts
-                cycle.controller.estimator.restart_filter(vehicle.column)
-                cycle.restarted.append(vehicle.column)
+                cycle.controller.estimator.restart_filter(vehicle.index)
+                cycle.restarted.append(vehicle.index)
                 cycle.log_event(cycle.now, "restarted", "its clock has begun again", vehicle)
 
 

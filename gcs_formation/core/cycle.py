@@ -50,7 +50,7 @@ class Findings:
     """Longest loop delay so far, s."""
 
     def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], count: int) -> None:
-        """Begin without any; `count` is the number of columns, C."""
+        """Begin without any; `count` is the number of vehicles, C, with a virtual leader."""
         self.doubted = [False] * count
         """(C,) whose setpoints are refused, unacknowledged or apparently not followed."""
         self.sinking = set[VehicleId]()
@@ -82,7 +82,7 @@ class Findings:
 class Cycle:
     """One control cycle, from the newest telemetry to setpoints: each stage reads and writes it, in their order.
 
-    Made once for a flight. Columns are those of the controller; what one stage says to another is here.
+    Made once for a flight. Indices are those of the controller; what one stage says to another is here.
     """
 
     as_written: Scenario
@@ -153,11 +153,11 @@ class Cycle:
         """How the formation begins to be commanded; another where the flight is resumed."""
         self.controlled_ticks = self.recorded_ticks = 0
         """Cycles in which the formation was commanded; all that were recorded since the first take-off."""
-        count = controller.columns
+        count = controller.count
         self.samples: list[Sample | None] = [None] * count
         """(C,) what vehicles reported since the last cycle."""
         self.restarted = list[int]()
-        """Columns of vehicles that have just restarted: what was known of them is forgotten."""
+        """Indices of vehicles that have just restarted: what was known of them is forgotten."""
         self.findings = Findings(scenario, vehicles, count)
         self._holds = [False] * WHENS
         self._stages, self._whens = list[Stage](), list[int]()

@@ -18,11 +18,11 @@ class Samples(Stage):
     def run(self, cycle: Cycle) -> None:
         """Put them into the cycle."""
         leader, samples = cycle.controller.plan.leader, cycle.samples
-        for column in range(len(samples)):
-            samples[column] = None
+        for index in range(len(samples)):
+            samples[index] = None
         for vehicle in cycle.each:
-            column = vehicle.column
-            samples[column] = vehicle.sampler.new(cycle.now, flew=vehicle.flew, leads=column == leader)
+            index = vehicle.index
+            samples[index] = vehicle.sampler.new(cycle.now, flew=vehicle.flew, leads=index == leader)
 
 
 class Estimates(Stage):
@@ -32,7 +32,7 @@ class Estimates(Stage):
     when = IN_COMMAND
 
     def run(self, cycle: Cycle) -> None:
-        """Give each column's filter its newest sample; without one its state is predicted on."""
+        """Give each vehicle's filter its newest sample; without one its state is predicted on."""
         cycle.controller.update_states(cycle.samples)
 
 

@@ -109,7 +109,7 @@ class LookOn(Stage):
         for vehicle in cycle.each:
             found = vehicle.sampler.extrapolated(now)
             if found is not None:
-                seen[vehicle.column] = found
+                seen[vehicle.index] = found
         mission_s, phase = cycle.flight.mission_time_s(now), cycle.flight.phase.value
         _record(controller.look_on(now, mission_s, phase, links, seen), cycle, self._recorder)
 

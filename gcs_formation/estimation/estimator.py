@@ -349,7 +349,7 @@ class LargeGust:
 
 
 class StateEstimator:
-    """The filters of C columns, one for each vehicle."""
+    """The filters of C vehicles."""
 
     def __init__(
         self,
@@ -363,14 +363,14 @@ class StateEstimator:
         """Start with nothing known.
 
         Args:
-            noise: of the columns' telemetry, (C,).
+            noise: of the vehicles' telemetry, (C,).
             history: the setpoints that were sent to them.
             telemetry_hz: samples a second.
             wind_radps: highest bandwidth of the wind estimate for anything but gusts; 0: the wind stays 0.
             updraughts: whether vertical motion of the air is estimated; else it stays 0.
         """
         self.filters = [VehicleFilter(each, wind_radps, telemetry_hz, updraughts=updraughts) for each in noise]
-        """One for each column, with its newest state."""
+        """One for each vehicle, with its newest state."""
         self._history = history
 
     def observe_wind(self, wind_radps: float) -> None:
@@ -383,16 +383,16 @@ class StateEstimator:
         """Standard deviation of the height error from vertical gusts, of the vehicle with the largest, m."""
         return math.sqrt(max([each.updraught.sway_m2 for each in self.filters]))
 
-    def age_s(self, column: int, now: Instant) -> float:
-        """Return how old a column's state is, in s; NaN when it has none."""
-        each = self.filters[column]
+    def age_s(self, index: int, now: Instant) -> float:
+        """Return how old a vehicle's state is, in s; NaN when it has none."""
+        each = self.filters[index]
         return math.nan if each.state is None else seconds_between(Instant(each.stamp), now)
 
-    def restart_filter(self, column: int) -> None:
+    def restart_filter(self, index: int) -> None:
         """Reset the filter of a vehicle that has restarted."""
-        self.filters[column].state = None
-        self.filters[column].noise.initialise()
-        self.filters[column].drift = PositionDrift()
+        self.filters[index].state = None
+        self.filters[index].noise.initialise()
+        self.filters[index].drift = PositionDrift()
 
     def update_states(self, samples: list[Sample | None], models: list[AutopilotModel], commanded: list[bool]) -> None:
         """Take the newest samples, None where there is none; `commanded`: who follows our setpoints; (C,) each.
@@ -400,26 +400,26 @@ class StateEstimator:
         All states are predicted, then all corrected: the code of both steps exceeds the processor's first cache.
         """
         predicted = [
-            None if sample is None else self._predict(column, sample, models[column])
-            for column, sample in enumerate(samples)
+            None if sample is None else self._predict(index, sample, models[index])
+            for index, sample in enumerate(samples)
         ]
-        for column, state in enumerate(predicted):
-            sample = samples[column]
+        for index, state in enumerate(predicted):
+            sample = samples[index]
             if state is not None and sample is not None:
-                each, model = self.filters[column], models[column]
+                each, model = self.filters[index], models[index]
                 stamp, values = max(int(sample.stamp), each.stamp), sample.values(_min_mps(model))
-                each.correct(values, stamp, state, model, commanded=commanded[column])
+                each.correct(values, stamp, state, model, commanded=commanded[index])
 
-    def _predict(self, column: int, sample: Sample, model: AutopilotModel) -> FlightState | None:
-        """Return a column's state predicted for its newest sample; None if the filter starts from that sample."""
-        each, stamp = self.filters[column], int(sample.stamp)
+    def _predict(self, index: int, sample: Sample, model: AutopilotModel) -> FlightState | None:
+        """Return a vehicle's state predicted for its newest sample; None if the filter starts from that sample."""
+        each, stamp = self.filters[index], int(sample.stamp)
         each.use_airspeed_ratio(sample.airspeed_ratio)
         state = each.state
         if state is None or self._history.empty or (stamp - each.stamp) / NANOSECONDS > FORGOTTEN_S:
             each.initialise(sample.values(_min_mps(model)), stamp)
             return None
         predicted = state.copy()
-        self._history.carry(predicted, each.stamp, max(stamp, each.stamp), column, model)
+        self._history.carry(predicted, each.stamp, max(stamp, each.stamp), index, model)
         return predicted
 
 

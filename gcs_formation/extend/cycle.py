@@ -17,15 +17,15 @@ READ_BACK = ("design", "failure", "leader", "member", "order", "phase", "port", 
 Wanted = tuple[float | None, float | None, float | None]
 """Speed m/s, heading rad and height m in place of what is commanded; None: as it is."""
 Replace = Callable[[int, Wanted], None]
-"""Replaces parts of a column's setpoint, or raises because that isn't allowed."""
+"""Replaces parts of a vehicle's setpoint, or raises because that isn't allowed."""
 
 
 class Vehicle:
     """A vehicle at a tick, as the ground station knows it."""
 
-    def __init__(self, tick: Tick, column: int, identity: VehicleId, replace: Replace) -> None:
-        """Look at one column of a tick."""
-        self._tick, self._column, self._replace = tick, column, replace
+    def __init__(self, tick: Tick, index: int, identity: VehicleId, replace: Replace) -> None:
+        """Look at one vehicle of a tick."""
+        self._tick, self._index, self._replace = tick, index, replace
         self.identity = identity
         self.id = vehicle_name(identity)
         """System id, or "network:id" beyond the first network, as a scenario writes it."""
@@ -36,57 +36,57 @@ class Vehicle:
     @cached_property
     def state(self) -> State:
         """Its state when its setpoint acts; NaN if it was never received."""
-        return plain_state(self._tick.state[self._column])
+        return plain_state(self._tick.state[self._index])
 
     @property
     def setpoint(self) -> Setpoint:
         """What it is commanded, as changed so far; NaN if it isn't commanded."""
-        return Setpoint(*self._tick.setpoints[self._column])
+        return Setpoint(*self._tick.setpoints[self._index])
 
     @property
     def active(self) -> bool:
         """Whether it is commanded in the formation."""
-        return self._tick.active[self._column]
+        return self._tick.active[self._index]
 
     @property
     def leads(self) -> bool:
         """Whether it leads the formation."""
-        return self._tick.leader == self._column
+        return self._tick.leader == self._index
 
     @property
     def error_m(self) -> Vector3:
         """Its formation error, forward, right and up, m; NaN for the leader, and while it isn't commanded."""
-        return self._tick.error_of(self._column)
+        return self._tick.error_of(self._index)
 
     @property
     def slot_m(self) -> Vector3:
         """Its slot, forward, right and up of the leader, m; NaN for the leader."""
-        return self._tick.slots_m[self._column]
+        return self._tick.slots_m[self._index]
 
     @property
     def delay_s(self) -> float:
         """The measured one-way delay of its link, s: half the round trip."""
-        return self._tick.links[self._column].delay_s
+        return self._tick.links[self._index].delay_s
 
     @property
     def margin_used(self) -> float:
         """Share of the delay margin that its loops use; NaN for the leader, and if no margin is known."""
-        return self._tick.margin_used[self._column]
+        return self._tick.margin_used[self._index]
 
     @property
     def age_s(self) -> float:
         """Age of its newest state, s; NaN if there is none."""
-        return self._tick.age_s[self._column]
+        return self._tick.age_s[self._index]
 
     @property
     def replaced(self) -> tuple[bool, bool, bool]:
         """Whether speed, heading and height differ from the law's."""
-        return self._tick.replaced[self._column]
+        return self._tick.replaced[self._index]
 
     @property
     def yielding(self) -> bool:
         """Whether the separation rule replaces its setpoint."""
-        return self._tick.yielding[self._column]
+        return self._tick.yielding[self._index]
 
     def replace(
         self, *, speed_mps: float | None = None, heading_rad: float | None = None, height_m: float | None = None
@@ -95,14 +95,14 @@ class Vehicle:
 
         Filters may, at this tick; a program that steps a flight may, from the next tick until it takes another.
         """
-        self._replace(self._column, (speed_mps, heading_rad, height_m))
+        self._replace(self._index, (speed_mps, heading_rad, height_m))
 
 
 class TickView:
     """A control tick."""
 
     def __init__(self, tick: Tick, identities: list[VehicleId | None], replace: Replace) -> None:
-        """Look at a tick of columns with `identities`, None for a virtual leader."""
+        """Look at a tick of vehicles with `identities`, None for a virtual leader."""
         self._tick, self._identities, self._replace = tick, identities, replace
 
     @property
@@ -124,8 +124,8 @@ class TickView:
     def every_vehicle(self) -> tuple[Vehicle, ...]:
         """All vehicles, commanded or not, the scenario's leader first."""
         return tuple(
-            Vehicle(self._tick, column, identity, self._replace)
-            for column, identity in enumerate(self._identities)
+            Vehicle(self._tick, index, identity, self._replace)
+            for index, identity in enumerate(self._identities)
             if identity is not None
         )
 

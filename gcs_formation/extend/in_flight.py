@@ -12,7 +12,7 @@ from flight_model.autopilot_model import AutopilotModel
 from flight_model.slot import CHANNELS, Vector3
 from formation_scenario import Scenario
 from formation_scenario.extensions import FILTER, MONITOR, RECORDER, Registered
-from formation_scenario.slot_assignment import column_ids
+from formation_scenario.slot_assignment import ids_by_index
 from gcs_formation.control.finite import require_setpoint
 from gcs_formation.control.outside import guarded, made
 from gcs_formation.control.setpoint import Envelope
@@ -40,7 +40,7 @@ class OnTicks:
         Raises:
             RunAbortedError: one can't begin.
         """
-        self._identities: list[VehicleId | None] = list(column_ids(scenario))
+        self._identities: list[VehicleId | None] = list(ids_by_index(scenario))
         self._models, self._dt_s = models, 1.0 / scenario.law.rate_hz
         self._filters, self._monitors = _begun(scenario, FILTER), _begun(scenario, MONITOR)
         self._leads_by: tuple[float | None, ...] = (None,) * len(CHANNELS)
@@ -48,7 +48,7 @@ class OnTicks:
         self._raised = dict[tuple[str, str, str, VehicleId | None], Instant]()
         """When each event was raised last."""
         self.by_program = dict[int, Wanted]()
-        """What a program that steps the flight commands in place of all others, by column, after every filter."""
+        """What a program that steps the flight commands in place of all others, by index, after every filter."""
 
     def filter(self, tick: Tick) -> NotFiniteError | None:
         """Let the filters change a tick's setpoints, in order; return the error of one that fails."""
@@ -58,9 +58,9 @@ class OnTicks:
                 guarded(entry, partial(each.apply, self._cycle(entry, tick, replace)))
         except NotFiniteError as error:
             return error
-        for column, wanted in self.by_program.items():
-            if tick.active[column]:
-                self._replace(tick, "the program", column, wanted)
+        for index, wanted in self.by_program.items():
+            if tick.active[index]:
+                self._replace(tick, "the program", index, wanted)
         sent, replaced = tick.setpoints[tick.leader], tick.replaced[tick.leader]
         self._leads_by = tuple(value if by else None for value, by in zip(sent, replaced, strict=True))
         return None
@@ -91,18 +91,18 @@ class OnTicks:
     def _cycle(self, entry: Registered, tick: Tick, replace: Replace) -> Cycle:
         return Cycle(tick, self._identities, self._dt_s, replace, partial(self._tell, entry, tick))
 
-    def _replace(self, tick: Tick, whose: str, column: int, wanted: Wanted) -> None:
+    def _replace(self, tick: Tick, whose: str, index: int, wanted: Wanted) -> None:
         """Replace parts of a setpoint, limited to the vehicle's envelope; `whose` doing it is, for messages.
 
         Raises:
             NotFiniteError: a part isn't finite.
         """
         speed_mps, heading_rad, height_m = (
-            now if part is None else float(part) for now, part in zip(tick.setpoints[column], wanted, strict=True)
+            now if part is None else float(part) for now, part in zip(tick.setpoints[index], wanted, strict=True)
         )
-        require_setpoint(whose, column, (speed_mps, heading_rad, height_m))
-        bounds = Envelope(heading_rad, tick.state[column], self._models[column])
-        tick.replace(column, bounds.limit(speed_mps, heading_rad, height_m))
+        require_setpoint(whose, index, (speed_mps, heading_rad, height_m))
+        bounds = Envelope(heading_rad, tick.state[index], self._models[index])
+        tick.replace(index, bounds.limit(speed_mps, heading_rad, height_m))
 
     def _tell(self, entry: Registered, tick: Tick, event: Event) -> None:
         """Record an event, unless the same was raised a moment ago."""
@@ -132,7 +132,7 @@ class Sinks:
             RunAbortedError: one can't begin.
         """
         self.failure: str | None = None
-        self._identities: list[VehicleId | None] = list(column_ids(scenario))
+        self._identities: list[VehicleId | None] = list(ids_by_index(scenario))
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._each = _begun(scenario, RECORDER)
         self._tell("open", directory)
@@ -173,8 +173,8 @@ def sinks(scenario: Scenario, directory: Path) -> Sinks | None:
     return found if found is not None and found.any else None
 
 
-def _only_filters(column: int, wanted: Wanted) -> None:
-    del column, wanted
+def _only_filters(index: int, wanted: Wanted) -> None:
+    del index, wanted
     raise PermissionError("replace is for filters alone")
 
 

@@ -15,7 +15,7 @@ from airlink.messages import Message
 from flight_model.autopilot_model import Setpoint, finite
 from flight_model.slot import Vector3
 from formation_scenario import Scenario
-from formation_scenario.slot_assignment import column_models
+from formation_scenario.slot_assignment import models_by_index
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -40,23 +40,23 @@ class Dispatch:
         self.due = NEVER
         """When the next message is to be sent."""
         self._guided = [False] * self._count
-        """Whether each column got a setpoint at this tick, (C,)."""
+        """Whether each vehicle got a setpoint at this tick, (C,)."""
         self._without: list[Instant | None] = [None] * self._count
-        """Since when a column that should get setpoints has had none, (C,)."""
+        """Since when a vehicle that should get setpoints has had none, (C,)."""
         self._last_due = vec[i64]([0] * self._count)
-        """When each column's newest setpoint is to be sent, (C,)."""
-        self._dead_s = [each.dead_time_s for each in column_models(scenario)]
+        """When each vehicle's newest setpoint is to be sent, (C,)."""
+        self._dead_s = [each.dead_time_s for each in models_by_index(scenario)]
         """The autopilots' dead times, (C,)."""
 
     def links(self, leader: int, disobeying: list[bool], now: Instant) -> tuple[list[VehicleLink], float]:
-        """Return every column's present link, and for how long setpoints of column `leader` are held back, s.
+        """Return every vehicle's present link, and for how long setpoints of vehicle `leader` are held back, s.
 
         `disobeying`: (C,) whether each vehicle seems not to fly as commanded.
         """
         links = [VehicleLink(now) for _ in self._guided]
         links[0].ready = self._virtual_leader
         for vehicle in self._vehicles:
-            link, clock = links[vehicle.column], vehicle.clock
+            link, clock = links[vehicle.index], vehicle.clock
             link.ready = vehicle.member is Member.FLYING
             link.delay_s, link.asymmetry_s = clock.one_way_s, clock.asymmetry_s
             if vehicle.round_trips.knows_ways:
@@ -70,9 +70,9 @@ class Dispatch:
                 if vehicle.autopilot.stands and vehicle.member is Member.HOLDING:
                     link.brakes = vehicle.holds_from
             link.received_at = vehicle.round_trips.received_at(now)
-            link.dead_s = self._dead_s[vehicle.column]
+            link.dead_s = self._dead_s[vehicle.index]
             link.lag_s = clock.loop_s / 2 + link.dead_s
-            link.disobeying = may_loiter or disobeying[vehicle.column]
+            link.disobeying = may_loiter or disobeying[vehicle.index]
             link.speeds_mps = vehicle.autopilot.speeds_mps
             link.stands_after_s, link.returns_after_s = vehicle.stands_after_s, vehicle.returns_after_s
             link.home_m = vehicle.telemetry.home_m
@@ -84,22 +84,22 @@ class Dispatch:
         """Take a tick's setpoints; one that isn't finite is never sent."""
         evades = any(tick.yielding)
         for vehicle in self._vehicles:
-            column = vehicle.column
-            state = tick.state[column]
+            index = vehicle.index
+            state = tick.state[index]
             vehicle.setpoints.hurries = evades
-            speed_mps, heading_rad, height_m = tick.setpoints[column]
+            speed_mps, heading_rad, height_m = tick.setpoints[index]
             known = state.north_m + state.east_m + state.height_m + state.wind_north_mps + state.wind_east_mps
-            usable = tick.active[column] and finite(speed_mps + heading_rad + height_m + known)
-            self._guided[column] = usable
+            usable = tick.active[index] and finite(speed_mps + heading_rad + height_m + known)
+            self._guided[index] = usable
             if usable or vehicle.member is not Member.FLYING:
-                self._without[column] = None
-            elif self._without[column] is None:
-                self._without[column] = now
+                self._without[index] = None
+            elif self._without[index] is None:
+                self._without[index] = now
             if usable:
-                due = after(now, hold_s) if column == tick.leader else now
-                if due < self._last_due[column]:
+                due = after(now, hold_s) if index == tick.leader else now
+                if due < self._last_due[index]:
                     self._drop(vehicle, due)
-                self._last_due[column] = due
+                self._last_due[index] = due
                 messages = vehicle.new_setpoints(Setpoint(speed_mps, heading_rad, height_m), state, due)
                 self._send(vehicle, messages, due, now)
             else:
@@ -108,8 +108,8 @@ class Dispatch:
     def held(self, tick: Tick) -> list[Vector3]:
         """Put into a tick what vehicles hold from then on, and return it: what is no news wasn't sent."""
         for vehicle in self._vehicles:
-            if self._guided[vehicle.column]:
-                tick.setpoints[vehicle.column] = vehicle.setpoints.held.values
+            if self._guided[vehicle.index]:
+                tick.setpoints[vehicle.index] = vehicle.setpoints.held.values
         return tick.setpoints
 
     def _drop(self, vehicle: Vehicle, after_this: Instant) -> None:
@@ -129,8 +129,8 @@ class Dispatch:
         """Return substitute setpoints for vehicles that need a stream and have none, for a limited time."""
         found = list[tuple[Vehicle, Message]]()
         for vehicle in self._vehicles:
-            if self._guided[vehicle.column]:
-                self._guided[vehicle.column] = False
+            if self._guided[vehicle.index]:
+                self._guided[vehicle.index] = False
             elif vehicle.start_up.acted and not self._is_unguided(vehicle, now):
                 found += [(vehicle, message) for message in vehicle.autopilot.stand_in()]
         return found
@@ -140,7 +140,7 @@ class Dispatch:
         return frozenset(each.identity for each in self._vehicles if self._is_unguided(each, now))
 
     def _is_unguided(self, vehicle: Vehicle, now: Instant) -> bool:
-        since = self._without[vehicle.column]
+        since = self._without[vehicle.index]
         return since is not None and seconds_between(since, now) > UNGUIDED_S
 
     def pop_due(self, now: Instant) -> list[tuple[Vehicle, Message]]:
@@ -169,7 +169,7 @@ class Dispatch:
         if not self._compensates:
             return 0.0
         own_s, slowest_s = links[leader].until_it_acts_s, 0.0
-        for column, link in enumerate(links):
-            if link.ready and column != leader and link.until_it_acts_s > slowest_s:
+        for index, link in enumerate(links):
+            if link.ready and index != leader and link.until_it_acts_s > slowest_s:
                 slowest_s = link.until_it_acts_s
         return min(max(0.0, slowest_s - (0.0 if math.isnan(own_s) else own_s)), HOLD_MAX_S)

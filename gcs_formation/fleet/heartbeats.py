@@ -136,7 +136,7 @@ class HeartbeatScheduler:
             often = vehicle.links.doubtful(now) or self._pays(vehicle, now)
             return _next_probe(now, OFTEN_PROBE_S if often else FAILOVER_PROBE_S)
         if irregular:
-            share = (seconds_between(Instant(0), now) / period_s * GOLDEN + vehicle.column * SPREAD) % 1.0
+            share = (seconds_between(Instant(0), now) / period_s * GOLDEN + vehicle.index * SPREAD) % 1.0
             return after(now, period_s * (0.5 + share))
         return _next_probe(now, OFTEN_PROBE_S if self._pays(vehicle, now) else period_s)
 

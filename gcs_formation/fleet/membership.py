@@ -127,7 +127,7 @@ class Membership:
         """Return a vehicle's next membership by what is known of it now."""
         link = vehicle.connection  # after silence a vehicle gets time to answer: it may have hung, and still receive us
         receives = link.talks and seconds_between(link.back_at, now) > UNANSWERED_S
-        forgotten = not estimator.age_s(vehicle.column, now) <= FORGOTTEN_AFTER_S
+        forgotten = not estimator.age_s(vehicle.index, now) <= FORGOTTEN_AFTER_S
         seen = Seen(
             started=vehicle.start_up.finished and not vehicle.telemetry.boots,
             guided=vehicle.follows_setpoints,
@@ -160,7 +160,7 @@ class Membership:
         limit_s = min(self._max_age_s, BACK_S if out else limit_s)
         if seconds_between(vehicle.round_trips.received_at(now), now) > max(limit_s, UNANSWERED_S):
             return False
-        age_s = estimator.age_s(vehicle.column, now)
+        age_s = estimator.age_s(vehicle.index, now)
         return math.isnan(age_s) or age_s <= limit_s
 
     def end(self, circles_m: Mapping[VehicleId, float]) -> None:

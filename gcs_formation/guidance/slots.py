@@ -24,7 +24,7 @@ WAITS_S: Final = 30.0
 
 
 class FormationPlan:
-    """The slots of all columns, (C, 3); before the path begins they are displaced by `start.offset_m`."""
+    """The slots of all vehicles, (C, 3); before the path begins they are displaced by `start.offset_m`."""
 
     def __init__(self, scenario: Scenario) -> None:
         """Begin with the scenario's first shape and leader."""
@@ -45,7 +45,7 @@ class FormationPlan:
         self.kept_m = scenario.safety.kept_m
         """Distance that slots are planned to keep from each other while they move."""
         self.alongside: Mask = np.zeros(len(first.places_m), dtype=np.bool_)
-        """(C,) which columns fly alongside the turning leader at its speed and heading: slots far to the side can't be
+        """(C,) which vehicles fly alongside the turning leader at its speed and heading: slots far to the side can't be
         held."""
         self._any_alongside = False
         self._slots_turn = scenario.formation.frame != "north"
@@ -69,7 +69,7 @@ class FormationPlan:
 
     @property
     def leader(self) -> int:
-        """The column that leads."""
+        """Index of the one that leads."""
         return self.arrangement.leader
 
     def at(self, now_s: float, *, begun: bool) -> SlotMotion:
@@ -132,7 +132,7 @@ class FormationPlan:
         return self._transition.seen_from(leader, swing_rad).at(now_s)
 
     def hand_over(self, leader: int, swing_rad: float) -> None:
-        """Make another column the leader; all positions stay the same."""
+        """Make another vehicle the leader; all positions stay the same."""
         transition = self._transition.seen_from(leader, swing_rad)
         self.goal_m = SlotMotion.at_rest(self.goal_m).seen_from(leader, swing_rad).position_m
         self.arrangement = self.arrangement._replace(leader=leader)
@@ -166,7 +166,7 @@ class FormationPlan:
         self._pace = pace
 
     def fly_alongside(self, which: Mask, place_m: Array) -> None:
-        """Let the columns in a mask (C,) fly alongside the leader, from positions (C, 3), until the next change."""
+        """Let the vehicles in a mask (C,) fly alongside the leader, from positions (C, 3), until the next change."""
         self._alongside_m = np.where(self.alongside[:, None], self._alongside_m, place_m)
         self.alongside = self.alongside | which
         self._any_alongside = bool(self.alongside.any())

@@ -17,15 +17,15 @@ from gcs_formation.vehicle.vehicle import Vehicle
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
 Takeover = tuple[Route | None, float, float]
-"""How a column can lead from where it is: see `Leading.take_over`."""
+"""How a vehicle can lead from where it is: see `Leading.take_over`."""
 
 
 class Leading:
-    """Plans how columns take over the lead, for the controller to fly."""
+    """Plans how vehicles take over the lead, for the controller to fly."""
 
-    def __init__(self, controller: FormationController, by_column: Mapping[int, Vehicle], scenario: Scenario) -> None:
-        """Take the vehicles by their columns."""
-        self._controller, self._by_column = controller, by_column
+    def __init__(self, controller: FormationController, by_index: Mapping[int, Vehicle], scenario: Scenario) -> None:
+        """Take the vehicles by their indices."""
+        self._controller, self._by_index = controller, by_index
         self._ground, self._hovers = scenario.ground, scenario.hovers
         self._slots_turn = scenario.formation.slots_turn
 
@@ -55,18 +55,18 @@ class Leading:
             facing_rad = math.radians(self.path_deg()) if guidance.turn is None else guidance.turn.goal_rad
             self.turn_on_spot(facing_rad, seen.heading_rad, now)
 
-    def _as_leader(self, column: int, state: FlightState) -> tuple[float, float]:
+    def _as_leader(self, index: int, state: FlightState) -> tuple[float, float]:
         """Return the speed and heading that a vehicle in `state` has as a leader."""
-        vehicle = self._by_column[column]
+        vehicle = self._by_index[index]
         attitude = vehicle.telemetry.attitude
         if not self._hovers or attitude is None:
             return state.airspeed_mps, state.heading_rad
         return ground_motion(attitude.yaw_rad, *state.ground_mps(), leads=True)
 
     def take_over(self, leader: int, scenario: Scenario, now: Instant) -> Takeover:
-        """Return how a column can lead from where it is: by a route onto the path, from a distance along that, m.
+        """Return how a vehicle can lead from where it is: by a route onto the path, from a distance along that, m.
 
-        The route is None before the path has begun. Third: the column's heading relative to the present leader's, rad,
+        The route is None before the path has begun. Third: the vehicle's heading relative to the present leader's, rad,
         by which the slots swing. `scenario`: at the speed that is flown.
         """
         controller, guidance = self._controller, self._controller.guidance

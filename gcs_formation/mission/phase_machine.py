@@ -9,7 +9,7 @@ from airlink.endpoint import VehicleId
 from flight_model.path import Route
 from formation_scenario import Scenario
 from formation_scenario.orders import End
-from formation_scenario.slot_assignment import column_names
+from formation_scenario.slot_assignment import names_by_index
 from gcs_formation.controller.controller import FormationController
 from gcs_formation.errors import NotFiniteError
 from gcs_formation.fleet.dispatch import Dispatch
@@ -179,10 +179,10 @@ class FlightPhaseMachine:
         mission_s = self.flight.mission_time_s(now)
         since = f"{seconds_between(Instant(0), now):.1f} s after the start"
         when = since if math.isnan(mission_s) else f"{mission_s:.1f} s"
-        if fault.column is None:
+        if fault.index is None:
             self.fail(f"the {fault.part} could not compute anything at {when}: {fault.found}", now, begun=begun)
         else:
-            who = column_names(self._scenario)[fault.column]
+            who = names_by_index(self._scenario)[fault.index]
             self.fail(
                 f"what the {fault.part} returned for {who} at {when} is not finite: {fault.found}", now, begun=begun
             )

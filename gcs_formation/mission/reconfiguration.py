@@ -17,7 +17,7 @@ from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
 from formation_scenario.formation_changes import ahead, plan_change, plan_gathering
 from formation_scenario.orders import not_standing, why_not_set_out
-from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned, column_names
+from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned, names_by_index
 from formation_scenario.slot_motion import SlotMotion, Transition
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller.controller import FormationController
@@ -50,8 +50,8 @@ class Reconfiguration:
         """Change the formation that `controller` flies."""
         self._scenario = scenario
         self._controller = controller
-        self._by_column = {vehicle.column: vehicle for vehicle in vehicles.values()}
-        self._names = column_names(scenario)
+        self._by_index = {vehicle.index: vehicle for vehicle in vehicles.values()}
+        self._names = names_by_index(scenario)
         self._log_event = log_event
         self._wanted: Arrangement | None = None
         self._next_try = Instant(0)
@@ -64,13 +64,13 @@ class Reconfiguration:
         """By how much late ticks delayed the beginning of what was planned last, s."""
         self._gathers_late_at: Instant | None = None
         """When to report that vehicles still can't gather; None while they aren't about to."""
-        self._presence = Presence(self._by_column, controller.plan, len(self._names))
-        self._leading = Leading(controller, self._by_column, scenario)
+        self._presence = Presence(self._by_index, controller.plan, len(self._names))
+        self._leading = Leading(controller, self._by_index, scenario)
 
     @property
     def leader(self) -> Vehicle | None:
         """The leading vehicle, None for a virtual leader."""
-        return self._by_column.get(self._controller.plan.leader)
+        return self._by_index.get(self._controller.plan.leader)
 
     @property
     def _flown(self) -> Scenario:
@@ -123,11 +123,11 @@ class Reconfiguration:
 
     def lead(self, vehicle: VehicleId, now: Instant) -> None:
         """Make a vehicle the leader from the beginning."""
-        leader = next(column for column, each in self._by_column.items() if each.identity == vehicle)
+        leader = next(index for index, each in self._by_index.items() if each.identity == vehicle)
         if leader != self._controller.plan.leader:
             self._controller.hand_over(leader, 0.0)
             self._presence.plan_behind(leader)
-            self._log_event(now, "leader", "leads the formation", self._by_column[leader])
+            self._log_event(now, "leader", "leads the formation", self._by_index[leader])
 
     def advance(self, now: Instant, mission_time_s: float) -> None:
         """Begin the planned change that is due; if it can't be flown, try again later.
@@ -308,7 +308,7 @@ class Reconfiguration:
         return None
 
     def replace_leader(self, leader: int, now: Instant) -> None:
-        """Make another column the leader at once; the others move to their slots behind it as soon as possible."""
+        """Make another vehicle the leader at once; the others move to their slots behind it as soon as possible."""
         self._changing = ""  # a change behind the lost leader is void; the move behind another isn't planned
         self._hand_over(leader, *self._take_over(leader, now), now)
         self._want(self._wanted or self._controller.plan.arrangement, now)
@@ -328,17 +328,17 @@ class Reconfiguration:
         self._wanted, self._next_try = arrangement, now
 
     def _hand_over(self, leader: int, route: Route | None, distance_m: float, swing_rad: float, now: Instant) -> None:
-        """Make another column the leader, with what `_take_over` returned for it."""
+        """Make another vehicle the leader, with what `_take_over` returned for it."""
         controller = self._controller
         controller.guidance.take_over(route, distance_m)
         controller.hand_over(leader, swing_rad)
         self._leading.lead_standing(leader, now)
         if self._wanted is not None:
             self._wanted = self._wanted._replace(leader=leader)
-        self._log_event(now, "leader", "leads the formation", self._by_column[leader])
+        self._log_event(now, "leader", "leads the formation", self._by_index[leader])
 
     def _take_over(self, leader: int, now: Instant) -> Takeover:
-        """Return how a column can lead from where it is."""
+        """Return how a vehicle can lead from where it is."""
         flown = self._scenario if self._controller.guidance.pauses else self._flown
         return self._leading.take_over(leader, flown, now)
 

@@ -16,7 +16,7 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.orders import Order, read_order
-from formation_scenario.slot_assignment import Arrangement, column_ids, first_arrangement
+from formation_scenario.slot_assignment import Arrangement, first_arrangement, ids_by_index
 from gcs_formation.errors import RecordError
 from gcs_formation.fleet.membership import PARTED
 from gcs_formation.guidance.parts import AlongPath
@@ -114,7 +114,7 @@ def read_past(directory: Path, scenario: Scenario, now: Instant, *, take: bool) 
     mission_s, flying = float(last["mission_time_s"][0]), _began(events)
     leading = _identity(last, int(np.argmax(last["leads"] > 0))) if (last["leads"] > 0).any() else None
     arrangement, speed_mps, heading_rad = formation_of(scenario, events, mission_s)
-    order = column_ids(scenario)
+    order = ids_by_index(scenario)
     return PastFlight(
         at=now,
         vehicles={each.vehicle_id: _known(each.vehicle_id, last, events) for each in scenario.vehicles},
@@ -183,7 +183,7 @@ def _before_take_off(
     directory: Path, scenario: Scenario, events: Events, now: Instant, silent_s: float, *, take: bool
 ) -> PastFlight:
     """Return the state of a flight without recorded ticks: at most the last second before its end isn't on disk."""
-    order = [identity for identity in column_ids(scenario) if identity is not None]
+    order = [identity for identity in ids_by_index(scenario) if identity is not None]
     known = {identity: RecordedVehicle(_last(events, identity, "mode"), parted=False, flew=False) for identity in order}
     if not any(each.mode for each in known.values()):
         raise RecordError(f"found no flight in {directory}: no vehicle had been heard; allowed: fly it from its start")

@@ -80,7 +80,7 @@ class VehicleState:
     def __init__(
         self,
         identity: VehicleId,
-        column: int,
+        index: int,
         autopilot: Autopilot,
         connection: Connection | Sequence[Connection],
         telemetry_rate_hz: float,
@@ -94,7 +94,7 @@ class VehicleState:
         An `airspeed_check` decides whether a fixed wing's airspeeds are plausible. Acknowledgements of setpoints may
         come `setpoint_gap_s` late. Of several connections each is a link of its own.
         """
-        self.identity, self.column, self.autopilot = identity, column, autopilot
+        self.identity, self.index, self.autopilot = identity, index, autopilot
         """Its id, and its index in every list of a tick."""
         connections = [connection] if isinstance(connection, Connection) else connection
         self.each_link = links_by(connections, autopilot.loop_s, by_utc=by_utc)

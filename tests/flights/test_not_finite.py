@@ -45,7 +45,7 @@ class Broken(Law):
         decided = self._law.decide(cycle_input, dt_s)
         if self._passed_s > BEGINS_S:
             for each in decided:
-                if each.column == 1:
+                if each.index == 1:
                     self._change(each)
         return decided
 

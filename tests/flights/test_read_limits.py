@@ -73,7 +73,7 @@ def test_in_the_air_heights_are_held_within_a_fence_that_is_too_low() -> None:
     }
     world = flown(12.0, FENCE | {"FENCE_TYPE": 1, "FENCE_ALT_MAX": 97}, **keys)
     assert world.station.phase_machine.failure is None
-    column = next(each.column for each in world.station.vehicles.values() if each.identity.system == 2)
+    column = next(each.index for each in world.station.vehicles.values() if each.identity.system == 2)
     commanded_m = [tick.setpoints[column][2] for tick in world.recorder.ticks if tick.active[column]]
     assert commanded_m
     assert max(commanded_m) <= 95.0

@@ -61,7 +61,7 @@ def changed(made: Made, **values: Any) -> Made:
 class Decision:
     """A law's decision, with a row for each vehicle."""
 
-    columns: list[int]
+    indices: list[int]
     setpoints: Setpoints
     error_m: Array
     mixed: Array
@@ -70,7 +70,7 @@ class Decision:
     @classmethod
     def of(cls, decided: list[LawOutput]) -> Decision:
         rows = [np.array([getattr(each, name) for each in decided]) for name in ("error_m", "mixed", "gains")]
-        return cls([each.column for each in decided], Setpoints.from_each(each.setpoint for each in decided), *rows)
+        return cls([each.index for each in decided], Setpoints.from_each(each.setpoint for each in decided), *rows)
 
 
 class TableLaw:

@@ -16,7 +16,7 @@ from flight_model.fence_geometry import CHECKED_M, FenceAreas, room_m
 from flight_model.slot import HEIGHT
 from flight_model.vehicle_arrays import FlightStates
 from formation_scenario import Scenario
-from formation_scenario.slot_assignment import column_ids
+from formation_scenario.slot_assignment import ids_by_index
 from gcs_formation.features.airspace.keys import AirspaceKeys, Fence
 from gcs_formation.recorder import Event, Tick
 
@@ -53,26 +53,26 @@ class HeldEvents:
 
     def __init__(self, scenario: Scenario) -> None:
         """Begin with nothing held."""
-        self._identities = column_ids(scenario)
+        self._identities = ids_by_index(scenario)
         self._last = dict[tuple[int, str], Instant]()
-        """When each column was last held, by the text that will report the end of it."""
+        """When each vehicle was last held, by the text that will report the end of it."""
 
-    def hold(self, tick: Tick, column: int, begins: str, ends: str) -> None:
-        """Record that a column's setpoint is held, and report it by one text; later its end by the other."""
-        key = column, ends
+    def hold(self, tick: Tick, index: int, begins: str, ends: str) -> None:
+        """Record that a vehicle's setpoint is held, and report it by one text; later its end by the other."""
+        key = index, ends
         if key not in self._last:
-            self._report(tick, column, begins, begins=True)
+            self._report(tick, index, begins, begins=True)
         self._last[key] = tick.now
 
     def report_ends(self, tick: Tick) -> None:
         """Report and forget what hasn't been held for `OVER_S`."""
         over = [key for key, since in self._last.items() if seconds_between(since, tick.now) > OVER_S]
-        for column, ends in over:
-            del self._last[column, ends]
-            self._report(tick, column, ends, begins=False)
+        for index, ends in over:
+            del self._last[index, ends]
+            self._report(tick, index, ends, begins=False)
 
-    def _report(self, tick: Tick, column: int, text: str, *, begins: bool) -> None:
-        tick.events.append(Event(tick.now, "fence", text, self._identities[column], {"begins": begins}))
+    def _report(self, tick: Tick, index: int, text: str, *, begins: bool) -> None:
+        tick.events.append(Event(tick.now, "fence", text, self._identities[index], {"begins": begins}))
 
 
 class FenceLimits:
@@ -87,10 +87,10 @@ class FenceLimits:
         fence = AirspaceKeys.of(scenario).fence
         self._fenced, self._fence = fence is not None, fence or Fence()
         self._areas = self._fence.sides
-        self._is_vehicle = np.array([each is not None for each in column_ids(scenario)])
+        self._is_vehicle = np.array([each is not None for each in ids_by_index(scenario)])
         self._turn_rps = np.array([model.turn_rate_max_rps for model in models])
         self._side = np.zeros(self._is_vehicle.size)
-        """-1 left, 1 right: side to which a column is being turned away; else 0."""
+        """-1 left, 1 right: side to which a vehicle is being turned away; else 0."""
         self._held = HeldEvents(scenario)
 
     def keep(self, tick: Tick) -> None:
@@ -105,19 +105,19 @@ class FenceLimits:
 
     def _limit_heights(self, tick: Tick, active: Mask) -> None:
         min_m, max_m = self._fence.heights_m
-        for column in np.flatnonzero(active).tolist():
-            speed_mps, heading_rad, height_m = tick.setpoints[column]
+        for index in np.flatnonzero(active).tolist():
+            speed_mps, heading_rad, height_m = tick.setpoints[index]
             if height_m < min_m or height_m > max_m:
                 limit_m = min_m if height_m < min_m else max_m
-                tick.replace(column, (speed_mps, heading_rad, limit_m))
+                tick.replace(index, (speed_mps, heading_rad, limit_m))
                 held = f"held at {limit_m:g} m"
-                self._held.hold(tick, column, f"height {held}", f"height no longer {held}")
+                self._held.hold(tick, index, f"height {held}", f"height no longer {held}")
 
     def _turn_away(self, tick: Tick, active: Mask, areas: FenceAreas) -> None:
         if not active.any():
             return
         which = np.flatnonzero(active)
-        state = FlightStates.from_each(tick.state[column] for column in which.tolist())
+        state = FlightStates.from_each(tick.state[index] for index in which.tolist())
         place, velocity = np.stack((state.north_m, state.east_m), axis=-1), state.ground_mps.T
         through_air = state.airspeed_mps + np.hypot(state.wind_north_mps, state.wind_east_mps)
         room = room_m(areas, place, velocity, through_air, self._turn_rps[which])
@@ -133,17 +133,17 @@ class FenceLimits:
             turn_rad[lost] = within(off_rad, -TURN_RAD, TURN_RAD)
         turned: list[int] = which[held].tolist()
         headings_rad: list[float] = (state.heading_rad + turn_rad)[held].tolist()
-        for column, heading_rad in zip(turned, headings_rad, strict=True):
-            speed_mps, _, height_m = tick.setpoints[column]
-            tick.replace(column, (speed_mps, heading_rad, height_m))
+        for index, heading_rad in zip(turned, headings_rad, strict=True):
+            speed_mps, _, height_m = tick.setpoints[index]
+            tick.replace(index, (speed_mps, heading_rad, height_m))
         self._log_boundary_events(tick, which, side, areas.inside_m(place))
 
     def _log_boundary_events(self, tick: Tick, which: Indices, side: Array, inside: Array) -> None:
         self._side[:] = 0.0
         self._side[which] = side
-        for column, away, distance_m in zip(which.tolist(), side.tolist(), inside.tolist(), strict=True):
+        for index, away, distance_m in zip(which.tolist(), side.tolist(), inside.tolist(), strict=True):
             if away:
-                self._held.hold(tick, column, f"turned away, {distance_m:.0f} m inside", "no longer turned away")
+                self._held.hold(tick, index, f"turned away, {distance_m:.0f} m inside", "no longer turned away")
 
 
 def _inward_rad(areas: FenceAreas, place: Array) -> Array:
@@ -169,7 +169,7 @@ class HeightFloor:
         self._room_m = 0.0 if self._level else ROOM_M
         self._models = models
         self._first = 0 if scenario.leader else 1
-        """The first column that is a vehicle."""
+        """The first index that is a vehicle's."""
         self._known: list[tuple[float, float, float]] = [(math.nan, math.nan, math.nan)] * len(models)
         """Each one's place, north and east, at the last search for the highest ground, and a height clear of it."""
         self._held = HeldEvents(scenario)
@@ -177,30 +177,30 @@ class HeightFloor:
     def keep(self, tick: Tick) -> None:
         """Replace those of a tick's heights that aren't clear of the ground."""
         low = [
-            column
-            for column in range(self._first, len(self._models))
-            if tick.active[column] and tick.setpoints[column][HEIGHT] < self._clear_m(column, tick.state[column])
+            index
+            for index in range(self._first, len(self._models))
+            if tick.active[index] and tick.setpoints[index][HEIGHT] < self._clear_m(index, tick.state[index])
         ]
-        for column, floors_m in zip(low, self._floors_m(tick, low), strict=True):
-            speed_mps, heading_rad, height_m = tick.setpoints[column]
-            min_m = self._min_m(tick.state[column], height_m, self._models[column], floors_m)
+        for index, floors_m in zip(low, self._floors_m(tick, low), strict=True):
+            speed_mps, heading_rad, height_m = tick.setpoints[index]
+            min_m = self._min_m(tick.state[index], height_m, self._models[index], floors_m)
             if height_m < min_m:
-                tick.replace(column, (speed_mps, heading_rad, min_m))
+                tick.replace(index, (speed_mps, heading_rad, min_m))
                 held = f"height held at {min_m:.0f} m, {self._clearance_m:g} m above the ground"
-                self._held.hold(tick, column, held, "height no longer held above the ground")
+                self._held.hold(tick, index, held, "height no longer held above the ground")
         self._held.report_ends(tick)
 
-    def _clear_m(self, column: int, state: FlightState) -> float:
+    def _clear_m(self, index: int, state: FlightState) -> float:
         """Return a height that is clear of all ground that a vehicle may be over soon."""
         if self._level:
             return self._clearance_m
-        north_m, east_m, clear_m = self._known[column]
-        model, (north_mps, east_mps) = self._models[column], state.ground_mps()
+        north_m, east_m, clear_m = self._known[index]
+        model, (north_mps, east_mps) = self._models[index], state.ground_mps()
         ahead_m = TAUS[-1] * _tau_s(model) * math.hypot(north_mps, east_mps)
         if not math.hypot(state.north_m - north_m, state.east_m - east_m) + ahead_m <= AROUND_M:
             place = np.array([state.north_m]), np.array([state.east_m])
             clear_m = float(self._ground.bound_m(*place, max(AROUND_M, 2.0 * ahead_m))[0]) + self._clearance_m
-            self._known[column] = state.north_m, state.east_m, clear_m
+            self._known[index] = state.north_m, state.east_m, clear_m
         return clear_m
 
     def _min_m(self, state: FlightState, height_m: float, model: AutopilotModel, floors_m: list[float]) -> float:
@@ -224,10 +224,10 @@ class HeightFloor:
         """Return the lowest clear heights at `TAUS` along vehicles' straight tracks; -inf over unknown ground."""
         if not which:
             return []
-        states = [tick.state[column] for column in which]
+        states = [tick.state[index] for index in which]
         moving = [(each.north_m, each.east_m, *each.ground_mps()) for each in states]
         north_m, east_m, north_mps, east_mps = np.array(moving).T[:, :, None]
-        over_s = np.array([_tau_s(self._models[column]) for column in which])[:, None] * TAUS_AHEAD
+        over_s = np.array([_tau_s(self._models[index]) for index in which])[:, None] * TAUS_AHEAD
         ground_m = self._ground.height(north_m + over_s * north_mps, east_m + over_s * east_mps)
         floors_m: list[list[float]] = np.where(np.isnan(ground_m), -np.inf, ground_m + self._clearance_m).tolist()
         return floors_m

@@ -48,7 +48,7 @@ class BatteryWatch(Stage):
             self._endurance[vehicle.identity].observe(battery, cycle.now, flies=climbed)
             if tick is None or not commands or vehicle.sent_home or not vehicle.airborne or math.isnan(battery.left):
                 continue
-            text = self._too_little(vehicle, tick.state[vehicle.column])
+            text = self._too_little(vehicle, tick.state[vehicle.index])
             if not text:
                 self._since.pop(vehicle.identity, None)
             elif seconds_between(self._since.setdefault(vehicle.identity, cycle.now), cycle.now) >= SURE_S:

@@ -169,7 +169,7 @@ class FlownSetpoints:
             return None
         before, since = self.past[0], self.stamps[0]
         end = before.copy()
-        history.respond(end, since, max(stamp, since), self.vehicle.column, self.model)
+        history.respond(end, since, max(stamp, since), self.vehicle.index, self.model)
         levels_out = self.climbed and commanded_s < LEVELS_OUT_S
         fast = max(seen.airspeed_mps, before.airspeed_mps) > FAST_SHARE * self.model.speed_max_mps
         by_speed = by_speed and not levels_out
@@ -210,7 +210,7 @@ class FlownSetpoints:
         """Return the height setpoint, NaN without setpoints; note when the airspeed is far off."""
         if self.since is None:
             return math.nan
-        told_mps, _, commanded_m = history.commanded(stamp, self.vehicle.column)
+        told_mps, _, commanded_m = history.commanded(stamp, self.vehicle.index)
         if not self.model.may_hover and abs(told_mps - seen.airspeed_mps) > OFF_MPS:
             self.off_at = now
         return commanded_m

@@ -13,7 +13,7 @@ from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from formation_scenario import Scenario
 from formation_scenario.navigation import NoisyNavigation
-from formation_scenario.slot_assignment import column_models, columns
+from formation_scenario.slot_assignment import models_by_index, vehicles_by_index
 from gcs_formation.controller.controller import FormationController
 from gcs_formation.estimation.estimator import heading_shown
 from gcs_formation.features.conformance.flown_setpoints import CHECK_S, FlownSetpoints, NonConformance
@@ -32,15 +32,15 @@ STEP_DELAY_S: Final = 4.0
 def _judged_by(scenario: Scenario) -> list[AutopilotModel]:
     """Return the models that predict changes; an airframe's time constants for slow changes are too short for steps."""
     models = autopilot_models(scenario)
-    for model, keys in zip(models, column_models(scenario), strict=True):
+    for model, keys in zip(models, models_by_index(scenario), strict=True):
         if keys.airframe is not None:
             model.tau_v_s = max(model.tau_v_s, STEP_DELAY_S)
     return models
 
 
 def _noise(scenario: Scenario) -> list[tuple[float, float, float]]:
-    """Return the standard deviations of airspeed, heading and position in telemetry, by column."""
-    sources = [vehicle.navigation if vehicle else None for vehicle in columns(scenario)]
+    """Return the standard deviations of airspeed, heading and position in telemetry, by index."""
+    sources = [vehicle.navigation if vehicle else None for vehicle in vehicles_by_index(scenario)]
     return [
         (each.airspeed_sigma_mps, math.radians(each.heading_sigma_deg), each.position_sigma_m)
         if isinstance(each, NoisyNavigation)
@@ -64,14 +64,13 @@ class ConformanceMonitor:
         self._vehicles = list(vehicles.values())
         self._log_event = log_event
         models, noise = _judged_by(scenario), _noise(scenario)
-        prompt = [each.prompt_share for each in column_models(scenario)]
+        prompt = [each.prompt_share for each in models_by_index(scenario)]
         self._fliers = [
-            FlownSetpoints(each, models[each.column], noise[each.column], prompt[each.column])
-            for each in self._vehicles
+            FlownSetpoints(each, models[each.index], noise[each.index], prompt[each.index]) for each in self._vehicles
         ]
         self._next_check = Instant(0)
         self.doubted = [False] * len(models)
-        """Columns whose setpoints are refused, unacknowledged or apparently not followed, (C,)."""
+        """Vehicles whose setpoints are refused, unacknowledged or apparently not followed, (C,)."""
         self.sinking = set[VehicleId]()
         """Vehicles that lose height although commanded to climb."""
         self._unanswered = set[VehicleId]()
@@ -190,7 +189,7 @@ class ConformanceMonitor:
     def judge_motion(self, tick: Tick, now: Instant) -> None:
         """Check that vehicles follow the setpoints of this and earlier ticks."""
         for flier in self._fliers:
-            if not tick.active[flier.vehicle.column]:
+            if not tick.active[flier.vehicle.index]:
                 flier.since = None
             elif flier.since is None:
                 flier.since = now
@@ -199,14 +198,14 @@ class ConformanceMonitor:
         self._next_check = Instant(now + round(CHECK_S * NANOSECONDS))
         filters, broken = self._controller.estimator.filters, [each for each in self._fliers if each.broken]
         for flier in self._fliers:
-            vehicle, own = flier.vehicle, filters[flier.vehicle.column]
+            vehicle, own = flier.vehicle, filters[flier.vehicle.index]
             state = unknown_state() if own.state is None else own.state
             if vehicle.autopilot.flies_courses:
                 state = _by_course(state, vehicle.telemetry.motion)
             found = flier.check(own.stamp, state, self._controller.history, now)
             if found is not None:
                 self._log_event(now, "disobeys", _words(found), vehicle, _figures(found))
-            self.doubted[vehicle.column] = flier.doubted or self._refuses(vehicle, now)
+            self.doubted[vehicle.index] = flier.doubted or self._refuses(vehicle, now)
             if flier.sinks:
                 self.sinking.add(vehicle.identity)
             else:

@@ -138,9 +138,9 @@ class MarginWatch:
     def __init__(self, scenario: Scenario, vehicles: dict[VehicleId, Vehicle], log_event: LogEvent) -> None:
         """Watch the loops that the law closes around `vehicles`."""
         self.used = [math.nan] * (1 + len(scenario.followers))
-        """Share of the margin that each column uses with the present gains, (C,); NaN while its delay is unknown."""
+        """Share of the margin that each vehicle uses with the present gains, (C,); NaN while its delay is unknown."""
         self.bandwidth = [[1.0] * len(CHANNELS) for _ in self.used]
-        """Share of the full bandwidth that the loops should have, (C, 3) by column and channel."""
+        """Share of the full bandwidth that the loops should have, (C, 3) by index and channel."""
         self.max_used = 0.0
         """Largest share so far; infinite if a loop is unstable without delay, NaN for a law without known loops."""
         self.longest_s = math.nan
@@ -191,16 +191,16 @@ class MarginWatch:
 
     def _look(self, now: Instant, each: WatchedVehicle) -> None:
         vehicle, delay = each.vehicle, self._delay(each)
-        column = vehicle.column
+        index = vehicle.index
         if self._degrades or each.held_too_long:
             self._set_bandwidth(now, each, delay)
-        by_delay, bandwidth = math.nan, self.bandwidth[column]  # NaN while the delay is unknown
+        by_delay, bandwidth = math.nan, self.bandwidth[index]  # NaN while the delay is unknown
         for axis, usage in each.axes.items():
             used = usage.of(delay, bandwidth[channels_of(axis)[0]])
             by_delay = by_delay if by_delay >= used else used
-        by_taus, channel = self._by_time_constants(column, delay, each.axes)
+        by_taus, channel = self._by_time_constants(index, delay, each.axes)
         used = by_delay + by_taus
-        self.used[column] = used
+        self.used[index] = used
         self.max_used = max(self.max_used, used)
         if math.isnan(self.longest_s) or delay.mean_s > self.longest_s:
             self.longest_s = delay.mean_s
@@ -220,15 +220,15 @@ class MarginWatch:
             each.held_too_long = True
             text = f"was held for {HOLD_LOOKS} s by its delay: it follows with lower gains instead (on_delay: degrade)"
             self._log_event(now, "delay_margin", text, vehicle)
-        elif each.held_too_long and not each.held and min(self.bandwidth[vehicle.column]) == 1.0:
+        elif each.held_too_long and not each.held and min(self.bandwidth[vehicle.index]) == 1.0:
             each.held_too_long = False
 
-    def _by_time_constants(self, column: int, delay: LoopDelay, axes: dict[str, Usage]) -> tuple[float, int]:
+    def _by_time_constants(self, index: int, delay: LoopDelay, axes: dict[str, Usage]) -> tuple[float, int]:
         """Return the largest share of its margin against wrong time constants that a loop uses, and their channel."""
         maximum, whose = 0.0, 0
         for axis, usage in axes.items():
             for channel in channels_of(axis):
-                off = self._time_constants_off[channel][column]
+                off = self._time_constants_off[channel][index]
                 used = usage.of_lags(delay, off) if off >= TAUS_OFF_COUNTED else 0.0
                 if used > maximum:
                     maximum, whose = used, channel
@@ -236,8 +236,8 @@ class MarginWatch:
 
     def _forget(self, leader: Vehicle) -> None:
         """Forget the loops of a vehicle that has become the leader."""
-        column = leader.column
-        self.used[column], self.bandwidth[column] = math.nan, [1.0] * len(CHANNELS)
+        index = leader.index
+        self.used[index], self.bandwidth[index] = math.nan, [1.0] * len(CHANNELS)
         self._near.discard(leader.identity)
         self.beyond.discard(leader.identity)
 
@@ -253,7 +253,7 @@ class MarginWatch:
 
     def _set_bandwidth(self, now: Instant, each: WatchedVehicle, delay: LoopDelay) -> None:
         """Change the bandwidth of axes that use too much of the margin, or little with reduced gains."""
-        vehicle, bandwidth, changed = each.vehicle, self.bandwidth[each.vehicle.column], False
+        vehicle, bandwidth, changed = each.vehicle, self.bandwidth[each.vehicle.index], False
         for axis, usage in each.axes.items():
             before = bandwidth[channels_of(axis)[0]]
             used, which = usage.of(delay, before), (vehicle.identity, axis)
@@ -276,7 +276,7 @@ class MarginWatch:
             if math.isinf(used):
                 text, details["used"] = "has no delay margin: its loops are unstable whatever the delay", None
             if channel is not None:
-                off = self._time_constants_off[channel][vehicle.column]
+                off = self._time_constants_off[channel][vehicle.index]
                 name = list(CHANNELS.values())[channel]
                 text += f": {name} doesn't follow as its model says, time constants are {off:.0%} off"
                 details["lags_off"] = off
@@ -286,7 +286,7 @@ class MarginWatch:
             self._log_event(now, "delay_margin", "is well inside its delay margin again", vehicle, {"used": used})
 
     def _report_gains(self, now: Instant, vehicle: Vehicle, delay: LoopDelay, used: float) -> None:
-        shares = dict(zip(CHANNELS.values(), self.bandwidth[vehicle.column], strict=True))
+        shares = dict(zip(CHANNELS.values(), self.bandwidth[vehicle.index], strict=True))
         words = ", ".join(f"{channel} {share:.0%}" for channel, share in shares.items())
         lowered = min(shares.values()) < 1.0
         text = f"gains lowered; shares of the bandwidth: {words}" if lowered else "gains are the scenario's again"

@@ -65,7 +65,7 @@ class VerticalSeparation:
             self._allow_for_climb(now)
         heights_m, given_m = [math.nan] * len(links), self._stack.heights_m
         for vehicle in self._vehicles:
-            heights_m[vehicle.column] = given_m.get(vehicle.identity, math.nan)
+            heights_m[vehicle.index] = given_m.get(vehicle.identity, math.nan)
         return heights_m
 
     def _allow_for_climb(self, now: Instant) -> None:
@@ -85,7 +85,7 @@ class VerticalSeparation:
         return any(math.hypot(place.north_mps, place.east_mps) > HOVER_MPS for place in steered)
 
     def _flier(self, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> FlyingVehicle | None:
-        place, column = vehicle.telemetry.motion, vehicle.column
+        place, index = vehicle.telemetry.motion, vehicle.index
         silent_s = seconds_between(vehicle.connection.last_received, now)
         if place is None or not vehicle.telemetry.armed or silent_s > FORGOTTEN_AFTER_S:
             return None
@@ -93,24 +93,24 @@ class VerticalSeparation:
             place = climbed_out(place, vehicle)
             return FlyingVehicle(place, place.height_m)
         answers = seconds_between(vehicle.round_trips.received_at(now), now) <= UNMOVED_S
-        led = links[column].ready and links[self._controller.plan.leader].ready
-        if led and answers and not links[column].disobeying:
-            return FlyingVehicle(place, self._commanded_m(column), steered=True)
-        orders_m = self._orders_m(vehicle, column, links, answers=answers)
+        led = links[index].ready and links[self._controller.plan.leader].ready
+        if led and answers and not links[index].disobeying:
+            return FlyingVehicle(place, self._commanded_m(index), steered=True)
+        orders_m = self._orders_m(vehicle, index, links, answers=answers)
         heights_m = [place.height_m, *(height_m for height_m in orders_m if math.isfinite(height_m))]
         return FlyingVehicle(place, heights_m[-1], (min(heights_m), max(heights_m)))
 
-    def _orders_m(self, vehicle: Vehicle, column: int, links: list[VehicleLink], *, answers: bool) -> tuple[float, ...]:
+    def _orders_m(self, vehicle: Vehicle, index: int, links: list[VehicleLink], *, answers: bool) -> tuple[float, ...]:
         """Return the heights to which a vehicle may be on its way, the last order last; NaN where there was none."""
         if vehicle.member in (Member.HOLDING, Member.RETURNING):
-            return self._received_m(column, links), vehicle.holds_at_m
-        return () if answers else (self._received_m(column, links), self._commanded_m(column))
+            return self._received_m(index, links), vehicle.holds_at_m
+        return () if answers else (self._received_m(index, links), self._commanded_m(index))
 
-    def _received_m(self, column: int, links: list[VehicleLink]) -> float:
+    def _received_m(self, index: int, links: list[VehicleLink]) -> float:
         """Return the height setpoint at the time when a vehicle was last known to receive."""
-        _, _, height_m = self._controller.history.commanded(links[column].received_at, column)
+        _, _, height_m = self._controller.history.commanded(links[index].received_at, index)
         return height_m
 
-    def _commanded_m(self, column: int) -> float:
+    def _commanded_m(self, index: int) -> float:
         tick = self._controller.last_tick
-        return math.nan if tick is None else tick.setpoints[column][2]
+        return math.nan if tick is None else tick.setpoints[index][2]

@@ -24,7 +24,7 @@ tests/gcs_formation/features/height_bound`."""
 
 
 class HeightBound(Stage):
-    """Keeps heights near those that the plan has for each column, or between these and where it joined.
+    """Keeps heights near those that the plan has for each vehicle, or between these and where it joined.
 
     After filters from outside, before fence, separation and ground: these may need other heights than the plan's.
     """
@@ -53,21 +53,21 @@ class HeightBound(Stage):
             leader_m: height of the leader's path, ahead by what a climb's time constants take.
             slots_m: (C,) forward, right and up; empty before there are any, the leader's isn't used.
         """
-        for column, setpoint in enumerate(tick.setpoints):
-            if not tick.active[column] or tick.slots_left or not slots_m:
-                self._joined_m[column] = math.nan
+        for index, setpoint in enumerate(tick.setpoints):
+            if not tick.active[index] or tick.slots_left or not slots_m:
+                self._joined_m[index] = math.nan
                 continue
-            planned_m = leader_m if column == tick.leader else leader_m + slots_m[column][2]
+            planned_m = leader_m if index == tick.leader else leader_m + slots_m[index][2]
             if math.isnan(planned_m) or math.isnan(setpoint[2]):
                 continue
-            from_m = self._from_m(column, planned_m, tick.state[column].height_m)
+            from_m = self._from_m(index, planned_m, tick.state[index].height_m)
             height_m = within(setpoint[2], min(from_m, planned_m) - BOUND_M, max(from_m, planned_m) + BOUND_M)
             if height_m != setpoint[2]:
-                tick.replace(column, (setpoint[0], setpoint[1], height_m))
+                tick.replace(index, (setpoint[0], setpoint[1], height_m))
 
-    def _from_m(self, column: int, planned_m: float, height_m: float) -> float:
-        """Return where a column comes from: where it was when it joined, moved to its plan at its climb limit."""
-        from_m, step_m = self._joined_m[column], self._models[column].climb_max_mps * self._dt_s
+    def _from_m(self, index: int, planned_m: float, height_m: float) -> float:
+        """Return where a vehicle comes from: where it was when it joined, moved to its plan at its climb limit."""
+        from_m, step_m = self._joined_m[index], self._models[index].climb_max_mps * self._dt_s
         from_m = height_m if math.isnan(from_m) else from_m + within(planned_m - from_m, -step_m, step_m)
-        self._joined_m[column] = from_m
+        self._joined_m[index] = from_m
         return from_m

@@ -30,7 +30,7 @@ class LimitCycles(Stage):
 
     def __init__(self, cycle: Cycle) -> None:
         """Begin without swings."""
-        count = cycle.controller.columns
+        count = cycle.controller.count
         self._swings = [Swings() for _ in range(count)]
         self._answers = [Answer() for _ in range(count)]
         self._named = [False] * count
@@ -39,39 +39,39 @@ class LimitCycles(Stage):
         """Take the errors of this tick, and say who begins or ends to swing."""
         tick = cycle.tick
         for vehicle in cycle.each:
-            column = vehicle.column
-            error_m = tick.error_of(column)[RIGHT]
-            if math.isnan(error_m) or tick.yielding[column] or tick.replaced[column][RIGHT]:
-                self._swings[column].clear()
-                self._answers[column].clear()
+            index = vehicle.index
+            error_m = tick.error_of(index)[RIGHT]
+            if math.isnan(error_m) or tick.yielding[index] or tick.replaced[index][RIGHT]:
+                self._swings[index].clear()
+                self._answers[index].clear()
                 continue
-            self._swings[column].add(tick.now / NANOSECONDS, error_m)
-            self._take_answer(cycle, tick, column)
+            self._swings[index].add(tick.now / NANOSECONDS, error_m)
+            self._take_answer(cycle, tick, index)
             self._judge(cycle, vehicle)
 
-    def _take_answer(self, cycle: Cycle, tick: Tick, column: int) -> None:
-        seen, link = cycle.controller.estimator.filters[column], tick.links[column]
+    def _take_answer(self, cycle: Cycle, tick: Tick, index: int) -> None:
+        seen, link = cycle.controller.estimator.filters[index], tick.links[index]
         state, way_s = seen.state, link.on_its_way_s
         if state is not None and not math.isnan(way_s):
             acts_s = tick.now / NANOSECONDS + way_s + link.lag_s
-            self._answers[column].add(acts_s, tick.setpoints[column][1], seen.stamp / NANOSECONDS, state.heading_rad)
+            self._answers[index].add(acts_s, tick.setpoints[index][1], seen.stamp / NANOSECONDS, state.heading_rad)
 
     def _judge(self, cycle: Cycle, vehicle: Vehicle) -> None:
-        column = vehicle.column
-        swings, now_s = self._swings[column], cycle.now / NANOSECONDS
-        steady = swings.steady(now_s, still=self._named[column])
-        if steady == self._named[column]:
+        index = vehicle.index
+        swings, now_s = self._swings[index], cycle.now / NANOSECONDS
+        steady = swings.steady(now_s, still=self._named[index])
+        if steady == self._named[index]:
             return
-        self._named[column] = steady
+        self._named[index] = steady
         if not steady:
             cycle.log_event(cycle.now, "limit_cycle", "no longer swings about its slot", vehicle, {"begins": False})
             return
         amplitude_m, period_s = swings.amplitude_m, swings.period_s
-        late_s = self._answers[column].late_s(period_s, cycle.controller.models[column].tau_psi_s)
+        late_s = self._answers[index].late_s(period_s, cycle.controller.models[index].tau_psi_s)
         text = f"swings about its slot by {amplitude_m:.1f} m to either side, every {period_s:.1f} s: "
         details: dict[str, Detail] = {"begins": True, "amplitude_m": amplitude_m, "period_s": period_s}
         details["late_s"] = None if math.isnan(late_s) else late_s
-        text += _cause(late_s, cycle.findings.margin_used[column])
+        text += _cause(late_s, cycle.findings.margin_used[index])
         cycle.log_event(cycle.now, "limit_cycle", text, vehicle, details)
 
 

@@ -52,7 +52,7 @@ class VehicleBudget:
     def __init__(self, vehicle: Vehicle, stated: Stated = UNSTATED) -> None:
         """Start with everything as often as it is of use; `stated`: what the scenario says that its radio carries."""
         self.vehicle, self.load, self.streams = vehicle, LinkLoad(vehicle), StreamRates(vehicle)
-        self._all_hz, vehicle.setpoints.turn = dict(vehicle.start_up_hz), vehicle.column
+        self._all_hz, vehicle.setpoints.turn = dict(vehicle.start_up_hz), vehicle.index
         self.level = self._stated = stated.level
         self._since = self._full_at = self._raised = self._ignored_from = LONG_AGO
         """When the level was set, when the link was last full, when rates last went up, and since when a bad link has
@@ -167,7 +167,7 @@ class LinkBudget:
         found, changes = list[tuple[Vehicle, Message]](), dict[int, list[VehicleBudget]]()
         for each in self._each:
             vehicle = each.vehicle
-            each.look(now, near=_is_near(vehicle.column, margins_used))
+            each.look(now, near=_is_near(vehicle.index, margins_used))
             if not vehicle.connection.talks or vehicle.is_left:
                 continue
             report = self._reports.of(vehicle.connection, now)
@@ -205,12 +205,12 @@ class LinkBudget:
         self._log_event(now, "link_load", text, one, {"vehicles": who, "level": those[0].level})
 
 
-def _is_near(column: int, margins_used: Sequence[float]) -> bool:
+def _is_near(index: int, margins_used: Sequence[float]) -> bool:
     """Return whether a vehicle's loop is near its margin; one without a loop, which others follow, if any of these is.
 
     What one loop needs changes nothing on the links of others.
     """
-    own = margins_used[column] if column < len(margins_used) else math.nan
+    own = margins_used[index] if index < len(margins_used) else math.nan
     return any(used > NEAR for used in margins_used) if math.isnan(own) else own > NEAR
 
 

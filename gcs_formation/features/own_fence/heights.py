@@ -28,9 +28,9 @@ class OwnFences(Stage):
         tick = cycle.tick
         for vehicle in self._vehicles:
             heights_m = vehicle.autopilot.heights_m
-            if heights_m is None or not tick.active[vehicle.column]:
+            if heights_m is None or not tick.active[vehicle.index]:
                 continue
-            setpoint = tick.setpoints[vehicle.column]
+            setpoint = tick.setpoints[vehicle.index]
             height_m = within(setpoint[2], heights_m[0], heights_m[1])
             if height_m != setpoint[2]:
-                tick.replace(vehicle.column, (setpoint[0], setpoint[1], height_m))
+                tick.replace(vehicle.index, (setpoint[0], setpoint[1], height_m))

@@ -16,14 +16,14 @@ CLIMB = "climb_max_mps"
 SHOWN = 3
 """Of what can't be flown so many are named."""
 Bound = Callable[[int, float, float, float], None]
-"""Bounds a column's acceleration, m/s², its turn rate, rad/s, and its climb and descent, m/s."""
+"""Bounds a vehicle's acceleration, m/s², its turn rate, rad/s, and its climb and descent, m/s."""
 
 
 class ReadLimits:
     """The limits of all vehicles that are narrower than their models'."""
 
     def __init__(self, scenario: Scenario, bound: Bound) -> None:
-        """Start with none; `bound` applies those of a column's model."""
+        """Start with none; `bound` applies those of a vehicle's model."""
         self._scenario, self._bound = scenario, bound
         self._models = {each.vehicle_id: each.model for each in scenario.vehicles}
         self._reported = dict[VehicleId, str]()
@@ -55,7 +55,7 @@ class ReadLimits:
         turn_rps = min(own.get(TURN_RATE, model.turn_rate_max_rps), model.turn_rate_max_rps)
         autopilot.turn_rate_max_rps = turn_rps
         climb_mps = min(own.get(CLIMB, model.climb_max_mps), model.climb_max_mps)
-        self._bound(vehicle.column, accel_mps2, turn_rps, climb_mps)
+        self._bound(vehicle.index, accel_mps2, turn_rps, climb_mps)
         update = {ACCELERATION: accel_mps2, TURN_RATE: turn_rps, CLIMB: climb_mps}
         update |= {MINIMUM: autopilot.true_airspeed(slowest_mps), MAXIMUM: autopilot.true_airspeed(fastest_mps)}
         self._models[vehicle.identity] = model.model_copy(update=update)

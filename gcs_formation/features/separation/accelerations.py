@@ -29,22 +29,22 @@ class Accelerations:
         *,
         hovers: bool,
     ) -> None:
-        """Take the setpoints sent, the columns' models, and what has measured accelerations."""
+        """Take the setpoints sent, the vehicles' models, and what has measured accelerations."""
         self._history, self._models, self._uncommanded, self._hovers = history, models, uncommanded, hovers
 
-    def of(self, column: int, measured: MeasuredStates) -> tuple[float, float]:
+    def of(self, index: int, measured: MeasuredStates) -> tuple[float, float]:
         """Return a multirotor's acceleration when its setpoint acts: as measured, changed since by those in flight.
 
         It is 0 for uncommanded vehicles, whose accelerations are intents of their own.
         """
-        if not self._hovers or not measured.active[column]:
+        if not self._hovers or not measured.active[index]:
             return 0.0, 0.0
-        at, acts, model = measured.stamps[column], measured.acts[column], self._models[column]
-        (north_mps, east_mps), accel_mps2 = measured.states[column].ground_mps(), self._uncommanded.accel_mps2[column]
+        at, acts, model = measured.stamps[index], measured.acts[index], self._models[index]
+        (north_mps, east_mps), accel_mps2 = measured.states[index].ground_mps(), self._uncommanded.accel_mps2[index]
         while at < acts:
             step_ns = min(acts - at, STEP_NS)
             step_s = float(step_ns) / NANOSECONDS
-            speed_mps, heading_rad, _ = self._history.commanded(at, column)
+            speed_mps, heading_rad, _ = self._history.commanded(at, index)
             wanted = wanted_mps2(model, (north_mps, east_mps), speed_mps, heading_rad)
             accel_mps2 = changed_mps2(accel_mps2, wanted, step_s)
             north_mps, east_mps = north_mps + step_s * accel_mps2[0], east_mps + step_s * accel_mps2[1]

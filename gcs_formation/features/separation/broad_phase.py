@@ -33,7 +33,7 @@ class KeptDistance:
         Args:
             max_m: from uncommanded vehicles, and where slots are far apart, or vehicles far from their slots.
             each_m: (C, C); None where slots rest: then it follows from the slots' distance.
-            first: the first column that is a vehicle.
+            first: the first index that is a vehicle's.
         """
         self.max_m = max_m
         self.each_m = each_m

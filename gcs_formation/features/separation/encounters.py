@@ -13,7 +13,7 @@ import numpy as np
 from airlink.clock import Instant, seconds_between
 from flight_model.slot import HEIGHT
 from formation_scenario import Scenario
-from formation_scenario.slot_assignment import column_ids
+from formation_scenario.slot_assignment import ids_by_index
 from gcs_formation.features.separation.conflict_resolution import Conflict
 from gcs_formation.features.separation.traffic import TrafficPicture
 from gcs_formation.recorder import Detail, Event, Tick
@@ -38,7 +38,7 @@ class Encounters:
 
     def __init__(self, scenario: Scenario) -> None:
         """Begin with none."""
-        self._identities = column_ids(scenario)
+        self._identities = ids_by_index(scenario)
         self._each: dict[tuple[int, int], Encounter] = {}
 
     @property
@@ -84,7 +84,7 @@ class Encounters:
         tick.events.append(Event(tick.now, "separation", f"{what} {other}{how}", vehicle, details))
 
 
-def _way(tick: Tick, column: int, side: float) -> str:
+def _way(tick: Tick, index: int, side: float) -> str:
     """Return how a vehicle manoeuvres, for the event."""
     vertically = "upwards" if side > 0.0 else "downwards"
-    return vertically if tick.replaced[column][HEIGHT] else "as high"
+    return vertically if tick.replaced[index][HEIGHT] else "as high"

@@ -51,7 +51,7 @@ BRAKES_NS: Final = (0, NANOSECONDS, 2 * NANOSECONDS)
 class Place(NamedTuple):
     """A position that a vehicle may have if it doesn't respond."""
 
-    column: int
+    vehicle_index: int
     stands: int | None
     """Instant from which it hovers; None: it flies on."""
     sets_off: int | None = None
@@ -86,23 +86,23 @@ class NonConforming:
 
         `active`: those that are sent setpoints.
         """
-        for column, link in enumerate(links):
-            if active[column]:
-                self._left[column] = None
-            elif self._left[column] is None:
-                self._left[column] = now
+        for index, link in enumerate(links):
+            if active[index]:
+                self._left[index] = None
+            elif self._left[index] is None:
+                self._left[index] = now
             answers = now - link.received_at <= _suspect_after_s(link) * NANOSECONDS
             if answers:
-                self._held[column] = None
-            elif self._held[column] is None:
-                self._held[column] = self._history.commanded(link.received_at, column)
-            self._disobeying[column] = link.disobeying
+                self._held[index] = None
+            elif self._held[index] is None:
+                self._held[index] = self._history.commanded(link.received_at, index)
+            self._disobeying[index] = link.disobeying
 
     @property
     def any(self) -> bool:
         """Whether any vehicle may not respond."""
-        for column, held in enumerate(self._held):  # noqa: SIM110 - compiled, `any` costs ten times as much
-            if held is not None or self._disobeying[column]:
+        for index, held in enumerate(self._held):  # noqa: SIM110 - compiled, `any` costs ten times as much
+            if held is not None or self._disobeying[index]:
                 return True
         return False
 
@@ -115,77 +115,77 @@ class NonConforming:
         measured: MeasuredStates,
         at: int,
     ) -> tuple[list[int], list[Vector3], list[float], Traffic | None]:
-        """Return the possible positions, at the instant `at`, of those of the columns `members` that may not respond.
+        """Return the possible positions, at the instant `at`, of those of the vehicles `members` that may not respond.
 
-        `stopped`: columns whose states are too old, of which alone it is known where they stopped. For each position:
-        the column, the vehicle's assumed intent, for how long it has moved since its state, and its column of the
+        `stopped`: vehicles whose states are too old, of which alone it is known where they stopped. For each position:
+        the index, the vehicle's assumed intent, for how long it has moved since its state, and its index of the
         traffic.
         """
-        columns, intents, states, leads_s = list[int](), list[Vector3](), list[FlightState](), list[float]()
+        indices, intents, states, leads_s = list[int](), list[Vector3](), list[FlightState](), list[float]()
         moved_s = list[float]()
         places = self._places(members, now, links, measured.stamps)
         for place in places + self._braking(stopped, now, links, measured.stamps):
-            state = measured.states[place.column].copy()
-            found = self._flies(state, place, measured.stamps[place.column], at)
+            state = measured.states[place.vehicle_index].copy()
+            found = self._flies(state, place, measured.stamps[place.vehicle_index], at)
             if found is not None:
                 setpoint, lead_s = found
-                columns.append(place.column)
+                indices.append(place.vehicle_index)
                 intents.append(setpoint)
                 states.append(state)
                 leads_s.append(lead_s)
-                moved_s.append(_moved_s(place, measured.stamps[place.column]))
-        if not columns:
-            return columns, intents, moved_s, None
-        models, still = AutopilotModels.from_each(self._models[each] for each in columns), np.zeros((3, len(columns)))
+                moved_s.append(_moved_s(place, measured.stamps[place.vehicle_index]))
+        if not indices:
+            return indices, intents, moved_s, None
+        models, still = AutopilotModels.from_each(self._models[each] for each in indices), np.zeros((3, len(indices)))
         traffic = Traffic(FlightStates.from_each(states), np.array(leads_s), still[0], models, still[1:], self._hovers)
-        return columns, intents, moved_s, traffic
+        return indices, intents, moved_s, traffic
 
     def _places(self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]) -> list[Place]:
         """Return the possible positions; `seen`: when states were measured, which show departures before that."""
         found = [Place(each, None, held=self._held_by(each)) for each in members if self._may_not_respond(each)]
         found += self._braking(members, now, links, seen)
-        for column in members:
-            link, left = links[column], self._left[column]
-            if self._held[column] is None or math.isinf(link.stands_after_s):
+        for index in members:
+            link, left = links[index], self._left[index]
+            if self._held[index] is None or math.isinf(link.stands_after_s):
                 continue
             after_ns, home_m = round(link.stands_after_s * NANOSECONDS), link.home_m
             if now < link.received_at + after_ns - SOON_NS:
                 continue
             for received_at in (link.received_at,) if left is None else (link.received_at, left):
                 stands = received_at + after_ns
-                held = self._held_by(column)
-                found.append(Place(column, stands, held=held))
-                first, last = max(stands, int(seen[column])), received_at + round(link.returns_after_s * NANOSECONDS)
+                held = self._held_by(index)
+                found.append(Place(index, stands, held=held))
+                first, last = max(stands, int(seen[index])), received_at + round(link.returns_after_s * NANOSECONDS)
                 if home_m is not None and first <= last:
                     over_ns = min(max(now, first), last) - first
-                    found += [Place(column, stands, first + round(share * over_ns), home_m, held) for share in SET_OFF]
+                    found += [Place(index, stands, first + round(share * over_ns), home_m, held) for share in SET_OFF]
         return found
 
-    def _may_not_respond(self, column: int) -> bool:
-        return self._disobeying[column] or self._held[column] is not None
+    def _may_not_respond(self, index: int) -> bool:
+        return self._disobeying[index] or self._held[index] is not None
 
-    def _held_by(self, column: int) -> Vector3:
-        return self._held[column] or UNKNOWN
+    def _held_by(self, index: int) -> Vector3:
+        return self._held[index] or UNKNOWN
 
     def _braking(self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]) -> list[Place]:
         """Return where multirotors stop that were commanded to, and say no position since."""
         found = list[Place]()
-        for column in members:
-            brakes = links[column].brakes
-            if brakes is None or now - seen[column] < BLIND_NS:
+        for index in members:
+            brakes = links[index].brakes
+            if brakes is None or now - seen[index] < BLIND_NS:
                 continue
-            begins, held = self._last_known(column, brakes, links[column].until_it_acts_s, int(seen[column]))
-            found += [Place(column, begins + later_ns, held=held) for later_ns in BRAKES_NS]
+            begins, held = self._last_known(index, brakes, links[index].until_it_acts_s, int(seen[index]))
+            found += [Place(index, begins + later_ns, held=held) for later_ns in BRAKES_NS]
         return found
 
-    def _last_known(self, column: int, brakes: int, way_s: float, seen: int) -> tuple[int, Vector3]:
+    def _last_known(self, index: int, brakes: int, way_s: float, seen: int) -> tuple[int, Vector3]:
         """Return when a command to stop came through, and the setpoint at the last position: kept, as histories end."""
-        known = self._stops[column]
+        known = self._stops[index]
         if known is None or known[0] != brakes or known[1] != seen:
-            comes, held = brakes + round(way_s * NANOSECONDS), self._history.commanded(seen, column)
+            comes, held = brakes + round(way_s * NANOSECONDS), self._history.commanded(seen, index)
             if math.isnan(held[0]):  # the history has ended before the command
-                held = self._held_by(column)
-            known = self._stops[column] = brakes, seen, comes, held
+                held = self._held_by(index)
+            known = self._stops[index] = brakes, seen, comes, held
         return known[2], known[3]
 
     def _flies(self, state: FlightState, place: Place, begin: int, at: int) -> tuple[Vector3, float] | None:
@@ -193,7 +193,7 @@ class NonConforming:
 
         Return its intent then, and for how long it has had it; None for a vehicle that is home by now.
         """
-        model, stands, sets_off = self._models[place.column], place.stands, place.sets_off
+        model, stands, sets_off = self._models[place.vehicle_index], place.stands, place.sets_off
         stands = at if stands is None else min(max(stands, begin), at)
         sets_off = at if sets_off is None else min(max(sets_off, begin), at)
         speed_mps, heading_rad, height_m = place.held
@@ -251,18 +251,18 @@ class UncommandedMotion:
                 break
         else:
             return  # compiled, `all` costs ten times as much
-        for column, model in enumerate(self._models):
-            elapsed_s = float(measured.stamps[column] - before.stamps[column]) / NANOSECONDS
-            if measured.active[column] and not self._hovers:
-                self.turn_rps[column] = 0.0
+        for index, model in enumerate(self._models):
+            elapsed_s = float(measured.stamps[index] - before.stamps[index]) / NANOSECONDS
+            if measured.active[index] and not self._hovers:
+                self.turn_rps[index] = 0.0
             elif 0.0 < elapsed_s < FORGOTTEN_AFTER_S:
-                then, now, max_rps = before.states[column], measured.states[column], model.turn_rate_max_rps
+                then, now, max_rps = before.states[index], measured.states[index], model.turn_rate_max_rps
                 if self._hovers:
-                    self._watch_velocity(column, then.ground_mps(), now.ground_mps(), elapsed_s)
-                    self.non_conforming[column] = measured.active[column] and self._leaves_command(column, measured)
+                    self._watch_velocity(index, then.ground_mps(), now.ground_mps(), elapsed_s)
+                    self.non_conforming[index] = measured.active[index] and self._leaves_command(index, measured)
                 else:
                     turned_rad = wrap(now.heading_rad - then.heading_rad)
-                    self.turn_rps[column] = within(turned_rad / elapsed_s, -max_rps, max_rps)
+                    self.turn_rps[index] = within(turned_rad / elapsed_s, -max_rps, max_rps)
 
     def intents(self, tick: Tick, members: list[int], measured: MeasuredStates) -> list[tuple[int, Vector3]]:
         """Return other possible intents of multirotors: their indices in `members`, and velocities as setpoints."""
@@ -273,22 +273,22 @@ class UncommandedMotion:
         return found + [(at, home) for at in free if (home := self._homewards(tick, members[at], measured))]
 
     def _watch_velocity(
-        self, column: int, then: tuple[float, float], now: tuple[float, float], elapsed_s: float
+        self, index: int, then: tuple[float, float], now: tuple[float, float], elapsed_s: float
     ) -> None:
-        share, (north_mps2, east_mps2) = min(elapsed_s / ACCELERATION_S, 1.0), self.accel_mps2[column]
+        share, (north_mps2, east_mps2) = min(elapsed_s / ACCELERATION_S, 1.0), self.accel_mps2[index]
         north_mps2 += share * ((now[0] - then[0]) / elapsed_s - north_mps2)
         east_mps2 += share * ((now[1] - then[1]) / elapsed_s - east_mps2)
-        self.accel_mps2[column] = north_mps2, east_mps2
+        self.accel_mps2[index] = north_mps2, east_mps2
 
-    def _leaves_command(self, column: int, measured: MeasuredStates) -> bool:
+    def _leaves_command(self, index: int, measured: MeasuredStates) -> bool:
         """Return whether a multirotor's velocity departs from the commanded one, or has and doesn't return.
 
         A vehicle that had no setpoint a second ago is excluded: it may still be stopping.
         """
-        told_mps, commanded_rad, _ = self._history.commanded(measured.stamps[column], column)
-        if math.isnan(self._history.commanded(measured.stamps[column] - NANOSECONDS, column)[0]):
+        told_mps, commanded_rad, _ = self._history.commanded(measured.stamps[index], index)
+        if math.isnan(self._history.commanded(measured.stamps[index] - NANOSECONDS, index)[0]):
             return False
-        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self.accel_mps2[column]
+        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[index].ground_mps(), self.accel_mps2[index]
         north_mps, east_mps = (
             told_mps * math.cos(commanded_rad) - north_mps,
             told_mps * math.sin(commanded_rad) - east_mps,
@@ -297,20 +297,20 @@ class UncommandedMotion:
         if not off_mps > NON_CONFORMING_MPS:
             return False
         back_mps2 = (north_mps * north_mps2 + east_mps * east_mps2) / off_mps
-        return back_mps2 < -NON_CONFORMING_MPS2 or (self.non_conforming[column] and back_mps2 < NON_CONFORMING_MPS2)
+        return back_mps2 < -NON_CONFORMING_MPS2 or (self.non_conforming[index] and back_mps2 < NON_CONFORMING_MPS2)
 
-    def _accelerated(self, column: int, measured: MeasuredStates) -> Vector3:
+    def _accelerated(self, index: int, measured: MeasuredStates) -> Vector3:
         """Return the velocity, as speed and heading, that a multirotor reaches if it keeps accelerating."""
-        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[column].ground_mps(), self.accel_mps2[column]
+        (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[index].ground_mps(), self.accel_mps2[index]
         north_mps, east_mps = north_mps + ACCELERATES_S * north_mps2, east_mps + ACCELERATES_S * east_mps2
         return math.hypot(north_mps, east_mps), math.atan2(east_mps, north_mps), math.nan
 
-    def _homewards(self, tick: Tick, column: int, measured: MeasuredStates) -> Vector3 | None:
+    def _homewards(self, tick: Tick, index: int, measured: MeasuredStates) -> Vector3 | None:
         """Return the velocity of a multirotor's flight home; None if its mode doesn't take it there."""
-        home_m = tick.links[column].flies_home_m
+        home_m = tick.links[index].flies_home_m
         if home_m is None:
             return None
-        return homewards(measured.states[column], home_m, self._models[column], self._horizon_s)
+        return homewards(measured.states[index], home_m, self._models[index], self._horizon_s)
 
 
 def _suspect_after_s(link: VehicleLink) -> float:

@@ -49,7 +49,7 @@ class ConflictResolver:
     """Applies the rule tick by tick, and keeps track of the encounters."""
 
     def __init__(self, scenario: Scenario, history: SetpointHistory, models: list[AutopilotModel]) -> None:
-        """Take the distance to keep; `history` holds the setpoints sent to the columns, (C,) `models`."""
+        """Take the distance to keep; `history` holds the setpoints sent to the vehicles, (C,) `models`."""
         self._keys = SeparationKeys.of(scenario).avoidance
         self._enabled: bool = self._keys.enabled
         self._hovers: bool = scenario.hovers
@@ -63,13 +63,13 @@ class ConflictResolver:
         self._dt_s = 1.0 / scenario.law.rate_hz
         self._times_s = sample_times(_acts_s(self._dt_s), self._keys.horizon_s)
         self._first = 1 if self._virtual else 0
-        """The first column that is a vehicle."""
+        """The first index that is a vehicle's."""
         until_s = float(self._times_s[1]), float(self._times_s[-1])
         self._broad_phase = BroadPhase(models[self._first :], *until_s, hovers=self._hovers)
         count, schedule = len(models), slot_schedule(scenario)
         self._side, self._manoeuvring_s = [0.0] * count, [0.0] * count
         self._slots: list[Vector3] = [(forward_m, right_m, up_m) for forward_m, right_m, up_m in schedule[0].places_m]
-        """All columns' slots at the last tick that had any: there are none at the end of a flight."""
+        """All vehicles' slots at the last tick that had any: there are none at the end of a flight."""
         self._afar = [False] * count
         self._slots_known: list[Vector3] | None = None
         """The list that `_slots` was made from; the same object means no change."""
@@ -132,23 +132,23 @@ class ConflictResolver:
         ):
             return False
         first, acts, together = self._first, measured.acts, measured.acts[self._first]
-        for column, active in enumerate(tick.active):
-            if not active or self._side[column] != 0.0:
+        for index, active in enumerate(tick.active):
+            if not active or self._side[index] != 0.0:
                 return False
-            if column >= first:
-                if tick.age_s[column] >= FORGOTTEN_AFTER_S:
+            if index >= first:
+                if tick.age_s[index] >= FORGOTTEN_AFTER_S:
                     return False
-                together = max(together, acts[column])
+                together = max(together, acts[index])
         look = self._broad_phase
         reference = max(first, tick.leader)
         look.begin_test(tick.state[reference], tick.setpoints[reference][0], tick.setpoints[reference][1])
-        for column in range(first, len(acts)):
-            speed_mps, heading_rad, _ = tick.setpoints[column]
-            early_s, timing_s = float(together - acts[column]) / NANOSECONDS, _timing_s(tick, column)
-            slot_m = self._slot(column)
-            north_mps2, east_mps2 = self._accelerations.of(column, measured)
+        for index in range(first, len(acts)):
+            speed_mps, heading_rad, _ = tick.setpoints[index]
+            early_s, timing_s = float(together - acts[index]) / NANOSECONDS, _timing_s(tick, index)
+            slot_m = self._slot(index)
+            north_mps2, east_mps2 = self._accelerations.of(index, measured)
             accel_mps2 = math.sqrt(squared(north_mps2) + squared(east_mps2))
-            look.see(column - first, tick.state[column], slot_m, speed_mps, heading_rad, early_s, timing_s, accel_mps2)
+            look.see(index - first, tick.state[index], slot_m, speed_mps, heading_rad, early_s, timing_s, accel_mps2)
         return look.all_apart(kept)
 
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
@@ -157,11 +157,11 @@ class ConflictResolver:
         places: list[int] = vehicles.tolist()
         sides: list[float] = resolution.side.tolist()
         commanded: list[list[float]] = resolution.setpoints.table.T.tolist()
-        for column, side, (speed_mps, heading_rad, height_m) in zip(places, sides, commanded, strict=True):
+        for index, side, (speed_mps, heading_rad, height_m) in zip(places, sides, commanded, strict=True):
             if side:
                 setpoint = speed_mps, heading_rad, height_m
-                self._side[column] = side
-                tick.replace(column, setpoint)
+                self._side[index] = side
+                tick.replace(index, setpoint)
         tick.yielding = [side != 0.0 for side in self._side]
         self._manoeuvring_s = [
             lasted_s + self._dt_s if manoeuvres else 0.0
@@ -169,31 +169,31 @@ class ConflictResolver:
         ]
 
     def _members(self, tick: Tick) -> list[int]:
-        """Return the columns that the rule considers: the leader first, multirotors far from their slots last."""
+        """Return the vehicles that the rule considers: the leader first, multirotors far from their slots last."""
         counted = [
-            column
-            for column in range(self._first, len(self._models))
-            if tick.age_s[column] < FORGOTTEN_AFTER_S and (tick.active[column] or tick.links[column].flew)
+            index
+            for index in range(self._first, len(self._models))
+            if tick.age_s[index] < FORGOTTEN_AFTER_S and (tick.active[index] or tick.links[index].flew)
         ]
         if self._hovers:
             near_m = min(self._kept_m, SLOT_SHARE * _nearest_m(np.array(self._slots[self._first :])))
-            counted.sort(key=lambda column: math.hypot(*tick.error_of(column)) > near_m)
+            counted.sort(key=lambda index: math.hypot(*tick.error_of(index)) > near_m)
         if tick.leader in counted:
             counted.remove(tick.leader)
             counted.insert(0, tick.leader)
         return counted
 
     def _stopped(self, tick: Tick) -> list[int]:
-        """Return the columns whose states are too old, but which were commanded to stop: where they did isn't.
+        """Return the vehicles whose states are too old, but which were commanded to stop: where they did isn't.
 
         One of which nothing is received is forgotten: whether it stopped, or is still there, is not known.
         """
         return [
-            column
-            for column in range(self._first, len(self._models))
-            if tick.age_s[column] >= FORGOTTEN_AFTER_S
-            and tick.links[column].brakes is not None
-            and tick.links[column].airborne
+            index
+            for index in range(self._first, len(self._models))
+            if tick.age_s[index] >= FORGOTTEN_AFTER_S
+            and tick.links[index].brakes is not None
+            and tick.links[index].airborne
         ]
 
     def _picture(
@@ -208,10 +208,10 @@ class ConflictResolver:
         acts: list[int] = [measured.acts[each] for each in members]
         together = max((at for at, each in zip(acts, members, strict=True) if tick.active[each]), default=min(acts))
         traffic = self._traffic(tick, measured, members, together)
-        columns, setpoints_of, moved_s, others = self._non_conforming.traffic(
+        indices, setpoints_of, moved_s, others = self._non_conforming.traffic(
             members, stopped, tick.now, tick.links, measured, together
         )
-        vehicles = [*members, *columns]
+        vehicles = [*members, *indices]
         commanded = [tick.active[each] for each in members]
         setpoints = [tick.setpoints[each] if tick.active[each] else UNKNOWN for each in members]
         if others is not None:
@@ -249,14 +249,14 @@ class ConflictResolver:
         )
 
     def _traffic(self, tick: Tick, measured: MeasuredStates, members: list[int], together: int) -> Traffic:
-        """Return the columns `members` as they fly if they respond; predictions start at the instant `together`."""
+        """Return the vehicles `members` as they fly if they respond; predictions start at the instant `together`."""
         acts: list[int] = [measured.acts[each] for each in members]
         until = [at if tick.active[each] else together for at, each in zip(acts, members, strict=True)]
         turn_rps = np.array([0.0 if tick.active[each] else self._uncommanded.turn_rps[each] for each in members])
         lead_s = np.array([(together - each) / NANOSECONDS for each in until])
         models = AutopilotModels.from_each(self._models[each] for each in members)
         states = self._state(tick, measured, members, until, turn_rps)
-        accel_mps2 = np.array([self._accelerations.of(column, measured) for column in members]).T
+        accel_mps2 = np.array([self._accelerations.of(index, measured) for index in members]).T
         return Traffic(states, lead_s, turn_rps, models, accel_mps2, self._hovers)
 
     def _state(
@@ -266,8 +266,8 @@ class ConflictResolver:
         if self._predicted and all(tick.active[each] for each in members):
             return FlightStates.from_each(tick.state[each] for each in members)
         states = [measured.states[each].copy() for each in members]
-        for state, column, end in zip(states, members, until, strict=True):
-            self._history.carry(state, measured.stamps[column], end, column, self._models[column])
+        for state, index, end in zip(states, members, until, strict=True):
+            self._history.carry(state, measured.stamps[index], end, index, self._models[index])
         stamps: list[int] = [measured.stamps[each] for each in members]
         over_s = np.array([(end - stamp) / NANOSECONDS for end, stamp in zip(until, stamps, strict=True)])
         return FlightStates.from_each(states).turned(turn_rps, over_s)
@@ -296,14 +296,14 @@ class ConflictResolver:
     def _watch_errors(self, tick: Tick) -> None:
         """Store which vehicles are far from their slots; at the end of a flight, without slots, keep the result."""
         far_m2 = squared(AFAR * self._kept_m)
-        for column in range(len(self._afar)):
-            forward_m, right_m, up_m = tick.error_of(column)
+        for index in range(len(self._afar)):
+            forward_m, right_m, up_m = tick.error_of(index)
             if not math.isnan(forward_m):
-                self._afar[column] = squared(forward_m) + squared(right_m) + squared(up_m) > far_m2
+                self._afar[index] = squared(forward_m) + squared(right_m) + squared(up_m) > far_m2
 
-    def _slot(self, column: int) -> Vector3:
+    def _slot(self, index: int) -> Vector3:
         """Return a vehicle's slot; unknown (NaN) if it is far from it, and so not beside the neighbours of its slot."""
-        return UNKNOWN if self._afar[column] else self._slots[column]
+        return UNKNOWN if self._afar[index] else self._slots[index]
 
 
 def _acts_s(dt_s: float) -> float:
@@ -311,10 +311,10 @@ def _acts_s(dt_s: float) -> float:
     return dt_s + within(RESERVE_TICKS * dt_s, RESERVE_MIN_S, RESERVE_MAX_S)
 
 
-def _timing_s(tick: Tick, column: int, moves_s: float = FORGOTTEN_AFTER_S) -> float:
+def _timing_s(tick: Tick, index: int, moves_s: float = FORGOTTEN_AFTER_S) -> float:
     """Return the timing uncertainty of a state, s, since which the vehicle has moved for so long at most."""
-    age_s = min(tick.age_s[column], FORGOTTEN_AFTER_S, moves_s)
-    timing_s = TIMING_SHARE * (age_s + tick.links[column].delay_s)
+    age_s = min(tick.age_s[index], FORGOTTEN_AFTER_S, moves_s)
+    timing_s = TIMING_SHARE * (age_s + tick.links[index].delay_s)
     return 0.0 if math.isnan(timing_s) else timing_s
 
 

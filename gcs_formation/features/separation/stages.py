@@ -25,7 +25,7 @@ class Separation(Stage):
         self.resolver = ConflictResolver(cycle.scenario, controller.history, controller.models)
 
     def run(self, cycle: Cycle) -> None:
-        """Resolve conflicts; with a single column there are none."""
-        if cycle.controller.columns > 1:
+        """Resolve conflicts; with a single vehicle there are none."""
+        if cycle.controller.count > 1:
             apart_m = cycle.controller.plan.apart_m(cycle.now / NANOSECONDS)
             self.resolver.keep(cycle.tick, cycle.measured, apart_m)

@@ -20,7 +20,7 @@ DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
 class Candidate(NamedTuple):
     """A follower that could become the leader."""
 
-    column: int
+    vehicle_index: int
     distance_m: float
     """Distance from the leader's position."""
     delay_s: float
@@ -29,9 +29,9 @@ class Candidate(NamedTuple):
     jitter_s: float
 
     @classmethod
-    def of(cls, column: int, vehicle: Vehicle, distance_m: float) -> Self:
+    def of(cls, index: int, vehicle: Vehicle, distance_m: float) -> Self:
         """Return a vehicle with its measured link."""
-        return cls(column, distance_m, vehicle.clock.one_way_s, vehicle.sequence.loss, vehicle.jitter.jitter_s)
+        return cls(index, distance_m, vehicle.clock.one_way_s, vehicle.sequence.loss, vehicle.jitter.jitter_s)
 
 
 def can_lead(vehicle: Vehicle, age_s: float, now: Instant) -> bool:
@@ -41,21 +41,21 @@ def can_lead(vehicle: Vehicle, age_s: float, now: Instant) -> bool:
 
 
 def best_successor(candidates: Iterable[Candidate], spacing_m: float) -> int | None:
-    """Return the column of the best successor, None if there is no candidate.
+    """Return the index of the best successor, None if there is no candidate.
 
     Candidates are at most `spacing_m` farther from the leader's position than the nearest one. Among these the least
-    delay decides, then the least loss, jitter and distance (to a metre), and the first column.
+    delay decides, then the least loss, jitter and distance (to a metre), and the lowest index.
     """
     known = tuple(candidates)
     nearest_m = min((each.distance_m for each in known), default=0.0)
     suited = (each for each in known if each.distance_m <= nearest_m + spacing_m)
     best = min(suited, key=_rank, default=None)
-    return None if best is None else best.column
+    return None if best is None else best.vehicle_index
 
 
 def _rank(each: Candidate) -> tuple[float, ...]:
     link = (each.delay_s, DELAY_STEP_S), (each.loss, LOSS_STEP), (each.jitter_s, JITTER_STEP_S)
-    return *(_steps(*figure) for figure in link), round(each.distance_m), each.column
+    return *(_steps(*figure) for figure in link), round(each.distance_m), each.vehicle_index
 
 
 def _steps(value: float, step: float) -> float:

@@ -32,9 +32,9 @@ class Succession(Stage):
             return successor(cycle) is not None
 
         if is_lost(leader, cycle, replaceable):
-            column = successor(cycle)
-            if column is not None:
-                cycle.reconfiguration.replace_leader(column, cycle.now)
+            index = successor(cycle)
+            if index is not None:
+                cycle.reconfiguration.replace_leader(index, cycle.now)
 
 
 def is_lost(leader: Vehicle, cycle: Cycle, replaceable: Callable[[], bool]) -> bool:
@@ -48,15 +48,15 @@ def is_lost(leader: Vehicle, cycle: Cycle, replaceable: Callable[[], bool]) -> b
 
 
 def successor(cycle: Cycle) -> int | None:
-    """Return the column of the follower that is to take over, None if none can; sinking ones can't."""
+    """Return the index of the follower that is to take over, None if none can; sinking ones can't."""
     tick, leader, now = cycle.controller.last_tick, cycle.controller.plan.leader, cycle.now
     if cycle.scenario.formation.succession == "none" or tick is None:
         return None
     age_s, place, sinking = cycle.controller.estimator.age_s, tick.state[leader], cycle.findings.sinking
     candidates = [
-        Candidate.of(each.column, each, _distance_m(tick.state[each.column], place))
+        Candidate.of(each.index, each, _distance_m(tick.state[each.index], place))
         for each in cycle.each
-        if each.column != leader and each.identity not in sinking and can_lead(each, age_s(each.column, now), now)
+        if each.index != leader and each.identity not in sinking and can_lead(each, age_s(each.index, now), now)
     ]
     return best_successor(candidates, cycle.controller.plan.arrangement.spacing_m)
 

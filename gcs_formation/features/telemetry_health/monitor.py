@@ -32,31 +32,31 @@ class TelemetryHealth:
         log_event: LogEvent,
         apart_m: float,
     ) -> None:
-        """Watch `vehicles`; by column `filters` have their noise, and the wind at each, `models` their limits.
+        """Watch `vehicles`; by index `filters` have their noise, and the wind at each, `models` their limits.
 
         `history`: the setpoints sent; `apart_m`: distance over the ground at which vehicles are safe from one another.
         """
-        self._each = {each.column: VehicleHealth(each, models[each.column]) for each in vehicles.values()}
+        self._each = {each.index: VehicleHealth(each, models[each.index]) for each in vehicles.values()}
         self._filters, self._history, self._log_event = filters, history, log_event
         self._apart_m = apart_m
         self.slots_m: Sequence[Vector3] = ()
         """The slots commanded last, forward, right and up of the leader, whose own is NaN."""
 
     def examine(
-        self, column: int, sample: Sample | None, commanded_m: float, now: Instant, *, leads: bool
+        self, index: int, sample: Sample | None, commanded_m: float, now: Instant, *, leads: bool
     ) -> Sample | None:
-        """Return what a column's newest sample says, as far as it can be true; it is commanded to a height, or NaN.
+        """Return what a vehicle's newest sample says, as far as it can be true; it is commanded to a height, or NaN.
 
         A vehicle whose position can't be known well enough is `unfit` for the formation. An event says which quantity
         isn't believed, by which evidence, and later that it is again.
         """
-        health = self._each[column]
+        health = self._each[index]
         vehicle = health.vehicle
         if sample is not None:
             moves = vehicle.telemetry.stands and not math.isnan(commanded_m)
-            acting = self._history.commanded(sample.stamp, column) if moves else UNKNOWN
+            acting = self._history.commanded(sample.stamp, index) if moves else UNKNOWN
             commanded = Commanded(commanded_m, acting, stops=vehicle.member is Member.HOLDING)
-            sample = health.examine(sample, self._filters[column], commanded, now, leads=leads)
+            sample = health.examine(sample, self._filters[index], commanded, now, leads=leads)
             if health.height_unknown:
                 health.stacked = self._stacked()
             vehicle.unfit = health.unfit
@@ -71,7 +71,7 @@ class TelemetryHealth:
         pairs = itertools.combinations(known, 2)
         return any(math.hypot(one[0] - other[0], one[1] - other[1]) < self._apart_m for one, other in pairs)
 
-    def forget(self, column: int) -> None:
+    def forget(self, index: int) -> None:
         """Reset what is known of a vehicle that has restarted."""
-        self._each[column].begin()
-        self._each[column].vehicle.unfit = ""
+        self._each[index].begin()
+        self._each[index].vehicle.unfit = ""

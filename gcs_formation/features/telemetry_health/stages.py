@@ -27,10 +27,10 @@ class Examined(Stage):
         if commanded is not None and not commanded.slots_left:
             self._health.slots_m = commanded.slots_m
         for vehicle in cycle.each:
-            column = vehicle.column
-            height_m = math.nan if commanded is None or not commanded.active[column] else commanded.setpoints[column][2]
-            leads = column == leader
-            samples[column] = self._health.examine(column, samples[column], height_m, cycle.now, leads=leads)
+            index = vehicle.index
+            height_m = math.nan if commanded is None or not commanded.active[index] else commanded.setpoints[index][2]
+            leads = index == leader
+            samples[index] = self._health.examine(index, samples[index], height_m, cycle.now, leads=leads)
 
 
 class RestartForgotten(Stage):
@@ -45,5 +45,5 @@ class RestartForgotten(Stage):
 
     def run(self, cycle: Cycle) -> None:
         """Forget it."""
-        for column in cycle.restarted:
-            self._health.forget(column)
+        for index in cycle.restarted:
+            self._health.forget(index)

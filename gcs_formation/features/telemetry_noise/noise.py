@@ -47,13 +47,13 @@ class TelemetryNoise(Stage):
     def watch_noise(self, now: Instant, noise: list[VehicleNoise]) -> None:
         """Compare measured noise, which the law uses, with the declared one; report the quantity that differs most."""
         for identity, vehicle in self._vehicles.items():
-            ratios, was_off, worst, apart = noise[vehicle.column].ratios(), identity in self._off, 0, 1.0
+            ratios, was_off, worst, apart = noise[vehicle.index].ratios(), identity in self._off, 0, 1.0
             for place, each in enumerate(ratios):
                 if max(each, 1.0 / each) > apart:
                     worst, apart = place, max(each, 1.0 / each)
             if not was_off and apart >= NOISE_OFF:
                 self._off.add(identity)
-                sigma, ratio = noise[vehicle.column].sigma()[worst], ratios[worst]
+                sigma, ratio = noise[vehicle.index].sigma()[worst], ratios[worst]
                 text = f"{QUANTITIES[worst]} is {ratio:.1f} times as noisy as declared: {sigma:.2g} {UNITS[worst]}"
                 self._log_event(now, "noise", text, vehicle, {"ratio": ratio})
             elif was_off and apart < NOISE_BACK:

@@ -131,20 +131,20 @@ class TimeConstantEstimator:
         """(3, C) estimated relative mismatch of the time constants of airspeed, heading and height in use."""
         return [[each.channels[place].misfit for each in self.vehicles] for place in range(len(RESOLUTION))]
 
-    def add_sample(self, column: int, stamp: int, motion: Seen) -> None:
+    def add_sample(self, index: int, stamp: int, motion: Seen) -> None:
         """Take a vehicle's airspeed, heading, height and climb as measured at `stamp`, m/s, rad, m."""
-        self.vehicles[column].add_sample(stamp, motion)
+        self.vehicles[index].add_sample(stamp, motion)
 
     def update(self, estimating: list[bool]) -> None:
         """Take the newest samples at a tick, and fit the time constants every `BATCH_S`.
 
         `estimating` (C,): vehicles that follow their setpoints.
         """
-        for column, flies in enumerate(estimating):
-            self.vehicles[column].add_newest(estimating=flies)
+        for index, flies in enumerate(estimating):
+            self.vehicles[index].add_newest(estimating=flies)
         self._added += 1
         if self._added <= self._ticks:
             return
-        for column, each in enumerate(self.vehicles):
-            each.update(self._history.of(column))
+        for index, each in enumerate(self.vehicles):
+            each.update(self._history.of(index))
         self._added = 1

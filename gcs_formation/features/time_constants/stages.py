@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from formation_scenario.slot_assignment import column_models
+from formation_scenario.slot_assignment import models_by_index
 from gcs_formation.core.cycle import EACH_SECOND, IN_COMMAND, Cycle, Stage
 from gcs_formation.estimation.estimator import heading_shown
 from gcs_formation.features.time_constants.estimator import TimeConstantEstimator
@@ -25,13 +25,13 @@ class MotionSeen(Stage):
     def run(self, cycle: Cycle) -> None:
         """Give it each new sample: as measured, with the heading as filtered."""
         filters = cycle.controller.estimator.filters
-        for column, sample in enumerate(cycle.samples):
+        for index, sample in enumerate(cycle.samples):
             if sample is not None:
-                state, heading_rad = filters[column].state, sample.heading_rad
+                state, heading_rad = filters[index].state, sample.heading_rad
                 if sample.by_course and state is not None:
                     heading_rad = heading_shown(state, sample.north_mps, sample.east_mps)
                 motion = sample.airspeed_mps, heading_rad, sample.height_m, sample.climb_mps
-                self._estimator.add_sample(column, sample.stamp, motion)
+                self._estimator.add_sample(index, sample.stamp, motion)
 
 
 class TimeConstants(Stage):
@@ -48,7 +48,7 @@ class TimeConstants(Stage):
     def run(self, cycle: Cycle) -> None:
         """Go on with the fit."""
         active, links = cycle.tick.active, cycle.links
-        self._estimator.update([active[column] and not links[column].disobeying for column in range(len(active))])
+        self._estimator.update([active[index] and not links[index].disobeying for index in range(len(active))])
 
 
 class TimeConstantsOff(Stage):
@@ -71,6 +71,6 @@ def time_constant_estimator(cycle: Cycle) -> TimeConstantEstimator:
     """Return the estimator, which updates the controller's models unless the scenario fixes them."""
     scenario, controller = cycle.scenario, cycle.controller
     rates_hz = scenario.telemetry.rate_hz, scenario.law.rate_hz
-    estimated = [model.airframe is None and not model.hovers for model in column_models(scenario)]
+    estimated = [model.airframe is None and not model.hovers for model in models_by_index(scenario)]
     in_use = TimeConstantKeys.of(scenario).lag_estimation
     return TimeConstantEstimator(controller.models, controller.history, *rates_hz, in_use=in_use, estimated=estimated)

@@ -40,11 +40,11 @@ offsets = st.lists(st.floats(-2.0, 2.0), min_size=4 * COUNT, max_size=4 * COUNT)
 headings = st.floats(-np.pi, np.pi)
 
 
-def column(value: float) -> Array:
+def index(value: float) -> Array:
     return np.full(COUNT, value)
 
 
-MODEL = AutopilotModels(*map(column, (TAU_V_S, TAU_PSI_S, 1.0, 3.0, 1.0, 99.0, 1.5, 0.25, 3.0)))
+MODEL = AutopilotModels(*map(index, (TAU_V_S, TAU_PSI_S, 1.0, 3.0, 1.0, 99.0, 1.5, 0.25, 3.0)))
 
 
 def law(k3: float = 0.25, graph: Array = GRAPH, frame: Frame = "leader_heading") -> TableLaw:
@@ -65,12 +65,12 @@ def cycle_input(
     state = FlightStates(
         north_m=north_m + offset[0],
         east_m=east_m + offset[1],
-        height_m=column(100.0),
-        climb_mps=column(0.0),
+        height_m=index(100.0),
+        climb_mps=index(0.0),
         airspeed_mps=np.hypot(SPEED_MPS + offset[2], offset[3]),
         heading_rad=heading_rad + np.arctan2(offset[3], SPEED_MPS + offset[2]),
-        wind_north_mps=column(0.0),
-        wind_east_mps=column(0.0),
+        wind_north_mps=index(0.0),
+        wind_east_mps=index(0.0),
     )
     commanded = LeaderCommand(SPEED_MPS, heading_rad + TAU_PSI_S * turn_rps, 100.0, turn_rps)
     lead = Lead(0, Instant(0), [commanded] * COUNT, RouteHeading(heading_rad, turn_rps, 0.0, 0.0, SPEED_MPS))
@@ -145,7 +145,7 @@ def test_slots_are_flown_round_a_turn_without_any_term_of_the_protocol(frame: Fr
     forward_m, right_m = np.concatenate((np.zeros((1, 3)), SLOTS_M))[:, :2].T
     if frame == "leader_heading":
         lead_angle = np.arctan2(turn_rps * forward_m, SPEED_MPS - turn_rps * right_m)
-        speed, axis = np.hypot(SPEED_MPS - turn_rps * right_m, turn_rps * forward_m), column(heading_rad)
+        speed, axis = np.hypot(SPEED_MPS - turn_rps * right_m, turn_rps * forward_m), index(heading_rad)
     else:
         lead_angle = np.arcsin(turn_rps * forward_m / SPEED_MPS)
         speed, axis = SPEED_MPS * np.cos(lead_angle) - turn_rps * right_m, heading_rad + lead_angle

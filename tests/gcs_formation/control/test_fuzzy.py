@@ -31,12 +31,12 @@ def test_rules_hold_at_the_centres_of_the_sets() -> None:
 
 
 def test_inputs_of_unlike_shapes_are_broadcast() -> None:
-    infer, column, row = FuzzyGainScheduler().infer, np.linspace(-1, 1, 4)[:, None], np.linspace(-1, 1, 3)
+    infer, index, row = FuzzyGainScheduler().infer, np.linspace(-1, 1, 4)[:, None], np.linspace(-1, 1, 3)
     assert infer(row, 0).tolist() == infer(row, np.zeros(3)).tolist()
     assert infer(0.2, row).tolist() == infer(np.full(3, 0.2), row).tolist()
-    both = infer(column, row)
+    both = infer(index, row)
     assert both.shape == (4, 3, 3)
-    assert both[2, 1].tolist() == infer(column[2, 0], row[1]).tolist()
+    assert both[2, 1].tolist() == infer(index[2, 0], row[1]).tolist()
     with pytest.raises(ValueError, match="shape mismatch"):
         infer(row, np.zeros(2))
 
@@ -83,7 +83,7 @@ def test_what_is_not_a_number_is_refused_by_its_name(error, rate, name) -> None:
 
 
 def test_rules_of_ones_own_take_the_place_of_the_papers():
-    rules = tuple(tuple(0.25 * row if column < 4 else 1.0 for column in range(5)) for row in range(5))
+    rules = tuple(tuple(0.25 * row if index < 4 else 1.0 for index in range(5)) for row in range(5))
     scheduler = FuzzyGainScheduler("printed", (rules, None, None))
     assert scheduler.factors(-1.0, 1.0)[0] == 1.0
     assert scheduler.factors(-1.0, 0.5)[0] == 0.75

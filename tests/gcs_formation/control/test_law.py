@@ -155,10 +155,10 @@ def test_behind_a_new_leader_everything_begins_again() -> None:
     for _ in range(5):
         flying.decide(here, DT_S)
     decided = flying.decide(tables.changed(here, lead=tables.changed(here.lead, leader=1)), DT_S)
-    assert decided.columns == [0, 2]
+    assert decided.indices == [0, 2]
     np.testing.assert_allclose(decided.gains[0, 3:6], (0.5, 0.0, 0.0))
     again = flying.decide(here, DT_S)
-    assert again.columns == [1, 2]
+    assert again.indices == [1, 2]
     np.testing.assert_allclose(sent(again)[:, 0], SPEED_MPS)
 
 

@@ -398,7 +398,7 @@ def test_the_controller_filters_what_noisy_vehicles_tell():
         true = np.array((*(at_s * each for each in over_ground_mps[:2]), 100.0, 22.0))
         north, east, height, airspeed = true + np.array((0.3, 0.3, 0.3, 0.2)) * random.standard_normal(4)
         sample = Sample(after(Instant(0), at_s), north, east, height, *over_ground_mps, airspeed, 0.4)
-        controller.update_states([None, sample, *[None] * (controller.columns - 2)])
+        controller.update_states([None, sample, *[None] * (controller.count - 2)])
         found = controller.estimator.filters[1].state
         assert found is not None
         errors.append(np.array((found.north_m, found.east_m, found.height_m, found.airspeed_mps)) - true)

@@ -15,11 +15,11 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from tests.gcs_formation import tables
 
 
-def column(*values: float) -> list[np.ndarray]:
+def index(*values: float) -> list[np.ndarray]:
     return [np.array([float(value)]) for value in values]
 
 
-MODEL = AutopilotModels(*column(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0))
+MODEL = AutopilotModels(*index(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0))
 
 
 def derivative(_: float, y: Any, commands: tuple[float, float, float], updraught_mps: float) -> list[float]:
@@ -60,7 +60,7 @@ def test_equals_the_integrated_model(
     args, span_s = (commands, rising_mps), (0, duration_s)
     peer = solve_ivp(derivative, span_s, start, args=args, rtol=1e-10, atol=1e-10, max_step=0.01).y[:, -1]
     ours = advance(
-        FlightStates(*column(*start, 0.7, -0.4, rising_mps)),
+        FlightStates(*index(*start, 0.7, -0.4, rising_mps)),
         np.array(commands)[:, None],
         np.array([duration_s]),
         MODEL,
@@ -73,7 +73,7 @@ def test_equals_the_integrated_model(
 
 @given(st.floats(0.02, 2.0), st.floats(0.1, 0.9))
 def test_a_way_made_in_two_pieces_ends_at_the_same_place(duration_s: float, share: float) -> None:
-    state = FlightStates(*column(0, 0, 100, 0.5, 20, 1.0, 1.0, 2.0))
+    state = FlightStates(*index(0, 0, 100, 0.5, 20, 1.0, 1.0, 2.0))
     commands = np.array([24.0, 1.2, 101.0])[:, None]
     whole = advance(state, commands, np.array([duration_s]), MODEL)
     first = advance(state, commands, np.array([duration_s * share]), MODEL)
@@ -88,8 +88,8 @@ def test_setpoints_act_when_they_arrive() -> None:
     commands = [(22.0, 0.0, 100.0), (24.0, 0.1, 101.0), (20.0, 0.3, 99.0)]
     for k, values in enumerate(commands):
         acts = np.array([round((0.1 * k + 0.3) * NANOSECONDS)])
-        tables.send(history, acts, Setpoints(*column(*values)))
-    state = FlightStates(*column(0, 0, 100, 0, 22, 0, 0, 0))
+        tables.send(history, acts, Setpoints(*index(*values)))
+    state = FlightStates(*index(0, 0, 100, 0, 22, 0, 0, 0))
     since, until = np.array([round(0.25 * NANOSECONDS)]), np.array([round(0.65 * NANOSECONDS)])
     predicted = tables.predict(history, state, since, until, MODEL)
     for instant_s, values in ((0.35, commands[0]), (0.45, commands[1]), (9.0, commands[2])):
@@ -103,7 +103,7 @@ def test_setpoints_act_when_they_arrive() -> None:
 
 
 def test_vehicles_without_setpoints_fly_straight_on() -> None:
-    state = FlightStates(*column(0, 0, 100, 1.0, 22, 0.5, 0, 0))
+    state = FlightStates(*index(0, 0, 100, 1.0, 22, 0.5, 0, 0))
     later = advance(state, np.full((3, 1), np.nan), np.array([2.0]), MODEL)
     assert later.heading_rad == pytest.approx([0.5])
     assert later.airspeed_mps == pytest.approx([22.0])
@@ -112,9 +112,9 @@ def test_vehicles_without_setpoints_fly_straight_on() -> None:
 
 @pytest.mark.parametrize("turn_rps", [0.0, 1e-9, 0.2, -0.2])
 def test_a_turning_vehicle_without_setpoints_flies_an_arc(turn_rps: float) -> None:
-    state, over_s = FlightStates(*column(0, 0, 100, 0, 22, 0.5, 3, -2)), 12.0
+    state, over_s = FlightStates(*index(0, 0, 100, 0, 22, 0.5, 3, -2)), 12.0
     straight = advance(state, np.full((3, 1), np.nan), np.array([over_s]), MODEL)
-    turned = straight.turned(*column(turn_rps, over_s))
+    turned = straight.turned(*index(turn_rps, over_s))
 
     def velocity(time_s: float, _: Any) -> list[float]:
         return [22 * np.cos(0.5 + turn_rps * time_s) + 3, 22 * np.sin(0.5 + turn_rps * time_s) - 2]
@@ -125,7 +125,7 @@ def test_a_turning_vehicle_without_setpoints_flies_an_arc(turn_rps: float) -> No
 
 
 def test_limits_hold() -> None:
-    state = FlightStates(*column(0, 0, 100, 0, 16, 0, 0, 0))
+    state = FlightStates(*index(0, 0, 100, 0, 16, 0, 0, 0))
     later = advance(state, np.array([99.0, 3.0, 500.0])[:, None], np.array([1.0]), MODEL)
     assert later.airspeed_mps == pytest.approx([17.5])
     assert later.heading_rad == pytest.approx([0.25])
@@ -135,8 +135,8 @@ def test_limits_hold() -> None:
 @pytest.mark.parametrize("difference", [0.0, 1e-9])
 def test_equal_time_constants_of_the_height_make_a_double_pole(difference: float) -> None:
     """2 s after a step of 1 m with two lags of 2 s, 2/e m are left, and it climbs at 1/(2 e) m/s."""
-    model = AutopilotModels(*column(4.0, 1.5, 2.0, 2.0 * (1 + difference), 16.0, 28.0, 1.5, 0.25, 3.0))
-    state = FlightStates(*column(0, 0, 100, 0, 22, 0, 0, 0))
+    model = AutopilotModels(*index(4.0, 1.5, 2.0, 2.0 * (1 + difference), 16.0, 28.0, 1.5, 0.25, 3.0))
+    state = FlightStates(*index(0, 0, 100, 0, 22, 0, 0, 0))
     later = advance(state, np.array([22.0, 0.0, 101.0])[:, None], np.array([2.0]), model)
     assert later.height_m == pytest.approx([101 - 2 / math.e], abs=1e-8)
     assert later.climb_mps == pytest.approx([0.5 / math.e], abs=1e-8)

@@ -36,7 +36,7 @@ class Formation:
         self.vehicles = {identity: vehicle(identity) for identity in (LEADER, FOLLOWER)}
         self.logged, self.ages_s, self.beyond = EventLog(), [0.0, 0.0], set[VehicleId]()
         self.membership = Membership(planned, self.vehicles, self.logged)
-        self.estimator: Any = SimpleNamespace(age_s=lambda column, _: self.ages_s[column])
+        self.estimator: Any = SimpleNamespace(age_s=lambda index, _: self.ages_s[index])
         self.now = Instant(0)
         self.judge(0.0)
 

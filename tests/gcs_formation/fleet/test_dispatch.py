@@ -21,9 +21,9 @@ NOW = Instant(0)
 LEADER, QUICK, SLOW = 0, 1, 2
 
 
-def vehicle(column: int, up_s: float) -> SimpleNamespace:
+def vehicle(index: int, up_s: float) -> SimpleNamespace:
     return SimpleNamespace(
-        column=column,
+        index=index,
         member=Member.FLYING,
         airborne=True,
         flew=True,
@@ -36,18 +36,18 @@ def vehicle(column: int, up_s: float) -> SimpleNamespace:
         returns_after_s=0.0,
         telemetry=SimpleNamespace(home_m=None),
         setpoints=SimpleNamespace(hurries=False),
-        new_setpoints=lambda setpoint, *_: [(str(column), setpoint)],
+        new_setpoints=lambda setpoint, *_: [(str(index), setpoint)],
         forget_setpoints=lambda: None,
     )
 
 
 def dispatch(*delays_s: float, dead_s: tuple[float, ...] = (0.0, 0.0, 0.0), **law: Any) -> Dispatch:
     """Return the dispatch of a leader and followers with these link delays and dead times."""
-    planned = [{"id": 1 + column, "model": {"dead_time_s": each}} for column, each in enumerate(dead_s)]
+    planned = [{"id": 1 + index, "model": {"dead_time_s": each}} for index, each in enumerate(dead_s)]
     planned[0]["role"] = "leader"
     keys = scenario(vehicles=planned, law={"type": "fuzzy_pid", **law})
     vehicles: dict[VehicleId, Any] = {
-        VehicleId(1, 1 + column): vehicle(column, delay_s) for column, delay_s in enumerate(delays_s)
+        VehicleId(1, 1 + index): vehicle(index, delay_s) for index, delay_s in enumerate(delays_s)
     }
     return Dispatch(load_scenario(keys), vehicles)
 

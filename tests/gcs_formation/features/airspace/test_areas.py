@@ -17,7 +17,7 @@ from formation_scenario import Scenario, ScenarioError, dump_scenario, load_scen
 from formation_scenario.mission_files import read_mission
 from formation_scenario.mission_files.mission import FenceCircle, FencePolygon
 from formation_scenario.repair import repair
-from formation_scenario.slot_assignment import column_names, slot_schedule
+from formation_scenario.slot_assignment import names_by_index, slot_schedule
 from formation_scenario.start_states_and_end_times import planned_end_s, planned_m
 from gcs_formation.app.check_path import path_figures, path_text
 from gcs_formation.app.export_path import export_path
@@ -103,7 +103,7 @@ def test_a_start_in_an_exclusion_is_refused() -> None:
 def test_check_says_for_every_slot_how_near_to_which_area_it_comes_and_where() -> None:
     planned = load_scenario(keys(circle("exclusion", 1500, 330, 150), rally_m=[[0, 800, 50], [0, 0, 50]]))
     slots = {each["who"]: each for each in path_figures(planned)["fence"]}
-    places = dict(zip(column_names(planned), slot_schedule(planned)[0].places_m.tolist(), strict=True))
+    places = dict(zip(names_by_index(planned), slot_schedule(planned)[0].places_m.tolist(), strict=True))
     assert len(slots) == len(places) == 3
     for who, place in places.items():
         (told,) = [each for name, each in slots.items() if name.startswith(who) or who == "vehicle 1"][:1]

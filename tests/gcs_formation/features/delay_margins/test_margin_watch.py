@@ -38,8 +38,8 @@ class Formation:
     def __init__(self, count: int = 2, **law: Any) -> None:
         keys = scenario(vehicles={"count": count}, law={"type": "fuzzy_pid", "delay_compensation": False, **law})
         self.vehicles: dict[VehicleId, Any] = {
-            VehicleId(1, 1 + column): SimpleNamespace(identity=VehicleId(1, 1 + column), column=column)
-            for column in range(count)
+            VehicleId(1, 1 + index): SimpleNamespace(identity=VehicleId(1, 1 + index), index=index)
+            for index in range(count)
         }
         self.leader, self.follower, *_ = self.vehicles.values()
         self.logged = EventLog()

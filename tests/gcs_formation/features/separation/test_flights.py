@@ -189,13 +189,13 @@ def test_multirotors_keep_apart_from_one_whose_pilot_stops_it_or_sends_it_back(
     They stop, or fly to the side; a vehicle that does so isn't reported as disobedient.
     """
     vehicles = [{"id": each, "model": model, "role": "leader" if each == 1 else "follower"} for each in range(1, 5)]
-    column = {"shape": "custom", "slots_m": {each: [-distance_m * (each - 1), 0, 0] for each in range(2, 5)}}
+    index = {"shape": "custom", "slots_m": {each: [-distance_m * (each - 1), 0, 0] for each in range(2, 5)}}
     run = fly(
         duration_s=20,
         vehicles=vehicles,
         start={"in_air": True, "tolerance_m": 1},
         finish={"loiter_s": 0},
-        formation=column,
+        formation=index,
         path={"speed_mps": 5, "waypoints_m": [[0, 0, 60], [400, 0, 60]]},
         safety={"separation_m": 3},
         faults=[{"at_s": 8, "vehicles": [whose], "kind": "pilot", "mode": mode}],

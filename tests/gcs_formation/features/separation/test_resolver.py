@@ -71,8 +71,8 @@ class Crossing:
         tick.setpoints = [(mps, each.heading_rad, each.height_m) for mps, each in commands]
         tick.slots_m = self.slots_m
         tick.decided = [
-            LawOutput(column, tick.state[column], tick.setpoints[column], error_m, UNKNOWN, NO_GAINS)
-            for column, error_m in enumerate(self.error_m)
+            LawOutput(index, tick.state[index], tick.setpoints[index], error_m, UNKNOWN, NO_GAINS)
+            for index, error_m in enumerate(self.error_m)
         ]
         self.history.begin_tick(vec[i64]([now] * 2))
         self.history.record(tick.setpoints)
@@ -314,10 +314,10 @@ HOVERS: dict[str, Any] = {
 
 def column_of_copters() -> Crossing:
     """The second flies 25 m ahead of the first, both at 8 m/s."""
-    column = Crossing(**HOVERS)
-    column.ours[:], column.slots_m = True, [UNKNOWN, (25.0, 0.0, 0.0)]
-    column.north[:], column.east[:], column.heading[:], column.speed[:] = (0.0, 25.0), 0.0, 0.0, 8.0
-    return column
+    index = Crossing(**HOVERS)
+    index.ours[:], index.slots_m = True, [UNKNOWN, (25.0, 0.0, 0.0)]
+    index.north[:], index.east[:], index.heading[:], index.speed[:] = (0.0, 25.0), 0.0, 0.0, 8.0
+    return index
 
 
 @pytest.mark.parametrize(
@@ -327,23 +327,23 @@ def test_one_that_receives_nothing_any_more_may_hover_where_it_is_that_kind(
     stands_after_s: float, silent_s: float, gives: bool
 ) -> None:
     """An ArduCopter stops 3 s after its last setpoint (GUID_TIMEOUT); those behind flew into it."""
-    column = column_of_copters()
-    column.stands_after_s = stands_after_s
+    index = column_of_copters()
+    index.stands_after_s = stands_after_s
     for at_s in (10.0, 10.1):
-        column.keep(at_s=at_s)
-    column.received_s = 10.1
-    assert column.keep(at_s=10.1 + silent_s).yielding[0] is gives
+        index.keep(at_s=at_s)
+    index.received_s = 10.1
+    assert index.keep(at_s=10.1 + silent_s).yielding[0] is gives
 
 
 def standing_column(home_m: tuple[float, float] | None) -> Crossing:
     """The same, hovering; the second has received nothing since 10.1 s, stops at 11.1 s and leaves by 16.1 s."""
-    column = column_of_copters()
-    column.stands_after_s, column.returns_after_s, column.home_m = 1.0, 6.0, home_m
-    column.commanded_mps, column.speed[:] = 0.0, 0.0
+    index = column_of_copters()
+    index.stands_after_s, index.returns_after_s, index.home_m = 1.0, 6.0, home_m
+    index.commanded_mps, index.speed[:] = 0.0, 0.0
     for at_s in (10.0, 10.1):
-        column.keep(at_s=at_s)
-    column.received_s = 10.1
-    return column
+        index.keep(at_s=at_s)
+    index.received_s = 10.1
+    return index
 
 
 @pytest.mark.parametrize(("home_m", "gives"), [(None, False), ((400.0, 0.0), False), ((-400.0, 0.0), True)])
@@ -355,29 +355,29 @@ def test_one_that_receives_nothing_any_more_may_have_set_off_for_home(
 
 
 def test_one_that_is_seen_to_stand_longer_than_failsafes_wait_stays_there() -> None:
-    column = standing_column((-400.0, 0.0))
-    assert column.keep(at_s=16.0).yielding[0]
-    column = standing_column((-400.0, 0.0))
-    assert not column.keep(at_s=16.3).yielding[0]
+    index = standing_column((-400.0, 0.0))
+    assert index.keep(at_s=16.0).yielding[0]
+    index = standing_column((-400.0, 0.0))
+    assert not index.keep(at_s=16.3).yielding[0]
 
 
 @pytest.mark.parametrize(("at_s", "gives"), [(25.0, True), (29.0, False)])
 def test_one_that_is_not_seen_either_is_home_by_and_by(at_s: float, gives: bool) -> None:
     """It sets out at 16.1 s at the latest, and flies 35 m in 12 s."""
-    column = standing_column((-10.0, 0.0))
-    column.seen_s = 10.1
-    assert column.keep(at_s=at_s).yielding[0] is gives
+    index = standing_column((-10.0, 0.0))
+    index.seen_s = 10.1
+    assert index.keep(at_s=at_s).yielding[0] is gives
 
 
 def test_a_multirotor_that_brakes_though_it_is_commanded_to_fly_on_is_kept_clear_of_until_it_comes_back() -> None:
-    column, gives = column_of_copters(), list[bool]()
+    index, gives = column_of_copters(), list[bool]()
     for tick in range(60):
         if 20 <= tick < 40:
-            column.speed[1] = max(column.speed[1] - 0.25, 0.0)
+            index.speed[1] = max(index.speed[1] - 0.25, 0.0)
         elif tick >= 40:
-            column.speed[1] = min(column.speed[1] + 0.25, 8.0)
-        column.commanded_mps = 8.0
-        gives.append(column.keep(at_s=10.0 + 0.1 * tick).yielding[0])
+            index.speed[1] = min(index.speed[1] + 0.25, 8.0)
+        index.commanded_mps = 8.0
+        gives.append(index.keep(at_s=10.0 + 0.1 * tick).yielding[0])
     assert not any(gives[:24])
     assert all(gives[30:40])
 

@@ -24,12 +24,12 @@ GOOD = Candidate(1, 40.0, 0.06, 0.02, 0.002)
     ],
 )
 def test_of_those_near_enough_the_best_link_leads_by_delay_then_loss_then_jitter_then_distance(worse: Candidate):
-    assert best_successor([worse._replace(column=0), GOOD], SPACING_M) == 1
-    assert best_successor([GOOD, worse._replace(column=2)], SPACING_M) == 1
+    assert best_successor([worse._replace(vehicle_index=0), GOOD], SPACING_M) == 1
+    assert best_successor([GOOD, worse._replace(vehicle_index=2)], SPACING_M) == 1
 
 
 def test_random_differences_between_links_do_not_decide():
-    alike = GOOD._replace(column=0, delay_s=0.064, loss=0.024, jitter_s=0.0024)
+    alike = GOOD._replace(vehicle_index=0, delay_s=0.064, loss=0.024, jitter_s=0.0024)
     assert best_successor([GOOD, alike], SPACING_M) == 0
 
 

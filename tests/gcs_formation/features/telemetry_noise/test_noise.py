@@ -19,7 +19,7 @@ def said(times, samples=400, stated=True):
     """Return the events while the position's noise is `times` the declared one, and as declared afterwards."""
     noise = VehicleNoise(tuple(DECLARED[:, 0]), tuple(DECLARED[:, 0] / 4), stated=stated)
     random, logged = np.random.default_rng(1), EventLog()
-    vehicles: Any = {WHO: SimpleNamespace(identity=WHO, column=0)}
+    vehicles: Any = {WHO: SimpleNamespace(identity=WHO, index=0)}
     cycle: Any = SimpleNamespace(vehicles=vehicles, log_event=logged)
     watch = TelemetryNoise(cycle)
     sigma = np.repeat(DECLARED, (2, 1, 2, 1, 1, 1), axis=0)
