@@ -26,10 +26,10 @@ from flight_model.arrays import Array
 from flight_model.gain_design import UNMODELLED
 from flight_model.slot import Vector3
 from formation_scenario import Scenario
-from gcs_formation.control import follower, laws
-from gcs_formation.control.follower import LawInput
+from gcs_formation.control import follower, follower_loops, laws
+from gcs_formation.control.follower_loops import LawInput
 from gcs_formation.control.setpoint import Target
-from gcs_formation.estimation import estimator
+from gcs_formation.estimation import vehicle_filter
 from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.parquet import read_parquet
 from gcs_formation.record.run_directory import TIMESERIES
@@ -75,12 +75,12 @@ class Point(NamedTuple):
         walk = tuple(self.walk * each for each in UNMODELLED)
         with (
             mock.patch.multiple(laws, law_parameters=self._law_parameters, FollowerController=law),
-            mock.patch.object(estimator, "UNMODELLED", walk),
+            mock.patch.object(vehicle_filter, "COMMANDED_WALK", walk),
         ):
             yield
 
-    def _law_parameters(self, scenario: Scenario) -> follower.LawParameters:
-        faster, turned = follower.SLEW
+    def _law_parameters(self, scenario: Scenario) -> follower_loops.LawParameters:
+        faster, turned = follower_loops.SLEW
         return replace(LAW_PARAMETERS(scenario), slew=(self.slew * faster, self.slew * turned))
 
 

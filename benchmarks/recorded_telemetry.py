@@ -23,10 +23,11 @@ from flight_model.earth import GeodeticOrigin
 from flight_model.slot import UNKNOWN
 from formation_scenario import load_scenario
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.estimation.estimator import Sample
+from gcs_formation.estimation.sample import Sample
 from gcs_formation.features.telemetry_health.vehicle_health import Commanded, VehicleHealth
 from gcs_formation.record.tlog import read_tlog
-from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
+from gcs_formation.vehicle.reported_motion import ReportedMotion
+from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
 ALOFT_M: Final = 10.0

@@ -22,11 +22,11 @@ from flight_model.autopilot_model import AutopilotModel, FlightState, rotated
 from flight_model.slot import UNKNOWN, Slot, Vector3
 from formation_scenario.fields import Frame
 from formation_scenario.slot_frame import axis_rad
-from gcs_formation.control.follower import LawParameters
+from gcs_formation.control.follower_loops import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.control.law_interface import CycleInput, Law, LawOutput
 from gcs_formation.control.setpoint import Envelope, LeaderMotion, Target, feed_forward, formation_error, slot_target
-from gcs_formation.estimation.estimator import MIN_AIRSPEED_MPS
+from gcs_formation.estimation.vehicle_filter import MIN_AIRSPEED_MPS
 
 _Reference = tuple[LeaderMotion, float]
 """The leader's reference motion (v_s) at the instant of one vehicle's state, and the heading of the slots' axes.

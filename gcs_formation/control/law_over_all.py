@@ -11,7 +11,7 @@ from formation_scenario import Scenario
 from formation_scenario.extensions import Registered
 from formation_scenario.slot_assignment import ids_by_index
 from formation_scenario.slot_frame import axis_rad
-from gcs_formation.control.follower import LawParameters
+from gcs_formation.control.follower_loops import LawParameters
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.control.law_interface import CycleInput, Law, LawOutput
 from gcs_formation.control.outside import guarded, made, three_numbers

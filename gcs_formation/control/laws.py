@@ -15,7 +15,8 @@ from formation_scenario import Scenario
 from formation_scenario import law as keys
 from formation_scenario.extensions import FORMATION_LAW, LAW, LAW_KINDS
 from gcs_formation.control.consensus import ConsensusLaw
-from gcs_formation.control.follower import BRAKING_SHARE, Controller, FollowerController, LawInput, LawParameters
+from gcs_formation.control.follower import BRAKING_SHARE, FollowerController
+from gcs_formation.control.follower_loops import Controller, LawInput, LawParameters
 from gcs_formation.control.fuzzy_pid import FIXED_GAINS, ChannelConstants, FuzzyGainScheduler, GainRange, PidGains
 from gcs_formation.control.law_interface import CycleInput, Law, LawOutput
 from gcs_formation.control.law_over_all import LawOverAll

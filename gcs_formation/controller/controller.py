@@ -35,8 +35,9 @@ from gcs_formation.controller.present_places import places_from_leader
 from gcs_formation.controller.slots_over_ground import SlotsOverGround
 from gcs_formation.controller.virtual_leader import VIRTUAL, VirtualLeader
 from gcs_formation.errors import NotFiniteError
-from gcs_formation.estimation.estimator import Sample, StateEstimator
+from gcs_formation.estimation.estimator import StateEstimator
 from gcs_formation.estimation.projection import MeasuredStates, States
+from gcs_formation.estimation.sample import Sample
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.extend.in_flight import OnTicks, on_ticks
 from gcs_formation.guidance.path_ahead import path_ahead

@@ -11,7 +11,7 @@ from flight_model.arrays import Array
 from flight_model.slot import UNKNOWN
 from formation_scenario.fields import Frame
 from formation_scenario.slot_frame import axis_rad
-from gcs_formation.estimation.estimator import VehicleFilter
+from gcs_formation.estimation.vehicle_filter import VehicleFilter
 from gcs_formation.recorder import unknown_state
 
 

@@ -9,8 +9,8 @@ from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.slot import Slot
 from formation_scenario.fields import Frame
 from gcs_formation.control.setpoint import centroid
-from gcs_formation.estimation.estimator import VehicleFilter
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.vehicle_filter import VehicleFilter
 
 VIRTUAL: Final = 0
 """The index of a virtual leader."""

@@ -15,8 +15,8 @@ from airlink.messages import Message
 from flight_model.slot import CHANNELS
 from formation_scenario import Scenario
 from gcs_formation.controller.controller import FormationController
-from gcs_formation.estimation.estimator import Sample
 from gcs_formation.estimation.projection import MeasuredStates
+from gcs_formation.estimation.sample import Sample
 from gcs_formation.fleet.frame_loss import FrameLoss
 from gcs_formation.fleet.heartbeats import HeartbeatScheduler
 from gcs_formation.link.radio_reports import RadioReports

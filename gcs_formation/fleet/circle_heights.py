@@ -11,7 +11,7 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario
-from gcs_formation.vehicle.telemetry import ReportedMotion
+from gcs_formation.vehicle.reported_motion import ReportedMotion
 
 STACK_M = 15.0
 """Vertical separation of circles that may meet."""

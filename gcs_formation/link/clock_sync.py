@@ -8,29 +8,16 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from librt.vecs import vec
-from mypy_extensions import i64
-
 from airlink.clock import NANOSECONDS, Instant, nanoseconds
 from flight_model.autopilot_model import squared, within
 from gcs_formation.link.clock_filter import CRYSTAL_DRIFT_NOISE, CRYSTAL_OFFSET_NOISE, ClockFilter
 from gcs_formation.link.delay_edges import DelayEdges
+from gcs_formation.link.round_trip_window import RoundTripWindow
 from gcs_formation.link.trip_variance import FEW, TripVariance
 
-WINDOW: Final = 16
-"""Number of recent round trips (4 s) that are kept for the minimum, mean and standard deviation. Tuned: round trips; 8
-to 40; by judgement."""
-STEPPED: Final = 8
-"""The link's delay has stepped once this many consecutive round trips (2 s) are far (`FAR`) from the earlier ones.
-Tuned: round trips; 4 to 16; shown by `python -m benchmarks.latency_grid`."""
 ASYMMETRY_S: Final = 30.0
 """Time constant with which the estimate of the delay's split decays: changes too small or slow to detect add up. Tuned:
 s; 15 to 120; shown by `python -m benchmarks.latency_grid`."""
-FAR: Final = 4.0
-"""Groups of round trips are far apart if their medians differ by more than this multiple of their summed jitter. Tuned:
-ratio; 3 to 6; by judgement."""
-NORMAL: Final = 1.4826
-"""Ratio of standard deviation to median absolute deviation, for normally distributed noise."""
 CRYSTAL_DRIFT: Final = 5e-5
 """Standard deviation of an unknown clock's drift if a crystal drives it: autopilots' and computers' are specified to 10
 to 50 ppm each. Tuned: a number; 2e-5 to 1e-4; by judgement."""
@@ -94,13 +81,11 @@ class ClockSync:
         """When the newest answered request was sent: the vehicle's clock was running after that."""
         self._shown_ns = 0
         """The vehicle's time in the last answer."""
-        self._recent, self._count = vec[float]([0.0] * WINDOW), i64(0)
-        """The recent round trips, oldest first, and their number."""
-        self._off = vec[float]([0.0] * WINDOW)
-        """Innovations of the samples of these round trips: sample minus prediction."""
+        self._recent = RoundTripWindow()
+        """The recent round trips."""
         self.asymmetry_s: float = 0.0
         """Excess of the uplink delay over half the round trip, as estimated from steps."""
-        self._sorted, self._edges = vec[float]([0.0] * WINDOW), DelayEdges(loop_s)
+        self._edges = DelayEdges(loop_s)
         self._base_s: float = 0.0
         """The first sample, which is subtracted from the delays whose edges are found."""
         # _farthest_s, _farthest_at: the largest sample since the clock began, and when it was taken
@@ -137,69 +122,19 @@ class ClockSync:
     @property
     def jitter_s(self) -> float:
         """Standard deviation of the recent round trips."""
-        recent, count, mean_s, total = self._recent, self._count, self._mean_s(), 0.0
-        if count < 2:
-            return 0.0
-        for place in range(count):
-            total += squared(recent[place] - mean_s)
-        return math.sqrt(total / (float(count) - 1.0))
+        return self._recent.jitter_s
 
     @property
     def usual_jitter_s(self) -> float:
         """Robust standard deviation of the recent round trips: a few outliers don't affect it."""
-        return min(self.jitter_s, self._usual_jitter_s(self._count))
-
-    def _usual_jitter_s(self, count: i64) -> float:
-        """Return the standard deviation of the first `count` round trips by their median absolute deviation."""
-        middle_s, each = self._median_s(0, count), self._sorted
-        for place in range(count):
-            each[place] = abs(each[place] - middle_s)
-        return NORMAL * _median(each, count)
-
-    def _median_s(self, begin: i64, end: i64) -> float:
-        """Return the median of the recent round trips [begin, end); `_sorted` then holds them in order."""
-        return self._median_of(self._recent, begin, end)
-
-    def _median_of(self, values: vec[float], begin: i64, end: i64) -> float:
-        each = self._sorted
-        for place in range(begin, end):
-            each[place - begin] = values[place]
-        return _median(each, end - begin)
+        return self._recent.usual_jitter_s
 
     def _take(self, round_trip_s: float, off_s: float) -> float:
-        """Store a round trip and its sample's innovation.
-
-        Return the step of the samples if the link's delay has just stepped, 0 if not, or if both ways stepped alike.
-        """
-        recent, off, count = self._recent, self._off, self._count
-        if count == WINDOW:
-            count -= 1
-            for place in range(count):
-                recent[place], off[place] = recent[place + 1], off[place + 1]
-        recent[count], off[count] = round_trip_s, off_s
-        self._count = count + 1
-        known = self._count == WINDOW  # a full window: the first requests may have been delayed by anything
-        if not self._forget_before_step() or not known:
-            return 0.0
-        step_s = self._median_of(off, 0, STEPPED)
-        return step_s if abs(step_s) > self._usual_jitter_s(STEPPED) else 0.0
-
-    def _forget_before_step(self) -> bool:
-        """Drop the round trips before the last `STEPPED` if their medians are far apart; return whether they were."""
-        recent, since = self._recent, self._count - STEPPED
-        if since <= 0:
-            return False
-        near_s = FAR * _range(recent, since, self._count)
-        if _range(recent, 0, self._count) <= near_s:
-            return False  # the usual case: the total range is too small for a step
-        difference_s = abs(self._median_s(since, self._count) - self._median_s(0, since))
-        stepped = difference_s > near_s and difference_s > near_s + FAR * self._usual_jitter_s(since)
-        if stepped:
+        """Store a round trip and its sample's innovation; return the step of the samples, 0 without one."""
+        step_s = self._recent.add(round_trip_s, off_s)
+        if self._recent.stepped:
             self._forget_edges()
-            for place in range(STEPPED):
-                recent[place], self._off[place] = recent[since + place], self._off[since + place]
-            self._count = STEPPED
-        return stepped
+        return step_s
 
     def _follow_link(self, at: Instant, step_s: float, variance: float) -> None:
         """Shift both filters by a step of the link's delay, and count it in the split instead of the clock's offset."""
@@ -207,22 +142,16 @@ class ClockSync:
         self._any_drift.step(at, self._any_drift.predict(at) + step_s, variance)
         self.asymmetry_s += step_s
 
-    def _mean_s(self) -> float:
-        recent, count, total = self._recent, self._count, 0.0
-        for place in range(count):
-            total += recent[place]
-        return total / float(count) if count else math.nan
-
     def _wait_s(self) -> float:
         """Return the last round trip's wait for the answering loop: the best linear estimate from the recent ones.
 
         All of their jitter up to that of the wait is the wait's, the rest is the link's.
         """
         wait_s = self.loop_s / 2.0
-        if self._count >= FEW:
+        if self._recent.count >= FEW:
             wait_s2 = self._variance.wait_s2
-            share = wait_s2 / max(squared(self.jitter_s), wait_s2, MIN_VARIANCE)
-            wait_s += share * (self.round_trip_s - self._mean_s())
+            share = wait_s2 / max(squared(self._recent.jitter_s), wait_s2, MIN_VARIANCE)
+            wait_s += share * (self.round_trip_s - self._recent.mean_s)
         return within(wait_s, 0.0, self.loop_s)
 
     def last_one_way_s(self) -> float:
@@ -237,7 +166,7 @@ class ClockSync:
         sample_s = (vehicle_time_ns - middle) / NANOSECONDS - self._wait_s() / 2.0
         off_s = self._off_s(middle, sample_s) if self.samples else 0.0
         step_s = self._take(self.round_trip_s, off_s)
-        self.one_way_s = max(0.0, (self._mean_s() - self.loop_s / 2) / 2)
+        self.one_way_s = max(0.0, (self._recent.mean_s - self.loop_s / 2) / 2)
         stepped = abs(off_s) > STEP_S + self.round_trip_s / 2
         # A clock that was paused (a suspended machine or simulator) is behind, hasn't gone back, and has run for longer
         # than since the last answer; one that then catches up isn't ahead of where it has been. Any other clock that
@@ -247,8 +176,8 @@ class ClockSync:
             or vehicle_time_ns < self._shown_ns
             or vehicle_time_ns <= (received - self._asked) * (1.0 + INITIAL_DRIFT)
         )
-        excess_s = self.round_trip_s - self._median_s(0, self._count)
-        variance = self._variance.sample_s2(excess_s, self._count, self.jitter_s, self.usual_jitter_s)
+        excess_s = self.round_trip_s - self._recent.median_s
+        variance = self._variance.sample_s2(excess_s, self._recent.count, self.jitter_s, self.usual_jitter_s)
         if self.samples == 0 or restarted:
             self._begin(middle, sample_s, variance)
         elif step_s:
@@ -336,7 +265,7 @@ class ClockSync:
 
     def _judge(self, log_ratio: float) -> None:
         """Add a sample's log-likelihood ratio once its jitter is known, and choose the filter."""
-        if self._count >= FEW and not self._by_edges:
+        if self._recent.count >= FEW and not self._by_edges:
             self._log_ratio = within(self._log_ratio + log_ratio, -REMEMBERED_LOG_RATIO, REMEMBERED_LOG_RATIO)
             self._used = self._any_drift if self._log_ratio > MAX_LOG_RATIO else self._crystal
 
@@ -344,25 +273,3 @@ class ClockSync:
         """Return the smaller of the sample's innovations in the two filters."""
         one_s, other_s = sample_s - self._crystal.predict(at), sample_s - self._any_drift.predict(at)
         return one_s if abs(one_s) < abs(other_s) else other_s
-
-
-def _range(values: vec[float], begin: i64, end: i64) -> float:
-    """Return the range (maximum minus minimum) of values[begin:end]."""
-    smallest = largest = values[begin]
-    for place in range(begin, end):
-        smallest, largest = min(smallest, values[place]), max(largest, values[place])
-    return largest - smallest
-
-
-def _median(values: vec[float], count: i64) -> float:
-    """Return the median of the first `count` values, 0 if there are none; sorts them in place."""
-    for end in range(1, count):
-        value, place = values[end], end
-        while place > 0 and values[place - 1] > value:
-            values[place] = values[place - 1]
-            place -= 1
-        values[place] = value
-    middle = count // 2
-    if count % 2:
-        return values[middle]
-    return (values[middle - 1] + values[middle]) / 2.0 if count else 0.0

@@ -17,8 +17,9 @@ from gcs_formation.mission.restoration import Restoration
 from gcs_formation.recorder import GiveUp, LogEvent
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.checks import Finding
+from gcs_formation.vehicle.reported_motion import ReportedMotion
 from gcs_formation.vehicle.startup import StartUp
-from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
+from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.vehicle import Vehicle
 
 IN_ORDER = "in order"

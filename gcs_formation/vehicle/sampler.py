@@ -9,12 +9,13 @@ from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.messages.telemetry import Attitude
 from flight_model.autopilot_model import FlightState, wrap
 from gcs_formation.estimation.airspeed import AirspeedCheck
-from gcs_formation.estimation.estimator import Sample
+from gcs_formation.estimation.sample import Sample
 from gcs_formation.link.frame_history import EARLY_S, LONGEST_DELAY_S
 from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
 from gcs_formation.vehicle.autopilot_family import Autopilot
-from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
+from gcs_formation.vehicle.reported_motion import ReportedMotion
+from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
 
 TOGETHER_S: Final = 0.02

@@ -8,8 +8,9 @@ from typing import Final
 
 from airlink.clock import Instant, seconds_between
 from gcs_formation.vehicle.command_delivery import CommandQueue, Outcome
+from gcs_formation.vehicle.reported_motion import ReportedMotion
 from gcs_formation.vehicle.startup_step import StartUpStep
-from gcs_formation.vehicle.telemetry import ReportedMotion, Telemetry
+from gcs_formation.vehicle.telemetry import Telemetry
 
 UP_M: Final = 5.0
 SLOWEST_S: Final = 600.0

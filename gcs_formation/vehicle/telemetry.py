@@ -7,8 +7,6 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Final
 
-from mypy_extensions import mypyc_attr
-
 from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat, Statustext
@@ -25,7 +23,19 @@ from airlink.messages.telemetry import (
     VfrHud,
 )
 from flight_model.earth import GeodeticOrigin
+from gcs_formation.vehicle.plausible_messages import (
+    INFINITE,
+    SPEED_LIMIT_MPS,
+    TURN_RAD,
+    first_impossible,
+    first_not_finite,
+    is_attitude,
+    is_position,
+    usable_of,
+    why_no_position,
+)
 from gcs_formation.vehicle.reported_battery import ReportedBattery
+from gcs_formation.vehicle.reported_motion import ReportedMotion
 
 AIRBORNE_M: Final = 10.0
 """Height above home from which an armed vehicle counts as flying, whatever it reports."""
@@ -35,16 +45,6 @@ BOOTING: Final = (m.MAV_STATE_BOOT, m.MAV_STATE_CALIBRATING)
 KEPT_TEXTS: Final = 8
 TEXT_BYTES: Final = 50
 """Length of STATUSTEXT's field: a text that fills it is continued in another message with its id."""
-SPEED_LIMIT_MPS: Final = 400.0
-ANGLE_LIMIT_RAD: Final = 2 * math.pi
-HALF_TURN_RAD: Final = math.pi
-QUARTER_RAD: Final = math.pi / 2
-INFINITE: Final = math.inf
-TURN_RAD: Final = 2 * math.pi
-"""Headings are smaller; 655.35 degrees stand for an unknown one."""
-TURN_LIMIT_RPS: Final = 50.0
-ALTITUDE_LIMIT_M: Final = 100e3
-"""Limits of plausible values for an aircraft."""
 ALONE: Final = 5
 ALONE_S: Final = 1.5
 """An airspeed or attitude is flown without after so many positions alone, over this time, s."""
@@ -54,34 +54,6 @@ ALONE_ATTITUDES_S: Final = 1.2
 filled, after `ALONE` of these in a row."""
 APART_LIMIT_S: Final = 2.0
 """Largest difference of stamps between a position and the attitude and airspeed paired with it, s."""
-
-
-@mypyc_attr(acyclic=True)
-class ReportedMotion:
-    """Position and velocity at one time of the vehicle's clock: NED from the origin, height upwards."""
-
-    def __init__(
-        self,
-        stamp_s: float,
-        north_m: float,
-        east_m: float,
-        height_m: float,
-        north_mps: float,
-        east_mps: float,
-        climb_mps: float,
-        above_home_m: float,
-    ) -> None:
-        """Take the stamp, position, velocity and height above home."""
-        self.stamp_s = stamp_s
-        self.north_m = north_m
-        self.east_m = east_m
-        self.height_m = height_m
-        self.north_mps = north_mps
-        self.east_mps = east_mps
-        self.climb_mps = climb_mps
-        self.above_home_m = above_home_m
-        self.heading_rad: float = math.nan
-        """Of the nose, NaN where it isn't known."""
 
 
 @dataclass
@@ -194,11 +166,11 @@ class Telemetry:
 
     def take_position(self, message: GlobalPositionInt) -> None:
         """Store a position; an autopilot without a fix reports latitude and longitude 0."""
-        if not _is_position(message):
+        if not is_position(message):
             no_fix_yet = message.lat_rad == message.lon_rad == 0.0 and self.motion is None
             self.implausible += not no_fix_yet
             if self.motion is None:
-                self.position_refused = _why_no_position(message)
+                self.position_refused = why_no_position(message)
             self._refused_positions += 1
             self.unfixed = self.unfixed or no_fix_yet
             return
@@ -228,7 +200,7 @@ class Telemetry:
     def apart_m(self, message: GlobalPositionInt) -> float:
         """Return how far a reported position is from the newest one, carried by its velocity; NaN if none is known."""
         motion = self.motion
-        if motion is None or not _is_position(message):
+        if motion is None or not is_position(message):
             return math.nan
         north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
         north_more_m, east_more_m, up_m = self.displaced_m
@@ -250,13 +222,13 @@ class Telemetry:
     def take_attitude(self, message: Attitude) -> None:
         """Store an attitude; of one that isn't finite what can be used, with VFR_HUD's heading in place of its yaw."""
         self._without_position += 1
-        if _is_attitude(message):
+        if is_attitude(message):
             self.attitude, self.not_finite = message, ""
             self._without_attitude, self._attitude_at_s = 0, message.time_boot_s
             return
         self.implausible += 1
-        self.not_finite = _first_not_finite(message) or _first_impossible(message)
-        usable = _usable(message, self.hud_heading_rad)
+        self.not_finite = first_not_finite(message) or first_impossible(message)
+        usable = usable_of(message, self.hud_heading_rad)
         if usable is not None:
             self.attitude = usable
             self._without_attitude, self._attitude_at_s = 0, message.time_boot_s
@@ -346,76 +318,6 @@ class Telemetry:
         if motion is None or attitude is None or abs(motion.stamp_s - attitude.time_boot_s) > APART_LIMIT_S:
             return False
         return not motion.stamp_s - self.airspeed_stamp_s > APART_LIMIT_S
-
-
-def _is_position(message: GlobalPositionInt) -> bool:
-    """Return whether values are in their ranges, and latitude and longitude aren't both 0."""
-    lat_rad, lon_rad, alt_m, above_m = message.lat_rad, message.lon_rad, message.alt_m, message.relative_alt_m
-    return (
-        (lat_rad != 0.0 or lon_rad != 0.0)
-        and -QUARTER_RAD < lat_rad < QUARTER_RAD
-        and -HALF_TURN_RAD <= lon_rad <= HALF_TURN_RAD
-        and -ALTITUDE_LIMIT_M <= alt_m <= ALTITUDE_LIMIT_M
-        and -ALTITUDE_LIMIT_M <= above_m <= ALTITUDE_LIMIT_M
-        and abs(message.time_boot_s) < INFINITE
-        and abs(message.vx_mps) < INFINITE
-        and abs(message.vy_mps) < INFINITE
-        and abs(message.vz_mps) < INFINITE
-    )
-
-
-def _is_attitude(message: Attitude) -> bool:
-    return (
-        -ANGLE_LIMIT_RAD <= message.roll_rad <= ANGLE_LIMIT_RAD
-        and -ANGLE_LIMIT_RAD <= message.pitch_rad <= ANGLE_LIMIT_RAD
-        and -ANGLE_LIMIT_RAD <= message.yaw_rad <= ANGLE_LIMIT_RAD
-        and -TURN_LIMIT_RPS <= message.rollspeed_radps <= TURN_LIMIT_RPS
-        and -TURN_LIMIT_RPS <= message.pitchspeed_radps <= TURN_LIMIT_RPS
-        and -TURN_LIMIT_RPS <= message.yawspeed_radps <= TURN_LIMIT_RPS
-        and abs(message.time_boot_s) < INFINITE
-    )
-
-
-def _usable(message: Attitude, heading_rad: float) -> Attitude | None:
-    """Return an attitude with what the control law needs of it, or with a heading in place of its yaw; None without."""
-    yaw_rad, yaw_rps = message.yaw_rad, message.yawspeed_radps
-    yaw_rad = yaw_rad if -ANGLE_LIMIT_RAD <= yaw_rad <= ANGLE_LIMIT_RAD else heading_rad
-    yaw_rps = yaw_rps if -TURN_LIMIT_RPS <= yaw_rps <= TURN_LIMIT_RPS else 0.0
-    usable = abs(message.time_boot_s) < INFINITE and -ANGLE_LIMIT_RAD <= yaw_rad <= ANGLE_LIMIT_RAD
-    return Attitude(message.time_boot_s, 0.0, 0.0, yaw_rad, 0.0, 0.0, yaw_rps) if usable else None
-
-
-def _first_not_finite(message: Message) -> str:
-    """Return which field of a message isn't finite, and its value; empty if all are."""
-    values = message.values().items()
-    name, value = next(((name, value) for name, value in values if not math.isfinite(value)), ("", 0.0))
-    described = "NaN" if math.isnan(value) else "infinite"
-    return f"{message.kind().name}'s {name.rpartition('_')[0]} is {described}" if name else ""
-
-
-def _first_impossible(message: Attitude) -> str:
-    """Return which field of an attitude is beyond what any aircraft has, and its value."""
-    for name, value in message.values().items():
-        limit = TURN_LIMIT_RPS if "speed" in name else ANGLE_LIMIT_RAD
-        if name != "time_boot_s" and abs(value) > limit:
-            unit = "rad/s" if "speed" in name else "rad"
-            return f"ATTITUDE's {name.rpartition('_')[0]} is {value:g} {unit}"
-    return ""
-
-
-def _why_no_position(message: GlobalPositionInt) -> str:
-    """Return in words which field of a position can't be used."""
-    if message.lat_rad == message.lon_rad == 0.0:
-        return "GLOBAL_POSITION_INT's lat and lon are 0: it has no fix, or nothing fills them"
-    found = _first_not_finite(message)
-    if found:
-        return found
-    fields = {"lat": message.lat_rad, "lon": message.lon_rad, "alt": message.alt_m}
-    ranges = {"lat": QUARTER_RAD, "lon": HALF_TURN_RAD, "alt": ALTITUDE_LIMIT_M}
-    name = next((each for each, value in fields.items() if abs(value) > ranges[each]), "relative_alt")
-    value = fields.get(name, message.relative_alt_m)
-    described = f"{value:.0f} m" if name.endswith("alt") else f"{math.degrees(value):.0f} degrees"
-    return f"GLOBAL_POSITION_INT's {name} is {described}"
 
 
 def _printable(text: str) -> str:

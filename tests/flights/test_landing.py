@@ -22,7 +22,7 @@ from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.phases import Phase
 from gcs_formation.vehicle.families.arducopter.arducopter import ArduCopter
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
-from gcs_formation.vehicle.telemetry import ReportedMotion
+from gcs_formation.vehicle.reported_motion import ReportedMotion
 from gcs_formation.vehicle.vehicle import Vehicle
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.autopilot.modes_and_failsafe import Condition, Mode

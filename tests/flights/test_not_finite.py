@@ -19,7 +19,8 @@ from flight_model.autopilot_model import FlightState
 from flight_model.slot import UNKNOWN, Vector3
 from formation_scenario import load_scenario
 from gcs_formation.control import laws
-from gcs_formation.control.follower import FollowerController, LawInput
+from gcs_formation.control.follower import FollowerController
+from gcs_formation.control.follower_loops import LawInput
 from gcs_formation.control.law_interface import CycleInput, Law, LawOutput
 from gcs_formation.control.laws import FormationLaw, LawKind, VelocityController, formation_law, law_parameters
 from gcs_formation.estimation.projection import States

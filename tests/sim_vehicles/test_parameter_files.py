@@ -16,7 +16,7 @@ from formation_scenario.parameter_files import Parameter
 from sim_vehicles.autopilot.missions import Sender
 from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.config import VehicleConfig, fleet_config
-from sim_vehicles.families.arduplane.plane import plane_parameters
+from sim_vehicles.families.arduplane.plane_parameters import plane_parameters
 from sim_vehicles.families.px4.services import Px4Parameters, parameters
 
 ASKS = Sender(Address("127.0.0.1", 14550), 255, 190)

@@ -11,8 +11,8 @@ from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, respond, within, wrap
 from flight_model.energy import GRAVITY_MPS2
 from flight_model.slot import Vector3
-from gcs_formation.estimation.estimator import MIN_AIRSPEED_MPS
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.vehicle_filter import MIN_AIRSPEED_MPS
 from gcs_formation.vehicle.vehicle import Vehicle
 
 CHECK_S: Final = 0.4

@@ -15,13 +15,13 @@ from formation_scenario import Scenario
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.slot_assignment import models_by_index, vehicles_by_index
 from gcs_formation.controller.controller import FormationController
-from gcs_formation.estimation.estimator import heading_shown
+from gcs_formation.estimation.sample import heading_shown
 from gcs_formation.features.conformance.flown_setpoints import CHECK_S, FlownSetpoints, NonConformance
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, LogEvent, Tick, unknown_state
 from gcs_formation.vehicle.command_delivery import Outcome, SetpointChannel
 from gcs_formation.vehicle.member import Member
-from gcs_formation.vehicle.telemetry import ReportedMotion
+from gcs_formation.vehicle.reported_motion import ReportedMotion
 from gcs_formation.vehicle.vehicle import Vehicle
 
 STEP_DELAY_S: Final = 4.0

@@ -19,7 +19,7 @@ from gcs_formation.features.ending.holding_stack import HoldingStack, stacked
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.guidance.path_ahead import path_ahead
-from gcs_formation.vehicle.telemetry import ReportedMotion
+from gcs_formation.vehicle.reported_motion import ReportedMotion
 
 STEP_S = 0.5
 """Time step of predicted heights. Tuned: s; 0.2 to 1; by judgement."""

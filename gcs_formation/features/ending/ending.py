@@ -22,7 +22,7 @@ from gcs_formation.mission.ending import EndCommand, Ending, Endings
 from gcs_formation.recorder import VehicleLink
 from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.member import Member
-from gcs_formation.vehicle.telemetry import ReportedMotion
+from gcs_formation.vehicle.reported_motion import ReportedMotion
 from gcs_formation.vehicle.vehicle import Vehicle
 
 UNANSWERED_FOR_S = 5.0

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.fleet.circle_heights import NO_ORDER, STACK_M, Band, GroundFloor, loiter_heights, may_meet
-from gcs_formation.vehicle.telemetry import ReportedMotion
+from gcs_formation.vehicle.reported_motion import ReportedMotion
 from gcs_formation.vehicle.vehicle import Vehicle
 
 COMMANDED_M = 0.5

@@ -13,7 +13,8 @@ from flight_model.autopilot_model import wrap
 from gcs_formation.mission.gate import AsFound
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.checks import Finding
-from gcs_formation.vehicle.telemetry import AIRBORNE_M, ReportedMotion, Telemetry
+from gcs_formation.vehicle.reported_motion import ReportedMotion
+from gcs_formation.vehicle.telemetry import AIRBORNE_M, Telemetry
 
 BANK_RAD: Final = math.radians(25.0)
 PITCH_RAD: Final = math.radians(45.0)

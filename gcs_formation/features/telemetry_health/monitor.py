@@ -12,8 +12,9 @@ from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.slot import UNKNOWN, Vector3
-from gcs_formation.estimation.estimator import Sample, VehicleFilter
+from gcs_formation.estimation.sample import Sample
 from gcs_formation.estimation.setpoint_history import SetpointHistory
+from gcs_formation.estimation.vehicle_filter import VehicleFilter
 from gcs_formation.features.telemetry_health.vehicle_health import Commanded, VehicleHealth
 from gcs_formation.recorder import LogEvent
 from gcs_formation.vehicle.member import Member

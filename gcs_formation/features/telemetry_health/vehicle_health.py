@@ -10,7 +10,8 @@ from typing import Final
 from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
 from flight_model.autopilot_model import AutopilotModel, FlightState, within
 from flight_model.slot import Vector3
-from gcs_formation.estimation.estimator import Sample, VehicleFilter
+from gcs_formation.estimation.sample import Sample
+from gcs_formation.estimation.vehicle_filter import VehicleFilter
 from gcs_formation.features.telemetry_health.commanded_velocity import CommandedVelocity
 from gcs_formation.features.telemetry_health.consistency import POSITION, VELOCITY, Consistency
 from gcs_formation.features.telemetry_health.estimator_report import EstimatorReport

@@ -11,8 +11,10 @@ from mypy_extensions import i64
 
 from flight_model.autopilot_model import AutopilotModel
 from gcs_formation.estimation.setpoint_history import SentSetpoints, SetpointHistory
-from gcs_formation.features.time_constants.fit import BATCH_S, Nodes, TimeConstantFit
+from gcs_formation.features.time_constants.fit import TimeConstantFit
+from gcs_formation.features.time_constants.interpolation import Nodes
 from gcs_formation.features.time_constants.model_set import ModelSet, ResidualBatch, Samples, Seen
+from gcs_formation.features.time_constants.persistence import BATCH_S
 
 RESOLUTION: Final[tuple[float, ...]] = (0.02, 0.002, 0.05)
 """Standard deviations of the residuals of airspeed (m/s), heading (rad) and height (m) before any were seen: telemetry

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from formation_scenario.slot_assignment import models_by_index
 from gcs_formation.core.cycle import EACH_SECOND, IN_COMMAND, Cycle, Stage
-from gcs_formation.estimation.estimator import heading_shown
+from gcs_formation.estimation.sample import heading_shown
 from gcs_formation.features.time_constants.estimator import TimeConstantEstimator
 from gcs_formation.features.time_constants.keys import TimeConstantKeys
 

@@ -11,7 +11,7 @@ from airlink.clock import Instant
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario.fields import Frame
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.control.follower import LawParameters
+from gcs_formation.control.follower_loops import LawParameters
 from gcs_formation.control.fuzzy_pid import ChannelConstants, FuzzyGainScheduler, PidGains
 from gcs_formation.control.law_interface import CycleInput, Lead
 from gcs_formation.control.laws import FormationLaw

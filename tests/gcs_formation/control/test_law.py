@@ -9,7 +9,8 @@ import pytest
 
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario.slot_motion import SlotMotion
-from gcs_formation.control.follower import Controller, FollowerController, LawParameters
+from gcs_formation.control.follower import FollowerController
+from gcs_formation.control.follower_loops import Controller, LawParameters
 from gcs_formation.control.fuzzy_pid import FuzzyGainScheduler
 from gcs_formation.control.law_interface import CycleInput
 from gcs_formation.control.laws import FormationLaw, VelocityController

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from flight_model.slot import Slot
 from formation_scenario import load_scenario
-from gcs_formation.control.follower import FollowerController, LawInput
+from gcs_formation.control.follower import FollowerController
+from gcs_formation.control.follower_loops import LawInput
 from gcs_formation.control.fuzzy_pid import ChannelConstants, Pid, PidGains
 from gcs_formation.control.laws import law_parameters
 from gcs_formation.control.setpoint import AS_DECIDED, LeaderMotion

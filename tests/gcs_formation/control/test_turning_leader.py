@@ -8,7 +8,8 @@ import pytest
 
 from flight_model.autopilot_model import AutopilotModel, FlightState, advance
 from flight_model.slot import Slot
-from gcs_formation.control.follower import Controller, FollowerController, LawInput
+from gcs_formation.control.follower import FollowerController
+from gcs_formation.control.follower_loops import Controller, LawInput
 from gcs_formation.control.laws import leader_motion
 from gcs_formation.control.setpoint import AS_DECIDED
 from gcs_formation.guidance.leader_commands import LeaderCommand

@@ -12,8 +12,10 @@ from flight_model.gain_design import UNMODELLED, WIND_WALK
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import load_scenario
 from gcs_formation.controller.controller import FormationController
-from gcs_formation.estimation.estimator import LargeGust, Sample, StateEstimator
+from gcs_formation.estimation.estimator import StateEstimator
+from gcs_formation.estimation.large_gust import LargeGust
 from gcs_formation.estimation.noise_and_plausibility import RESOLUTION, VehicleNoise
+from gcs_formation.estimation.sample import Sample
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.estimation.updraught import Updraught
 from gcs_formation.from_scenario import declared_noise

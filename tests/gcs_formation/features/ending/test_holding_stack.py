@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from airlink.endpoint import VehicleId
 from gcs_formation.features.ending.holding_stack import FlyingVehicle, HoldingStack
 from gcs_formation.fleet.circle_heights import STACK_M, Band, loiter_heights, may_meet
-from gcs_formation.vehicle.telemetry import ReportedMotion
+from gcs_formation.vehicle.reported_motion import ReportedMotion
 
 GAP_M = 10.0
 

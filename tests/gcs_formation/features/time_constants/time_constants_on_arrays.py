@@ -16,21 +16,17 @@ from flight_model.vehicle_arrays import AutopilotModels, Height, HeightSteps, ai
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.time_constants.estimator import FINEST, GAP_S, RESOLUTION
 from gcs_formation.features.time_constants.fit import (
-    ALIKE_S,
-    BATCH_S,
-    BOUND,
     CORRELATED_S,
     MIN_SPREAD,
-    PRIOR_BATCHES,
     PRIOR_SPREAD,
-    PRIOR_WORTH,
-    RATIO_MAX,
     RECENT_S,
     SETTLED,
     SIGNIFICANT,
     STEP_MAX,
 )
+from gcs_formation.features.time_constants.interpolation import BOUND, RATIO_MAX
 from gcs_formation.features.time_constants.model_set import FREE, STEP_NS, Seen
+from gcs_formation.features.time_constants.persistence import ALIKE_S, BATCH_S, PRIOR_BATCHES, PRIOR_WORTH
 from tests.gcs_formation.tables import Instants
 
 
