@@ -8,7 +8,8 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from flight_model.arrays import Array, Indices, all_of, within, wrap
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
 from flight_model.slot import Vector3
 
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(3)

@@ -11,7 +11,7 @@ from mypy_extensions import mypyc_attr
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from flight_model.slot import UNKNOWN, Vector3
 from gcs_formation.control.law_interface import LawOutput
 from gcs_formation.control.setpoint import AS_DECIDED, Replaced

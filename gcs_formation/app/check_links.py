@@ -17,7 +17,7 @@ import numpy as np
 
 from airlink import mavlink as m
 from airlink.messages import KINDS
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.ground_and_fence import drift
 from formation_scenario.mean_delays import since, ways_s

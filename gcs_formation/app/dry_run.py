@@ -10,7 +10,7 @@ from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong
 from flight_model.arrays import offset_points
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import slot_schedule, vehicles_by_index
 from formation_scenario.slot_frame import axis_rad

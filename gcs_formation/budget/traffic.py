@@ -10,7 +10,7 @@ from airlink.endpoint import VehicleId
 from airlink.messages import KINDS
 from airlink.radio.profiles import PROFILES
 from airlink.radio.settings import RadioSettings
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario import Scenario
 from formation_scenario.channels import Channel
 from gcs_formation.budget.levels import LEVELS, MIN_HZ, Level

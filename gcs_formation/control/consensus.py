@@ -18,7 +18,8 @@ import numpy as np
 
 from airlink.clock import NANOSECONDS
 from flight_model.arrays import Array
-from flight_model.autopilot_model import AutopilotModel, FlightState, rotated
+from flight_model.autopilot_model import AutopilotModel, rotated
+from flight_model.flight_state import FlightState
 from flight_model.slot import UNKNOWN, Slot, Vector3
 from formation_scenario.fields import Frame
 from formation_scenario.slot_frame import axis_rad

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from flight_model.slot import Slot, Vector3, all_finite
 from gcs_formation.control.law_interface import LawOutput
 from gcs_formation.errors import NotFiniteError

@@ -8,7 +8,8 @@ from typing import Final
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
 from flight_model.slot import UNKNOWN, Slot, Vector3
 from formation_scenario.fields import Frame
 from gcs_formation.control.fuzzy_pid import NO_GAINS, ChannelConstants, FuzzyGainScheduler, Gains, Pid

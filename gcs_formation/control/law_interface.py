@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from mypy_extensions import mypyc_attr
 
 from airlink.clock import Instant
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from flight_model.slot import Slot, Vector3
 from gcs_formation.control.follower_loops import LawParameters
 from gcs_formation.control.fuzzy_pid import Gains

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from airlink.endpoint import VehicleId
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
 from flight_model.slot import UNKNOWN, Vector3, all_finite
 from formation_scenario import Scenario
 from formation_scenario.extensions import Registered

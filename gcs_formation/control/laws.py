@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, rate, rotated, within, wrap
+from flight_model.autopilot_model import AutopilotModel, rate, rotated, within, wrap
+from flight_model.flight_state import FlightState
 from flight_model.slot import Vector3, all_finite
 from formation_scenario import Scenario
 from formation_scenario import law as keys

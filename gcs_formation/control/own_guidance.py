@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from flight_model.autopilot_model import AutopilotModel, FlightState
-from flight_model.autopilot_model import Setpoint as Commanded
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
+from flight_model.flight_state import Setpoint as Commanded
 from flight_model.path import Route
 from flight_model.slot import Vector3, all_finite
 from formation_scenario.extensions import Registered

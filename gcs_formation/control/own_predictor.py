@@ -9,7 +9,8 @@ from typing import Any
 
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
 from formation_scenario import Scenario
 from formation_scenario.extensions import Registered
 from formation_scenario.slot_assignment import ids_by_index

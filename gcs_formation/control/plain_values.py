@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from airlink.endpoint import VehicleId
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from flight_model.slot import Vector3
 
 

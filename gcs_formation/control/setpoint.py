@@ -13,7 +13,8 @@ from typing import Final
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, rotated, within, wrap
+from flight_model.autopilot_model import AutopilotModel, rotated, within, wrap
+from flight_model.flight_state import FlightState
 from flight_model.slot import Slot, Vector3, all_finite
 from formation_scenario.fields import Frame
 from formation_scenario.slot_frame import axis_rad

@@ -13,7 +13,8 @@ from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant, nanoseconds
 from flight_model.arrays import Array
-from flight_model.autopilot_model import FlightState, finite, within
+from flight_model.autopilot_model import finite, within
+from flight_model.flight_state import FlightState
 from flight_model.slot import UNKNOWN, Slot, Vector3
 from formation_scenario import Scenario
 from gcs_formation import from_scenario

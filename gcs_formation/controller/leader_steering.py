@@ -6,7 +6,8 @@ import math
 from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant
-from flight_model.autopilot_model import AutopilotModel, FlightState, finite
+from flight_model.autopilot_model import AutopilotModel, finite
+from flight_model.flight_state import FlightState
 from flight_model.slot import Vector3
 from formation_scenario import Scenario
 from gcs_formation import from_scenario

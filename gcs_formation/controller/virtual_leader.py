@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from airlink.clock import Instant
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
 from flight_model.slot import Slot
 from formation_scenario.fields import Frame
 from gcs_formation.control.setpoint import centroid

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from gcs_formation.core.cycle import IN_COMMAND, NOT_IN_COMMAND, Cycle, Stage
 from gcs_formation.fleet.dispatch import Dispatch
 from gcs_formation.fleet.heartbeats import HeartbeatScheduler

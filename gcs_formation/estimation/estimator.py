@@ -6,7 +6,8 @@ import math
 from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
 from gcs_formation.estimation.noise_and_plausibility import (
     PositionDrift,
     VehicleNoise,

@@ -11,8 +11,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, wrap
+from flight_model.autopilot_model import AutopilotModel, wrap
 from flight_model.decay import of_climb
+from flight_model.flight_state import FlightState
 from gcs_formation.estimation.noise_and_plausibility import Values
 
 Level = tuple[float, float, float, float, float, float]

@@ -12,7 +12,8 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS
-from flight_model.autopilot_model import AutopilotModel, FlightState, wrap
+from flight_model.autopilot_model import AutopilotModel, wrap
+from flight_model.flight_state import FlightState
 from gcs_formation.estimation.setpoint_history import HISTORY_S, SetpointHistory
 
 HEADING: Final = 5

@@ -7,7 +7,8 @@ import math
 from mypy_extensions import mypyc_attr
 
 from airlink.clock import Instant
-from flight_model.autopilot_model import FlightState, wrap
+from flight_model.autopilot_model import wrap
+from flight_model.flight_state import FlightState
 from gcs_formation.estimation.noise_and_plausibility import (
     Values,
 )

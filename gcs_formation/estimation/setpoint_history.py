@@ -9,15 +9,8 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import LONG_AGO, NANOSECONDS
-from flight_model.autopilot_model import (
-    AutopilotModel,
-    FlightState,
-    advance,
-    respond,
-    respond_hovering,
-    within,
-    wrap,
-)
+from flight_model.autopilot_model import AutopilotModel, advance, respond, respond_hovering, within, wrap
+from flight_model.flight_state import FlightState
 from flight_model.slot import Vector3
 
 HISTORY_S: Final = 6.0

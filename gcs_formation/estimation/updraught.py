@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, squared
+from flight_model.autopilot_model import AutopilotModel, squared
+from flight_model.flight_state import FlightState
 
 UPDRAUGHT_GAIN: Final = 2.0
 """Response of the height setpoint to fast changes of height that the model doesn't explain, in metres per metre.

@@ -10,7 +10,8 @@ import math
 from typing import Final
 
 from airlink.clock import NANOSECONDS
-from flight_model.autopilot_model import AutopilotModel, FlightState, squared, wrap
+from flight_model.autopilot_model import AutopilotModel, squared, wrap
+from flight_model.flight_state import FlightState
 from flight_model.gain_design import UNMODELLED, WIND_WALK
 from gcs_formation.estimation.kalman import (
     HEADING,

@@ -17,7 +17,7 @@ from pkgutil import iter_modules
 from typing import Any, Final
 
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario.extensions import AUTOPILOT, Registered, registered_in
 from formation_scenario.register import Decorator, decorator
 from gcs_formation.errors import NotFiniteError, RunAbortedError

@@ -12,7 +12,8 @@ from airlink.clock import NEVER, Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from airlink.engine import DelayQueue
 from airlink.messages import Message
-from flight_model.autopilot_model import Setpoint, finite
+from flight_model.autopilot_model import finite
+from flight_model.flight_state import Setpoint
 from flight_model.slot import Vector3
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import models_by_index

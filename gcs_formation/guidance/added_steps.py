@@ -12,7 +12,8 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, remaining
+from flight_model.autopilot_model import AutopilotModel, remaining
+from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario.formation import Step, added
 
 OVER_RAD: Final = math.radians(0.5)

@@ -19,8 +19,9 @@ from typing import Final
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, crab_rad, finite, rotated, signed, squared, within
+from flight_model.autopilot_model import AutopilotModel, crab_rad, finite, rotated, signed, squared, within
 from flight_model.curve import PathPoint
+from flight_model.flight_state import FlightState
 from flight_model.slot import Vector3
 from gcs_formation.guidance.rough_air import RoughAir
 

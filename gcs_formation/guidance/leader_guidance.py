@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from airlink.clock import Instant
-from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, rotated
+from flight_model.autopilot_model import AutopilotModel, rotated
 from flight_model.curve import PathPoint
 from flight_model.fence_geometry import LapFence
+from flight_model.flight_state import FlightState, Setpoint
 from flight_model.legs.speeds import SpeedProfile
 from flight_model.path import FlightPath, Route
 from flight_model.path_lift_and_displacement import DisplacedPath

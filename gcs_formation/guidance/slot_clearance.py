@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from flight_model.arrays import Array, offset_points
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from flight_model.offset_curve import STEP_M, OffsetCurve
 from flight_model.path import Route
 from flight_model.path_lift_and_displacement import (

@@ -7,8 +7,9 @@ from typing import Final, NamedTuple
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, crab_rad, rotated, squared, within
+from flight_model.autopilot_model import AutopilotModel, crab_rad, rotated, squared, within
 from flight_model.curve import PathPoint
+from flight_model.flight_state import FlightState
 from flight_model.path import Route
 from flight_model.path_lift_and_displacement import Rise
 from flight_model.slot import LEADS_FROM_MPS

@@ -6,7 +6,7 @@ SI units and radians; north, east, and heights upwards; headings clockwise from 
 aircraft's time constants and limits, and takes others by name.
 """
 
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.fuzzy_pid import FuzzyGainScheduler, GainRange, PidGains
 from gcs_formation.control.setpoint import Mixer

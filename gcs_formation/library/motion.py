@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from airlink.clock import Instant, nanoseconds
 from flight_model.arrays import Array
-from flight_model.autopilot_model import FlightState, advance, within
+from flight_model.autopilot_model import advance, within
+from flight_model.flight_state import FlightState
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.estimation.setpoint_history import SentSetpoints
 

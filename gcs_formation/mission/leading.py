@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from airlink.clock import NANOSECONDS, Instant
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from flight_model.path import Route
 from formation_scenario import Scenario
 from formation_scenario.formation_changes import take_over

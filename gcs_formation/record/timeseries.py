@@ -14,7 +14,7 @@ from librt.strings import BytesWriter, write_f64_le
 from airlink.clock import NANOSECONDS
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask, columns_of, mapped, wrap
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from flight_model.slot import CHANNELS, UNKNOWN, Vector3
 from gcs_formation.control.fuzzy_pid import NO_GAINS
 from gcs_formation.errors import RecordError

@@ -13,8 +13,9 @@ from airlink.endpoint import ComponentId
 from airlink.messages import Message
 from airlink.messages.command import CommandInt, CommandLong, ParamSet, ParamValue
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot_model import FlightState, Setpoint, within
+from flight_model.autopilot_model import within
 from flight_model.earth import GeodeticOrigin
+from flight_model.flight_state import FlightState, Setpoint
 from flight_model.slot import Vector3
 from formation_scenario.orders import End
 from formation_scenario.path_plan import PathPlan

@@ -7,7 +7,8 @@ from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant, seconds_between
 from airlink.messages.telemetry import Attitude
-from flight_model.autopilot_model import FlightState, wrap
+from flight_model.autopilot_model import wrap
+from flight_model.flight_state import FlightState
 from gcs_formation.estimation.airspeed import AirspeedCheck
 from gcs_formation.estimation.sample import Sample
 from gcs_formation.link.frame_history import EARLY_S, LONGEST_DELAY_S

@@ -8,7 +8,8 @@ from typing import Final
 from airlink.clock import LONG_AGO, Instant, seconds_between
 from airlink.messages import Message
 from airlink.messages.command import CommandInt
-from flight_model.autopilot_model import FlightState, Setpoint, within, wrap
+from flight_model.autopilot_model import within, wrap
+from flight_model.flight_state import FlightState, Setpoint
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.command_delivery import REPEAT_S, SetpointChannel
 from gcs_formation.vehicle.held_setpoint import HeldSetpoint, Which

@@ -12,7 +12,7 @@ from airlink.messages import Message
 from airlink.messages.command import CommandAck
 from airlink.messages.system import CurrentMode, Heartbeat, SystemTime, Timesync
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, HomePosition
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.flight_state import FlightState, Setpoint
 from gcs_formation.link.frame_history import TURN_S
 from gcs_formation.link.frame_loss import STALE_AFTER_S
 from gcs_formation.link.vehicle_links import Links

@@ -18,7 +18,8 @@ from typing import Final
 from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.command import SetPositionTargetLocalNed
-from flight_model.autopilot_model import FlightState, Setpoint, within
+from flight_model.autopilot_model import within
+from flight_model.flight_state import FlightState, Setpoint
 from flight_model.slot import hovering_course, slot_axis
 from formation_scenario.vehicles import VehicleModel
 

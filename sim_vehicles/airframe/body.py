@@ -12,8 +12,9 @@ from librt.strings import BytesWriter, write_f64_le
 
 from airlink.random_streams import random_stream
 from flight_model import energy
-from flight_model.autopilot_model import AutopilotModel, FlightState, advance, within
+from flight_model.autopilot_model import AutopilotModel, advance, within
 from flight_model.energy import GRAVITY_MPS2, PHYSICAL, AirframeParameters
+from flight_model.flight_state import FlightState
 from formation_scenario.vehicles import EnergyAirframe
 from sim_vehicles.airframe.motion import MIN_SPEED_MPS, Motion, Steering, full_throttle_model
 from sim_vehicles.board_clock import LOOP_S

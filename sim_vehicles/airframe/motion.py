@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 
 from mypy_extensions import mypyc_attr
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, crab_rad, rotated, within
+from flight_model.autopilot_model import AutopilotModel, crab_rad, rotated, within
+from flight_model.flight_state import FlightState
 from formation_scenario.vehicles import VehicleModel
 
 HEADING: Final = 0

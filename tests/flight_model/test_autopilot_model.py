@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, advance, rate, respond, signed, wrap
+from flight_model.autopilot_model import AutopilotModel, advance, rate, respond, signed, wrap
+from flight_model.flight_state import FlightState
 
 TAU_V, TAU_PSI, TAU_HA, TAU_HB = 4.0, 1.5, 1.0, 3.0
 ACCEL, TURN, CLIMB = 1.5, 0.25, 3.0

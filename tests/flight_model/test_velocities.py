@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, respond_hovering
+from flight_model.autopilot_model import AutopilotModel, respond_hovering
+from flight_model.flight_state import FlightState
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance_hovering
 from tests.gcs_formation import tables
 

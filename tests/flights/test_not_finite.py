@@ -15,7 +15,7 @@ from librt.strings import BytesWriter
 
 import gcs_formation
 from airlink.messages import Message
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from flight_model.slot import UNKNOWN, Vector3
 from formation_scenario import load_scenario
 from gcs_formation.control import laws

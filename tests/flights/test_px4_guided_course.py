@@ -7,8 +7,8 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.messages.command import CommandInt, CommandLong
-from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.families.px4.guided_course import GUIDED_COURSE, Px4Course

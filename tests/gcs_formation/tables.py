@@ -12,7 +12,8 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from flight_model.arrays import Array
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
 from flight_model.slot import Vector3
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.control.law_interface import CycleInput, Law, LawOutput

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from airlink.clock import Instant, after
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from formation_scenario import load_scenario
 from gcs_formation import from_scenario
 from gcs_formation.control.law_interface import LawOutput

@@ -13,7 +13,7 @@ from airlink.clock import Instant, after, seconds_between
 from airlink.impairment import Direction
 from airlink.one_way_channel import Channel
 from airlink.random_streams import random_stream
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.start_states_and_end_times import planned_end_s
 from gcs_formation.app.link_injection import LinkSchedule

@@ -11,8 +11,9 @@ import numpy as np
 
 from airlink.clock import Instant, seconds_between
 from flight_model.arrays import Array, Indices, Mask, within, wrap
-from flight_model.autopilot_model import AutopilotModel, FlightState, respond
+from flight_model.autopilot_model import AutopilotModel, respond
 from flight_model.fence_geometry import CHECKED_M, FenceAreas, room_m
+from flight_model.flight_state import FlightState
 from flight_model.slot import HEIGHT
 from flight_model.vehicle_arrays import FlightStates
 from formation_scenario import Scenario

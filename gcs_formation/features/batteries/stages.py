@@ -9,7 +9,7 @@ from typing import Final
 
 from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from gcs_formation.core.cycle import EACH_SECOND, Cycle, Stage
 from gcs_formation.features.batteries.endurance import Endurance
 from gcs_formation.features.batteries.keys import BatteryKeys

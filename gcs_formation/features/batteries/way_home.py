@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 
 LANDING_S: Final = 60.0
 """Time over home until it is down, s."""

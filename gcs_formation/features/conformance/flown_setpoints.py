@@ -8,8 +8,9 @@ import math
 from typing import Final, NamedTuple
 
 from airlink.clock import NANOSECONDS, Instant, after, seconds_between
-from flight_model.autopilot_model import AutopilotModel, FlightState, respond, within, wrap
+from flight_model.autopilot_model import AutopilotModel, respond, within, wrap
 from flight_model.energy import GRAVITY_MPS2
+from flight_model.flight_state import FlightState
 from flight_model.slot import Vector3
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.estimation.vehicle_filter import MIN_AIRSPEED_MPS

@@ -10,7 +10,8 @@ from typing import Final
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
 from formation_scenario import Scenario
 from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.slot_assignment import models_by_index, vehicles_by_index

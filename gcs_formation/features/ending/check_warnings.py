@@ -10,7 +10,8 @@ import numpy as np
 
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, offset_points
-from flight_model.autopilot_model import AutopilotModel, FlightState, advance
+from flight_model.autopilot_model import AutopilotModel, advance
+from flight_model.flight_state import FlightState
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.slot_frame import axis_rad

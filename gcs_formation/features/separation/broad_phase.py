@@ -12,7 +12,8 @@ import math
 from typing import Final
 
 from flight_model.arrays import Array
-from flight_model.autopilot_model import AutopilotModel, FlightState, within, wrap
+from flight_model.autopilot_model import AutopilotModel, within, wrap
+from flight_model.flight_state import FlightState
 from flight_model.slot import Vector3
 from gcs_formation.features.separation.approach import COARSE_S, JERK_MPS3
 

@@ -12,7 +12,8 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS, Instant
-from flight_model.autopilot_model import AutopilotModel, FlightState, advance, within, wrap
+from flight_model.autopilot_model import AutopilotModel, advance, within, wrap
+from flight_model.flight_state import FlightState
 from flight_model.slot import UNKNOWN, Vector3
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S, MeasuredStates

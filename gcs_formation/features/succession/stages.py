@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from gcs_formation.core.cycle import Cycle, Stage
 from gcs_formation.features.succession.candidates import Candidate, best_successor, can_lead
 from gcs_formation.fleet.membership import SUCCESSION_S

@@ -7,7 +7,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, respond_hovering
+from flight_model.autopilot_model import AutopilotModel, respond_hovering
+from flight_model.flight_state import FlightState
 from flight_model.slot import Vector3
 
 UNKNOWN: Final = math.nan

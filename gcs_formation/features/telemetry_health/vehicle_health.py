@@ -8,7 +8,8 @@ import math
 from typing import Final
 
 from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
-from flight_model.autopilot_model import AutopilotModel, FlightState, within
+from flight_model.autopilot_model import AutopilotModel, within
+from flight_model.flight_state import FlightState
 from flight_model.slot import Vector3
 from gcs_formation.estimation.sample import Sample
 from gcs_formation.estimation.vehicle_filter import VehicleFilter

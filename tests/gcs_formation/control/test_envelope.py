@@ -7,7 +7,8 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.control.setpoint import INTERCEPT_MAX_RAD, Envelope
 

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flight_model.autopilot_model import FlightState, rotated
+from flight_model.autopilot_model import rotated
+from flight_model.flight_state import FlightState
 from flight_model.slot import Slot
 from formation_scenario.fields import Frame
 from gcs_formation.control.setpoint import formation_error, slot_target

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
 from flight_model.slot import Slot
 from formation_scenario import load_scenario
 from gcs_formation.control.follower import FollowerController

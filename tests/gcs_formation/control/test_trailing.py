@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
 from flight_model.slot import Slot
 from gcs_formation.control.setpoint import CRAB_RADPS, LeaderMotion, Target, TrailingSlot, feed_forward, slot_target
 

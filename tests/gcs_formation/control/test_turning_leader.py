@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, advance
+from flight_model.autopilot_model import AutopilotModel, advance
+from flight_model.flight_state import FlightState
 from flight_model.slot import Slot
 from gcs_formation.control.follower import FollowerController
 from gcs_formation.control.follower_loops import Controller, LawInput

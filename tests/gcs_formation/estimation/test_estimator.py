@@ -7,7 +7,7 @@ import pytest
 
 from airlink.clock import Instant, after
 from flight_model.arrays import Array
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from flight_model.gain_design import UNMODELLED, WIND_WALK
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from formation_scenario import load_scenario

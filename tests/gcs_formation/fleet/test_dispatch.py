@@ -10,7 +10,7 @@ import pytest
 
 from airlink.clock import NEVER, Instant, after
 from airlink.endpoint import VehicleId
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from formation_scenario import load_scenario
 from gcs_formation.fleet.dispatch import HOLD_MAX_S, Dispatch
 from gcs_formation.recorder import Tick, VehicleLink

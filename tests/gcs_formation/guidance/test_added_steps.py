@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, Setpoint, advance
+from flight_model.autopilot_model import AutopilotModel, advance
+from flight_model.flight_state import FlightState, Setpoint
 from flight_model.spline import SplinePath
 from formation_scenario.formation import Step
 from gcs_formation.guidance.added_steps import AddedSteps

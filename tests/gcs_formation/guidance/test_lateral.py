@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flight_model.autopilot_model import AutopilotModel, FlightState, advance, crab_rad
+from flight_model.autopilot_model import AutopilotModel, advance, crab_rad
 from flight_model.curve import PathPoint
+from flight_model.flight_state import FlightState
 from flight_model.legs.heights import Climbs
 from flight_model.legs.joining import TurnRules
 from flight_model.legs.path import LegPlan, LegsPath

@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
 from formation_scenario import load_scenario
 from gcs_formation import from_scenario
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance

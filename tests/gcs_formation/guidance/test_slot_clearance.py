@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from flight_model.path_lift_and_displacement import TRIFLE_M, Bounds
 from flight_model.spline import SplinePath
 from formation_scenario import load_scenario

@@ -12,7 +12,7 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandInt, CommandLong, ParamValue, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import HomePosition
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.flight_state import FlightState, Setpoint
 from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.families.arducopter.arducopter import ArduCopter
 from gcs_formation.vehicle.own_fence import FENCE_NAMES

@@ -13,7 +13,7 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages import Message
 from airlink.messages.command import CommandInt
 from airlink.messages.telemetry import SysStatus
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.flight_state import FlightState, Setpoint
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat, position
 

@@ -9,8 +9,8 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.messages.command import CommandInt, ParamValue
-from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from flight_model.flight_state import FlightState, Setpoint
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.checks import AT_ONCE, RETRY_S, TRIES, Finding, ParameterReader
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane

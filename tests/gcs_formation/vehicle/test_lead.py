@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.flight_state import FlightState, Setpoint
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.families.px4.plane import Px4Plane
 from gcs_formation.vehicle.velocity_setpoint import SpeedLead, VelocityLead

@@ -12,7 +12,7 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandAck, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, ExtendedSysState, SysStatus, VfrHud
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario import load_scenario
 from gcs_formation.from_scenario import autopilot_for
 from gcs_formation.vehicle.command_delivery import CommandQueue, Outcome

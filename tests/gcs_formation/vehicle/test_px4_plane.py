@@ -16,7 +16,7 @@ from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, ExtendedSysState, HomePosition, SysStatus, VfrHud
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.flight_state import FlightState, Setpoint
 from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.command_delivery import CommandQueue, EffectWatch, Outcome
 from gcs_formation.vehicle.families.px4.plane import Px4Plane

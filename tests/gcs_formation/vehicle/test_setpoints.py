@@ -12,8 +12,8 @@ from airlink.endpoint import VehicleId
 from airlink.frame import Frame
 from airlink.messages import Message
 from airlink.messages.command import CommandAck, CommandInt
-from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario import load_scenario
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.from_scenario import planned

@@ -21,7 +21,7 @@ from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.command import CommandInt
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.ardupilot import CM, TIMEOUT_S, ArduPilot, heartbeat_timeout, our_heartbeats

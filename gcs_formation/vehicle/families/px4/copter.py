@@ -16,8 +16,8 @@ import math
 from mypy_extensions import mypyc_attr
 
 from airlink.messages import Message
-from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.vehicle.autopilot_family import Autopilot

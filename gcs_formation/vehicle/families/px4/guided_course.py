@@ -20,7 +20,7 @@ from mypy_extensions import mypyc_attr
 from airlink import mavlink as m
 from airlink.messages import Message
 from airlink.messages.command import CommandInt
-from flight_model.autopilot_model import FlightState, Setpoint
+from flight_model.flight_state import FlightState, Setpoint
 from gcs_formation.vehicle.autopilot_family import KnownSetpoints
 from gcs_formation.vehicle.families.px4.plane import Px4Plane, course_over_ground_rad
 from gcs_formation.vehicle.families.px4.px4 import LOITER, TAKEOFF

@@ -19,8 +19,8 @@ from mypy_extensions import mypyc_attr
 
 from airlink import mavlink as m
 from airlink.messages.command import CommandInt
-from flight_model.autopilot_model import FlightState, Setpoint
 from flight_model.earth import GeodeticOrigin
+from flight_model.flight_state import FlightState, Setpoint
 from flight_model.slot import Vector3
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.vehicles import VehicleModel

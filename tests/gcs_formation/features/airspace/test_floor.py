@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from airlink.clock import Instant, after
-from flight_model.autopilot_model import FlightState, advance
+from flight_model.autopilot_model import advance
 from flight_model.earth import GeodeticOrigin
+from flight_model.flight_state import FlightState
 from formation_scenario import Scenario, load_scenario
 from formation_scenario.terrain import ElevationGrid
 from gcs_formation import from_scenario

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from gcs_formation.features.batteries.way_home import LANDING_S, way_home_s
 
 

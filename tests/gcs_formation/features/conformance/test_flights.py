@@ -17,7 +17,7 @@ from airlink.endpoint import VehicleId
 from airlink.engine import Datagram
 from airlink.messages.command import CommandInt, ParamSet
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from formation_scenario import load_scenario
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.conformance.monitor import ConformanceMonitor

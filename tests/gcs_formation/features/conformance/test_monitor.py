@@ -18,8 +18,8 @@ from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
 from airlink.messages.command import CommandAck, CommandInt
 from airlink.messages.system import Heartbeat
-from flight_model.autopilot_model import FlightState
 from flight_model.earth import GeodeticOrigin
+from flight_model.flight_state import FlightState
 from formation_scenario import load_scenario
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.conformance.flown_setpoints import SETTLED_S
