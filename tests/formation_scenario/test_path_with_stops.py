@@ -9,7 +9,6 @@ import pytest
 from flight_model.legs.deviation import deviation
 from flight_model.stops.timetable import Timetable
 from formation_scenario import ScenarioError, load_scenario
-from formation_scenario.ground_and_fence import fence_distances
 from formation_scenario.sampled_path import with_turns
 from formation_scenario.start_states_and_end_times import path_end_s, planned_m
 from gcs_formation.app.check_path import path_text
@@ -91,20 +90,6 @@ def test_steep_legs_are_flown_more_slowly_where_circles_may_be_flown():
     scenario = hovering(steep, climb="circle")
     assert scenario.speeds.at(130.0)[0] < 2.5
     assert deviation(scenario.written_path, steep).off_legs_m < 1e-6
-
-
-def test_slots_that_swing_in_a_turn_in_place_stay_inside_the_fence():
-    """The trailing slot is 24 m behind; as the leader turns at the corner it swings to the west of the first leg."""
-    fence = {"corners_m": [[-150, -60], [-150, 300], [210, 300], [210, -60]]}
-    near = {"corners_m": [[-150, -18], [-150, 300], [210, 300], [210, -18]]}
-    more = {"start": {"run_in_s": 10}}
-    stops = [{"waypoint": 1}]
-    safety = {"separation_m": 3, "clearance_m": 5}
-    inside = hovering(more=more | {"safety": safety | {"fence": fence}}, stops=stops)
-    nearest = min(each.least_m for each in fence_distances(inside))
-    assert nearest == pytest.approx(60.0 - 24.0, abs=0.1)
-    with pytest.raises(ScenarioError, match="outside the fence"):
-        hovering(more=more | {"safety": safety | {"fence": near}}, stops=stops)
 
 
 def test_samples_of_a_turn_in_place_stay_at_its_point_while_the_course_turns():

@@ -8,13 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
-from formation_scenario import load_scenario
-
 FOLDER: Final = Path(__file__).parent
-AROUND_M: Final = 600.0
-"""Room that the fence leaves around the waypoints, where the file has none."""
 FLOWN: Final = (
     "racetrack.waypoints",  # two long legs and two short ones, a jump without end
     "big_loop.waypoints",  # the same with corners of other angles, from the air
@@ -30,10 +24,5 @@ REFUSED: Final = {"delivery.waypoints": "path.waypoints_m.34: found a leg of 21 
 
 
 def keys_of(name: str, **more: Any) -> dict[str, Any]:
-    """Return the keys of a scenario that flies a mission with three followers, within its fence or one around it."""
-    keys: dict[str, Any] = {"vehicles": {"count": 4}, "path": {"file": str(FOLDER / name)}}
-    if not name.endswith(".plan"):
-        waypoints = np.array(load_scenario(keys, flown=True).path.waypoints_m)[:, :2]
-        (south, west), (north, east) = waypoints.min(axis=0) - AROUND_M, waypoints.max(axis=0) + AROUND_M
-        keys["safety"] = {"fence": {"corners_m": [[south, west], [north, west], [north, east], [south, east]]}}
-    return keys | more
+    """Return the keys of a scenario that flies a mission with three followers."""
+    return {"vehicles": {"count": 4}, "path": {"file": str(FOLDER / name)}} | more

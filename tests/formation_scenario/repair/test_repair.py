@@ -1,7 +1,6 @@
 """What `check --repair` makes of missions that can't be flown: `check` is content with it, in one round."""
 
 import math
-from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
@@ -9,31 +8,20 @@ import numpy as np
 import pytest
 import yaml
 
-from formation_scenario import Scenario, load_scenario
-from formation_scenario.repair import Repair, repair
+from formation_scenario.repair import repair
+from tests.formation_scenario.repair.missions import loaded, mission
 
-FENCE = [[-350, -350], [-350, 1300], [1250, 1300], [1250, -350]]
-LANES: list[list[float]] = [[north, 100 * lane, 100] for lane in range(6) for north in ((0, 900), (900, 0))[lane % 2]]
 COMPETITION = [[0, 0, 60], [600, 300, 110], [900, 1200, 200], [300, 1500, 80], [-800, 1700, 120], [0, 0, 60]]
 DENSE = [[400 * math.sin(2 * t), 600 * t, 100 + 2 * math.sin(40 * t)] for t in np.linspace(0, 3, 60).tolist()]
 HILL = {"clearance_m": 60, "hills": [{"north_m": 1500, "east_m": 0, "height_m": 150, "radius_m": 400}]}
 MISSIONS: dict[str, dict[str, Any]] = {
     "competition": {"path": COMPETITION},
-    "lawn-mower": {"path": LANES, "safety": {"fence": {"corners_m": FENCE}}},
     "triangle": {"path": [[0, 0, 100], [700, 0, 100], [350, 606, 100], [0, 0, 100]]},
     "zigzag": {"path": [[0, 0, 100], [1500, 0, 100], [100, 60, 100], [1500, 120, 100]]},
     "there and back": {"path": [[0, 0, 100], [2000, 0, 100], [0, 0, 100]]},
     "dense": {"path": DENSE},
     "steep": {"path": [[0, 0, 50], [300, 0, 200], [600, 0, 60], [900, 200, 250], [2500, 200, 250]]},
     "below the clearance": {"path": [[0, 0, 50], [1500, 0, 2], [3000, 500, 50], [4500, 500, -20], [6000, 0, 60]]},
-    "outside the fence": {
-        "path": [[0, 0, 100], [900, 0, 100], [1500, 900, 100], [0, 1000, 100]],
-        "safety": {"fence": {"corners_m": FENCE}},
-    },
-    "outside its heights": {
-        "path": [[0, 0, 100], [1500, 0, 160], [3000, 0, 100]],
-        "safety": {"fence": {"height_max_m": 120, "height_min_m": 90}},
-    },
     "too fast": {"path": COMPETITION, "speed_mps": 31},
     "too wide": {"path": COMPETITION, "formation": {"spacing_m": 150}},
     "too close": {"path": COMPETITION, "formation": {"spacing_m": 3}},
@@ -50,22 +38,12 @@ MISSIONS: dict[str, dict[str, Any]] = {
     },
 }
 
-LONG = {"dense", "outside the fence", "across a gale"}
+LONG = {"dense", "across a gale"}
 OFTEN = {
     ("spline", "competition"),
-    ("spline", "lawn-mower"),
     *(("legs", name) for name in MISSIONS if name not in LONG),
 }
 """What a push repairs; the night repairs all of them as both kinds of path."""
-
-
-def mission(kind: str, path: Sequence[Sequence[float]], speed_mps: float = 22.0, **keys: Any) -> dict[str, Any]:
-    path_keys = {"kind": kind, "speed_mps": speed_mps, "waypoints_m": path}
-    return {"vehicles": {"count": 4}, "start": {"in_air": True}, "path": path_keys, **keys}
-
-
-def loaded(found: Repair) -> Scenario:
-    return load_scenario(yaml.safe_load(found.text()))
 
 
 @pytest.mark.parametrize(
@@ -97,17 +75,6 @@ def test_a_leg_too_steep_by_little_moves_one_of_its_ends_by_little() -> None:
     (change,) = found.changes
     assert change.waypoint == 1
     assert 103.0 < loaded(found).path.waypoints_m[1][2] < 108.0
-
-
-def test_a_waypoint_outside_the_fence_moves_inwards_by_little_more_than_it_is_outside() -> None:
-    fence = {"fence": {"corners_m": [[-900, -900], [-900, 4000], [3000, 4000], [3000, -900]]}}
-    path = [[0, 0, 100], [2000, 0, 100], [3100, 1500, 100], [2000, 3000, 100], [0, 3000, 100]]
-    found = repair(mission("legs", path, safety=fence))
-    (change,) = found.changes
-    assert change.waypoint == 2
-    moved = loaded(found).path.waypoints_m[2]
-    assert 2600.0 < moved[0] < 3000.0
-    assert moved[1:] == (1500.0, 100.0)
 
 
 def test_the_key_says_what_may_be_changed_and_in_which_order() -> None:

@@ -10,10 +10,15 @@ import pytest
 
 import gcs_formation
 from flight_model.arrays import Array, Complex, Indices
+from flight_model.fence_geometry import Flyers, places_along
 from flight_model.legs.path import LegsPath
 from formation_scenario import load_scenario
-from tests.missions import FLOWN, keys_of
+from formation_scenario.ground_and_fence import drift
+from formation_scenario.slot_assignment import slot_schedule
+from tests.gcs_formation.features.airspace.missions import fenced_keys_of
+from tests.missions import FLOWN
 
+HZ = 25.0
 OFF_LEGS_M = 1.0
 OUTSIDE_HEIGHTS_M = 1.0
 RMS_M = 0.1
@@ -35,7 +40,7 @@ def nearest(way: Complex, places: Complex) -> Indices:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FLOWN)
 def test_a_mission_is_flown_along_its_legs_at_its_heights_inside_its_fence(name: str, tmp_path: Path) -> None:
-    keys = keys_of(name, links={"default": {"delay_ms": 300}})
+    keys = fenced_keys_of(name, links={"default": {"delay_ms": 300}})
     scenario = load_scenario(keys)
     path, waypoints = scenario.written_path, np.array(scenario.path.waypoints_m)
     assert isinstance(path, LegsPath)
@@ -71,3 +76,17 @@ def test_a_mission_is_flown_along_its_legs_at_its_heights_inside_its_fence(name:
         follower = flown & (column["vehicle"] == vehicle)
         for axis in "xyz":
             assert np.sqrt(np.mean(column[f"error_{axis}_m"][follower] ** 2)) < RMS_M
+
+
+@pytest.mark.parametrize("name", FLOWN)
+def test_all_slots_of_a_planned_mission_are_inside_its_fence(name: str) -> None:
+    scenario = load_scenario(fenced_keys_of(name))
+    path = scenario.written_path
+    at_m = np.arange(-scenario.run_in_m, path.length_m, scenario.path.begin_mps / HZ)
+    points = path.at(at_m)
+    assert scenario.fence is not None
+    assert scenario.fence.sides is not None
+    forward_m, right_m, _ = slot_schedule(scenario)[0].places_m.T
+    way = points.north_m, points.east_m, points.course_rad
+    places = places_along(way, Flyers(forward_m, right_m, np.ones(4)), drift(scenario))
+    assert scenario.fence.sides.inside_m(places).min() > 25.0
