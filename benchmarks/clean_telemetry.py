@@ -46,7 +46,7 @@ def scenario(seed: int) -> dict[str, Any]:
         "name": f"clean-{seed}",
         "seed": seed,
         "duration_s": DURATION_S,
-        "start": {"in_air": True, "run_in_s": 6.0, "timeout_s": 4.0},
+        "start": {"in_air": True, "run_in_s": 15.0, "timeout_s": 4.0},
         "vehicles": [_vehicle(rng, number, family) for number in (1, 2, 3)],
         "formation": {"shape": ("diamond", "echelon", "line")[int(rng.integers(3))], "spacing_m": 30},
         "telemetry": {"rate_hz": float(rng.choice([5.0, 10.0]))},

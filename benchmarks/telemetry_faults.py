@@ -122,6 +122,7 @@ def _flown(family: str, faults: list[dict[str, Any]], link: str, seed: int, *, c
         **FAMILIES[family],
         "links": {"default": LINKS[link]},
         "faults": [{"kind": "telemetry", **each} for each in faults],
+        "finish": {"loiter_s": 1.0},
     }
     if climbs:
         scenario["path"] = scenario["path"] | {"waypoints_m": CLIMBS[family]}
