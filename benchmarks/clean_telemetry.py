@@ -10,12 +10,12 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from benchmarks.in_order import in_order
 from formation_scenario import ScenarioError
 from gcs_formation import run
 
@@ -123,8 +123,8 @@ def record(given: argparse.Namespace, path: Path) -> None:
     """Fly what a file doesn't have, and add each flight to it."""
     known = {each.seed for each in recorded(path)}
     wanted = [each for each in range(given.first, given.first + given.flights) if each not in known]
-    with ProcessPoolExecutor(given.workers) as pool, path.open("a") as file:
-        for each in pool.map(fly, wanted):
+    with path.open("a") as file:
+        for each in in_order(fly, wanted, given.workers):
             file.write(json.dumps(each) + "\n")
             file.flush()
 
