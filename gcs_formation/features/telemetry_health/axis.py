@@ -48,7 +48,7 @@ class Axis:
         self.noise_m2 = 0.0
         """Variance of the position's noise by what samples gain one after the other, m²."""
         self.scatter_m2 = self.taken_back_m2 = 0.0
-        """The same, with a limit on what one sample adds: an outlier is no noise. The second is what the newest adds."""
+        """The same, with a limit on what one sample adds: an outlier is no noise. The second is the newest's part."""
         self.gain_m = 0.0
         """What it gained on the velocities last, m."""
         self.excess_m = 0.0
