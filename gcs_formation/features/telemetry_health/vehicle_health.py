@@ -118,6 +118,8 @@ class VehicleHealth:
         attitude = vehicle.telemetry.attitude
         if attitude is not None and attitude.time_boot_s - reported_s <= LATE_S:
             longest_s = math.inf  # all that it says is as old: its clock or the link is slower than was measured
+        north, east = self._across.axes
+        timing.noise_m2 = max(north.noise_m2, east.noise_m2)
         stamp = timing.take(reported_s, int(sample.stamp), int(now), place_m, mps, longest_s)
         if timing.by_arrival != before:  # what was found meanwhile was due to the stamps
             self._across.forget()
