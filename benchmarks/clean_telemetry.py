@@ -10,12 +10,12 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from benchmarks.in_order import in_order
 from formation_scenario import ScenarioError
 from gcs_formation import run
 
@@ -46,7 +46,7 @@ def scenario(seed: int) -> dict[str, Any]:
         "name": f"clean-{seed}",
         "seed": seed,
         "duration_s": DURATION_S,
-        "start": {"in_air": True, "run_in_s": 6.0, "timeout_s": 4.0},
+        "start": {"in_air": True, "run_in_s": 15.0, "timeout_s": 4.0},
         "vehicles": [_vehicle(rng, number, family) for number in (1, 2, 3)],
         "formation": {"shape": ("diamond", "echelon", "line")[int(rng.integers(3))], "spacing_m": 30},
         "telemetry": {"rate_hz": float(rng.choice([5.0, 10.0]))},
@@ -123,8 +123,8 @@ def record(given: argparse.Namespace, path: Path) -> None:
     """Fly what a file doesn't have, and add each flight to it."""
     known = {each.seed for each in recorded(path)}
     wanted = [each for each in range(given.first, given.first + given.flights) if each not in known]
-    with ProcessPoolExecutor(given.workers) as pool, path.open("a") as file:
-        for each in pool.map(fly, wanted):
+    with path.open("a") as file:
+        for each in in_order(fly, wanted, given.workers):
             file.write(json.dumps(each) + "\n")
             file.flush()
 

@@ -13,12 +13,12 @@ import itertools
 import json
 import tempfile
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from benchmarks.in_order import in_order
 from gcs_formation import run
 from gcs_formation.studies.dataset import markdown
 from gcs_formation.studies.random_scenarios import telemetry_fault
@@ -122,6 +122,7 @@ def _flown(family: str, faults: list[dict[str, Any]], link: str, seed: int, *, c
         **FAMILIES[family],
         "links": {"default": LINKS[link]},
         "faults": [{"kind": "telemetry", **each} for each in faults],
+        "finish": {"loiter_s": 1.0},
     }
     if climbs:
         scenario["path"] = scenario["path"] | {"waypoints_m": CLIMBS[family]}
@@ -163,8 +164,8 @@ def record(given: argparse.Namespace, path: Path) -> None:
     known, faults = recorded(path), [each for each in FAULTS if any(part in each for part in given.fault)]
     cells = [Cell(*each) for each in itertools.product(given.families, faults, given.roles, LINKS)]
     wanted = [(cell, seed) for seed in range(given.seeds) for cell in cells if (cell, seed) not in known]
-    with ProcessPoolExecutor(given.workers) as pool, path.open("a") as file:
-        for (cell, seed), flown in zip(wanted, pool.map(_fly_cell, wanted), strict=True):
+    with path.open("a") as file:
+        for (cell, seed), flown in zip(wanted, in_order(_fly_cell, wanted, given.workers), strict=True):
             file.write(json.dumps({"cell": cell, "seed": seed, "flown": flown}) + "\n")
             file.flush()
 
@@ -199,8 +200,7 @@ def main() -> None:
     options.add_argument("--record", type=Path, metavar="FILE", help="where flights are kept, one a line")
     given = options.parse_args()
     if given.combined:
-        with ProcessPoolExecutor(given.workers) as pool:
-            rows = list(pool.map(fly_combined, range(given.combined)))
+        rows = list(in_order(fly_combined, range(given.combined), given.workers))
         print(markdown(["family", "link", "faults", "found s / separation m / height m"], rows))
         return
     heads = ["family", "fault", "role", *(f"{link}: found s / separation m / height m" for link in LINKS)]

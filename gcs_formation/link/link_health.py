@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
-from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
+from airlink.clock import LONG_AGO, NANOSECONDS, Instant, after, seconds_between
 from airlink.endpoint import Address
 from gcs_formation.link.frame_loss import STALE_AFTER_NS, STALE_AFTER_S, run_length
 
@@ -21,6 +22,13 @@ MUTE_AFTER_NS: Final = round(MUTE_AFTER_S * NANOSECONDS)
 ALL_LOST: Final = 1e-6
 """On a lossy link the limit is longer: until the probability that all due heartbeats were lost is below this. Tuned:
 probability; 1e-9 to 1e-4; by judgement."""
+BEAT_S: Final = 1.0
+"""Interval of heartbeats (MAVLink guide, "Heartbeat/Connection Protocol")."""
+BESIDE_NS: Final = NANOSECONDS // 4
+"""How far from a heartbeat's due time frames must have been lost for it to be among them. Tuned: ns; 0.1 to 0.4 s; by
+judgement: jitter, and that of an autopilot's scheduler."""
+KEPT_GAPS: Final = 64
+"""Gaps in the sequence numbers that are remembered, the newest."""
 
 
 class JitterMeter:
@@ -83,6 +91,14 @@ class Connection:
     """The last heartbeat, or when the vehicle was received again after silence."""
     back_at: Instant = LONG_AGO
     """When it was last received again after LOST."""
+    _gaps: deque[tuple[Instant, Instant]] = field(
+        default_factory=lambda: deque[tuple[Instant, Instant]](maxlen=KEPT_GAPS)
+    )
+    """When the frames before and after each gap in its sequence numbers were received."""
+
+    def skipped(self, now: Instant) -> None:
+        """Record that frames before the one received now, and after the last one, were lost."""
+        self._gaps.append((self.last_received, now))
 
     def record_frame(self, now: Instant, *, heartbeat: bool) -> bool:
         """Record a frame; return whether the state changed."""
@@ -124,6 +140,22 @@ class Connection:
         return self.state is LinkState.CONNECTED or self.state is LinkState.MUTE
 
     def mute_s(self, loss: float) -> float:
-        """Return for how long heartbeats have been missing beyond what `loss` explains, s; negative if they aren't."""
-        due_s = run_length(loss, ALL_LOST)
-        return seconds_between(self.last_heartbeat, self.last_received) - max(MUTE_AFTER_S, due_s)
+        """Return for how long heartbeats have been missing beyond what `loss` explains, s; negative if they aren't.
+
+        Loss explains none that was due while no frame at all was lost: that one wasn't sent.
+        """
+        late_s = seconds_between(self.last_heartbeat, self.last_received) - MUTE_AFTER_S
+        if late_s <= 0.0 or self._unsent():
+            return late_s
+        return min(late_s, late_s + MUTE_AFTER_S - run_length(loss, ALL_LOST))
+
+    def _unsent(self) -> bool:
+        """Return whether a heartbeat has been due since the last one while no frame was lost."""
+        due, until = after(self.last_heartbeat, BEAT_S), self.last_received - BESIDE_NS
+        known_from = self._gaps[0][0] if len(self._gaps) == KEPT_GAPS else self.last_heartbeat
+        while due <= until:
+            lost = any(begun <= due + BESIDE_NS and due - BESIDE_NS <= ended for begun, ended in self._gaps)
+            if not lost and due - BESIDE_NS >= known_from:
+                return True
+            due = after(due, BEAT_S)
+        return False

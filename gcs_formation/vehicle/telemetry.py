@@ -36,6 +36,7 @@ from gcs_formation.vehicle.plausible_messages import (
 )
 from gcs_formation.vehicle.reported_battery import ReportedBattery
 from gcs_formation.vehicle.reported_motion import ReportedMotion
+from gcs_formation.vehicle.reporting import Reporting
 
 AIRBORNE_M: Final = 10.0
 """Height above home from which an armed vehicle counts as flying, whatever it reports."""
@@ -102,15 +103,12 @@ class Telemetry:
     """Messages dropped because an aircraft can't have sent such values."""
     not_finite: str = ""
     """Name and value of the first field that isn't finite in the newest attitude, empty if all are."""
-    _without_position: int = 0
-    """Attitudes since the last position."""
     _refused_positions: int = 0
     """Positions in a row that can't be, or aren't filled, since the last."""
-    _without_airspeed: int = 0
-    _without_attitude: int = 0
-    """Positions since the last airspeed and attitude that were reported, whose stamps are the next two."""
-    _airspeed_at_s: float = math.nan
-    _attitude_at_s: float = math.nan
+    _positions: Reporting = field(default_factory=lambda: Reporting(ALONE_ATTITUDES, ALONE_ATTITUDES_S))
+    """Compared with attitudes; the next two with positions."""
+    _attitudes: Reporting = field(default_factory=lambda: Reporting(ALONE, ALONE_S))
+    _airspeeds: Reporting = field(default_factory=lambda: Reporting(ALONE, ALONE_S))
     texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
     texts_reported: int = 0
     """Number of complete texts received."""
@@ -177,10 +175,11 @@ class Telemetry:
         self.unfixed = False
         north_m, east_m, down_m = self.origin.to_ned(message.lat_rad, message.lon_rad, message.alt_m)
         stamp_s = message.time_boot_s
-        self._without_position = self._refused_positions = 0
-        self._without_airspeed += 1
-        self._without_attitude += 1
-        if (self._without_airspeed > ALONE or self._without_attitude > ALONE) and self.complete:
+        self._refused_positions = 0
+        self._positions.take(stamp_s)
+        self._airspeeds.others += 1
+        self._attitudes.others += 1
+        if (self._airspeeds.others > ALONE or self._attitudes.others > ALONE) and self.complete:
             self._fly_without(stamp_s)
         north_more_m, east_more_m, up_m = self.displaced_m
         self.motion = ReportedMotion(
@@ -213,25 +212,25 @@ class Telemetry:
 
     def _fly_without(self, stamp_s: float) -> None:
         """Replace an airspeed or attitude that isn't reported: no airspeed is a reading of 0, as in VFR_HUD."""
-        if self._without_airspeed > ALONE and stamp_s - self._airspeed_at_s > ALONE_S and not self.stands:
+        if not self.stands and self._airspeeds.lacks(stamp_s):
             self.airspeed_mps, self.airspeed_stamp_s = 0.0, stamp_s
-        known = self._without_airspeed <= ALONE and abs(self.hud_heading_rad) < INFINITE
-        if self._without_attitude > ALONE and stamp_s - self._attitude_at_s > ALONE_S and known:
+        known = self._airspeeds.others <= ALONE and abs(self.hud_heading_rad) < INFINITE
+        if known and self._attitudes.lacks(stamp_s):
             self.attitude = Attitude(stamp_s, 0.0, 0.0, self.hud_heading_rad, 0.0, 0.0, 0.0)
 
     def take_attitude(self, message: Attitude) -> None:
         """Store an attitude; of one that isn't finite what can be used, with VFR_HUD's heading in place of its yaw."""
-        self._without_position += 1
+        self._positions.others += 1
         if is_attitude(message):
             self.attitude, self.not_finite = message, ""
-            self._without_attitude, self._attitude_at_s = 0, message.time_boot_s
+            self._attitudes.take(message.time_boot_s)
             return
         self.implausible += 1
         self.not_finite = first_not_finite(message) or first_impossible(message)
         usable = usable_of(message, self.hud_heading_rad)
         if usable is not None:
             self.attitude = usable
-            self._without_attitude, self._attitude_at_s = 0, message.time_boot_s
+            self._attitudes.take(message.time_boot_s)
 
     def take_airspeed(self, message: VfrHud) -> None:
         """Store an airspeed; a multirotor without a sensor gets its ground speed instead.
@@ -246,8 +245,8 @@ class Telemetry:
             speed_mps = 0.0
         if 0.0 <= speed_mps <= SPEED_LIMIT_MPS:
             self.airspeed_mps = speed_mps
-            self.airspeed_stamp_s = self._airspeed_at_s = self.motion.stamp_s if self.motion else math.nan
-            self._without_airspeed = 0
+            self.airspeed_stamp_s = self.motion.stamp_s if self.motion else math.nan
+            self._airspeeds.take(self.airspeed_stamp_s)
         else:
             self.implausible += 1
 
@@ -272,6 +271,8 @@ class Telemetry:
         self.estimator_ratios, self.battery = (0.0, 0.0, 0.0), ReportedBattery()
         self.landed_state, self.home_m = m.MAV_LANDED_STATE_UNDEFINED, None
         self.home_height_m, self.position_refused = math.nan, ""
+        for each in (self._positions, self._attitudes, self._airspeeds):
+            each.begin()
 
     @property
     def boots(self) -> bool:
@@ -302,14 +303,13 @@ class Telemetry:
     def lacking(self) -> str:
         """Which quantity isn't reported while the others are: position, attitude or airspeed; empty if all are."""
         position_s = math.nan if self.motion is None else self.motion.stamp_s
-        if self._without_position > ALONE_ATTITUDES and self._attitude_at_s - position_s > ALONE_ATTITUDES_S:
+        if self._positions.lacks(self._attitudes.stamp_s):
             return "position"
         if self._refused_positions > ALONE and self.motion is not None:
             return "position"
-        if self._without_attitude > ALONE and position_s - self._attitude_at_s > ALONE_S:
+        if self._attitudes.lacks(position_s):
             return "attitude"
-        without = self._without_airspeed > ALONE and position_s - self._airspeed_at_s > ALONE_S
-        return "airspeed" if without and not self.stands else ""
+        return "airspeed" if not self.stands and self._airspeeds.lacks(position_s) else ""
 
     @property
     def of_one_time(self) -> bool:

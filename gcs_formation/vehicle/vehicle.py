@@ -67,6 +67,7 @@ class Vehicle(VehicleState):
             sequence.doubt(frame.sequence)
         elif sequence.observe(frame.sequence, now, self.connection.last_received):
             self.setpoints.lost_at = self.frames_lost_at = now
+            self.connection.skipped(now)
         changed = self.connection.record_frame(now, heartbeat=isinstance(message, Heartbeat))
         turned_s = self.source_binding.turned_s
         if turned_s and isinstance(message, (GlobalPositionInt, Attitude, SystemTime)):

@@ -52,6 +52,7 @@ class HoveringBody(Body):
         north_mps, east_mps = (start.airspeed_mps * f(start.heading_rad) for f in (math.cos, math.sin))
         self.velocity_mps: Velocity = (north_mps, east_mps, 0.0)
         self.yaw_rad: float = start.heading_rad
+        self.yaw_rate_radps: float = 0.0
         self._jerk_mps3: float = JERKS_MPS3[model.firmware]
         self._integrated_mps: tuple[float, float] = (north_mps, east_mps)
         self._accel: tuple[float, float] = (0.0, 0.0)
@@ -75,6 +76,7 @@ class HoveringBody(Body):
     def ground(self) -> None:
         """Put the vehicle on the ground, at rest."""
         super().ground()
+        self.yaw_rate_radps = 0.0
         self.velocity_mps, self._accel, self._sink_aimed_mps = AT_REST, (0.0, 0.0), 0.0
         self._integrated_mps = 0.0, 0.0
         self._air_mps = self.air_north_mps, self.air_east_mps, self.air_down_mps
@@ -83,7 +85,7 @@ class HoveringBody(Body):
         """Return its motion as sensed: ground speed in place of airspeed, yaw in place of the slots' axis."""
         shown, (north_mps, east_mps, down_mps) = self.motion.copy(), self.ground_velocity()
         shown.airspeed_mps = math.sqrt(north_mps * north_mps + east_mps * east_mps + down_mps * down_mps)
-        shown.heading_rad = self.yaw_rad
+        shown.heading_rad, shown.yaw_rate_radps = self.yaw_rad, self.yaw_rate_radps
         return shown
 
     def fly(self) -> None:
@@ -148,7 +150,9 @@ class HoveringBody(Body):
             self._nose_aimed_rad += within(wrap(commanded_rad - self._nose_aimed_rad), -max_rad, max_rad)
         share = LOOP_S / YAW_TAU_S
         self._nose_between_rad += share * (self._nose_aimed_rad - self._nose_between_rad)
-        self.yaw_rad += share * (self._nose_between_rad - self.yaw_rad)
+        turned_rad = share * (self._nose_between_rad - self.yaw_rad)
+        self.yaw_rad += turned_rad
+        self.yaw_rate_radps = turned_rad / LOOP_S
 
 
 def _limited(north: float, east: float, maximum: float) -> tuple[float, float]:

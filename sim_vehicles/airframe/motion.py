@@ -113,13 +113,15 @@ class Motion:
         self.drift_east_mps = drift_east_mps
         self.drift_down_mps = drift_down_mps
         self.turn_rate_radps = turn_rate_radps
+        self.yaw_rate_radps = turn_rate_radps
+        """Of the nose; a multirotor's isn't that of its course."""
         self.airspeed_setpoint_mps = airspeed_setpoint_mps
         self.heading_setpoint_rad = heading_setpoint_rad
         self.height_setpoint_m = height_setpoint_m
 
     def copy(self) -> Motion:
         """Return a copy."""
-        return Motion(
+        copied = Motion(
             self.north_m,
             self.east_m,
             self.height_m,
@@ -137,6 +139,8 @@ class Motion:
             self.heading_setpoint_rad,
             self.height_setpoint_m,
         )
+        copied.yaw_rate_radps = self.yaw_rate_radps
+        return copied
 
 
 def with_drift(sensed: Motion) -> Motion:

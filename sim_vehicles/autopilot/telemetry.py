@@ -141,7 +141,7 @@ def attitude(v: Autopilot) -> Message:
     motion, estimate = v.sensed, v.estimate
     pitch = _asin(min(max(motion.climb_mps / max(motion.airspeed_mps, 1.0), -1.0), 1.0)) + estimate.pitch_error_rad
     bank = _bank(motion) + estimate.bank_error_rad
-    return Attitude(v.time_s, bank, pitch, signed(motion.heading_rad), 0.0, 0.0, motion.turn_rate_radps)
+    return Attitude(v.time_s, bank, pitch, signed(motion.heading_rad), 0.0, 0.0, motion.yaw_rate_radps)
 
 
 def local_position_ned(v: Autopilot) -> Message:

@@ -163,6 +163,19 @@ def test_the_nose_turns_as_reported_and_stays_where_it_is_not(standing):
     assert abs(math.remainder(standing.shown.heading_rad - math.pi, math.tau)) < 0.05
 
 
+def test_the_yaw_rate_it_tells_is_its_noses_whatever_its_course_does(standing):
+    standing.fly(3, 1.0, 0.0)
+    told_rps, turned_rad, yaw_rad = [], 0.0, standing.shown.heading_rad
+    for tick in range(40):
+        if tick % 5 == 0:
+            standing.tell(-1.0, 0.02, yaw=0.3 if tick < 20 else 0.0)
+        standing.air.run(0.02)
+        told_rps.append(standing.shown.copy().yaw_rate_radps)
+        turned_rad += 0.02 * told_rps[-1]
+    assert turned_rad == pytest.approx(standing.shown.heading_rad - yaw_rad, abs=1e-9)
+    assert 0.1 < max(map(abs, told_rps)) < 1.2
+
+
 def test_it_flies_no_faster_than_its_parameter(standing):
     assert standing.fly(12.0, 15.0)[-1][0] == pytest.approx(10.0, abs=0.05)
 

@@ -101,10 +101,16 @@ class VerticalSeparation:
         return FlyingVehicle(place, heights_m[-1], (min(heights_m), max(heights_m)))
 
     def _orders_m(self, vehicle: Vehicle, index: int, links: list[VehicleLink], *, answers: bool) -> tuple[float, ...]:
-        """Return the heights to which a vehicle may be on its way, the last order last; NaN where there was none."""
+        """Return the heights to which a vehicle may be on its way, the last order last; NaN where there was none.
+
+        One that acknowledges its height and doesn't follow keeps it: sinking air may carry it below for as long as it
+        lasts, and its present height in place of that would be the next one to sink from.
+        """
         if vehicle.member in (Member.HOLDING, Member.RETURNING):
             return self._received_m(index, links), vehicle.holds_at_m
-        return () if answers else (self._received_m(index, links), self._commanded_m(index))
+        if not answers:
+            return self._received_m(index, links), self._commanded_m(index)
+        return (self._commanded_m(index),) if links[index].disobeying else ()
 
     def _received_m(self, index: int, links: list[VehicleLink]) -> float:
         """Return the height setpoint at the time when a vehicle was last known to receive."""

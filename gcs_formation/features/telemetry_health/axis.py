@@ -47,10 +47,8 @@ class Axis:
         """How far it has moved since the sample before, m."""
         self.noise_m2 = 0.0
         """Variance of the position's noise by what samples gain one after the other, m²."""
-        self.scatter_m2 = self.scattered = 0.0
-        """The same, with a limit on what one sample adds: an outlier is no noise. The second is the share of samples
-        that take back what noise beyond `SCATTER_M` has added to the one before, with a third of the memory: of noise
-        of twice that they are more than half, of outliers no more than these are."""
+        self.scatter_m2 = self.taken_back_m2 = 0.0
+        """The same, with a limit on what one sample adds: an outlier is no noise. The second is the newest's part."""
         self.gain_m = 0.0
         """What it gained on the velocities last, m."""
         self.excess_m = 0.0
@@ -84,8 +82,7 @@ class Axis:
         product_m2 = 0.0 - gained_m * self.gain_m
         product_m2 = min(max(product_m2, -SCATTER_LIMIT * SCATTER_M * SCATTER_M), SCATTER_LIMIT * SCATTER_M * SCATTER_M)
         self.scatter_m2 += share * (product_m2 - self.scatter_m2)
-        takes_back = 1.0 if product_m2 > SCATTER_M * SCATTER_M else 0.0
-        self.scattered += min(3.0 * share, 1.0) * (takes_back - self.scattered)
+        self.taken_back_m2 = product_m2
         self.gain_m = gained_m
         return gained_m
 

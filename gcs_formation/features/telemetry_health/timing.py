@@ -16,6 +16,8 @@ SUPPORT_SHARE: Final = 0.3
 """A shift by the position must be that of the arrival within the larger of these, and within its half."""
 MIN_M: Final = 2.0
 """What a position gains on its velocity in one sample before its stamp is suspected, m."""
+SIGMAS: Final = 5.0
+"""The same in standard deviations of that gain, where positions are noisy."""
 LATE_S: Final = 1.0
 JITTERS: Final = 5.0
 """A position is late if it is older on arrival than its link's delay by this and so many standard deviations of it."""
@@ -46,6 +48,8 @@ class Timing:
         self.late_s = 0.0
         """How late positions come, once they do so for long; else 0."""
         self.standing = False
+        self.noise_m2 = 0.0
+        """Variance of the positions' noise, m²."""
         self.by_arrival = False
         """Whether positions are timed by their arrival: their stamps run at another rate."""
         self._gained_s, self._later_s, self._right_s, self._usual_s = 0.0, 0.0, 0.0, math.nan
@@ -135,7 +139,8 @@ class Timing:
         """Shift the stamps if a position has moved as if more or less time had passed, and came so, too."""
         speed_mps = math.hypot(*velocity_mps)
         gained_m = moved_m[0] - velocity_mps[0] * elapsed_s, moved_m[1] - velocity_mps[1] * elapsed_s
-        if speed_mps < MIN_M or math.hypot(*gained_m) < MIN_M:
+        least_m = max(MIN_M, SIGMAS * math.sqrt(2.0 * max(self.noise_m2, 0.0)))
+        if speed_mps < MIN_M or math.hypot(*gained_m) < least_m:
             return
         along_m = (gained_m[0] * velocity_mps[0] + gained_m[1] * velocity_mps[1]) / speed_mps
         across_m = (gained_m[1] * velocity_mps[0] - gained_m[0] * velocity_mps[1]) / speed_mps

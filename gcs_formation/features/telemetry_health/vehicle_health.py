@@ -117,6 +117,11 @@ class VehicleHealth:
         """Return the stamp to be used of a sample, stamped at `reported_s` by its own clock."""
         timing, before, vehicle = self._timing, self._timing.by_arrival, self.vehicle
         longest_s = vehicle.clock.one_way_s + LATE_S + JITTERS * vehicle.jitter.jitter_s
+        attitude = vehicle.telemetry.attitude
+        if attitude is not None and attitude.time_boot_s - reported_s <= LATE_S:
+            longest_s = math.inf  # all that it says is as old: its clock or the link is slower than was measured
+        north, east = self._across.axes
+        timing.noise_m2 = max(north.noise_m2, east.noise_m2)
         stamp = timing.take(reported_s, int(sample.stamp), int(now), place_m, mps, longest_s)
         if timing.by_arrival != before:  # what was found meanwhile was due to the stamps
             self._across.forget()

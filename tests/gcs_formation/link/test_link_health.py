@@ -1,5 +1,9 @@
 """The table of link states."""
 
+from __future__ import annotations
+
+import pytest
+
 from airlink.clock import Instant, after
 from gcs_formation.link.frame_loss import STALE_AFTER_S
 from gcs_formation.link.link_health import LOST_AFTER_S, Connection, LinkState
@@ -26,12 +30,35 @@ def test_telemetry_without_heartbeats_is_a_link_without_heartbeats() -> None:
         assert not connection.record_frame(after(START, 0.1 * tenth), heartbeat=False)
         assert not connection.check(after(START, 0.1 * tenth))
     connection.record_frame(after(START, 3.6), heartbeat=False)
-    assert not connection.check(after(START, 3.6), loss=0.2)  # five are lost with a probability of 1/3000
     assert connection.check(after(START, 3.6))
     assert connection.state is LinkState.MUTE
     assert not connection.record_frame(after(START, 4.0), heartbeat=True)  # because of a change of mode
     assert connection.record_frame(after(START, 5.0), heartbeat=True)
     assert connection.state is LinkState.CONNECTED
+
+
+def received_without_heartbeats(lost_s: tuple[float, ...]) -> Connection:
+    """Return a connection of 3.6 s in which a frame came each 0.1 s, but for those lost after these times."""
+    connection = Connection(0)
+    connection.record_frame(START, heartbeat=True)
+    for tenth in range(1, 37):
+        now = after(START, 0.1 * tenth)
+        if any(0.05 < 0.1 * tenth - each < 0.15 for each in lost_s):
+            connection.skipped(now)
+        connection.record_frame(now, heartbeat=False)
+    return connection
+
+
+@pytest.mark.parametrize("lost_s", [(1.0, 2.0, 3.0), (0.8, 2.2, 2.9), tuple(0.1 * tenth for tenth in range(36))])
+def test_heartbeats_may_have_been_lost_where_frames_were_when_each_was_due(lost_s: tuple[float, ...]) -> None:
+    connection = received_without_heartbeats(lost_s)
+    assert not connection.check(after(START, 3.6), loss=0.2)  # five are lost with a probability of 1/3000
+    assert connection.check(after(START, 3.6), loss=0.001)
+
+
+@pytest.mark.parametrize("lost_s", [(), (1.0, 2.0), (1.0, 2.0, 2.5), (1.5, 2.0, 3.0)])
+def test_a_heartbeat_that_was_due_while_no_frame_was_lost_was_not_sent(lost_s: tuple[float, ...]) -> None:
+    assert received_without_heartbeats(lost_s).check(after(START, 3.6), loss=0.2)
 
 
 def test_heartbeats_are_not_missing_after_a_silence_of_everything() -> None:

@@ -112,3 +112,38 @@ def test_positions_at_0_0_in_a_row_are_lacking_at_once_and_single_ones_are_not(t
 
 def test_one_position_in_three_that_arrives_is_not_lacking(telemetry):
     assert lacking_after(telemetry, lambda tick, s: None if tick % 3 else position(50.0, s), seconds=20)[0] == ""
+
+
+def told_at(telemetry, *, airspeeds_s, seconds):
+    """Tell positions at 10 Hz and airspeeds at these times; return when the airspeed was first lacking, or infinity."""
+    telemetry.store(Attitude(0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0))
+    for tick in range(round(10 * seconds)):
+        time_s = tick / 10
+        telemetry.store(position(50.0, time_s))
+        telemetry.store(Attitude(time_s, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0))
+        if any(abs(each - time_s) < 0.01 for each in airspeeds_s):
+            telemetry.store(VfrHud(22.0, 22.0, 0.0, 50, 100.0, 0.0))
+        if telemetry.lacking:
+            assert telemetry.lacking == "airspeed"
+            return time_s
+    return math.inf
+
+
+@pytest.mark.parametrize("every_s", [1.0, 0.1])
+def test_airspeeds_that_stop_are_lacking_after_4_of_their_intervals_or_a_second_and_a_half(telemetry, every_s):
+    airspeeds_s = [every_s * number for number in range(round(5 / every_s) + 1)]
+    at_s = told_at(telemetry, airspeeds_s=airspeeds_s, seconds=12)
+    assert at_s - 5.0 == pytest.approx(max(4.0 * every_s, 1.5) + 0.1)
+    assert telemetry.airspeed_mps == 0.0
+
+
+def test_an_airspeed_at_the_rate_before_any_request_is_not_lacking_where_one_is_lost(telemetry):
+    assert told_at(telemetry, airspeeds_s=[0.1, 1.0, 3.0, 3.1, 3.2, 3.3, 4.0, 4.1], seconds=5) == math.inf
+    assert telemetry.airspeed_mps == 22.0
+
+
+def test_a_restart_begins_the_count_again(telemetry):
+    assert told_at(telemetry, airspeeds_s=[0.1, 0.2], seconds=9) < 5.0
+    telemetry.invalidate()
+    assert telemetry.lacking == ""
+    assert told_at(telemetry, airspeeds_s=[0.5, 3.5], seconds=4) == math.inf
