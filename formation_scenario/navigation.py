@@ -59,6 +59,9 @@ class EstimatorNavigation(Keys):
     """The autopilot's own estimate, by which its control loops fly too; errors as its family's simulator has them."""
 
     source: Literal["estimator"] = key(..., SOURCES)
+    air: Literal["calm", "rough"] = key(
+        "calm", "of which air the family's errors are; rough has gusts of 1 m/s", "rough"
+    )
     velocity_sigma_mps: NonNegative | None = key(
         None, "standard deviation of ground velocity north and east, m/s", 0.1, derived=OF_FAMILY
     )

@@ -1,12 +1,11 @@
 """The transfer of one vehicle's log by MAVLink FTP, where LOG_REQUEST_LIST isn't answered or says that there is none.
 
-Source: MAVLink guide, "File Transfer Protocol (FTP)"; ArduPilot's log folder (`HAL_BOARD_LOG_DIRECTORY`: APM/LOGS on
-boards, logs in its simulator). A few reads at a time are under way: an ArduPilot's queue holds five.
+Source: MAVLink guide, "File Transfer Protocol (FTP)". A few reads at a time are under way: an ArduPilot's queue holds
+five.
 """
 
 from __future__ import annotations
 
-import re
 import struct
 from collections.abc import Callable
 from typing import Final
@@ -15,10 +14,9 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.messages import Message
 from airlink.messages.command import FileTransferProtocol, LogEntry
+from gcs_formation.log_fetch.log_folders import LogFolders
 from gcs_formation.log_fetch.transfer import PATIENCE_S, Stage
 
-FOLDERS: Final = ("APM/LOGS", "logs")
-LOG: Final = re.compile(r"F0*(\d+)\.bin\t(\d+)", re.IGNORECASE)
 TERMINATE, LIST, OPEN, READ, ACK, NAK = 1, 3, 4, 5, 128, 129
 END_OF_FILE: Final = 6
 HEADER: Final = struct.Struct("<HBBBBBBI")
@@ -31,14 +29,14 @@ RETRY_S: Final = 0.5
 class FtpTransfer:
     """Fetches the newest log of a vehicle, or the one of a number, as `LogTransfer` does."""
 
-    def __init__(self, system: int, number: int | None, now: Instant, kept: Callable[[LogEntry], int]) -> None:
-        """Begin to fetch; `kept`: how many bytes of a log are there."""
+    def __init__(
+        self, system: int, folders: LogFolders, number: int | None, now: Instant, kept: Callable[[LogEntry], int]
+    ) -> None:
+        """Begin to fetch; `folders`: where its family keeps logs; `kept`: how many bytes of a log are there."""
         self._system, self._wanted, self._kept = system, number, kept
         self.stage, self.failure, self.received = Stage.LISTING, "", 0
         self.entry: LogEntry | None = None
-        self._folder, self._listed = 0, dict[int, tuple[str, int]]()
-        self._seen = 0
-        """Entries of the folder listed so far."""
+        self._folders = folders
         self._session, self._sequence, self._closing = -1, 0, False
         self._ready, self._ahead = list[bytes](), dict[int, bytes]()
         self._asked = dict[int, Instant]()
@@ -72,8 +70,8 @@ class FtpTransfer:
             return []
         self._next = after(now, RETRY_S)
         if self.entry is None:
-            return [self._packet(LIST, FOLDERS[self._folder].encode(), self._seen)]
-        return [self._packet(OPEN, f"{FOLDERS[self._folder]}/{self._listed[self.entry.id][0]}".encode())]
+            return [self._packet(LIST, self._folders.path.encode(), self._folders.seen)]
+        return [self._packet(OPEN, self._folders.file(self.entry.id).encode())]
 
     def _reads(self, now: Instant) -> list[Message]:
         assert self.entry is not None, "there is one while reading"
@@ -113,22 +111,18 @@ class FtpTransfer:
     def _take_list(self, data: bytes, *, more: bool) -> None:
         """Take entries of a folder, until it says that there are no more."""
         entries = [each for each in data.decode("utf-8", "replace").split("\0") if each]
-        self._seen += len(entries)
-        for name, found in ((each, LOG.fullmatch(each)) for each in entries):
-            if found is not None:
-                self._listed[int(found[1])] = name[1:].partition("\t")[0], int(found[2])
-        if more and entries:
+        self._folders.add(entries)
+        if (more and entries) or self._folders.descends():
             return
-        number = self._wanted if self._wanted is not None else max(self._listed, default=-1)
-        if number in self._listed:
-            self.entry = LogEntry(number, len(self._listed), max(self._listed), 0, self._listed[number][1])
+        sizes = self._folders.sizes
+        number = self._wanted if self._wanted is not None else max(sizes, default=-1)
+        if number in sizes:
+            self.entry = LogEntry(number, len(sizes), max(sizes), 0, sizes[number])
             self.stage, self.received = Stage.FETCHING, self._kept(self.entry)
             if self.received >= self.entry.size:
                 self.stage = Stage.DONE
-        elif self._folder + 1 < len(FOLDERS):
-            self._folder, self._seen = self._folder + 1, 0
-        else:
-            known = ", ".join(str(each) for each in sorted(self._listed))
+        elif not self._folders.goes_on():
+            known = ", ".join(str(each) for each in sorted(sizes))
             self._end(f"found no log {self._wanted}; allowed: {known}" if known else "it has no logs")
 
     def _open(self, session: int, granted: bool) -> None:

@@ -16,6 +16,7 @@ from airlink.messages.command import LogEntry
 from airlink.messages.system import Heartbeat, Timesync
 from airlink.signing.signed_links import SignedLinks, receiver_of
 from gcs_formation.log_fetch.by_ftp import FtpTransfer
+from gcs_formation.log_fetch.log_folders import ARDUPILOT, PX4, LogFolders
 from gcs_formation.log_fetch.transfer import LogTransfer
 
 HEARTBEAT: Final = Heartbeat(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
@@ -148,9 +149,11 @@ class LogFetch(Engine):
         if len(each.trips) < SAMPLES:
             self._send(each, Timesync(0, now, each.system, m.MAV_COMP_ID_AUTOPILOT1), now)
         if each.transfer is None:
-            each.transfer = LogTransfer(each.system, each.number, now, partial(self._kept, name))
+            is_px4 = each.autopilot == m.MAV_AUTOPILOT_PX4
+            each.transfer = LogTransfer(each.system, each.number, now, partial(self._kept, name), by_time=is_px4)
         elif isinstance(each.transfer, LogTransfer) and each.transfer.offers_none:
-            each.transfer = FtpTransfer(each.system, each.number, now, partial(self._kept, name))
+            folders = LogFolders(PX4 if each.autopilot == m.MAV_AUTOPILOT_PX4 else ARDUPILOT)
+            each.transfer = FtpTransfer(each.system, folders, each.number, now, partial(self._kept, name))
         self._send_all(each, each.transfer.requests(now), now)
 
     def _take(self, each: Wanted, frame: Frame, peer: Address, now: Instant) -> None:

@@ -41,10 +41,24 @@ class LogTransfer:
     """Fetches the newest log of a vehicle, or the one of a number; what is asked for again isn't kept twice."""
 
     def __init__(
-        self, system: int, number: int | None, now: Instant, kept: Callable[[LogEntry], int] = lambda _: 0
+        self,
+        system: int,
+        number: int | None,
+        now: Instant,
+        kept: Callable[[LogEntry], int] = lambda _: 0,
+        *,
+        by_time: bool = False,
     ) -> None:
-        """Begin to fetch log `number` of a system, the newest for None; `kept`: how many bytes of one are there."""
-        self._system, self._wanted, self._kept = system, number, kept
+        """Begin to fetch.
+
+        Args:
+            system: the vehicle's system id.
+            number: of the log, None for the newest.
+            now: the present instant.
+            kept: how many bytes of a log are there already.
+            by_time: whether the newest is the one with the latest time: a PX4 lists them in no order.
+        """
+        self._system, self._wanted, self._kept, self._by_time = system, number, kept, by_time
         self.stage = Stage.LISTING
         self.failure = ""
         """Why it failed."""
@@ -112,8 +126,10 @@ class LogTransfer:
             self._give_up("it has no logs")
             return
         self.entries[entry.id] = entry
-        number = self._wanted if self._wanted is not None else entry.last_log_num
         complete = len(self.entries) >= entry.num_logs
+        number = self._wanted if self._wanted is not None else entry.last_log_num
+        if self._wanted is None and self._by_time:
+            number = max(self.entries.values(), key=lambda each: each.time_utc).id if complete else -1
         if number in self.entries:
             self.entry, self.stage = self.entries[number], Stage.FETCHING
             self.received, self._next = self._kept(self.entry), Instant(0)

@@ -296,6 +296,10 @@ class Autopilot(FamilyTraits, ABC):
         """Return its failsafe by the values of `failsafe_parameters` that are known; None if it has none."""
         return None
 
+    def take_approach(self, values: Parameters) -> None:
+        """Take the height of its own approach from its parameters; the default where that isn't among them."""
+        self.own_approach_m = values.get(self.approach_parameter, self.approach_m)
+
     def own_fence(self, values: Parameters) -> OwnFence | None:  # noqa: ARG002 - for families that have one
         """Return its geofence by the values of its parameters; None if it has none, or it is off."""
         return None

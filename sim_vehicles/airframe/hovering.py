@@ -2,7 +2,7 @@
 
 Part of a velocity change may be left to an integrator that compensates drag. Fitted to steps of ArduCopter's and PX4's
 simulators (docs/real-autopilots.md). A multirotor holds its ground velocity, so wind doesn't carry it away: a change of
-wind displaces its velocity at once, and it corrects that.
+wind accelerates it by its drag, and it corrects that. Through the air it is no faster than its tilt allows.
 """
 
 from __future__ import annotations
@@ -22,6 +22,11 @@ DEAD_CYCLES: Final = {"ardupilot": 5, "px4": 1}
 """Cycles of the main loop, 0.02 s, from a velocity setpoint's arrival until it acts, by firmware."""
 JERKS_MPS3: Final = {"ardupilot": 5.0, "px4": 15.0}
 """PSC_JERK_XY of ArduCopter; PX4's as observed."""
+DRAG_S: Final = {"ardupilot": 1.5, "px4": 1.0}
+"""Time constant with which air takes it along that nothing makes up for: of ArduPilot's quadrotor in 6 to 8 m/s (its
+drag is quadratic), of PX4's its mass, 1 kg, by SIH_KDV, 1 N s/m."""
+AIRSPEEDS_MPS: Final = {"ardupilot": 11.7, "px4": 9.7}
+"""The greatest that their simulators' quadrotors reached, commanded more, in 6 and 4 m/s of wind."""
 CLIMB_DEAD_CYCLES: Final = 7
 CLIMB_ACCEL_MPS2: Final = 1.2
 """WPNAV_ACCEL_Z, nominally 1.0, as observed."""
@@ -57,7 +62,9 @@ class HoveringBody(Body):
         self._integrated_mps: tuple[float, float] = (north_mps, east_mps)
         self._accel: tuple[float, float] = (0.0, 0.0)
         self._air_mps: Velocity = wind_mps
-        """The air's velocity whose effect has already been applied."""
+        """The air's velocity whose drag it makes up for."""
+        self._drag_s: float = DRAG_S[model.firmware]
+        self._airspeed_mps: float = AIRSPEEDS_MPS[model.firmware]
         dead = dead_cycles(model.dead_time_s)
         self._commanded: deque[Velocity] = deque([self.velocity_mps] * (DEAD_CYCLES[model.firmware] + dead))
         self._sinks: deque[float] = deque([0.0] * (CLIMB_DEAD_CYCLES + dead))
@@ -121,9 +128,9 @@ class HoveringBody(Body):
         self.height_commanded_m = state.height_m
 
     def _accelerate(self, commanded: Velocity, sink_mps: float) -> None:
-        """Change the velocity in a cycle, towards the setpoint and by a change of wind."""
+        """Change the velocity in a cycle, towards the setpoint and by drag that isn't made up for."""
         before, air = self.velocity_mps, (self.air_north_mps, self.air_east_mps, self.air_down_mps)
-        north_mps, east_mps = self._velocity_reference(commanded)
+        north_mps, east_mps = self._through_air(*self._velocity_reference(commanded))
         wanted = _limited(
             (north_mps - before[0]) / self._tau_s, (east_mps - before[1]) / self._tau_s, self.model.accel_max_mps2
         )
@@ -131,11 +138,23 @@ class HoveringBody(Body):
         self._accel = self._accel[0] + change[0], self._accel[1] + change[1]
         sink = within((sink_mps - self._sink_aimed_mps) / self._climb_tau_s, -CLIMB_ACCEL_MPS2, CLIMB_ACCEL_MPS2)
         self._sink_aimed_mps += sink * LOOP_S
-        each = zip(
-            before, (*self._accel, (self._sink_aimed_mps - before[2]) / CLIMB_TAU_S), air, self._air_mps, strict=True
+        known, drag_s, share = self._air_mps, self._drag_s, self._filled
+        pushes = air[0] - known[0], air[1] - known[1], air[2] - known[2]
+        self._air_mps = known[0] + share * pushes[0], known[1] + share * pushes[1], known[2] + share * pushes[2]
+        accels = (*self._accel, (self._sink_aimed_mps - before[2]) / CLIMB_TAU_S)
+        north, east, down = (
+            v + LOOP_S * (a + push / drag_s) for v, a, push in zip(before, accels, pushes, strict=True)
         )
-        north, east, down = (v + LOOP_S * a + now - then for v, a, now, then in each)
-        self.velocity_mps, self._air_mps = (north, east, down), air
+        self.velocity_mps = north, east, down
+
+    def _through_air(self, north_mps: float, east_mps: float) -> tuple[float, float]:
+        """Return the velocity over ground nearest to one that its tilt allows through the air."""
+        wind_north_mps, wind_east_mps = self.air_north_mps, self.air_east_mps
+        north, east = north_mps - wind_north_mps, east_mps - wind_east_mps
+        if math.hypot(north, east) <= self._airspeed_mps:
+            return north_mps, east_mps
+        north, east = _limited(north, east, self._airspeed_mps)
+        return wind_north_mps + north, wind_east_mps + east
 
     def _velocity_reference(self, commanded: Velocity) -> tuple[float, float]:
         """Return the velocity approached at present: prompt share of the command plus integrator."""

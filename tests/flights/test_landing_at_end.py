@@ -13,8 +13,10 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.messages.command import ParamRequestRead, ParamValue
 from formation_scenario import load_scenario
+from gcs_formation.features.ending.approach_heights import ApproachHeights
 from gcs_formation.features.ending.landing_check import LandingCheck
 from gcs_formation.features.ending.landing_places import lowest_circle_m
+from gcs_formation.mission.gate import PreFlightOptions
 from gcs_formation.phases import Phase
 from sim_vehicles.autopilot.modes_and_failsafe import Condition
 from tests.flights.conftest import scenario
@@ -105,12 +107,31 @@ def test_others_wait_above_the_approach_that_a_vehicles_own_parameter_says() -> 
     """With AUTOLAND_WP_ALT 90 a plane that lands would climb through those that circle from 70 m on."""
     vehicle = plane(1, 0.0, 0.0)
     vehicles = {vehicle.identity: vehicle}
-    check = LandingCheck(load_scenario(scenario(finish=LAND)), vehicles)
-    asked = [message for _, message in check.requests(Instant(0)) if isinstance(message, ParamRequestRead)]
+    heights = ApproachHeights(vehicles)
+    asked = [message for _, message in heights.requests(Instant(0)) if isinstance(message, ParamRequestRead)]
     assert [each.param_id for each in asked] == ["AUTOLAND_WP_ALT"]
+    assert not heights.passed
     assert lowest_circle_m(vehicles) == 70.0
-    check.take_item(vehicle, ParamValue("AUTOLAND_WP_ALT", 90.0, m.MAV_PARAM_TYPE_INT16, 1, 0), Instant(0))
+    heights.take_item(vehicle, ParamValue("AUTOLAND_WP_ALT", 90.0, m.MAV_PARAM_TYPE_INT16, 1, 0), Instant(0))
+    assert heights.passed
     assert lowest_circle_m(vehicles) == 105.0
+
+
+@pytest.mark.parametrize(
+    ("checked", "keys", "height_m"),
+    [
+        (True, {}, 90.0),  # the order may come by `tell`
+        (False, {"orders": [{"at_s": 5, "order": "land"}]}, 90.0),
+        (False, {}, 55.0),  # nobody asks, and nobody is told to land
+    ],
+)
+def test_the_order_to_land_finds_the_height_of_approaches_read_before_the_take_off(
+    checked: bool, keys: dict[str, Any], height_m: float
+) -> None:
+    own = {"count": 1, "autopilot_parameters": {"AUTOLAND_WP_ALT": 90}}
+    world = World(caution=PreFlightOptions(parameters=checked), vehicles=own, start={"in_air": False}, **keys)
+    world.network.run(lambda: world.station.gate.passed)
+    assert [each.autopilot.own_approach_m for each in world.station.cycle.each] == [height_m]
 
 
 def test_a_flight_that_goes_on_is_not_refused_for_its_landing() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ import pytest
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from formation_scenario.navigation import EstimatorNavigation
-from formation_scenario.vehicles import VehicleModel
+from formation_scenario.vehicles import Family, VehicleModel
 from sim_vehicles.autopilot.estimator_errors import ESTIMATES, EstimatorErrors, StateEstimator, errors_of
 from tests.sim_vehicles.test_sensors import STILL, TOLD
 
@@ -35,6 +35,18 @@ def test_errors_have_the_stated_sigmas_and_correlations_and_a_heading_its_offset
 def test_a_family_has_its_simulators_errors_but_for_keys_that_are_given() -> None:
     keys = EstimatorNavigation(source="estimator", heading_offset_deg=3.0)
     assert errors_of(keys, "px4_copter") == ESTIMATES["px4_copter"]._replace(heading_offset_deg=3.0)
+    rough = EstimatorNavigation(source="estimator", air="rough", height_sigma_m=0.15)
+    found = errors_of(rough, "arduplane")
+    assert (found.height_sigma_m, found.climb_sigma_mps, found.airspeed_sigma_mps) == (0.15, 0.06, 0.75)
+    assert found.heading_offset_deg == ESTIMATES["arduplane"].heading_offset_deg
+    assert errors_of(rough, "arducopter") == ESTIMATES["arducopter"]._replace(height_sigma_m=0.15), (
+        "gusts hardly move it"
+    )
+
+
+def test_every_family_of_emulated_vehicles_has_its_errors() -> None:
+    """A PX4 in Guided Course had none."""
+    assert set(ESTIMATES) == set(get_args(Family))
 
 
 @pytest.mark.parametrize("model", [VehicleModel(), COPTER])

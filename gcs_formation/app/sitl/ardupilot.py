@@ -57,9 +57,10 @@ class ArduPilotSimulator(Simulator):
     @abstractmethod
     def _of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]: ...
 
-    def cannot(self, vehicle: Vehicle, scenario: Scenario) -> list[str]:
+    def cannot(self, vehicle: Vehicle, scenario: Scenario, program: Path) -> list[str]:
         """Return what the scenario says and it can't do: it has no second link by which to be given a mission."""
-        return [*super().cannot(vehicle, scenario), *(["landing (AUTOLAND is used)"] if vehicle.landing else [])]
+        landing = ["landing (AUTOLAND is used)"] if vehicle.landing else []
+        return [*super().cannot(vehicle, scenario, program), *landing]
 
     def reaches(self, craft: Craft) -> bool:
         """Return whether the station listens: the simulator then sends there."""

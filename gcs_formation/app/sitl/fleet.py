@@ -104,7 +104,8 @@ def _one(
     if len(vehicle.endpoints) > 1 or not simulator.reaches(craft):
         found = f"found {', '.join(vehicle.endpoints)} of a simulated {name}"
         raise refused(f"{key}.endpoint", found, simulator.allowed_endpoints)
-    return Simulated(vehicle.vehicle_id, simulator, programs[name], craft, tuple(simulator.cannot(vehicle, scenario)))
+    lacks = tuple(simulator.cannot(vehicle, scenario, programs[name]))
+    return Simulated(vehicle.vehicle_id, simulator, programs[name], craft, lacks)
 
 
 def not_simulated(fleet: Sequence[Simulated]) -> list[str]:

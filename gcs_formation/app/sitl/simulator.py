@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
@@ -84,6 +84,19 @@ class TrueMotion(NamedTuple):
         return cls(**{name: columns[name][rising] for name in cls._fields})
 
 
+BATTERY_TO_SPARE: Final = 2.0
+BESIDE_PATH_S: Final = 1200.0
+"""Time for take-off, assembly and the landings, of which a vehicle waits for those before it, s."""
+
+
+def endurance_s(scenario: Scenario) -> float:
+    """Return how long a simulated vehicle's battery lasts, s: twice the flight, so that it doesn't end that.
+
+    By their defaults an ArduCopter's lasts for 400 s, and a PX4's for 60 s.
+    """
+    return BATTERY_TO_SPARE * (scenario.duration_s + BESIDE_PATH_S)
+
+
 class Simulator(ABC):
     """A family's simulator; a module of `families` has each as `SIMULATOR`."""
 
@@ -100,7 +113,7 @@ class Simulator(ABC):
         """Return in words what a program lacks that it needs beside it; "" if nothing."""
         return ""
 
-    def cannot(self, vehicle: Vehicle, scenario: Scenario) -> list[str]:
+    def cannot(self, vehicle: Vehicle, scenario: Scenario, program: Path) -> list[str]:  # noqa: ARG002 - for versions
         """Return in words what the scenario says of the vehicle, or of its surroundings, and the simulator can't do."""
         lacks = ["disturbances"] if scenario.disturbances else []
         lacks += ["faults of vehicles"] if scenario.faults else []

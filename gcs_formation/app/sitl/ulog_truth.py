@@ -15,24 +15,28 @@ from flight_model.arrays import Array
 from gcs_formation.record.ulog_file import read_ulog_file
 
 GLOBAL, LOCAL = "vehicle_global_position_groundtruth", "vehicle_local_position_groundtruth"
+WIND: Final = "SIH_WIND_N", "SIH_WIND_E"
+"""Where its wind comes from, north and east, m/s: parameters of versions whose air has wind."""
 FEWEST: Final = 2
 """Samples between which a motion is known."""
 
 
 def read_truth(log: Path) -> dict[str, Array]:
-    """Return the columns of the true motion but its airspeed, (N,) each; {} if the log has no ground truth.
+    """Return the columns of the true motion, (N,) each, its airspeed by the log's wind; {} without ground truth.
 
     Raises:
         OSError: the file can't be read.
         ValueError: it isn't such a log.
     """
-    topics = read_ulog_file(log, (GLOBAL, LOCAL)).topics
+    topics, parameters, _ = read_ulog_file(log, (GLOBAL, LOCAL))
     placed, moving = topics.get(GLOBAL, {}), topics.get(LOCAL, {})
     if not {"lat", "lon", "alt"} <= placed.keys() or not {"vx", "vy", "vz", "heading"} <= moving.keys():
         return {}
     at_s = moving["at_s"]
     if min(at_s.size, placed["at_s"].size) < FEWEST:
         return {}
+
+    through_air = [moving[name] + parameters.get(wind, 0.0) for name, wind in zip(("vx", "vy"), WIND, strict=True)]
 
     def beside(name: str) -> Array:
         return np.interp(at_s, placed["at_s"], placed[name])
@@ -46,4 +50,5 @@ def read_truth(log: Path) -> dict[str, Array]:
         "east_mps": moving["vy"],
         "climb_mps": -moving["vz"],
         "heading_rad": moving["heading"],
+        "airspeed_mps": np.hypot(np.hypot(*through_air), moving["vz"]),
     }

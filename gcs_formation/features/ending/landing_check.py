@@ -1,7 +1,6 @@
 """Before the first command of a flight that ends in landings: whether all can land, and one after another.
 
-Each fixed wing is asked for the landing in its mission, and for the parameter that says how high its own approach is:
-the others wait above it.
+Each fixed wing is asked for the landing in its mission.
 """
 
 from __future__ import annotations
@@ -12,12 +11,10 @@ from typing import Final
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from airlink.messages import Message
-from airlink.messages.command import ParamRequestRead, ParamValue
 from formation_scenario import Scenario
 from gcs_formation.features.ending.landing_places import LandingOrder
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.mission.gate import AlwaysExamined
-from gcs_formation.vehicle.checks import ParameterReader, only_read
 from gcs_formation.vehicle.stored_mission import StoredMission
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -39,11 +36,6 @@ class LandingCheck(AlwaysExamined):
             for identity, each in vehicles.items()
             if asked and each.autopilot.lands_by_mission
         }
-        self._heights = {
-            identity: ParameterReader(identity.system, [only_read(name)], each.autopilot.parameter)
-            for identity, each in vehicles.items()
-            if asked and (name := each.autopilot.approach_parameter)
-        }
         self._judged = not asked
         self.only_warns = False
 
@@ -59,7 +51,6 @@ class LandingCheck(AlwaysExamined):
             vehicle = self._vehicles[identity]
             if not self._judged and vehicle.connection.talks:
                 found += [(vehicle, request) for request in reader.requests(now)]
-                found += [(vehicle, request) for request in self._height_requests(identity, now)]
             motion = vehicle.telemetry.motion
             if reader.complete and vehicle.autopilot.landing is None and motion is not None:
                 home_m = motion.height_m - motion.above_home_m
@@ -67,29 +58,19 @@ class LandingCheck(AlwaysExamined):
         return found
 
     def take_item(self, vehicle: Vehicle, message: Message, now: Instant) -> None:
-        """Take the number of a mission's items, or one of them, or the height of the approach."""
-        reader, height = self._readers.get(vehicle.identity), self._heights.get(vehicle.identity)
+        """Take the number of a mission's items, or one of them."""
+        reader = self._readers.get(vehicle.identity)
         if reader is not None:
             reader.handle(message, now)
-        if height is not None and isinstance(message, ParamValue):
-            height.receive_parameter(message, now)
-            vehicle.autopilot.own_approach_m = height.values.get(
-                vehicle.autopilot.approach_parameter, vehicle.autopilot.approach_m
-            )
 
     def refusal(self, *, ready: bool) -> str | None:
         """Judge, once all is read and all are `ready`; return why they can't land, None if they can.
 
         Where it only warns, those that can't land circle over their homes at the end.
         """
-        read = [reader.complete for reader in self._readers.values()]
-        read += [reader.complete for reader in self._heights.values()]
-        if self._judged or not (ready and all(read)):
+        if self._judged or not (ready and all(reader.complete for reader in self._readers.values())):
             return None
         grounded = not any(each.airborne for each in self._vehicles.values())
         why = LandingOrder(self._vehicles, self._ground, planned=grounded).refusal
         self._judged = why is None or self.only_warns
         return None if why is None else f"{KEY} {why}; {ALLOWED}"
-
-    def _height_requests(self, identity: VehicleId, now: Instant) -> list[ParamRequestRead]:
-        return self._heights[identity].requests(now) if identity in self._heights else []

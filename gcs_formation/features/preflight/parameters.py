@@ -63,6 +63,7 @@ class ParameterExamination(Examination):
         findings, flies = [*reader.findings(), *self._setting.findings(vehicle, reader)], vehicle.airborne
         self._limits.apply(vehicle, reader.bounds())
         self._fences.apply(vehicle, vehicle.autopilot.own_fence(reader.values))
+        vehicle.autopilot.take_approach(reader.values)
         news = self._limits.take_news()
         if news is not None:
             self._changes.plan_with(news)

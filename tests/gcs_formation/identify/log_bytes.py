@@ -69,8 +69,8 @@ def write_dataflash(file: Path, rows: Iterable[Row], metres: bool = False) -> Pa
     return file
 
 
-def write_ulog(file: Path, topics: dict[str, str], rows: Iterable[Row], system: int = 1) -> Path:
-    """Write a PX4 log; `topics`: fields of each topic after the timestamp, as uORB has them; padded to 8 bytes."""
+def write_ulog(file: Path, topics: dict[str, str], rows: Iterable[Row], system: int = 1, **set_to: float) -> Path:
+    """Write a PX4 log with parameters; `topics`: fields of each topic after the timestamp, as uORB has them, padded."""
     sizes = {"float": ("f", 4), "uint8_t": ("B", 1), "double": ("d", 8)}
     data = bytearray(b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0))
 
@@ -90,6 +90,9 @@ def write_ulog(file: Path, topics: dict[str, str], rows: Iterable[Row], system: 
         packings[name] = packing
     key = b"int32_t MAV_SYS_ID"
     write("P", bytes([len(key)]) + key + struct.pack("<i", system))
+    for each, value in set_to.items():
+        named = b"float " + each.encode()
+        write("P", bytes([len(named)]) + named + struct.pack("<f", value))
     for number, name in enumerate(topics):
         write("A", bytes([0]) + struct.pack("<H", number) + name.encode())
     for kind, at_s, values in rows:

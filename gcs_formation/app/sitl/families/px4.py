@@ -1,7 +1,8 @@
 """PX4's simulator in its own process (SITL with SIH), fixed wing and multirotor.
 
 Sources: PX4 user guide, "Simulation-In-Hardware (SIH)"; ROMFS/px4fmu_common/init.d-posix (rcS, px4-rc.mavlink: ports
-and variables), src/modules/logger/logged_topics.cpp (ground truth). Its air has no wind, and everybody faces north.
+and variables), src/modules/logger/logged_topics.cpp (ground truth), its pull requests 26467 and 27376 (wind, which its
+simulator has had since 2026). Everybody faces north.
 """
 
 from __future__ import annotations
@@ -10,12 +11,10 @@ import math
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from formation_scenario import Scenario, Vehicle
 from gcs_formation.app.sitl.missions import give_mission, mission_of
-from gcs_formation.app.sitl.simulator import Craft, Launch, Simulator, TrueMotion, newest
-from gcs_formation.app.sitl.ulog_truth import read_truth
+from gcs_formation.app.sitl.simulator import Craft, Launch, Simulator, TrueMotion, endurance_s, newest
+from gcs_formation.app.sitl.ulog_truth import WIND, read_truth
 
 GCS_PORT, STATION_PORT = 18570, 14550
 """Instance n, which is system n + 1, sends from the first plus n to the second."""
@@ -38,22 +37,27 @@ class Px4Simulator(Simulator):
     allowed_endpoints = f"one udpin:HOST:{STATION_PORT}, or udpout:127.0.0.1:PORT with PORT {GCS_PORT - 1} + id"
 
     def of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]:
-        """Return its failsafe, its estimator's settings, and a fixed wing's speeds."""
+        """Return its failsafe, its estimator's settings, its battery, the wind, and a fixed wing's speeds."""
         model = vehicle.model
-        found: dict[str, float] = {"NAV_DLL_ACT": 2, **ESTIMATOR}
+        found: dict[str, float] = {"NAV_DLL_ACT": 2, **ESTIMATOR, "SIM_BAT_DRAIN": endurance_s(scenario)}
+        if model.hovers and any(scenario.wind.velocity_mps):
+            found |= dict(zip(WIND, (-each for each in scenario.wind.velocity_mps[:2]), strict=True))
         if not model.hovers:
             found |= {
                 "SIH_T_MAX": THRUST_N,
+                "SIH_F_T_MAX": THRUST_N,  # from version 1.18
                 "FW_AIRSPD_TRIM": scenario.path.begin_mps,
                 "FW_AIRSPD_MAX": math.ceil(model.speed_max_mps + TRIM_TO_SPARE_MPS),
                 "FW_AIRSPD_MIN": math.floor(model.speed_min_mps),
             }
         return found
 
-    def cannot(self, vehicle: Vehicle, scenario: Scenario) -> list[str]:
-        """Return what the scenario says and it can't do: its air is still."""
-        wind = [f"wind of {math.hypot(*scenario.wind.velocity_mps):.3g} m/s"] if any(scenario.wind.velocity_mps) else []
-        return [*super().cannot(vehicle, scenario), *wind]
+    def cannot(self, vehicle: Vehicle, scenario: Scenario, program: Path) -> list[str]:
+        """Return what it can't do: the air of earlier versions is still, and wind rolls fixed wings off the field."""
+        found, wind = super().cannot(vehicle, scenario, program), scenario.wind.velocity_mps
+        if any(wind) and not (vehicle.model.hovers and WIND[0].encode() in program.read_bytes()):
+            found.append(f"wind of {math.hypot(*wind):.3g} m/s")
+        return found
 
     def found_wrong(self, program: Path) -> str:
         """Return that its start-up scripts aren't there, if so."""
@@ -92,13 +96,10 @@ class Px4Simulator(Simulator):
             give_mission(COMPANION_PORT + craft.system - 1, mission_of(craft.system, craft.landing))
 
     def true_motion(self, directory: Path) -> TrueMotion | None:
-        """Return the topics of ground truth; none of them is an airspeed, which is the velocity's in still air."""
+        """Return the topics of ground truth."""
         log = newest(directory, "*.ulg")
         columns = {} if log is None else read_truth(log)
-        if not columns:
-            return None
-        airspeed_mps = np.hypot(columns["north_mps"], columns["east_mps"])
-        return TrueMotion.of({**columns, "airspeed_mps": np.hypot(airspeed_mps, columns["climb_mps"])})
+        return TrueMotion.of(columns) if columns else None
 
 
 def _etc(program: Path) -> Path:

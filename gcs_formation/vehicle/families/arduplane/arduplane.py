@@ -134,7 +134,7 @@ class ArduPlane(ArduPilot):
             *(check.formerly(*BEFORE_4_5[check.names[0]]) for check in envelope),
             climb_check(("TECS_CLMB_MAX",), model),
             climb_check(("TECS_SINK_MAX",), model),
-            *map(only_read, FENCE_NAMES),
+            *map(only_read, (*FENCE_NAMES, self.approach_parameter)),
         )
 
     def own_fence(self, values: Parameters) -> OwnFence | None:

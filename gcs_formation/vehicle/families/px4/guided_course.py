@@ -7,7 +7,7 @@ Entering it captures course and altitude, and resets the airspeed to FW_AIRSPD_T
 
 Source: PX4 user guide, "Guided Course Mode (Fixed-Wing)"; PX4's `navigator/course.cpp` and its handling of
 MAV_CMD_GUIDED_CHANGE_HEADING (`navigator_main.cpp`), DENIED outside the mode and of other types than a course; the
-mode's number is `PX4_CUSTOM_SUB_MODE_AUTO_GUIDED_COURSE`. Not flown on a real one yet.
+mode's number is `PX4_CUSTOM_SUB_MODE_GUIDED_COURSE`. Flown by its simulator, version 1.18 (development, August 2026).
 """
 
 from __future__ import annotations

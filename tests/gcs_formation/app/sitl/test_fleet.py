@@ -71,6 +71,20 @@ def test_parameters_have_the_failsafes_on_and_the_scenarios_speed_wind_and_own_o
     assert (own["FS_LONG_TIMEOUT"], own["FS_LONG_ACTN"], own["FS_GCS_ENABL"]) == (20, 5, 1)
 
 
+@pytest.mark.parametrize(
+    ("family", "name", "of_an_hour"), [("arducopter", "BATT_CAPACITY", 30000.0), ("px4", "SIM_BAT_DRAIN", 3600.0)]
+)
+def test_batteries_last_for_twice_the_flight(family: str, name: str, of_an_hour: float) -> None:
+    """By its default an ArduCopter's lasts for 400 s, and all were sent home before the end of the shipped scenario."""
+    path = {"speed_mps": 5, "waypoints_m": [[0, 0, 60], [2000, 0, 60], [4000, 0, 60]]}
+    model = {"px4": "px4_copter"}.get(family, family)
+    ports = PORTS if family == "arducopter" else ["udpin:127.0.0.1:14550"] * 2
+    each = [{"id": 1 + i, "autopilot": family, "model": model, "endpoint": port} for i, port in enumerate(ports)]
+    each[0]["role"] = "leader"
+    one = fleet(family, vehicles=each, path=path, duration_s=150)[0]
+    assert one.craft.parameters[name] == pytest.approx(of_an_hour * 2.0 * (150.0 + 1200.0) / 3600.0)
+
+
 def test_a_px4_is_known_by_its_instance(tmp_path: Path) -> None:
     vehicles = {"count": 2, "autopilot": "px4", "endpoint": "udpin:127.0.0.1:14550"}
     program = programs_of((f"px4={px4(tmp_path)}",))

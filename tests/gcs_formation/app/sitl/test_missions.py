@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,11 +12,11 @@ from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.messages.mission import MissionAck, MissionCount, MissionItemInt, MissionRequest, MissionRequestInt
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.app.sitl.fleet import not_simulated
+from gcs_formation.app.sitl.fleet import not_simulated, simulated
 from gcs_formation.app.sitl.missions import Upload, mission_of
 from gcs_formation.app.sitl.simulator import SimulatorError
 from gcs_formation.vehicle.stored_mission import LandingSequence, StoredMission
-from tests.gcs_formation.app.sitl.test_fleet import PX4_PATH, fleet
+from tests.gcs_formation.app.sitl.test_fleet import PX4_PATH, fleet, planned
 
 PX4S = {"count": 2, "autopilot": "px4", "endpoint": "udpin:127.0.0.1:14550"}
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
@@ -61,13 +62,21 @@ def test_a_vehicle_that_refuses_it_is_named() -> None:
         Upload(given()).answer(MissionAck(254, 190, m.MAV_MISSION_NO_SPACE))
 
 
-def test_what_a_simulator_can_not_do_is_said_in_a_line() -> None:
+def test_what_a_simulator_can_not_do_is_said_in_a_line(tmp_path: Path) -> None:
     windy: dict[str, Any] = {"wind": {"velocity_mps": [3, 4, 0]}}
     noisy = {"navigation": {"source": "noisy"}}
     assert not_simulated(fleet("px4", vehicles=PX4S, path=PX4_PATH)) == []
     (line,) = not_simulated(fleet("px4", vehicles=PX4S | noisy, path=PX4_PATH, **windy))
     assert line == "px4 is flown without: navigation of source noisy, wind of 5 m/s"
     assert not_simulated(fleet(**windy)) == []
+    (program := tmp_path / "px4").write_bytes(b"\0SIH_WIND_E\0SIH_WIND_N\0")
+    each = simulated({"px4": program}, planned("px4", vehicles=PX4S, path=PX4_PATH, **windy), 1.0)
+    assert not_simulated(each) == ["px4 is flown without: wind of 5 m/s"], "it would roll before its take-off"
+    copters = {"vehicles": PX4S | {"model": "px4_copter"}, "path": PX4_PATH | {"speed_mps": 5}}
+    each = simulated({"px4": program}, planned("px4", **copters, **windy), 1.0)
+    assert not_simulated(each) == []
+    from_mps = each[0].craft.parameters["SIH_WIND_N"], each[0].craft.parameters["SIH_WIND_E"]
+    assert from_mps == (-3.0, -4.0), "it says where it comes from"
     gust = {"at_s": 3, "vehicles": "all", "velocity_mps": [1, 0, 0]}
     (line,) = not_simulated(fleet(disturbances=[gust], faults=[{"at_s": 5, "vehicles": [2], "kind": "crash"}]))
     assert line == "arduplane is flown without: disturbances, faults of vehicles"

@@ -79,6 +79,10 @@ def test_px4s_log_says_where_the_vehicle_was(tmp_path: Path) -> None:
     assert np.degrees(motion.lat_rad) == pytest.approx([35.0001, 35.00015, 35.0002])
     assert (motion.climb_mps[0], motion.heading_rad[0]) == pytest.approx((1.0, 0.5))
     assert motion.airspeed_mps == pytest.approx(math.sqrt(26.0))
+    write_ulog(tmp_path / "log.ulg", topics, rows, SIH_WIND_N=3.0, SIH_WIND_E=4.0)
+    in_wind = PX4.true_motion(tmp_path)
+    assert in_wind is not None
+    assert in_wind.airspeed_mps == pytest.approx(math.hypot(6.0, 8.0, 1.0)), "it comes from ahead"
 
 
 def test_a_vehicles_time_becomes_the_runs_by_the_clock_that_was_noted_then() -> None:
