@@ -1,0 +1,224 @@
+"""What stages of the core do, each with a cycle that has what it reads."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import Mock
+
+import pytest
+
+from airlink.clock import Instant, after
+from gcs_formation.core.commanding import Delays
+from gcs_formation.core.connecting import Begin, Commands, Restarts
+from gcs_formation.core.each_second import OwnParts, commands_anybody
+from gcs_formation.core.estimating import Members, Samples
+from gcs_formation.core.sending import End, Events, LookOn, Phases
+from gcs_formation.link.link_health import LinkState
+from gcs_formation.phases import Cause, Phase
+
+NOW = after(Instant(0), 30.0)
+COMMANDED = (Phase.ASSEMBLING, Phase.FLYING, Phase.ENDING)
+
+
+def vehicle(column: int, **more: Any) -> Any:
+    return SimpleNamespace(column=column, identity=column + 1, **more)
+
+
+def cycle(phase: Phase = Phase.FLYING, **more: Any) -> Any:
+    """Return a cycle that moves to another phase whenever it is asked to."""
+    course = Mock()
+    course.move.return_value = True
+    flight = SimpleNamespace(phase=phase, ended=phase in (Phase.DONE, Phase.FAILED), mission_time_s=lambda _: 20.0)
+    return SimpleNamespace(now=NOW, course=course, flight=flight, phase=phase, note=Mock(), send=Mock(), **more)
+
+
+def test_a_restart_is_said_once_and_only_that_vehicles_filter_begins_again() -> None:
+    made = cycle(each=[vehicle(0, restarts=0), vehicle(1, restarts=0)], restarted=[], controller=Mock())
+    stage = Restarts(made)
+    stage.run(made)
+    assert made.restarted == []
+    made.each[1].restarts = 1
+    stage.run(made)
+    assert made.restarted == [1]
+    made.controller.estimator.restart_filter.assert_called_once_with(1)
+    made.note.assert_called_once_with(NOW, "restarted", "its clock has begun again", made.each[1])
+    stage.run(made)
+    assert made.restarted == [], "handled"
+    made.each[1].restarts = 2
+    stage.run(made)
+    assert made.restarted == [1]
+
+
+@pytest.mark.parametrize("phase", list(Phase))
+@pytest.mark.parametrize("ready", [True, False])
+@pytest.mark.parametrize("passed", [True, False])
+def test_the_formation_begins_to_be_commanded_once_its_leader_is_ready_and_the_gate_lets_it(
+    phase: Phase, *, ready: bool, passed: bool
+) -> None:
+    made = cycle(phase, beginning=Mock(), decide=Mock(), begins=False)
+    made.beginning.may_begin.return_value = ready
+    gate: Any = SimpleNamespace(passed=passed)
+    Begin(gate).run(made)
+    begins = phase is Phase.CONNECTING and ready and passed
+    assert made.begins is begins
+    assert made.course.move.called is begins
+    made.decide.assert_called_once_with()
+
+
+def test_each_vehicle_gets_the_command_that_is_due_and_no_other() -> None:
+    due = [Mock(), Mock(), Mock()]
+    for commands, message in zip(due, ("first", None, "third"), strict=True):
+        commands.due.return_value = message
+    made = cycle(each=[vehicle(column, commands=commands) for column, commands in enumerate(due)])
+    Commands().run(made)
+    made.send.assert_called_once_with([(made.each[0], "first"), (made.each[2], "third")], NOW)
+
+
+def test_samples_are_of_this_cycle_alone_and_the_leader_is_known_as_such() -> None:
+    """A virtual leader, column 0, reports nothing; what a vehicle reported before isn't taken twice."""
+    new = Mock(side_effect=["one", None])
+    fliers = [vehicle(column, sampler=SimpleNamespace(new=new), flew=column == 1) for column in (1, 2)]
+    made = cycle(each=fliers, samples=["old", "old", "old"], controller=SimpleNamespace(plan=SimpleNamespace(leader=2)))
+    Samples().run(made)
+    assert made.samples == [None, "one", None]
+    assert [call.kwargs for call in new.call_args_list] == [
+        {"flew": True, "leads": False},
+        {"flew": False, "leads": True},
+    ]
+
+
+@pytest.mark.parametrize("phase", list(Phase))
+def test_membership_is_decided_until_all_loiter(phase: Phase) -> None:
+    made = cycle(phase, reconfiguration=Mock(), controller=Mock(), findings=Mock(), membership=Mock())
+    Members().run(made)
+    assert made.membership.update.called is (phase is not Phase.LOITERING)
+    if made.membership.update.called:
+        assert made.membership.update.call_args.kwargs["connecting"] is (phase is Phase.CONNECTING)
+
+
+def reported(state: LinkState, *, acted: bool = False, own: Any = None, failure: Any = None) -> Any:
+    return vehicle(
+        0,
+        connection=SimpleNamespace(state=state),
+        start_up=SimpleNamespace(acted=acted),
+        round_trips=SimpleNamespace(own=own),
+        autopilot=SimpleNamespace(failure=failure),
+    )
+
+
+@pytest.mark.parametrize("phase", list(Phase))
+@pytest.mark.parametrize("acted", [True, False])
+@pytest.mark.parametrize("state", list(LinkState))
+def test_a_vehicle_is_commanded_from_the_first_step_of_its_start_up_until_all_is_over(
+    phase: Phase, state: LinkState, *, acted: bool
+) -> None:
+    """One that was never heard isn't."""
+    made = cycle(phase, each=[reported(state, acted=acted)])
+    expected = state is not LinkState.SEARCHING and (acted or phase in (*COMMANDED, Phase.LOITERING))
+    assert commands_anybody(made) is expected
+
+
+@pytest.mark.parametrize("of", ["estimator", "family", "both", "neither"])
+def test_a_part_of_an_extension_that_has_failed_ends_the_run_by_its_error(of: str) -> None:
+    own = SimpleNamespace(failure="estimator" if of in ("estimator", "both") else None)
+    failure = "family" if of in ("family", "both") else None
+    made = cycle(each=[reported(LinkState.CONNECTED), reported(LinkState.CONNECTED, own=own, failure=failure)])
+    OwnParts().run(made)
+    if of == "neither":
+        assert not made.course.fail_by.called
+    else:
+        made.course.fail_by.assert_called_once_with("family" if of == "family" else "estimator", NOW, begun=True)
+
+
+@pytest.mark.parametrize("phase", COMMANDED)
+@pytest.mark.parametrize("started", [True, False])
+@pytest.mark.parametrize("mission_s", [math.nan, 59.9, 60.0])
+def test_the_path_begins_once_as_the_leader_passes_its_start_unless_its_time_is_over(
+    phase: Phase, mission_s: float, *, started: bool
+) -> None:
+    guidance = SimpleNamespace(guidance=SimpleNamespace(started=started))
+    made = cycle(
+        phase, opening=None, mission_s=mission_s, scenario=SimpleNamespace(duration_s=60.0), controller=guidance
+    )
+    heartbeats = Mock()
+    Phases(heartbeats, 45.0).run(made)
+    begins = phase is Phase.ASSEMBLING and started and not mission_s >= 60.0
+    assert heartbeats.hasten.called is begins
+    assert [call.args[0] for call in made.course.move.call_args_list] == [Cause.PATH_BEGUN] * begins
+    made.course.end_in_time.assert_called_once_with(45.0, NOW)
+
+
+@pytest.mark.parametrize("may_leave", [True, False])
+def test_at_the_end_vehicles_leave_when_they_may_and_no_time_ends_it_again(*, may_leave: bool) -> None:
+    opening = Mock()
+    opening.may_leave.return_value = may_leave
+    of = SimpleNamespace(guidance=SimpleNamespace(started=True))
+    made = cycle(Phase.ENDING, opening=opening, mission_s=9.0, scenario=SimpleNamespace(duration_s=60.0), controller=of)
+    Phases(Mock(), math.inf).run(made)
+    assert [call.args[0] for call in made.course.move.call_args_list] == [Cause.OPENED] * may_leave
+    assert not made.course.end_in_time.called
+
+
+@pytest.mark.parametrize("phase", list(Phase))
+def test_a_run_is_brought_to_its_end_where_it_is_over(phase: Phase) -> None:
+    made = cycle(phase)
+    End().run(made)
+    assert made.course.bring_to_end.called is (phase in (Phase.ENDING, Phase.LOITERING))
+
+
+@pytest.mark.parametrize("fault", [None, "the law's error"])
+def test_a_ticks_events_are_recorded_and_a_law_that_failed_ends_the_run(fault: str | None) -> None:
+    made = cycle(
+        tick=SimpleNamespace(events=["held", "avoids"]), controlled_ticks=7, controller=SimpleNamespace(fault=fault)
+    )
+    recorder = Mock()
+    Events(recorder).run(made)
+    assert [call.args for call in recorder.event.call_args_list] == [("held",), ("avoids",)]
+    assert made.controlled_ticks == 8
+    assert [call.args for call in made.course.fail_by.call_args_list] == [(fault, NOW)] * (fault is not None)
+
+
+@pytest.mark.parametrize(
+    ("phase", "airborne", "recorded", "records", "orders"),
+    [
+        (Phase.CONNECTING, False, 0, False, True),
+        (Phase.CONNECTING, True, 0, True, True),
+        (Phase.LOITERING, False, 5, True, True),
+        (Phase.DONE, True, 5, False, False),
+        (Phase.FAILED, True, 0, False, False),
+    ],
+)
+def test_who_is_not_commanded_is_recorded_from_the_first_take_off_to_the_end(
+    phase: Phase, recorded: int, *, airborne: bool, records: bool, orders: bool
+) -> None:
+    """Of a vehicle that was never heard nothing is known."""
+    heard = SimpleNamespace(extrapolated=lambda _: ("state", 0.1))
+    never = SimpleNamespace(extrapolated=lambda _: None)
+    fliers = [vehicle(0, airborne=False, sampler=never), vehicle(1, airborne=airborne, sampler=heard)]
+    made = cycle(phase, each=fliers, recorded_ticks=recorded, newest=None, controller=Mock(), findings=Mock())
+    given, dispatch, recorder = Mock(), Mock(), Mock()
+    dispatch.links.return_value = ["links"], 0.0
+    LookOn(given, dispatch, recorder).run(made)
+    assert (given.advance.called, recorder.tick.called) == (orders, records)
+    assert made.recorded_ticks == recorded + records
+    if records:
+        made.controller.look_on.assert_called_once_with(NOW, 20.0, phase.value, ["links"], {1: ("state", 0.1)})
+        assert made.newest is recorder.tick.call_args.args[0]
+
+
+def test_what_is_lost_of_the_leaders_frames_is_known_to_the_law_as_its_links_loss() -> None:
+    """Followers' losses don't go into their links: the law follows the leader."""
+    links = [SimpleNamespace(loss=0.0, mean_gap=1.0) for _ in range(2)]
+    findings = SimpleNamespace(
+        doubted=[False] * 2,
+        losses={1: SimpleNamespace(loss=0.4, mean_gap=3.0), 2: SimpleNamespace(loss=0.2, mean_gap=2.0)},
+    )
+    of = SimpleNamespace(plan=SimpleNamespace(leader=1))
+    made = cycle(controller=of, findings=findings, vehicles={1: vehicle(0), 2: vehicle(1)})
+    dispatch = Mock()
+    dispatch.links.return_value = links, 0.25
+    Delays(dispatch).run(made)
+    assert made.hold_s == 0.25
+    assert [(each.loss, each.mean_gap) for each in made.links] == [(0.0, 1.0), (0.2, 2.0)]
