@@ -28,10 +28,10 @@ def vehicle(column: int, **more: Any) -> Any:
 
 def cycle(phase: Phase = Phase.FLYING, **more: Any) -> Any:
     """Return a cycle that moves to another phase whenever it is asked to."""
-    course = Mock()
-    course.move.return_value = True
+    machine = Mock()
+    machine.move.return_value = True
     flight = SimpleNamespace(phase=phase, ended=phase in (Phase.DONE, Phase.FAILED), mission_time_s=lambda _: 20.0)
-    return SimpleNamespace(now=NOW, course=course, flight=flight, phase=phase, note=Mock(), send=Mock(), **more)
+    return SimpleNamespace(now=NOW, phase_machine=machine, flight=flight, phase=phase, log_event=Mock(), send=Mock(), **more)
 
 
 def test_a_restart_is_said_once_and_only_that_vehicles_filter_begins_again() -> None:
@@ -43,7 +43,7 @@ def test_a_restart_is_said_once_and_only_that_vehicles_filter_begins_again() -> 
     stage.run(made)
     assert made.restarted == [1]
     made.controller.estimator.restart_filter.assert_called_once_with(1)
-    made.note.assert_called_once_with(NOW, "restarted", "its clock has begun again", made.each[1])
+    made.log_event.assert_called_once_with(NOW, "restarted", "its clock has begun again", made.each[1])
     stage.run(made)
     assert made.restarted == [], "handled"
     made.each[1].restarts = 2
@@ -63,7 +63,7 @@ def test_the_formation_begins_to_be_commanded_once_its_leader_is_ready_and_the_g
     Begin(gate).run(made)
     begins = phase is Phase.CONNECTING and ready and passed
     assert made.begins is begins
-    assert made.course.move.called is begins
+    assert made.phase_machine.move.called is begins
     made.decide.assert_called_once_with()
 
 
@@ -127,9 +127,9 @@ def test_a_part_of_an_extension_that_has_failed_ends_the_run_by_its_error(of: st
     made = cycle(each=[reported(LinkState.CONNECTED), reported(LinkState.CONNECTED, own=own, failure=failure)])
     OwnParts().run(made)
     if of == "neither":
-        assert not made.course.fail_by.called
+        assert not made.phase_machine.fail_by.called
     else:
-        made.course.fail_by.assert_called_once_with("family" if of == "family" else "estimator", NOW, begun=True)
+        made.phase_machine.fail_by.assert_called_once_with("family" if of == "family" else "estimator", NOW, begun=True)
 
 
 @pytest.mark.parametrize("phase", COMMANDED)
@@ -146,8 +146,8 @@ def test_the_path_begins_once_as_the_leader_passes_its_start_unless_its_time_is_
     Phases(heartbeats, 45.0).run(made)
     begins = phase is Phase.ASSEMBLING and started and not mission_s >= 60.0
     assert heartbeats.hasten.called is begins
-    assert [call.args[0] for call in made.course.move.call_args_list] == [Cause.PATH_BEGUN] * begins
-    made.course.end_in_time.assert_called_once_with(45.0, NOW)
+    assert [call.args[0] for call in made.phase_machine.move.call_args_list] == [Cause.PATH_BEGUN] * begins
+    made.phase_machine.end_in_time.assert_called_once_with(45.0, NOW)
 
 
 @pytest.mark.parametrize("may_leave", [True, False])
@@ -157,15 +157,15 @@ def test_at_the_end_vehicles_leave_when_they_may_and_no_time_ends_it_again(*, ma
     of = SimpleNamespace(guidance=SimpleNamespace(started=True))
     made = cycle(Phase.ENDING, opening=opening, mission_s=9.0, scenario=SimpleNamespace(duration_s=60.0), controller=of)
     Phases(Mock(), math.inf).run(made)
-    assert [call.args[0] for call in made.course.move.call_args_list] == [Cause.OPENED] * may_leave
-    assert not made.course.end_in_time.called
+    assert [call.args[0] for call in made.phase_machine.move.call_args_list] == [Cause.OPENED] * may_leave
+    assert not made.phase_machine.end_in_time.called
 
 
 @pytest.mark.parametrize("phase", list(Phase))
 def test_a_run_is_brought_to_its_end_where_it_is_over(phase: Phase) -> None:
     made = cycle(phase)
     End().run(made)
-    assert made.course.bring_to_end.called is (phase in (Phase.ENDING, Phase.LOITERING))
+    assert made.phase_machine.bring_to_end.called is (phase in (Phase.ENDING, Phase.LOITERING))
 
 
 @pytest.mark.parametrize("fault", [None, "the law's error"])
@@ -177,7 +177,7 @@ def test_a_ticks_events_are_recorded_and_a_law_that_failed_ends_the_run(fault: s
     Events(recorder).run(made)
     assert [call.args for call in recorder.event.call_args_list] == [("held",), ("avoids",)]
     assert made.controlled_ticks == 8
-    assert [call.args for call in made.course.fail_by.call_args_list] == [(fault, NOW)] * (fault is not None)
+    assert [call.args for call in made.phase_machine.fail_by.call_args_list] == [(fault, NOW)] * (fault is not None)
 
 
 @pytest.mark.parametrize(

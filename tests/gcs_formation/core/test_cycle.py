@@ -82,8 +82,8 @@ def test_of_what_only_one_feature_may_bring_two_are_refused_by_name() -> None:
 
 def test_without_a_feature_that_resumes_flights_none_is_resumed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(feature, "features", dict)
-    nothing: Any = SimpleNamespace(course=SimpleNamespace(endings=None))
+    nothing: Any = SimpleNamespace(phase_machine=SimpleNamespace(endings=None))
     with pytest.raises(RunAbortedError, match="found no feature that resumes a flight; allowed: fly it from its start"):
         feature.resumed_beginning(nothing, nothing)
     feature.take_endings(nothing)
-    assert nothing.course.endings is None
+    assert nothing.phase_machine.endings is None

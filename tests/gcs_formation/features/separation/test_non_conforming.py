@@ -32,7 +32,7 @@ def possible(now_s: float, home_m: tuple[float, float] | None) -> list[tuple[flo
     planned = load_scenario(scenario(vehicles={"count": 1, "model": "arducopter"}, path=path))
     history, models = SetpointHistory(planned.law.rate_hz), autopilot_models(planned)
     history.begin_tick(vec[i64]([at_s(10.0)]))
-    history.note([(SPEED_MPS, 0.0, 60.0)])
+    history.record([(SPEED_MPS, 0.0, 60.0)])
     state = FlightState(0.0, 0.0, 60.0, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
     link = VehicleLink(at_s(10.0))
     link.stands_after_s, link.returns_after_s, link.home_m = HELD_S, 8.0, home_m
@@ -81,7 +81,7 @@ def test_who_has_nothing_held_flies_straight_on() -> None:
     planned = load_scenario(scenario(vehicles={"count": 1, "model": "arducopter"}, path=path))
     history = SetpointHistory(planned.law.rate_hz)
     history.begin_tick(vec[i64]([at_s(10.0)]))
-    history.note([(math.nan, math.nan, math.nan)])
+    history.record([(math.nan, math.nan, math.nan)])
     rule = NonConforming(history, autopilot_models(planned), 12.0, hovers=True)
     link = VehicleLink(at_s(10.0))
     rule.update(at_s(10.7), [link], [True])
