@@ -103,7 +103,7 @@ def figures(fly: Callable[..., Summary], flight: str) -> list[str]:
     """Return the figures of a flight."""
     with tempfile.TemporaryDirectory() as directory:
         out = Path(directory) / "run"
-        found = fly({"schema": 1} | FLIGHTS[flight], clock="virtual", out=out).to_dict()
+        found = fly({"schema": 1, **FLIGHTS[flight]}, clock="virtual", out=out).to_dict()
         events = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
     errors_m = [[each[f"error_{axis}_m"]["rms"] or 0.0 for axis in "xy"] for each in found["followers"].values()]
     safety = found["safety"]
