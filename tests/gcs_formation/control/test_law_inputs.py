@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import pytest
 from librt.vecs import vec
@@ -12,11 +11,12 @@ from mypy_extensions import i64
 from airlink.clock import Instant
 from flight_model.autopilot_model import AutopilotModel, FlightState
 from gcs_formation.control.fuzzy_pid import GainRange, PidGains
-from gcs_formation.control.law_interface import CycleInput
+from gcs_formation.control.law_interface import CycleInput, Lead
 from gcs_formation.control.laws import leader_motion
 from gcs_formation.estimation.projection import MeasuredStates
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.guidance.leader_commands import LeaderCommand
+from gcs_formation.guidance.tracking import RouteHeading
 
 MODEL = AutopilotModel(4.0, 1.2, 1.0, 3.0, 16.0, 28.0, 1.5, 0.25, 3.0)
 
@@ -46,7 +46,7 @@ def test_a_vehicle_follows_the_setpoint_before_the_one_that_acts_from_its_own_in
         history.begin_tick(vec[i64]([acts]))
         history.record([(speed_mps, 0.0, 100.0)])
     state = FlightState(0.0, 0.0, 100.0, 0.0, 20.0, 0.0, 0.0, 0.0)
-    lead: Any = None
+    lead = Lead(0, Instant(0), [], RouteHeading(0.0, 0.0, 0.0, 0.0, 20.0))
     for stamp, followed_mps in ((1500, 20.0), (2000, 20.0), (2001, 25.0)):
         states = MeasuredStates([state], vec[i64]([stamp]), [True], vec[i64]([Instant(9000)]))
         assert CycleInput(states, lead, [], history, [0.0], [True], [], []).commanded(0)[0] == followed_mps
