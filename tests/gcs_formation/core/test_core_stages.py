@@ -31,7 +31,9 @@ def cycle(phase: Phase = Phase.FLYING, **more: Any) -> Any:
     machine = Mock()
     machine.move.return_value = True
     flight = SimpleNamespace(phase=phase, ended=phase in (Phase.DONE, Phase.FAILED), mission_time_s=lambda _: 20.0)
-    return SimpleNamespace(now=NOW, phase_machine=machine, flight=flight, phase=phase, log_event=Mock(), send=Mock(), **more)
+    return SimpleNamespace(
+        now=NOW, phase_machine=machine, flight=flight, phase=phase, log_event=Mock(), send=Mock(), **more
+    )
 
 
 def test_a_restart_is_said_once_and_only_that_vehicles_filter_begins_again() -> None:
