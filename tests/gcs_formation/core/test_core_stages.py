@@ -10,11 +10,13 @@ from unittest.mock import Mock
 import pytest
 
 from airlink.clock import Instant, after
-from gcs_formation.core.commanding import Delays
-from gcs_formation.core.connecting import Begin, Commands, Restarts
-from gcs_formation.core.each_second import OwnParts, commands_anybody
-from gcs_formation.core.estimating import Members, Samples
-from gcs_formation.core.sending import End, Events, LookOn, Phases
+from gcs_formation.core import commanding
+from gcs_formation.core.connecting import Begin, Commands, Links, Restarts, Start
+from gcs_formation.core.cycle import Findings
+from gcs_formation.core.each_second import Heartbeats, OwnParts, Strangers, commands_anybody
+from gcs_formation.core.estimating import Estimates, Members, Samples
+from gcs_formation.core.parts import Parts
+from gcs_formation.core.sending import End, Events, LookOn, Phases, Record, Setpoints, StandIns
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.phases import Cause, Phase
 
@@ -221,6 +223,116 @@ def test_what_is_lost_of_the_leaders_frames_is_known_to_the_law_as_its_links_los
     made = cycle(controller=of, findings=findings, vehicles={1: vehicle(0), 2: vehicle(1)})
     dispatch = Mock()
     dispatch.links.return_value = links, 0.25
-    Delays(dispatch).run(made)
+    commanding.Delays(dispatch).run(made)
     assert made.hold_s == 0.25
     assert [(each.loss, each.mean_gap) for each in made.links] == [(0.0, 1.0), (0.2, 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("stage", "does"),
+    [
+        (commanding.OwnFilters(), "filter"),
+        (commanding.SetpointsTaken(), "take_final"),
+        (commanding.OwnMonitors(), "monitor"),
+        (commanding.Assembled(), "conclude"),
+    ],
+)
+def test_a_tick_passes_filters_history_monitors_and_the_watch_on_assembly(stage: Any, does: str) -> None:
+    made = cycle(controller=Mock(), tick="tick")
+    stage.run(made)
+    assert [(name, given) for name, given, _ in made.controller.method_calls] == [(does, ("tick",))]
+
+
+@pytest.mark.parametrize("led", [True, False])
+def test_there_are_setpoints_where_there_is_a_leader_and_the_law_has_what_is_known_of_loops(*, led: bool) -> None:
+    made = cycle(controller=Mock(), tick="tick", findings=Mock(bandwidth=[[0.5]]), late=True, follow_leader=Mock())
+    made.controller.follow.return_value = led
+    commanding.Leader().run(made)
+    made.follow_leader.assert_called_once_with(led=led)
+    commanding.Law().run(made)
+    made.controller.decide.assert_called_once_with("tick", [[0.5]], begin_regardless=True)
+    assert made.measured is made.controller.decide.return_value
+
+
+@pytest.mark.parametrize("ends", [True, False])
+def test_orders_are_given_at_any_time_and_shapes_change_until_the_flight_ends(*, ends: bool) -> None:
+    made, orders = cycle(last_tick="before", reconfiguration=Mock()), Mock()
+    made.phase_machine.opening = "ending" if ends else None
+    commanding.Wanted(orders).run(made)
+    orders.advance.assert_called_once_with(NOW)
+    assert [call.args for call in made.reconfiguration.advance.call_args_list] == [(NOW, 20.0)] * (not ends)
+    made.phase_machine.waited_long_enough.assert_called_once_with("before", NOW)
+    assert (made.mission_s, made.opening) == (20.0, made.phase_machine.opening)
+
+
+@pytest.mark.parametrize(("in_order", "changed"), [(True, True), (False, True), (False, False)])
+def test_a_link_whose_state_changes_is_recorded_and_one_in_order_is_not_looked_at(
+    *, in_order: bool, changed: bool
+) -> None:
+    connection, log_link, several = Mock(), Mock(), Mock()
+    connection.in_order.return_value, connection.check.return_value = in_order, changed
+    made = cycle(each=[vehicle(0, connection=connection, sequence=SimpleNamespace(loss=0.25))])
+    Links(log_link, several).run(made)
+    several.choose_link.assert_called_once_with(NOW)
+    assert [call.args for call in connection.check.call_args_list] == [(NOW, 0.25)] * (not in_order)
+    assert log_link.called is (changed and not in_order)
+
+
+@pytest.mark.parametrize("rehearsed", [True, False])
+def test_vehicles_are_asked_before_they_are_started_and_a_rehearsal_ends_then(*, rehearsed: bool) -> None:
+    made, gate, starting = cycle(beginning=Mock()), Mock(rehearsed=rehearsed), Mock()
+    gate.requests.return_value, made.beginning.requests.return_value = ["parameters"], ["mission"]
+    Start(gate, starting).run(made)
+    made.send.assert_called_once_with(["parameters", "mission"], NOW)
+    gate.open_if_ready.assert_called_once_with()
+    starting.advance.assert_called_once_with(NOW)
+    assert [call.args for call in made.phase_machine.end_rehearsal.call_args_list] == [(NOW,)] * rehearsed
+
+
+def test_what_is_due_once_a_second_is_sent() -> None:
+    made, scheduler, dispatch, watch = cycle(), Mock(), Mock(), Mock()
+    Strangers(watch).run(made)
+    watch.assert_called_once_with(NOW)
+    Heartbeats(scheduler, dispatch).run(made)
+    scheduler.heartbeats.assert_called_once_with(20.0, dispatch.unguided.return_value, NOW)
+    made.send.assert_called_once_with(scheduler.heartbeats.return_value, NOW)
+
+
+def test_setpoints_are_handed_over_and_predicted_by_as_they_are_held() -> None:
+    made, dispatch, recorder = cycle(tick="tick", hold_s=0.2, controller=Mock(), recorded_ticks=3), Mock(), Mock()
+    Setpoints(dispatch).run(made)
+    dispatch.accept.assert_called_once_with("tick", 0.2, NOW)
+    made.controller.history.record.assert_called_once_with(dispatch.held.return_value)
+    Record(recorder).run(made)
+    recorder.tick.assert_called_once_with("tick")
+    assert (made.last_tick, made.newest, made.recorded_ticks) == ("tick", "tick", 4)
+    StandIns(dispatch).run(made)
+    made.send.assert_called_once_with(dispatch.stand_ins.return_value, NOW)
+    made.samples = ["a"]
+    Estimates().run(made)
+    made.controller.update_states.assert_called_once_with(["a"])
+
+
+def test_at_first_nothing_is_known_of_any_loop_and_none_is_doubted() -> None:
+    scenario: Any = "scenario"
+    known = Findings(scenario, {}, 2)
+    assert (known.doubted, known.bandwidth) == ([False, False], [[1.0] * 3, [1.0] * 3])
+    assert all(math.isnan(each) for each in known.margin_used)
+    assert len(known.margin_used) == 2
+    assert known.time_constants_off == [[0.0, 0.0]] * 3
+    assert known.bandwidth[0] is not known.bandwidth[1]
+    known.lie([3])
+    assert known.crashed == {3}
+
+
+def test_a_flight_that_is_resumed_goes_on_in_all_its_parts() -> None:
+    parts: Any = Mock()
+    past: Any = SimpleNamespace(at=NOW, path_began=Instant(5), mission_s=12.0)
+    Parts.resume(parts, past)
+    parts.phase_machine.flight.resume.assert_called_once_with(NOW, 5)
+    parts.phase_machine.gate.let_go_on.assert_called_once_with()
+    parts.heartbeats.resume.assert_called_once_with(NOW)
+    parts.reconfiguration.resume.assert_called_once_with(past)
+    parts.orders.resume.assert_called_once_with(12.0)
+    Parts._fail(parts, "in vain", NOW)
+    parts.phase_machine.fail.assert_called_once_with("in vain", NOW)
