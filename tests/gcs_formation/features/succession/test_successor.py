@@ -16,10 +16,8 @@ APART = {"shape": "custom", "slots_m": {2: [-20, 90, 0], 3: [-20, -20, 0], 4: [-
 def test_the_nearest_follower_that_does_not_sink_takes_over_unless_none_is_to() -> None:
     """They fly 30, 45 and 92 m away from it, far from the origin; nearer ones aren't much nearer than a spacing."""
     path = {"speed_mps": 22, "waypoints_m": [[500, -700, 100], [4000, -700, 100]]}
-    world = World(
-        duration_s=10, start={"in_air": True, "run_in_s": 3}, vehicles={"count": 4}, formation=APART, path=path
-    )
-    world.fly_to(1.0)
+    world = World(duration_s=10, vehicles={"count": 4}, formation=APART, path=path)
+    world.run(1.5)
     cycle = world.station.cycle
     assert cycle.controller.plan.leader == 0
     sinking = cycle.findings.sinking
