@@ -57,3 +57,13 @@ def test_a_fuzzy_gain_is_0_7_to_1_3_of_the_nominal_one_each_by_its_own_output() 
     assert (gains.kp, gains.ki, gains.kd, gains.filter_s) == pytest.approx((1.4, 3.0, 5.2, 0.3))
     gains = GainRange(1.0, 2.0).gains(PidGains(2.0, 3.0, 4.0, 0.3), (1.0, 0.0, 0.5))
     assert (gains.kp, gains.ki, gains.kd) == pytest.approx((6.0, 3.0, 8.0))
+
+
+@pytest.mark.parametrize("ki", [3.0, 0.0])
+def test_the_transfer_function_is_that_of_the_gains(ki: float) -> None:
+    """At s = 2: kp + ki/s + kd s/(T s + 1)."""
+    numerator, denominator = PidGains(2.0, ki, 4.0, 0.3).transfer()
+    found = sum(each * 2.0**power for power, each in enumerate(reversed(numerator.tolist())))
+    found /= sum(each * 2.0**power for power, each in enumerate(reversed(denominator.tolist())))
+    assert found == pytest.approx(2.0 + ki / 2.0 + 4.0 * 2.0 / 1.6)
+    assert len(denominator) == (3 if ki else 2), "without integral gain there is no integrator"
