@@ -218,8 +218,9 @@ class HeightFloor:
         missing_m = [floor_m + self._room_m - low for floor_m, low in zip(floors_m, low_m, strict=True)]
         if max(missing_m) > 0.0:
             for missing, low, high in zip(missing_m, low_m, _climbs(state, max_m, model), strict=True):
-                share = max(share, missing / (high - low))
-        return min_m + (max_m - min_m) * min(share, 1.0)
+                if missing > 0.0:  # as high as it can climb where no setpoint gains that much, as in sinking air
+                    share = max(share, missing / (high - low) if missing < high - low else 1.0)
+        return min_m + (max_m - min_m) * share
 
     def _floors_m(self, tick: Tick, which: list[int]) -> list[list[float]]:
         """Return the lowest clear heights at `TAUS` along vehicles' straight tracks; -inf over unknown ground."""

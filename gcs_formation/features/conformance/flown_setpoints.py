@@ -24,12 +24,13 @@ tests/gcs_formation/features/conformance`."""
 WINDOW_CHECKS: Final = round(WINDOW_S / CHECK_S)
 SETTLED_S: Final = WINDOW_S + 1.0
 """A vehicle is judged after it has been commanded, and has acknowledged its setpoints, for this long. Tuned: s;
-`WINDOW_S` and more; by judgement."""
+`WINDOW_S` and more; shown by `pytest tests/gcs_formation/features/conformance`."""
 CLIMBING_MPS: Final = 1.0
 """Climb or sink from which on a vehicle that is taken over counts as climbing. Tuned: m/s; 0.5 to 2; by judgement."""
 LEVELS_OUT_S: Final = 30.0
 """Airspeed and height of a vehicle that was climbing or sinking faster when taken over aren't judged for this long: an
-aircraft that levels out trades speed for height, and its throttle lags. Tuned: s; 20 to 60; by judgement."""
+aircraft that levels out trades speed for height, and its throttle lags. Tuned: s; 20 to 60; shown by `pytest
+tests/gcs_formation/features/conformance`."""
 OFF_MPS: Final = 2.0
 """Airspeed off the setpoint from which on heights aren't judged. Tuned: m/s; 1 to 3; by judgement."""
 OFF_S: Final = 8.0
@@ -44,7 +45,7 @@ SIGMAS: Final = 4.0
 judgement."""
 FAST_SHARE: Final = 0.9
 """Share of the highest airspeed above which climbs aren't judged: little power is left for them. Tuned: share; 0.8 to
-0.95; by judgement."""
+0.95; shown by `pytest tests/gcs_formation/features/conformance`."""
 RISING_AIR_MPS: Final = 1.5
 """Vertical air motion, not visible in telemetry, that may always explain a vehicle's height error. Tuned: m/s; 1 to 3;
 by judgement."""
@@ -61,15 +62,15 @@ CONTINUES_S: Final = 1.5
 """Time for which an aircraft continues the turn or speed change with which the window began, regardless of setpoints:
 (7) lacks the bank and throttle that must first return. Tuned: s; 1 to 3; by judgement."""
 CLIMBS_SHARE: Final = 0.5
-"""Share of a vehicle's reach from which on a setpoint above it is a command to climb. Tuned: share; 0.3 to 0.7; by
-judgement."""
+"""Share of a vehicle's reach from which on a setpoint above it is a command to climb. Tuned: share; 0.3 to 0.7; shown
+by `pytest tests/gcs_formation/features/conformance`."""
 AT_LIMIT_SHARE: Final = 0.9
 """Shares of a vehicle's reach, which is how far it climbs at its limit within its height's time constants. A height
 setpoint above it by more than the first share is a command to climb; by more than the second, to climb at the limit.
 Tuned: share; 0.7 to 1; by judgement."""
 SUNK_M: Final = 15.0
 """A vehicle commanded to climb sinks if it loses more height than this, or, if greater, than the air explains. Tuned:
-m; 10 to 30; by judgement."""
+m; 10 to 30; shown by `pytest tests/gcs_formation/features/conformance`."""
 CLIMBS_MIN_SHARE: Final = 0.25
 """Share of the climb limit below which one that is to climb at the limit hardly does. Tuned: share; 0.15 to 0.4; by
 judgement."""
@@ -83,7 +84,8 @@ CHECKS_BROKEN: Final = 4
 """Consecutive checks that a channel fails until its vehicle is doubted, and until it is reported. Tuned: checks; 3 to
 6; shown by `pytest tests/gcs_formation/features/conformance`."""
 CHECKS_MENDED: Final = 8
-"""Consecutive checks without a failure until it counts as following again. Tuned: checks; 5 to 20; by judgement."""
+"""Consecutive checks without a failure until it counts as following again. Tuned: checks; 5 to 20; shown by `pytest
+tests/gcs_formation/features/conformance`."""
 MIN_NORM: Final = 1e-9
 CHANNELS = ("airspeed", "heading", "height")
 AIRSPEED: Final = 0

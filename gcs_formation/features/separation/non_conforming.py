@@ -24,7 +24,7 @@ from gcs_formation.vehicle.vehicle_state import UNANSWERED_S
 
 SOON_NS: Final = NANOSECONDS // 2
 """Lead time with which others keep clear of where an unresponsive vehicle would stop, as the age of its last answer is
-known only roughly. Tuned: ns; 0.2 to 1 s; by judgement."""
+known only roughly. Tuned: ns; 0.2 to 1 s; shown by `pytest tests/gcs_formation/features/separation`."""
 ACCELERATION_S: Final = 0.5
 """Averaging time of the acceleration of a multirotor. Tuned: s; 0.3 to 1; by judgement."""
 ACCELERATES_S: Final = 2.0
@@ -33,9 +33,11 @@ judgement."""
 NON_CONFORMING_MPS, NON_CONFORMING_MPS2 = 1.5, 1.0
 """A multirotor is non-conforming if its velocity is so far from the commanded one and departs from it that fast."""
 PROBE_S: Final = 0.27
-"""Longest interval of requests that every vehicle answers. Tuned: s; the interval of requests; by judgement."""
+"""Longest interval of requests that every vehicle answers. Tuned: s; the interval of requests; shown by `pytest
+tests/gcs_formation/features/separation`."""
 MISSED_S: Final = 0.5
-"""How much longer answers may be missing, since links lose some. Tuned: s; 0.3 to 1; by judgement."""
+"""How much longer answers may be missing, since links lose some. Tuned: s; 0.3 to 1; shown by `pytest
+tests/gcs_formation/features/separation`."""
 HOVERS: Vector3 = (0.0, 0.0, math.nan)
 """Intent of a vehicle that hovers or stops."""
 SET_OFF: Final[tuple[float, ...]] = (0.0, 1 / 3, 2 / 3, 1.0)

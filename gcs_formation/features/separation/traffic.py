@@ -17,7 +17,7 @@ from gcs_formation.features.separation.broad_phase import SLOT_SHARE, KeptDistan
 
 MARGIN_M = 1.0
 """Margin, in height, by which a vehicle that manoeuvres passes another beyond the distance to keep. Tuned: m; 0.5 to 3;
-by judgement."""
+shown by `pytest tests/gcs_formation/features/separation`."""
 PATIENCE_S = 8.0
 """Time of one manoeuvre after which its margin grows. Tuned: s; 4 to 15; by judgement."""
 FARTHER_MPS = 0.25

@@ -12,7 +12,7 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 RECEIVED_S: Final = 1.0
 """Largest age of a successor's telemetry, and of the latest time at which it is known to receive. Tuned: s; 0.5 to 2;
-by judgement."""
+shown by `pytest tests/gcs_formation/features/succession`."""
 DELAY_STEP_S, LOSS_STEP, JITTER_STEP_S = 0.02, 0.02, 0.005
 """Links that differ by less than about this are equally good: the measurements are no more certain."""
 

@@ -42,11 +42,12 @@ def kept(
     north_m: float = 0.0,
     at_s: float = 0.0,
     climb_mps: float = 0.0,
+    updraught_mps: float = 0.0,
 ) -> Tick:
-    """Return the tick at which a vehicle that heads north gets another height than `told_m`."""
+    """Return the tick at which a vehicle that heads north is commanded to a height."""
     now = after(Instant(0), at_s)
     tick = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * 3, [0.0] * 3, [0.0] * 3, [False, True, False])
-    tick.state[1] = FlightState(north_m, 0.0, height_m, climb_mps, SPEED_MPS, 0.0, 0.0, 0.0)
+    tick.state[1] = FlightState(north_m, 0.0, height_m, climb_mps, SPEED_MPS, 0.0, 0.0, 0.0, updraught_mps)
     tick.setpoints[1] = SPEED_MPS, 0.0, commanded_m
     floor.keep(tick)
     assert tick.replaced == [AS_DECIDED, (False, False, tick.setpoints[1][2] != commanded_m), AS_DECIDED]
@@ -117,6 +118,20 @@ def test_one_that_is_asked_down_over_a_hill_climbs_in_time_by_its_time_constants
         highest_m = max(highest_m, state.height_m)
     assert min(clear_m) > CLEARANCE_M
     assert highest_m < 90.0 + CLEARANCE_M + 3.0, "no higher than the hill asks for"
+
+
+@pytest.mark.parametrize("updraught_mps", [-3.0, -1.0, 0.0, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("climb_mps", [-3.0, 0.0, 3.0, 4.0])
+def test_in_any_air_a_climb_before_a_hill_is_commanded_that_is_no_faster_than_the_limit(
+    climb_mps: float, updraught_mps: float
+) -> None:
+    """In air that rises at 2 m/s a vehicle that climbs at its limit climbs no faster by any setpoint."""
+    hill: Any = {"north_m": 300.0, "east_m": 0.0, "height_m": 60.0, "radius_m": 100.0}
+    floor, height_m = floor_of(planned(hill)), 40.0
+    for north_m in (100.0, 150.0, 200.0, 250.0):
+        held_m = kept(floor, 30.0, height_m, north_m, climb_mps=climb_mps, updraught_mps=updraught_mps).setpoints[1][2]
+        assert 30.0 < held_m <= height_m + LAG_S * CLIMB_MPS
+    assert held_m == height_m + LAG_S * CLIMB_MPS, "already below the clearance"
 
 
 def test_where_the_ground_is_not_known_there_is_no_floor() -> None:

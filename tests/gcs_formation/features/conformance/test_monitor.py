@@ -328,3 +328,42 @@ def test_setpoints_are_refused_when_none_is_accepted_for_a_second_and_two_heartb
     channel.acknowledged(after(START, 2.1))
     ground.monitor.judge_refusals(after(START, 2.1))
     assert ground.logged.of("obeys", 2) == ["GUIDED_CHANGE_SPEED is no longer refused"] * said
+
+
+def test_each_of_several_that_refuse_is_reported_and_only_they() -> None:
+    ground = Ground()
+    first, second, third = ground.vehicles.values()
+    for tenth in range(30):
+        now = after(START, 0.1 * tenth)
+        for refuses, from_s in ((first, 0.0), (second, 0.5)):
+            if now >= after(START, from_s):
+                refuses.setpoint_channels[0].refused(m.MAV_RESULT_DENIED, refuses.telemetry.heartbeats, now)
+            refuses.telemetry.heartbeats += tenth % 10 == 0
+        ground.monitor.judge_refusals(now)
+    assert [event.vehicle for event in ground.logged] == [1, 2]
+    second.setpoint_channels[0].acknowledged(after(START, 3.0))
+    third.setpoint_channels[0].acknowledged(after(START, 3.0))
+    ground.monitor.judge_refusals(after(START, 3.0))
+    assert [event.vehicle for event in ground.logged if event.kind == "obeys"] == [2]
+
+
+@pytest.mark.parametrize("trouble", ["refuses", "doesn't acknowledge", "doesn't follow", "none"])
+def test_one_that_refuses_or_does_not_acknowledge_or_follow_is_doubted_and_no_other_is(trouble: str) -> None:
+    """Others keep clear of it as of one that may fly straight on: each reason is enough."""
+    ground = Ground()
+    channel, telemetry = ground.second().setpoint_channels[0], ground.second().telemetry
+    ground.fly(
+        SETTLED_S + 3.0,
+        acknowledges=lambda at_s: trouble != "doesn't acknowledge" or at_s < 1.0,
+        airspeed_mps=lambda at_s: 22.0 if trouble == "doesn't follow" else 27.0 - 5.0 * math.exp(-at_s / 4.0),
+    )
+    end_s = SETTLED_S + 3.0
+    if trouble == "refuses":
+        for tenth in range(20):
+            channel.refused(m.MAV_RESULT_DENIED, telemetry.heartbeats, after(START, end_s + 0.1 * tenth))
+            telemetry.heartbeats += tenth % 10 == 0
+        ground.monitor.judge_refusals(after(START, end_s + 2.0))
+    ground.monitor.judge_silence(after(START, end_s))
+    tick: Any = SimpleNamespace(active=[True] * 3)
+    ground.monitor.judge_motion(tick, after(START, end_s + 2.0))
+    assert ground.monitor.doubted == [False, trouble != "none", False]

@@ -84,3 +84,16 @@ def test_multirotors_too_near_behind_each_other_to_stop_are_warned_of_with_the_d
     found = [each for each in check_text(load_scenario(copters)).splitlines() if "behind each other" in each]
     assert len(found) == (enough is not None)
     assert enough is None or enough in found[0]
+
+
+@pytest.mark.parametrize(("beside_m", "warned"), [(2.9, True), (3.0, False)])
+def test_slots_that_are_as_far_to_the_side_as_the_limit_are_not_behind_each_other(
+    beside_m: float, warned: bool
+) -> None:
+    copters: dict[str, Any] = {
+        "vehicles": {"count": 2, "model": "arducopter"},
+        "formation": {"shape": "custom", "slots_m": {2: [-8, 0, beside_m]}},
+        "path": {"speed_mps": 8, "waypoints_m": [[0, 0, 50], [900, 0, 50]]},
+        "safety": {"separation_m": 3},
+    }
+    assert ("behind each other" in check_text(load_scenario(copters))) is warned

@@ -287,6 +287,23 @@ def test_while_slots_change_two_keep_what_their_own_ways_leave() -> None:
     assert resolver.kept_on_the_way(near_m) is kept
 
 
+@pytest.mark.parametrize(("planned_m", "kept_m"), [(0.0, 5.5), (6.2, 5.7), (9.0, 7.2), (13.0, 10.4), (14.0, 10.5)])
+def test_ways_that_are_planned_nearer_leave_the_limit_and_half_a_metre(planned_m: float, kept_m: float) -> None:
+    """Up to 1 m beyond the limit, as near as planned less 0.5 m; then 0.8 of it; never more than elsewhere."""
+    kept = Crossing(safety={"separation_m": 5}).resolver.kept_on_the_way(np.full((2, 2), planned_m))
+    assert kept.rows[0][1] == pytest.approx(kept_m)
+
+
+def test_two_that_drift_together_in_winds_of_their_own_are_seen_while_they_are_still_apart() -> None:
+    """The one ahead is 13 m away, and its wind takes 2 m/s from it."""
+    behind = Crossing()
+    behind.ours[:] = True
+    behind.north[:], behind.east[:], behind.heading[:] = (0.0, 13.0), 0.0, 0.0
+    assert not any(behind.keep().yielding)
+    behind.wind_north[1] = -2.0
+    assert any(behind.keep(at_s=0.1).yielding)
+
+
 def test_who_comes_to_its_slot_from_afar_is_near_no_vehicle_and_stays_so_where_slots_are_left() -> None:
     """Beside a column with slots 6 m apart, one that caught up passed at 3.0 m as the flight ended."""
     beside = beside_each_other(8.0)

@@ -12,7 +12,7 @@ from flight_model.vehicle_arrays import AutopilotModels, FlightStates, Setpoints
 from gcs_formation.features.separation.approach import Traffic
 from gcs_formation.features.separation.broad_phase import KeptDistance
 from gcs_formation.features.separation.conflict_resolution import resolve
-from gcs_formation.features.separation.traffic import FARTHER_MPS, FARTHEST_M, PATIENCE_S, TrafficPicture
+from gcs_formation.features.separation.traffic import FARTHER_MPS, FARTHEST_M, PATIENCE_S, TrafficPicture, free_heights
 from tests.gcs_formation.features.separation.encounters import DT_S, TIMES_S, model
 
 KEPT_M, SPEED_MPS = 10.5, 22.0
@@ -107,3 +107,12 @@ def test_where_all_lag_alike_the_climb_changes_nothing() -> None:
     climbing = picture(state, law, lags(QUICK_S, SLOW_S))
     assert climbing.trails_m.tolist() == pytest.approx([0.0, 2.0 * (5.4 - 2.1)])
     assert not replace(climbing, evades=True).trails_m.any(), "a leader that avoids climbs to a height"
+
+
+def test_who_lags_behind_a_climb_more_than_the_leader_passes_at_heights_that_make_up_for_it() -> None:
+    """11.5 m, 1 m more than is kept, above or below 100 m, and 2 m/s for the 3.3 s that it lags behind more."""
+    law = Setpoints(np.full(2, SPEED_MPS), np.zeros(2), np.full(2, 100.0))
+    state = FlightStates(*np.tile([[0.0], [0.0], [100.0], [2.0], [SPEED_MPS], [0.0], [0.0], [0.0]], 2))
+    climbing = picture(state, law, lags(QUICK_S, SLOW_S))
+    heights_m = free_heights(climbing, 1, np.array([0]), np.array([100.0]), 0.0)
+    assert heights_m.tolist() == pytest.approx([111.5 + 6.6, 88.5 + 6.6])
