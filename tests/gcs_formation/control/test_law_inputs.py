@@ -9,7 +9,8 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import Instant
-from flight_model.autopilot_model import AutopilotModel, FlightState
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
 from gcs_formation.control.fuzzy_pid import GainRange, PidGains
 from gcs_formation.control.law_interface import CycleInput, Lead
 from gcs_formation.control.laws import leader_motion

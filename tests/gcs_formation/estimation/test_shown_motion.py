@@ -9,8 +9,9 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import NANOSECONDS
-from flight_model.autopilot_model import AutopilotModel, FlightState
-from gcs_formation.estimation.estimator import heading_shown
+from flight_model.autopilot_model import AutopilotModel
+from flight_model.flight_state import FlightState
+from gcs_formation.estimation.sample import heading_shown
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 
 MODEL = AutopilotModel(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 9.0, 9.0, 9.0)

@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from flight_model.autopilot_model import FlightState
-from gcs_formation.estimation.estimator import VehicleFilter
+from flight_model.flight_state import FlightState
 from gcs_formation.estimation.kalman import HEADING, SPEED
 from gcs_formation.estimation.noise_and_plausibility import VehicleNoise, plausible, weighed
+from gcs_formation.estimation.vehicle_filter import VehicleFilter
 
 NOISE = (0.3, 0.4, 0.1, 0.2, 0.5, 0.01)
 """Of positions, heights, velocities, climbs, airspeeds and headings."""

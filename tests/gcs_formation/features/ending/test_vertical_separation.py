@@ -10,7 +10,7 @@ from airlink.endpoint import VehicleId
 from gcs_formation.features.ending.holding_stack import HoldingStack
 from gcs_formation.features.ending.vertical_separation import VerticalSeparation
 from gcs_formation.vehicle.member import Member
-from gcs_formation.vehicle.telemetry import ReportedMotion
+from gcs_formation.vehicle.reported_motion import ReportedMotion
 
 NOW = Instant(0)
 BELOW_M = 12.0

@@ -9,7 +9,7 @@ from librt.vecs import vec
 from mypy_extensions import i64
 
 from airlink.clock import Instant, after
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from formation_scenario import load_scenario
 from gcs_formation.estimation.projection import MeasuredStates
 from gcs_formation.estimation.setpoint_history import SetpointHistory

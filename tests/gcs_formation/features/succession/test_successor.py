@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from airlink.endpoint import VehicleId
-from flight_model.autopilot_model import FlightState
+from flight_model.flight_state import FlightState
 from gcs_formation.features.succession import stages
 from gcs_formation.features.succession.stages import successor
 from tests.flights.in_memory import World

@@ -13,7 +13,7 @@ from airlink.messages.telemetry import Attitude, GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from flight_model.slot import UNKNOWN
 from formation_scenario import load_scenario
-from gcs_formation.estimation.estimator import Sample
+from gcs_formation.estimation.sample import Sample
 from gcs_formation.features.telemetry_health.vehicle_health import Commanded, VehicleHealth
 from gcs_formation.vehicle.telemetry import Telemetry
 
