@@ -10,6 +10,7 @@ from unittest.mock import Mock
 import pytest
 
 from airlink.clock import Instant, after
+from airlink.endpoint import VehicleId
 from gcs_formation.core import commanding
 from gcs_formation.core.connecting import Begin, Commands, Links, Restarts, Start
 from gcs_formation.core.cycle import Findings
@@ -321,8 +322,8 @@ def test_at_first_nothing_is_known_of_any_loop_and_none_is_doubted() -> None:
     assert len(known.margin_used) == 2
     assert known.time_constants_off == [[0.0, 0.0]] * 3
     assert known.bandwidth[0] is not known.bandwidth[1]
-    known.lie([3])
-    assert known.crashed == {3}
+    known.lie([VehicleId(1, 3)])
+    assert known.crashed == {VehicleId(1, 3)}
 
 
 def test_a_flight_that_is_resumed_goes_on_in_all_its_parts() -> None:
