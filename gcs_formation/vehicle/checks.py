@@ -60,6 +60,8 @@ class Check:
     """The nearest allowed value, to which it may be set on consent; None where only its owner can say."""
     old: bool = False
     """Whether only versions have it that are rare by now: it's asked for once the newer name isn't answered."""
+    may_lack: bool = False
+    """Whether versions that are flown lack it, together with what it is a parameter of."""
 
     def formerly(self, name: str, unit: float = 1.0) -> Check:
         """Return the check with the parameter's name in rare versions, and the unit that it had then."""
@@ -115,9 +117,9 @@ class Check:
         return Finding(f"{found[0]}: found {found[1]:g}; allowed: {self.allowed}", self.refuses(found[1]))
 
 
-def only_read(name: str) -> Check:
-    """Return the check of a parameter that is read for its value alone."""
-    return Check((name,), "any", lambda _: True)
+def only_read(name: str, *, may_lack: bool = False) -> Check:
+    """Return the check of a parameter that is read for its value alone; `may_lack`: as of `Check`."""
+    return Check((name,), "any", lambda _: True, may_lack=may_lack)
 
 
 def climb_check(names: tuple[str, ...], model: VehicleModel, unit: str = "m/s", size: float = 1.0) -> Check:
@@ -257,7 +259,8 @@ class ParameterReader:
     def findings(self) -> list[Finding]:
         """Return what isn't allowed, and what could not be read."""
         found = [finding for check in self._checks if (finding := check.finding(self._values)) is not None]
-        unread = [" or ".join(check.all_names) for check in self._checks if not self._reported(check)]
+        awaited = (check for check in self._checks if not check.may_lack)
+        unread = [" or ".join(check.all_names) for check in awaited if not self._reported(check)]
         return [*found, *([Finding(f"no answer for {', '.join(unread)}, not checked")] if unread else [])]
 
     def _missing(self) -> list[str]:

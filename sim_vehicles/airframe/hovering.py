@@ -26,7 +26,8 @@ DRAG_S: Final = {"ardupilot": 1.5, "px4": 1.0}
 """Time constant with which air takes it along that nothing makes up for: of ArduPilot's quadrotor in 6 to 8 m/s (its
 drag is quadratic), of PX4's its mass, 1 kg, by SIH_KDV, 1 N s/m."""
 AIRSPEEDS_MPS: Final = {"ardupilot": 11.7, "px4": 9.7}
-"""The greatest that their simulators' quadrotors reached, commanded more, in 6 and 4 m/s of wind."""
+"""The greatest that their simulators' quadrotors reached, commanded more, in 6 and 4 m/s of wind. A model that is
+faster over ground is so through the air."""
 CLIMB_DEAD_CYCLES: Final = 7
 CLIMB_ACCEL_MPS2: Final = 1.2
 """WPNAV_ACCEL_Z, nominally 1.0, as observed."""
@@ -64,7 +65,7 @@ class HoveringBody(Body):
         self._air_mps: Velocity = wind_mps
         """The air's velocity whose drag it makes up for."""
         self._drag_s: float = DRAG_S[model.firmware]
-        self._airspeed_mps: float = AIRSPEEDS_MPS[model.firmware]
+        self._airspeed_mps: float = max(model.speed_max_mps, AIRSPEEDS_MPS[model.firmware])
         dead = dead_cycles(model.dead_time_s)
         self._commanded: deque[Velocity] = deque([self.velocity_mps] * (DEAD_CYCLES[model.firmware] + dead))
         self._sinks: deque[float] = deque([0.0] * (CLIMB_DEAD_CYCLES + dead))

@@ -140,7 +140,7 @@ def test_nothing_happens_before_the_dead_time_is_over():
 
 
 STILL = {"spread": 0.0, "airspeed_noise_mps": 0.0}
-HOVERS = {"hovers": True, "speed_min_mps": 0.0, "speed_max_mps": 9.0}
+HOVERS = {"hovers": True, "speed_min_mps": 0.0, "speed_max_mps": 29.0}
 
 
 def steered(keys, kind=Body):

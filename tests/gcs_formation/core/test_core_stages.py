@@ -26,7 +26,7 @@ COMMANDED = (Phase.ASSEMBLING, Phase.FLYING, Phase.ENDING)
 
 
 def vehicle(column: int, **more: Any) -> Any:
-    return SimpleNamespace(column=column, identity=column + 1, **more)
+    return SimpleNamespace(index=column, identity=column + 1, **more)
 
 
 def cycle(phase: Phase = Phase.FLYING, **more: Any) -> Any:

@@ -31,6 +31,7 @@ IN_ORDER = {
     "TECS_CLMB_MAX": 5,
     "TECS_SINK_MAX": 5,
     **dict.fromkeys(FENCE_NAMES, 0),
+    "AUTOLAND_WP_ALT": 55,
 }
 NOW = ("AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG")
 START, PLANE = Instant(0), ArduPlane(2, ORIGIN, 0.25)
@@ -104,6 +105,15 @@ def test_what_is_lost_is_asked_for_again_and_what_never_comes_is_named() -> None
         now = after(now, RETRY_S)
     assert tries == TRIES
     assert reader.findings() == [Finding("no answer for TKOFF_ALT, not checked")]
+
+
+def test_a_parameter_of_what_older_versions_lack_is_not_missed() -> None:
+    reader, now = ParameterReader(2, PLANE.checks(MODEL, PATH)), START
+    while not reader.complete:
+        reader.requests(now)
+        told(reader, {name: value for name, value in IN_ORDER.items() if name != "AUTOLAND_WP_ALT"}, now)
+        now = after(now, RETRY_S)
+    assert reader.findings() == []
 
 
 def test_parameters_that_none_asked_for_are_ignored() -> None:

@@ -134,7 +134,8 @@ class ArduPlane(ArduPilot):
             *(check.formerly(*BEFORE_4_5[check.names[0]]) for check in envelope),
             climb_check(("TECS_CLMB_MAX",), model),
             climb_check(("TECS_SINK_MAX",), model),
-            *map(only_read, (*FENCE_NAMES, self.approach_parameter)),
+            *map(only_read, FENCE_NAMES),
+            only_read(self.approach_parameter, may_lack=True),
         )
 
     def own_fence(self, values: Parameters) -> OwnFence | None:

@@ -22,7 +22,7 @@ def test_one_that_sinking_air_carries_below_its_height_is_commanded_none_lower()
     telemetry = SimpleNamespace(motion=None, armed=True)
     vehicle: Any = SimpleNamespace(
         identity=VehicleId(1, 1),
-        column=0,
+        index=0,
         member=Member.FLYING,
         telemetry=telemetry,
         connection=SimpleNamespace(last_received=NOW),
