@@ -56,6 +56,7 @@ def test_bad_usage_is_bad_usage_where_no_one_reads(words) -> None:
     assert done.returncode == Status.BAD_USAGE
 
 
+@pytest.mark.slow
 def test_words_that_a_terminal_has_no_letters_for_are_written_all_the_same(tmp_path) -> None:
     """The dash in a table isn't in Latin-1."""
     path = tmp_path / "short.yaml"

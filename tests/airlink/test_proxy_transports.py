@@ -155,6 +155,7 @@ def test_frames_pass_both_ways_between_any_two_kinds(ends, listen, to):
         run(proxy, (vehicle, station), passes)
 
 
+@pytest.mark.slow
 def test_of_a_stream_whole_frames_are_lost(ends):
     here, line = ends("serial")
     there, station_end = ends("udpout")

@@ -85,6 +85,7 @@ def test_a_tcp_client_waits_for_its_listener_and_connects_again_after_each_loss(
             one.outbox.clear()
 
 
+@pytest.mark.slow
 def test_a_listener_has_many_clients_and_forgets_those_that_have_gone(port):
     listening = Hearing(f"tcpin:127.0.0.1:{port}")
     with Driver(listening, RealClock()) as there:

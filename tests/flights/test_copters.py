@@ -63,6 +63,7 @@ def test_none_manoeuvres_in_a_change_that_is_planned(shape, other, spacing_m, tm
     assert all(follower["in_slot_share"] == 1.0 for follower in flown["followers"].values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ends", [{"duration_s": 12}, {"orders": [{"at_s": 12, "order": "loiter"}]}])
 def test_they_stop_together_before_they_are_left_alone(ends, tmp_path):
     """One receives the command to brake 0.8 s after the others: it used to fly 6 m on, into the one ahead of it."""

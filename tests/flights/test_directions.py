@@ -32,6 +32,7 @@ def turned(by_rad: float) -> list[list[float]]:
     return [[north * cosine - east * sine, north * sine + east * cosine, 100.0] for north, east in BEND]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("autopilot", "delay_ms", "speed_mps", "seeds"),
     [

@@ -192,6 +192,7 @@ def test_one_that_refuses_to_loiter_at_first_does_so_once_it_can() -> None:
     assert world.times_s("unacknowledged") == []
 
 
+@pytest.mark.slow
 def test_vehicles_that_refuse_their_heights_circle_where_they_are_instead_of_at_one_height_at_home() -> None:
     """Two came within 1.3 m of each other at home, while the run reported that every vehicle loiters."""
     world = World(Deaf, vehicles={"count": 4}, duration_s=60, finish={"loiter_s": 60})

@@ -25,6 +25,7 @@ def begun_s(tmp_path: Path) -> float:
     return float(next(event["t_s"] for event in events if event["kind"] == "phase" and event["text"] == "flying"))
 
 
+@pytest.mark.slow
 def test_separation_is_the_vehicles_whatever_the_station_s_ticks_did(fly: Fly, kept_truth):
     """Two vehicles pass each other between two ticks, 2 s apart."""
     gust = {"at_s": 5, "until_s": 6.5, "vehicles": [2], "velocity_mps": [0, 15, 0]}
@@ -84,6 +85,7 @@ def test_a_leader_off_its_path_for_10_s_is_unsafe(fly: Fly, allowed_m: float, sa
     assert safe or ("off its path" in said and "safety.path_distance_m" in said)
 
 
+@pytest.mark.slow
 def test_who_takes_the_lead_beside_the_path_may_be_as_far_from_it_until_it_has_come_near(fly: Fly):
     """A follower 90 m aside leads from 4 s on: it flies to the path, as ordered, which takes longer than 10 s."""
     formation = {"shape": "custom", "slots_m": {2: [-30, 90, 0], 3: [-30, -40, 0]}}

@@ -255,6 +255,7 @@ def _can_be_sent(message: Message, name: str, value: float) -> bool:
     return True
 
 
+@pytest.mark.slow
 def test_the_record_is_complete_and_the_command_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def make(scenario: Any, models: Any) -> Law:
         return Broken(formation_law(scenario, models), changed(0, math.nan))

@@ -41,6 +41,7 @@ def is_png(content: bytes) -> bool:
         return image.format == "PNG" and min(image.size) > 200
 
 
+@pytest.mark.slow
 def test_the_example_notebook_runs_and_shows_a_table_a_figure_and_margins(tmp_path, monkeypatch):
     shutil.copy(EXAMPLES / "diamond.yaml", tmp_path)
     monkeypatch.chdir(tmp_path)

@@ -234,6 +234,7 @@ def test_one_that_cannot_begin_ends_the_run(kind, tmp_path):
     assert f"{kind} 'it' can't begin: LookupError: no map ({tmp_path / 'own.py'}, line 9)" in said
 
 
+@pytest.mark.slow
 def test_the_emulators_alone_end_with_the_extensions_file_and_line(tmp_path):
     code, more = FAILING["emulated family"]
     (tmp_path / "own.py").write_text(HEAD + code.format("1 / 0"), encoding="utf-8")

@@ -283,6 +283,7 @@ def test_a_leader_whose_telemetry_is_too_old_is_said_to_be_missed_for_that() -> 
     assert said.endswith(" s old; law.max_age_s is 0.01")
 
 
+@pytest.mark.slow
 def test_a_leader_that_does_not_get_to_the_start_of_its_path_is_not_waited_for_without_end() -> None:
     """A wind of 25 m/s, unknown to the scenario, blows it back at 3 m/s."""
     start = {"in_air": True, "run_in_s": 6, "timeout_s": 10}

@@ -52,6 +52,7 @@ def test_a_leader_whose_position_is_frozen_is_replaced(fly):
     assert summary["safety"]["min_separation_m"] > 15.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vehicles", [[3], "all"])
 @pytest.mark.parametrize("amount", [14.0, -20.0])
 def test_a_height_that_jumps_changes_no_height_by_truth(fly, vehicles, amount):
@@ -66,10 +67,10 @@ def test_a_height_that_jumps_changes_no_height_by_truth(fly, vehicles, amount):
     ("quantity", "effect", "amount"),
     [
         ("velocity", "zero", None),
-        ("airspeed", "nan", None),
+        pytest.param("airspeed", "nan", None, marks=pytest.mark.slow),
         ("attitude", "nan", None),
-        ("attitude", "offset", 0.5),
-        ("stamps", "offset", 0.5),
+        pytest.param("attitude", "offset", 0.5, marks=pytest.mark.slow),
+        pytest.param("stamps", "offset", 0.5, marks=pytest.mark.slow),
         ("position", "offset", [0, 20, 0]),
     ],
 )
@@ -82,6 +83,7 @@ def test_what_the_other_quantities_carry_is_flown_without(fly, quantity, effect,
         assert ("3", quantity, False) in health(events)
 
 
+@pytest.mark.slow
 def test_a_vehicle_comes_back_once_it_is_consistent_again(fly):
     fault = {"at_s": AT_S, "for_s": 5.0, "vehicles": [3], "kind": "telemetry"}
     fault |= {"quantity": "position", "effect": "drift", "amount": [0, 6, 0]}
@@ -100,6 +102,7 @@ COPTERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("effect", "amount"), [("scale", 0.5), ("sign", None)])
 def test_a_multirotors_velocity_is_compared_with_what_was_commanded(fly, effect, amount):
     summary, events = fly([1], "velocity", effect, amount, **COPTERS)
@@ -120,6 +123,7 @@ def test_a_multirotors_heading_that_jumps_turns_no_slot(fly, vehicles):
     assert summary["safety"]["min_separation_m"] > 27.0
 
 
+@pytest.mark.slow
 def test_a_multirotor_that_brakes_without_a_position_is_kept_clear_of(fly):
     summary, events = fly([1], "position", "missing", duration_s=22.0, **COPTERS)
     assert any("leads the formation" in each["text"] for each in events)
@@ -158,6 +162,7 @@ def test_stamps_that_run_too_fast_for_a_while_displace_none(fly):
     assert all(each["kind"] != "member" for each in events)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("slot_m", "leaves"), [([-30, 30, 0], False), ([-32, 0, 40], True)])
 def test_a_height_known_by_its_climb_rate_is_flown_with_unless_slots_lie_above_one_another(fly, slot_m, leaves):
     slots = {2: [-30, 0, 0], 3: slot_m, 4: [-70, 0, 0]}
@@ -172,6 +177,7 @@ def test_a_flight_without_faults_has_no_event_of_health(fly):
     assert health(events) == []
 
 
+@pytest.mark.slow
 def test_a_program_injects_them_too():
     reported = list[str]()
     with Flight(SCENARIO | {"duration_s": 12.0}, clock="virtual") as flight:

@@ -106,6 +106,7 @@ def test_what_a_run_leaves_is_as_documented(left: Path) -> None:
         assert any(f"`{name}`" in described for name in known) or column.startswith(("kp_", "ki_", "kd_"))
 
 
+@pytest.mark.slow
 def test_take_off_assembly_and_a_stack_of_circles_at_the_end(fly: Fly, tmp_path: Path) -> None:
     low = {"speed_mps": 22, "waypoints_m": [[0, 0, 60], [2000, 0, 60]]}
     seldom = {"telemetry": {"rate_hz": 5}, "law": {"rate_hz": 5}}
@@ -141,6 +142,7 @@ def test_a_separation_below_the_limit_fails_the_run(fly: Fly) -> None:
     assert summary.to_dict()["safety"]["violations"] == 0
 
 
+@pytest.mark.slow
 def test_a_virtual_leader_flies_the_path(fly: Fly) -> None:
     vehicles = [{"id": 2}, {"id": 3}]
     slots = {"shape": "custom", "slots_m": {2: [-20, 20, 0], 3: [-20, -20, 0]}}

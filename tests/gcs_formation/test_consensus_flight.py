@@ -201,6 +201,7 @@ def test_a_turn_does_not_tear_the_formation(fly: Fly, delay_ms: float) -> None:
     assert worst(summary) < 0.4
 
 
+@pytest.mark.slow
 def test_aircraft_under_energy_control_keep_their_slots(fly: Fly) -> None:
     """With the gains for equation (7), three ArduPlanes swing by 3 m and in height, and never gather."""
     start, aircraft = {"in_air": True, "offset_m": [2, 2, 0]}, {"count": 3, "autopilot": "arduplane"}

@@ -267,6 +267,7 @@ def test_after_an_outage_of_10_s_a_follower_rejoins(outage):
     outage.stays_within(0.5, followers=3, from_s=35)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ONE_FAST)
 def test_an_outage_of_the_leaders_link_has_a_follower_lead_and_the_leader_follow_when_it_is_over(plan, way):
     cut = plan(duration_s=22, start={"in_air": True, "run_in_s": 6}).with_outage(1, from_s=5, to_s=15, way=way)

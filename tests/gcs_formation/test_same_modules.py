@@ -42,7 +42,10 @@ def beside_other_sources(tmp_path):
 
 @pytest.mark.parametrize(
     "arguments",
-    [("study", "study.yaml", "--workers", "1"), ("run", "two.yaml", "--speedup", "5")],
+    [
+        ("study", "study.yaml", "--workers", "1"),
+        pytest.param(("run", "two.yaml", "--speedup", "5"), marks=pytest.mark.slow),
+    ],
     ids=["workers of a study", "emulated vehicles under the real clock"],
 )
 def test_processes_import_what_the_command_imports(beside_other_sources, arguments):

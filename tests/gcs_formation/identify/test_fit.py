@@ -107,6 +107,7 @@ def punctual():
     return fit([recording(flown(TRUE, stepped()).seen, stepped(), 0.1)], TRUE).estimates
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_s", [-CYCLE_S / 2, CYCLE_S / 2])
 def test_the_deviations_cover_that_setpoints_wait_for_some_part_of_a_cycle(punctual, late_s):
     found = fit([recording(flown(TRUE, stepped()).seen, stepped(), 0.1 + late_s)], TRUE).estimates
@@ -161,6 +162,7 @@ def test_the_deviations_cover_what_noise_does_and_it_biases_nothing(hz, times, f
     assert np.abs(misses).max() < 3.5
 
 
+@pytest.mark.slow
 def test_a_vehicle_that_may_turn_with_less_isnt_taken_for_one_with_a_longer_lag():
     """Its lateral acceleration is commanded, so its turn rate is lower the faster it flies."""
     commanded = stepped()[:, :600]

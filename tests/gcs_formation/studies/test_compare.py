@@ -112,6 +112,7 @@ def test_of_an_earlier_comparison_nothing_is_left(scenario, tmp_path):
     assert {path.name for path in out.iterdir()} == files | {"pid", "own"}
 
 
+@pytest.mark.slow
 def test_errors_of_a_part_of_the_window_are_said_to_be_of_a_part(scenario, tmp_path):
     """The leader crashes in the middle of the window, and nobody takes over."""
     crash = "faults=[{at_s: 5, vehicles: [1], kind: crash}]"

@@ -82,6 +82,7 @@ def test_those_that_climb_with_time_constants_of_their_own_get_back_and_keep_the
     assert min_m > KEPT_M
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("climb_mps", "max_s"),
     [pytest.param(0.35, 20.0, marks=pytest.mark.slow), pytest.param(0.7, 25.0, marks=pytest.mark.slow), (1.2, 30.0)],
