@@ -21,6 +21,7 @@ AROUND_M = CIRCLES_MEET_M / 2
 """Largest distance of a circle's points from the commanded position."""
 SAMPLE_M = 10.0
 NO_ORDER: Mapping[VehicleId, frozenset[VehicleId]] = {}
+NO_HEIGHTS: Mapping[VehicleId, float] = {}
 Band = tuple[float, float]
 """Lowest and highest of the heights at one of which a vehicle that can't be commanded may be, m."""
 
@@ -105,17 +106,18 @@ def loiter_heights(
     *,
     together: bool = False,
     first: Mapping[VehicleId, frozenset[VehicleId]] = NO_ORDER,
+    kept_m: Mapping[VehicleId, float] = NO_HEIGHTS,
 ) -> dict[VehicleId, float]:
     """Return a height above the origin for each vehicle, m; none below its present height or `floor_m`.
 
     From the lowest vehicle up, each gets the lowest height that is `apart_m` from its neighbours' and from the `taken`
     ones. So no vehicle descends, and few cross another's height. `together`: all circle at one position; `first`: those
-    that leave downwards before each, and so are below it.
+    that leave downwards before each, and so are below it; `kept_m`: heights of other vehicles, which keep them.
     """
-    heights: dict[VehicleId, float] = {}
+    heights, taken = dict[VehicleId, float](), [*taken, *((height_m, height_m) for height_m in kept_m.values())]
     for identity in _upwards(places, first):
         near = [(heights[i], heights[i]) for i in heights if together or may_meet(places[identity], places[i])]
-        below = (heights[i] for i in first.get(identity, ()) if i in heights)
+        below = (each[i] for i in first.get(identity, ()) for each in (heights, kept_m) if i in each)
         heights[identity] = _free_m(max(places[identity].height_m, floor_m, *below), (*near, *taken), apart_m)
     return heights
 

@@ -62,7 +62,8 @@ class SeparatedEnding(Ending):
         """Whether all of them hover where they are, and need no separate heights."""
         lowest_m, first = -math.inf, NO_ORDER
         if manner == "land":
-            lowest_m, first = lowest_circle_m(vehicles), LandingOrder(vehicles, ground).first
+            order = LandingOrder(vehicles, ground)
+            lowest_m, first = lowest_circle_m(vehicles), NO_ORDER if order.refusal else order.first
         self.stack = HoldingStack(
             gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=self.stands, first=first
         )

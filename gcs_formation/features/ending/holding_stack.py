@@ -9,7 +9,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
-from gcs_formation.fleet.circle_heights import NO_ORDER, STACK_M, Band, GroundFloor, loiter_heights, may_meet
+from gcs_formation.fleet.circle_heights import (
+    NO_HEIGHTS,
+    NO_ORDER,
+    STACK_M,
+    Band,
+    GroundFloor,
+    loiter_heights,
+    may_meet,
+)
 from gcs_formation.vehicle.reported_motion import ReportedMotion
 from gcs_formation.vehicle.vehicle import Vehicle
 
@@ -91,39 +99,51 @@ class HoldingStack:
         self._taken: dict[VehicleId, Band] = {}
 
     def assign(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
-        """Assign heights to vehicles that have none, and new ones where a vehicle that can't be moved is in the way.
+        """Assign heights to vehicles that have none, and new ones to those in the way of one that can't be moved.
 
-        All others keep theirs: reassigned during the climb, they would start it again. Return whether any height has
-        been assigned.
+        All others keep theirs, as reassigned during the climb they would start it again, but for those that are below
+        one that lands before them: such a vehicle couldn't be moved for a while, or was in the way of one. Return
+        whether any height has been assigned.
         """
-        for identity, flier in fliers.items():
-            if flier.band is None:
-                if self._taken:
-                    self._taken.pop(identity, None)
-            elif identity in self._taken:
-                (low_m, high_m), (also_low_m, also_high_m) = self._taken[identity], flier.band
-                self._taken[identity] = min(low_m, also_low_m), max(high_m, also_high_m)
-            else:
-                self._taken[identity], self.heights_m[identity] = flier.band, flier.commanded_m
-        if not self._taken and all(identity in self.heights_m for identity in fliers):
-            return False
-        free = {identity: flier.place for identity, flier in fliers.items() if flier.band is None}
+        self._take(fliers)
+        free = {identity: flier.place for identity, flier in fliers.items() if identity not in self._taken}
         taken = [self._taken[identity] for identity in fliers if identity in self._taken]
         moved = {
             identity: place
             for identity, place in free.items()
             if identity not in self.heights_m or self._in_way(identity, taken)
         }
-        if moved:
-            kept_m = [self.heights_m[identity] for identity in free if identity not in moved]
-            self._assign(moved, [*taken, *((height_m, height_m) for height_m in kept_m)])
-        return bool(moved)
+        while True:
+            if moved:
+                kept_m = {identity: self.heights_m[identity] for identity in fliers if identity not in moved}
+                self.heights_m |= self._heights_m(moved, taken, kept_m)
+            following = self._too_low(free, fliers)
+            if following.keys() <= moved.keys():
+                return bool(moved)
+            moved |= following
+
+    def _take(self, fliers: dict[VehicleId, FlyingVehicle]) -> None:
+        """Leave their heights to those that can't be moved.
+
+        Of those that can be again one is moved at a time, out of the others' way: they may be at one height.
+        """
+        for identity, flier in fliers.items():
+            if flier.band is None:
+                continue
+            if identity in self._taken:
+                (low_m, high_m), (also_low_m, also_high_m) = self._taken[identity], flier.band
+                self._taken[identity] = min(low_m, also_low_m), max(high_m, also_high_m)
+            else:
+                self._taken[identity], self.heights_m[identity] = flier.band, flier.commanded_m
+        follows = (identity for identity in self._taken if identity in fliers and fliers[identity].band is None)
+        again = next(follows, None)
+        if again is not None:
+            del self._taken[again]
 
     def add(self, places: Mapping[VehicleId, ReportedMotion]) -> None:
         """Assign heights to those vehicles that have none; the others' don't change."""
         new = {identity: place for identity, place in places.items() if identity not in self.heights_m}
-        taken = [*self._taken.values(), *((height_m, height_m) for height_m in self.heights_m.values())]
-        self._assign(new, taken)
+        self.heights_m |= self._heights_m(new, [*self._taken.values()], self.heights_m)
 
     def lift(self, floor_m: float) -> bool:
         """Raise the lowest height to `floor_m`; return whether that is a change."""
@@ -133,7 +153,7 @@ class HoldingStack:
 
     def climb_m(self, places: Mapping[VehicleId, ReportedMotion]) -> float:
         """Return the longest climb from these positions to the heights that they would be assigned."""
-        heights_m = self._heights_m(places, ())
+        heights_m = self._heights_m(places)
         return max((heights_m[identity] - place.height_m for identity, place in places.items()), default=0.0)
 
     def apart(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
@@ -150,12 +170,25 @@ class HoldingStack:
                     return False
         return True
 
-    def _assign(self, places: Mapping[VehicleId, ReportedMotion], taken: Sequence[Band]) -> None:
-        self.heights_m |= self._heights_m(places, taken)
-
-    def _heights_m(self, places: Mapping[VehicleId, ReportedMotion], taken: Sequence[Band]) -> dict[VehicleId, float]:
+    def _heights_m(
+        self,
+        places: Mapping[VehicleId, ReportedMotion],
+        taken: Sequence[Band] = (),
+        kept_m: Mapping[VehicleId, float] = NO_HEIGHTS,
+    ) -> dict[VehicleId, float]:
         floor_m, apart_m, first = self._floor_m, self._apart_m, self._first
-        return loiter_heights(places, floor_m, taken, apart_m, together=self._together, first=first)
+        return loiter_heights(places, floor_m, taken, apart_m, together=self._together, first=first, kept_m=kept_m)
+
+    def _too_low(
+        self, free: Mapping[VehicleId, ReportedMotion], fliers: Mapping[VehicleId, FlyingVehicle]
+    ) -> dict[VehicleId, ReportedMotion]:
+        """Return those that can be moved and are below one that lands before them."""
+        return {
+            identity: free[identity]
+            for identity, before in self._first.items()
+            if identity in free
+            and any(self.heights_m[each] > self.heights_m[identity] for each in before if each in fliers)
+        }
 
     def _in_way(self, identity: VehicleId, taken: list[Band]) -> bool:
         height_m = self.heights_m[identity]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import pytest
 from hypothesis import given
@@ -82,6 +82,45 @@ def test_who_is_clear_of_one_that_receives_nothing_keeps_a_height() -> None:
     assert heights(stack) == [100.0, 145.0, 130.0]
 
 
+ONE, TWO, THREE = (VehicleId(1, number) for number in (1, 2, 3))
+
+
+def test_one_that_follows_again_climbs_above_those_that_land_before_it() -> None:
+    """It was passed over: left at 98 m, it would circle lowest, and none could land."""
+    stack = HoldingStack(GAP_M, together=True, first={THREE: frozenset({ONE}), TWO: frozenset({ONE})})
+    stack.assign(named(obeys(100.0), obeys(100.0), obeys(90.0)))
+    assert heights(stack) == [100.0, 130.0, 115.0]
+    assert stack.assign(named(obeys(100.0), obeys(108.0), deaf(94.0, 98.0)))
+    assert heights(stack) == [113.0, 130.0, 98.0]
+    assert stack.assign(named(obeys(101.0), obeys(110.0), obeys(95.0)))
+    assert heights(stack) == [113.0, 130.0, 145.0]
+    assert not stack.assign(named(obeys(103.0), obeys(112.0), obeys(97.0)))
+
+
+def test_two_that_follow_again_at_one_height_are_separated() -> None:
+    stack = HoldingStack(GAP_M)
+    stack.assign(named(deaf(100.0, 100.0), deaf(100.0, 100.0)))
+    assert heights(stack) == [100.0, 100.0]
+    for _ in range(2):
+        stack.assign(named(obeys(100.0), obeys(100.0)))
+    assert sorted(heights(stack)) == [100.0, 115.0]
+
+
+def test_those_that_land_after_one_that_must_climb_higher_stay_above_it() -> None:
+    stack = HoldingStack(GAP_M, together=True, first={TWO: frozenset({ONE}), THREE: frozenset({TWO})})
+    stack.assign(named(obeys(100.0), obeys(100.0), obeys(100.0)))
+    assert heights(stack) == [100.0, 115.0, 130.0]
+    stack.assign(named(deaf(104.0, 104.0), obeys(100.0), obeys(112.0)))
+    assert heights(stack) == [104.0, 119.0, 134.0]
+
+
+def test_one_that_comes_late_circles_above_those_that_land_before_it() -> None:
+    stack = HoldingStack(GAP_M, together=True, first={TWO: frozenset({ONE})})
+    stack.assign(named(obeys(100.0)))
+    stack.add({TWO: at(50.0)})
+    assert heights(stack) == [100.0, 115.0]
+
+
 @pytest.mark.parametrize(
     ("fliers", "apart"),
     [
@@ -123,6 +162,31 @@ def test_circles_at_one_place_are_all_apart() -> None:
 
 PLACES = st.tuples(st.floats(0.0, 60.0), st.floats(0.0, 900.0))
 BANDS = st.tuples(st.floats(0.0, 90.0), st.floats(0.0, 30.0)).map(lambda each: (each[0], each[0] + each[1]))
+
+
+STEPS = st.lists(st.tuples(st.floats(0.0, 60.0), st.booleans()), min_size=4, max_size=4)
+"""Heights of four vehicles in metres, and whether each can be moved."""
+
+
+@given(st.lists(STEPS, min_size=1, max_size=6), st.permutations(range(4)))
+def test_whoever_lands_before_others_is_lower_once_all_follow(
+    steps: list[list[tuple[float, bool]]], order: list[int]
+) -> None:
+    """Whoever could not be moved meanwhile; none is sent below its present height, and nothing changes after that."""
+    who = [VehicleId(1, number) for number in range(1, 5)]
+    first = {who[order[each]]: frozenset(who[one] for one in order[:each]) for each in range(1, 4)}
+    stack = HoldingStack(GAP_M, together=True, first=first)
+    for step in [*steps, [(height_m, True) for height_m, _ in steps[-1]]]:
+        fliers = named(*(obeys(height_m) if moves else deaf(height_m, height_m) for height_m, moves in step))
+        before_m = dict(stack.heights_m)
+        stack.assign(fliers)
+        for identity, height_m in stack.heights_m.items():
+            assert height_m == before_m.get(identity) or height_m >= fliers[identity].place.height_m
+    for _ in who:
+        stack.assign(fliers)
+    given_m = [stack.heights_m[who[each]] for each in order]
+    assert all(above_m - below_m > STACK_M - 1e-9 for below_m, above_m in pairwise(given_m))
+    assert not stack.assign(fliers)
 
 
 @given(st.lists(PLACES, min_size=1, max_size=8), st.lists(BANDS, max_size=4), st.floats(-50.0, 80.0))
