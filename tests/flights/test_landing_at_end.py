@@ -72,6 +72,24 @@ def test_everybody_lands_and_is_disarmed(family: str, from_deg: int | None) -> N
     assert min_m > world.station.scenario.safety.kept_m
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [2, 4])
+def test_they_land_in_order_though_one_followed_nothing_as_they_separated(number: int) -> None:
+    """The others climb above it; when it follows again, who lands after others is above them again."""
+    fault = {"at_s": 9.8, "until_s": 25, "vehicles": [number], "kind": "ignore"}
+    world, min_m = World(**ON_GROUND | FAMILIES["PX4"] | {"faults": [fault]}), math.inf
+    while not world.station.flight.ended:
+        world.run(0.2)
+        flying = [each.body.state for each in world.fleet.vehicles if each.pilot.condition is Condition.FLYING]
+        places = [(each.north_m, each.east_m, each.height_m) for each in flying]
+        if world.station.flight.phase in (Phase.ENDING, Phase.LOITERING):
+            min_m = min([min_m, *(math.dist(one, other) for one, other in combinations(places, 2))])
+    assert world.times_s("disobeys", number)
+    assert world.station.phase_machine.failure is None
+    assert [each.pilot.condition for each in world.fleet.vehicles] == [Condition.DISARMED] * 4
+    assert min_m > world.station.scenario.safety.kept_m
+
+
 def refused(**keys: Any) -> str:
     """Return why a flight ended before anybody was armed."""
     world = World(**ON_GROUND | keys)

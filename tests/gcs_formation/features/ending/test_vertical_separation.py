@@ -5,7 +5,9 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from airlink.clock import Instant
+import pytest
+
+from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
 from gcs_formation.features.ending.holding_stack import HoldingStack
 from gcs_formation.features.ending.vertical_separation import VerticalSeparation
@@ -16,26 +18,54 @@ NOW = Instant(0)
 BELOW_M = 12.0
 
 
-def test_one_that_sinking_air_carries_below_its_height_is_commanded_none_lower() -> None:
-    tick: Any = SimpleNamespace(setpoints=[[22.0, 0.0, 100.0]])
+def separation_of(*heights_m: float) -> tuple[VerticalSeparation, list[Any], list[Any], Any]:
+    """Return the separation of vehicles that fly at their height setpoints, with these, their links and the tick."""
+    tick: Any = SimpleNamespace(setpoints=[[22.0, 0.0, height_m] for height_m in heights_m])
     controller: Any = SimpleNamespace(plan=SimpleNamespace(leader=0), last_tick=tick)
-    telemetry = SimpleNamespace(motion=None, armed=True)
-    vehicle: Any = SimpleNamespace(
-        identity=VehicleId(1, 1),
-        index=0,
-        member=Member.FLYING,
-        telemetry=telemetry,
-        connection=SimpleNamespace(last_received=NOW),
-        round_trips=SimpleNamespace(received_at=lambda _now: NOW),
-        autopilot=SimpleNamespace(climbs_out=lambda _seen: False),
-    )
-    link: Any = SimpleNamespace(ready=True, disobeying=False, received_at=NOW)
-    vehicles = {vehicle.identity: vehicle}
-    separation = VerticalSeparation(HoldingStack(10.0), controller, vehicles, NOW, 60.0, 3.0)
-    telemetry.motion = ReportedMotion(0.0, 0.0, 0.0, 100.0, 22.0, 0.0, 0.0, 100.0)
+    each: list[Any] = [
+        SimpleNamespace(
+            identity=VehicleId(1, index + 1),
+            index=index,
+            member=Member.FLYING,
+            may_loiter=False,
+            telemetry=SimpleNamespace(motion=at(height_m), armed=True),
+            connection=SimpleNamespace(last_received=NOW),
+            round_trips=SimpleNamespace(received_at=lambda now: now),
+            autopilot=SimpleNamespace(climbs_out=lambda _seen: False),
+        )
+        for index, height_m in enumerate(heights_m)
+    ]
+    links: list[Any] = [SimpleNamespace(ready=True, disobeying=False, received_at=NOW) for _ in each]
+    vehicles = {vehicle.identity: vehicle for vehicle in each}
+    return VerticalSeparation(HoldingStack(10.0), controller, vehicles, NOW, 60.0, 3.0), each, links, tick
+
+
+def at(height_m: float) -> ReportedMotion:
+    return ReportedMotion(0.0, 0.0, 0.0, height_m, 22.0, 0.0, 0.0, height_m)
+
+
+def test_one_that_sinking_air_carries_below_its_height_is_commanded_none_lower() -> None:
+    separation, (vehicle,), (link,), tick = separation_of(100.0)
     for number in range(10):
         link.disobeying = number % 2 == 1
-        tick.setpoints[0][2] = separation.steer([link], NOW)[0]
+        tick.setpoints[0][2] = separation.steer([link], after(NOW, 2.0 * number))[0]
         assert tick.setpoints[0][2] == 100.0
-        height_m = tick.setpoints[0][2] - BELOW_M
-        telemetry.motion = ReportedMotion(0.0, 0.0, 0.0, height_m, 22.0, 0.0, -1.0, height_m)
+        vehicle.telemetry.motion = at(tick.setpoints[0][2] - BELOW_M)
+
+
+def test_a_doubt_that_is_dropped_soon_moves_nobody_and_a_confirmed_one_does() -> None:
+    separation, _, links, _ = separation_of(100.0, 100.0)
+    assert separation.steer(links, NOW) == [100.0, 115.0]
+    links[1].disobeying = True
+    assert separation.steer(links, after(NOW, 1.4)) == [100.0, 115.0]
+    assert separation.steer(links, after(NOW, 1.5)) == [115.0, 100.0]
+
+
+@pytest.mark.parametrize("may_loiter", [False, True])
+def test_one_that_disobeyed_before_or_may_circle_is_not_waited_for(may_loiter: bool) -> None:
+    separation, (_, vehicle), links, _ = separation_of(100.0, 100.0)
+    if may_loiter:
+        assert separation.steer(links, NOW) == [100.0, 115.0]
+        vehicle.may_loiter = True
+    links[1].disobeying = True
+    assert separation.steer(links, NOW) == [115.0, 100.0]
