@@ -17,6 +17,7 @@ from airlink.installed import installed_version
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, METRICS, Expectation
 from formation_scenario.extensions import Registry
+from formation_scenario.named_files import place_of
 from formation_scenario.overrides import settings
 from gcs_formation.app.operator_at_terminal import Interrupts, Record, RunOptions
 from gcs_formation.app.progress import Progress
@@ -37,7 +38,7 @@ REPEATED_EVERY = 10
 """If invariants are checked, every flight whose seed is a multiple of this is repeated and compared byte for byte."""
 MOST_KNOWN: Final = 16
 """Scenarios that a process keeps for further flights that differ in their seed alone."""
-_KNOWN = dict[tuple[str, Registry], Scenario]()
+_KNOWN = dict[tuple[str, Registry, tuple[tuple[Path, int, int], ...]], Scenario]()
 LOWER_IS_WORSE = ("min_separation_m", "min_clearance_m", "in_slot_share", "delay_margin_s", "left_at_s")
 
 
@@ -52,32 +53,52 @@ class Task:
     directory: str | None = None
     """Where the files that `record` asks for are kept: a directory, or a URL of fsspec; None for nowhere."""
 
+    @property
+    def keys(self) -> dict[str, Any]:
+        """The scenario's keys that the study and the flight's parameters change, except for the seed."""
+        cases, keys = self.study.cases, dict(self.study.set)
+        for name, value in self.planned.parameters.items():
+            keys |= cases[name][value] if name in cases else {name: value}
+        return keys
+
     def scenario(self) -> Scenario:
         """Return the flight's scenario.
 
         Raises:
             ScenarioError: it can't be flown with these parameters.
         """
-        seed, study, cases = self.planned.seed, self.study, self.study.cases
-        keys = dict(study.set)
-        for name, value in self.planned.parameters.items():
-            keys |= cases[name][value] if name in cases else {name: value}
-        base = self.base if study.random is None else draw(seed, SEVERITIES[study.random], study.registered)
-        if isinstance(base, Scenario):
-            if base.seed == seed and not keys:
-                return base
-            return load_scenario(base, settings({**keys, "seed": seed}), option="", plugins=self.study.registered)
-        return _alike(base, keys, self.study.registered).with_seed(seed)
+        seed, keys = self.planned.seed, self.keys
+        base = (
+            self.base if self.study.random is None else draw(seed, SEVERITIES[self.study.random], self.study.registered)
+        )
+        if isinstance(base, Scenario) and base.seed == seed and not keys:
+            return base
+        return load_scenario(base, settings({**keys, "seed": seed}), option="", plugins=self.study.registered)
 
 
-def _alike(base: Mapping[Any, Any], keys: Mapping[str, Any], registered: Registry) -> Scenario:
-    """Return the scenario of flights that differ in their seed alone: its path is found once a process."""
-    written = repr((base, keys)), registered  # unlike the values, 1 and 1.0 aren't equal as they are written
+def alike(task: Task) -> Scenario:
+    """Return a task's scenario; those of flights that differ in their seed alone share what follows from the rest.
+
+    Raises:
+        ScenarioError: it can't be flown with these parameters.
+    """
+    study = task.study
+    if study.random is not None or isinstance(task.base, Scenario):
+        return task.scenario()
+    # As they are written, 1 and 1.0 aren't equal. A process may fly another study once its files have been changed.
+    written = repr((task.base, task.keys)), study.registered, tuple(map(_state_of, study.files))
     if written not in _KNOWN:
         if len(_KNOWN) == MOST_KNOWN:
             _KNOWN.clear()
-        _KNOWN[written] = load_scenario(base, settings(keys), option="", plugins=registered)
-    return _KNOWN[written]
+        _KNOWN[written] = task.scenario()
+    return _KNOWN[written].with_seed(task.planned.seed)
+
+
+def _state_of(file: Path) -> tuple[Path, int, int]:
+    """Return where a named file is read, when it was changed and its size; 0 where it isn't there."""
+    place = place_of(file)
+    found = place.stat() if place.exists() else None
+    return (place, 0, 0) if found is None else (place, found.st_mtime_ns, found.st_size)
 
 
 def fly(task: Task) -> dict[str, Any]:
@@ -178,7 +199,7 @@ def _wanted(task: Task, scenario: Scenario) -> tuple[Expectation, ...]:
 
 def _flown(task: Task, kept: Path | None) -> tuple[Summary, list[str]]:
     """Return a flight's summary, and the invariants that it broke if these are measured."""
-    scenario, judged = task.scenario(), INVARIANTS in task.study.measured
+    scenario, judged = alike(task), INVARIANTS in task.study.measured
     with tempfile.TemporaryDirectory() as scratch:
         directory = kept if kept is not None and task.study.record in {"full", "series"} else Path(scratch) / "flight"
         record: Record = "full" if judged else task.study.record

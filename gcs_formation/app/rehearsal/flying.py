@@ -22,6 +22,7 @@ from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import in_memory, recorded_truth
 from gcs_formation.app.session import Session
+from gcs_formation.record.figures_of_merit import percentile
 from gcs_formation.record.flight import FlightBuilder, RecordedFlight, tables
 from gcs_formation.record.run_directory import SPOOL
 from gcs_formation.record.timeseries import Spool
@@ -75,7 +76,7 @@ def _errors(scenario: Scenario, directory: Path, from_s: float) -> tuple[float, 
     recorded = _recorded(scenario, directory)
     window = recorded.window(from_s, np.inf)
     each = [recorded.scored(vehicle, window)[1] for vehicle in recorded.followers(scenario)]
-    known = [np.quantile(np.abs(errors), SHARE, axis=0) for errors in each if errors.size]
+    known = [[percentile(axis_m, 100.0 * SHARE) for axis_m in np.abs(errors).T] for errors in each if errors.size]
     if not known:
         return 0.0, {}
     worst_m = np.max(known, axis=0).tolist()

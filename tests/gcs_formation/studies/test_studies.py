@@ -27,7 +27,7 @@ from gcs_formation.studies import Study, study_schema
 from gcs_formation.studies.campaign import judge
 from gcs_formation.studies.cluster import Cluster
 from gcs_formation.studies.dataset import Dataset, read_journal, sample_table
-from gcs_formation.studies.flight import Task, figure, fly
+from gcs_formation.studies.flight import Task, alike, figure, fly
 from gcs_formation.studies.plan import (
     Plan,
     Planned,
@@ -322,11 +322,11 @@ def test_a_seed_changes_a_flight_through_losses_alone():
 
 def test_flights_that_differ_in_their_seed_alone_share_what_follows_from_the_rest():
     planned = study(parameters={LOSS: [0.1, 0.2]}, metrics=["violations"], record="none")
-    one, other = (Task(Planned(0, seed, {LOSS: 0.1}), planned, SCENARIO).scenario() for seed in (1, 2))
+    one, other = (alike(Task(Planned(0, seed, {LOSS: 0.1}), planned, SCENARIO)) for seed in (1, 2))
     assert (one.seed, other.seed) == (1, 2)
     assert other.written_path is one.written_path
     assert other == load_scenario(SCENARIO, ["seed=2", f"{LOSS}=0.1"])
-    third = Task(Planned(0, 2, {LOSS: 0.2}), planned, SCENARIO).scenario()
+    third = alike(Task(Planned(0, 2, {LOSS: 0.2}), planned, SCENARIO))
     assert third == load_scenario(SCENARIO, ["seed=2", f"{LOSS}=0.2"])
 
 
