@@ -3,32 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
-from airlink.clock import LONG_AGO, NANOSECONDS, Instant, after, seconds_between
+from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import Address
-from gcs_formation.link.frame_loss import STALE_AFTER_NS, STALE_AFTER_S, run_length
+from gcs_formation.link.frame_loss import STALE_AFTER_NS, STALE_AFTER_S
+from gcs_formation.link.heartbeats import MUTE_AFTER_S, Heartbeats
 
 SHARE: Final = 1 / 16
 """Weight of each new difference in the running mean. Tuned: share; 1/64 to 1/8; by judgement."""
 LOST_AFTER_S: Final = 5.0
 """Silence after which a link is lost. Tuned: s; 3 to 10; by judgement."""
-MUTE_AFTER_S: Final = 3.5
-"""Three and a half heartbeat periods, as is usual in ground stations. Tuned: s; 2.5 to 5; by judgement."""
 MUTE_AFTER_NS: Final = round(MUTE_AFTER_S * NANOSECONDS)
-ALL_LOST: Final = 1e-6
-"""On a lossy link the limit is longer: until the probability that all due heartbeats were lost is below this. Tuned:
-probability; 1e-9 to 1e-4; by judgement."""
-BEAT_S: Final = 1.0
-"""Interval of heartbeats (MAVLink guide, "Heartbeat/Connection Protocol")."""
-BESIDE_NS: Final = NANOSECONDS // 4
-"""How far from a heartbeat's due time frames must have been lost for it to be among them. Tuned: ns; 0.1 to 0.4 s; by
-judgement: jitter, and that of an autopilot's scheduler."""
-KEPT_GAPS: Final = 64
-"""Gaps in the sequence numbers that are remembered, the newest."""
 
 
 class JitterMeter:
@@ -87,25 +75,24 @@ class Connection:
     peer: Address | None = None
     state: LinkState = LinkState.SEARCHING
     last_received: Instant = Instant(0)
-    last_heartbeat: Instant = Instant(0)
-    """The last heartbeat, or when the vehicle was received again after silence."""
     back_at: Instant = LONG_AGO
     """When it was last received again after LOST."""
-    _gaps: deque[tuple[Instant, Instant]] = field(
-        default_factory=lambda: deque[tuple[Instant, Instant]](maxlen=KEPT_GAPS)
-    )
-    """When the frames before and after each gap in its sequence numbers were received."""
+    heartbeats: Heartbeats = field(default_factory=Heartbeats)
 
     def skipped(self, now: Instant) -> None:
         """Record that frames before the one received now, and after the last one, were lost."""
-        self._gaps.append((self.last_received, now))
+        self.heartbeats.record_gap(self.last_received, now)
 
     def record_frame(self, now: Instant, *, heartbeat: bool) -> bool:
         """Record a frame; return whether the state changed."""
         self.last_received = now
         if not heartbeat and self.state is not LinkState.STALE:
             return False
-        self.last_heartbeat, alone = now, seconds_between(self.last_heartbeat, now) > MUTE_AFTER_S
+        alone = seconds_between(self.heartbeats.last, now) > MUTE_AFTER_S
+        if heartbeat:
+            self.heartbeats.record(now)
+        else:
+            self.heartbeats.last = now
         if self.state is LinkState.CONNECTED or (self.state is LinkState.MUTE and alone):
             return False
         if self.state is LinkState.LOST:
@@ -130,7 +117,7 @@ class Connection:
         in_contact = now - self.last_received <= STALE_AFTER_NS
         return (
             in_contact
-            and self.last_received - self.last_heartbeat <= MUTE_AFTER_NS
+            and self.last_received - self.heartbeats.last <= MUTE_AFTER_NS
             and self.state is LinkState.CONNECTED
         )
 
@@ -140,22 +127,5 @@ class Connection:
         return self.state is LinkState.CONNECTED or self.state is LinkState.MUTE
 
     def mute_s(self, loss: float) -> float:
-        """Return for how long heartbeats have been missing beyond what `loss` explains, s; negative if they aren't.
-
-        Loss explains none that was due while no frame at all was lost: that one wasn't sent.
-        """
-        late_s = seconds_between(self.last_heartbeat, self.last_received) - MUTE_AFTER_S
-        if late_s <= 0.0 or self._unsent():
-            return late_s
-        return min(late_s, late_s + MUTE_AFTER_S - run_length(loss, ALL_LOST))
-
-    def _unsent(self) -> bool:
-        """Return whether a heartbeat has been due since the last one while no frame was lost."""
-        due, until = after(self.last_heartbeat, BEAT_S), self.last_received - BESIDE_NS
-        known_from = self._gaps[0][0] if len(self._gaps) == KEPT_GAPS else self.last_heartbeat
-        while due <= until:
-            lost = any(begun <= due + BESIDE_NS and due - BESIDE_NS <= ended for begun, ended in self._gaps)
-            if not lost and due - BESIDE_NS >= known_from:
-                return True
-            due = after(due, BEAT_S)
-        return False
+        """Return for how long heartbeats have been missing beyond what `loss` explains, s; negative if they aren't."""
+        return self.heartbeats.missing_s(self.last_received, loss)

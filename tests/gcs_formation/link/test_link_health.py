@@ -37,9 +37,14 @@ def test_telemetry_without_heartbeats_is_a_link_without_heartbeats() -> None:
     assert connection.state is LinkState.CONNECTED
 
 
-def received_without_heartbeats(lost_s: tuple[float, ...]) -> Connection:
-    """Return a connection of 3.6 s in which a frame came each 0.1 s, but for those lost after these times."""
+def received_without_heartbeats(lost_s: tuple[float, ...], before: tuple[float, ...] = ()) -> Connection:
+    """Return a connection of 3.6 s in which a frame came each 0.1 s, but for those lost after these times.
+
+    The last heartbeat came at the start, others `before` by so many seconds.
+    """
     connection = Connection(0)
+    for each in before:
+        connection.record_frame(after(START, -each), heartbeat=True)
     connection.record_frame(START, heartbeat=True)
     for tenth in range(1, 37):
         now = after(START, 0.1 * tenth)
@@ -59,6 +64,20 @@ def test_heartbeats_may_have_been_lost_where_frames_were_when_each_was_due(lost_
 @pytest.mark.parametrize("lost_s", [(), (1.0, 2.0), (1.0, 2.0, 2.5), (1.5, 2.0, 3.0)])
 def test_a_heartbeat_that_was_due_while_no_frame_was_lost_was_not_sent(lost_s: tuple[float, ...]) -> None:
     assert received_without_heartbeats(lost_s).check(after(START, 3.6), loss=0.2)
+
+
+@pytest.mark.parametrize("off_s", [0.0, 0.02, -0.02])
+def test_punctual_heartbeats_are_not_among_frames_lost_well_before_or_after_they_were_due(off_s: float) -> None:
+    before = tuple(each + off_s * (-1) ** each for each in range(12, 0, -1))
+    lost_s = (0.75, 2.15, 2.75)
+    assert received_without_heartbeats(lost_s, before).check(after(START, 3.6), loss=0.2)
+    assert not received_without_heartbeats(lost_s).check(after(START, 3.6), loss=0.2)
+    assert not received_without_heartbeats((0.9, 2.0, 2.9), before).check(after(START, 3.6), loss=0.2)
+
+
+def test_heartbeats_that_come_by_chance_may_be_among_frames_lost_at_some_distance() -> None:
+    before = tuple(each + 0.12 * (-1) ** each for each in range(12, 0, -1))
+    assert not received_without_heartbeats((0.75, 2.15, 2.75), before).check(after(START, 3.6), loss=0.2)
 
 
 def test_heartbeats_are_not_missing_after_a_silence_of_everything() -> None:

@@ -72,7 +72,7 @@ def test_heartbeats_that_were_switched_off_are_asked_for_before_any_is_commanded
     world = World(duration_s=9)
     world.fly_to(2.0)
     tell(world, 2, [interval(2, m.MAVLINK_MSG_ID_HEARTBEAT, NONE)])
-    last_s = world.station.vehicles[VehicleId(1, 2)].connection.last_heartbeat / NANOSECONDS
+    last_s = world.station.vehicles[VehicleId(1, 2)].connection.heartbeats.last / NANOSECONDS
     world.run()
     (mute_s,) = world.times_s("link", 2, "without heartbeats")
     assert mute_s - last_s == pytest.approx(3.5, abs=0.15)
