@@ -50,6 +50,8 @@ class Membership:
         self._log_event = log_event
         self._ground = GroundFloor(scenario)
         self._circles_m: Mapping[VehicleId, float] | None = None
+        self._heartbeats_stop = False
+        """Whether a vehicle leaves the formation because its heartbeats are missing."""
         self._floor_at, self._floor_m = Instant(-1), -math.inf
         self._commanded_to_loiter = dict[VehicleId, Instant]()
         """When each vehicle was last commanded to loiter."""
@@ -70,6 +72,7 @@ class Membership:
         `leader` is None for a virtual one; `connecting`: the station waits for its vehicles; `beyond`: vehicles that
         are to be held because a loop is unstable by its delay.
         """
+        self._heartbeats_stop = any(self._is_without_heartbeats(vehicle) for vehicle in self._each)
         led = True
         if leader is not None:
             self.judge_one(leader, estimator, now, fresh=self.is_fresh(leader, estimator, beyond, now))
@@ -154,14 +157,25 @@ class Membership:
         if vehicle.member is Member.HOLDING and self._circles_m is not None:
             return False
         out, link = vehicle.member is not Member.FLYING, vehicle.connection
-        without_heartbeats = link.state is LinkState.MUTE or link.state is LinkState.LOST
-        if without_heartbeats and (out or link.mute_s(vehicle.sequence.loss) > MUTE_S):
+        if out and (link.state is LinkState.MUTE or link.state is LinkState.LOST):
+            return False
+        if self._is_without_heartbeats(vehicle) or (self._heartbeats_stop and link.overdue):
             return False
         limit_s = min(self._max_age_s, BACK_S if out else limit_s)
         if seconds_between(vehicle.round_trips.received_at(now), now) > max(limit_s, UNANSWERED_S):
             return False
         age_s = estimator.age_s(vehicle.index, now)
         return math.isnan(age_s) or age_s <= limit_s
+
+    def _is_without_heartbeats(self, vehicle: Vehicle) -> bool:
+        """Return whether a vehicle's mode is unknown by now, as its heartbeats are missing.
+
+        All whose heartbeats are overdue leave with the first: circles that are begun a second apart cross one another.
+        """
+        link = vehicle.connection
+        if link.state is not LinkState.MUTE and link.state is not LinkState.LOST:
+            return False
+        return vehicle.member is Member.FLYING and link.mute_s(vehicle.sequence.loss) > MUTE_S
 
     def end(self, circles_m: Mapping[VehicleId, float]) -> None:
         """At the end of the flight let no loitering vehicle return; take the heights of all circles."""

@@ -115,11 +115,12 @@ class Connection:
     def in_order(self, now: Instant) -> bool:
         """Return whether frames and heartbeats are on time, without allowance for loss."""
         in_contact = now - self.last_received <= STALE_AFTER_NS
-        return (
-            in_contact
-            and self.last_received - self.heartbeats.last <= MUTE_AFTER_NS
-            and self.state is LinkState.CONNECTED
-        )
+        return in_contact and not self.overdue and self.state is LinkState.CONNECTED
+
+    @property
+    def overdue(self) -> bool:
+        """Whether frames are received and heartbeats aren't, without allowance for loss."""
+        return self.last_received - self.heartbeats.last > MUTE_AFTER_NS
 
     @property
     def talks(self) -> bool:

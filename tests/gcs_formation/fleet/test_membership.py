@@ -161,6 +161,24 @@ def test_one_whose_heartbeats_are_missing_flies_on_for_a_while_and_is_commanded_
     assert reported_s == pytest.approx(3.5 + MUTE_S, abs=0.15)
 
 
+@pytest.mark.parametrize(("leaders_last_s", "together"), [(0.8, True), (1.2, True), (3.0, False)])
+def test_all_whose_heartbeats_are_overdue_leave_with_the_first_as_circles_begun_a_second_apart_cross(
+    leaders_last_s: float, together: bool
+) -> None:
+    formation = Formation()
+    for tenth in range(1, 90):
+        now = after(Instant(0), 0.1 * tenth)
+        for each in formation.vehicles.values():
+            leads = each is not formation.follower
+            each.connection.record_frame(now, heartbeat=leads and 0.1 * tenth <= leaders_last_s)
+            each.round_trips._answered = now
+            each.connection.check(now)
+        formation.judge(0.1 * tenth, received=False)
+    left_s = {each.vehicle: each.at_s for each in formation.logged if each.text == "told to loiter"}
+    assert left_s[2] == pytest.approx(3.5 + MUTE_S, abs=0.15)
+    assert left_s[1] == pytest.approx(left_s[2] if together else leaders_last_s + 3.5 + MUTE_S, abs=0.15)
+
+
 def test_one_whose_mode_is_not_known_does_not_come_back() -> None:
     formation = Formation()
     formation.silent(FORGOTTEN_AFTER_S + 1.0)
