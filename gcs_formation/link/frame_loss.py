@@ -93,7 +93,7 @@ class SequenceTracker:
         self.received: i64 = 0
         self.lost: i64 = 0
         self.gaps: i64 = 0
-        """Number of gaps that `lost` frames were counted at."""
+        """Number of gaps that `lost` frames are in: a late frame closes, shortens or parts one."""
         self._longest: i64 = 0  # the most numbers skipped at one of them
         self.repeated: i64 = 0
         self.missed: i64 = 0
@@ -191,7 +191,7 @@ class SequenceTracker:
         if sequence in self._missing and (self._newest - sequence) % MODULUS < NEAR:
             return True
         gap = (sequence - self._newest - 1) % MODULUS
-        return gap == 0 or float(gap) <= run_length(self.loss, RARELY)
+        return gap == 0 or float(gap) <= self._likely_run()
 
     def is_next(self, sequence: i64) -> bool:
         """Return whether a number follows the newest."""
@@ -284,10 +284,17 @@ class SequenceTracker:
     def _usual_run(self) -> float:
         """Return the longest run of numbers that may be skipped as usual.
 
-        Losses by chance may come in a run with the probability `RARELY`. But numbers that a router keeps back by kinds
-        come in short runs however many they are, so none longer than those seen is usual.
+        Numbers that a router keeps back by kinds come in short runs however many they are, so none longer than those
+        seen is usual.
         """
-        return min(run_length(self.loss, RARELY), float(self._longest))
+        return min(self._likely_run(), float(self._longest))
+
+    def _likely_run(self) -> float:
+        """Return the longest run of frames that is lost with a probability of `RARELY`, alone or in bursts.
+
+        In a burst a frame is lost after another with a probability of 1 - 1 / its mean length (Gilbert 1960).
+        """
+        return run_length(max(self.loss, 1.0 - 1.0 / self.mean_gap), RARELY)
 
     def _own_rate_hz(self, last: Instant) -> float:
         """Return the rate of the vehicle's unasked frames until `last`; too short a time keeps the earlier rate."""
@@ -316,6 +323,12 @@ class SequenceTracker:
             self._missing.remove(sequence)
             self.received += 1
             self.lost -= 1
+            before = int((sequence - 1) % MODULUS) in self._missing
+            after = int((sequence + 1) % MODULUS) in self._missing
+            if before and after:
+                self.gaps += 1
+            elif not before and not after:
+                self.gaps -= 1
             self._jump = max(self._jump - 1, 0)
             self._expect()
         else:

@@ -40,6 +40,8 @@ def test_late_frames_take_back_the_loss_of_their_gap(fates):
     assert tracker.received == 1 + len(order)
     assert tracker.lost == newest - len(order)
     assert tracker.repeated == 0
+    missing = sorted(set(range(newest)) - {0, *(number for _, number in order)})
+    assert tracker.gaps == sum(number - 1 not in missing for number in missing)
 
 
 @given(st.lists(st.tuples(st.booleans(), st.booleans()), max_size=600))
@@ -58,6 +60,19 @@ def test_the_mean_gap_tells_bursts_from_losses_one_by_one():
     assert tracked(range(9)).mean_gap == 1.0
     assert tracked([*range(0, 40, 2), 39, 40]).mean_gap == 1.0
     assert tracked([0, 1, 7, 8, 12]).mean_gap == pytest.approx((5 + 3) / 2)
+    assert tracked([0, 1, 7, 8, 12, 11]).mean_gap == pytest.approx((5 + 2) / 2)
+    assert tracked([0, 6, 8, 7, 3]).mean_gap == pytest.approx(4 / 2), "one late frame closed a gap, another parted one"
+
+
+@pytest.mark.parametrize(("burst", "likely"), [(1, 2), (5, 30)])
+def test_where_frames_are_lost_in_bursts_a_longer_gap_is_no_reason_for_doubt(burst: int, likely: int):
+    """A fifth is lost; bursts of 5 on average go on with a probability of 0.8, and 0.8 ** 31 = 1/1000."""
+    numbers = [number for number in range(1000) if number % (5 * burst) >= burst]
+    tracker = tracked(numbers)
+    assert tracker.loss == pytest.approx(0.2, abs=0.01)
+    begun = numbers[-1] + 1
+    assert tracker.may_follow((begun + likely) % MODULUS, *AT_ONCE)
+    assert not tracker.may_follow((begun + 3 * likely) % MODULUS, *AT_ONCE)
 
 
 def test_a_restart_loses_nothing():

@@ -125,6 +125,31 @@ def test_a_flight_with_late_copies_is_as_one_without(
         assert int(vehicle.history.copies) > came * int(vehicle.sequence.received)
 
 
+class LosingInBursts(Between):
+    """Loses a fifth of what vehicles send, 5 datagrams in a row on average."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self._random, self._lost = random.Random(2), set[int]()
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        return [each for each in super().datagrams_to_send() if not self._is_lost(each.socket)]
+
+    def _is_lost(self, socket: int) -> bool:
+        if self._random.random() < (0.2 if socket in self._lost else 0.05):
+            self._lost ^= {socket}
+        return socket in self._lost
+
+
+def test_frames_after_bursts_of_losses_are_no_copies() -> None:
+    """A heartbeat whose number comes again after 255 others is the same by each bit, and its number isn't the next."""
+    world = flown(LosingInBursts, seconds=40.0)
+    vehicles = world.station.vehicles.values()
+    assert [each.sequence.loss for each in vehicles] == pytest.approx([0.2] * len(vehicles), abs=0.05)
+    assert sum(int(each.history.copies) for each in vehicles) <= 1
+    assert world.words("copies") == []
+
+
 @pytest.mark.parametrize("elsewhere", [False, True])
 @pytest.mark.slow
 def test_copies_while_frames_are_lost_are_no_other_sender(elsewhere: bool) -> None:
