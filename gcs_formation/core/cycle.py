@@ -59,6 +59,8 @@ class Findings:
         """What is known of each vehicle's lost frames."""
         self.beyond = set[VehicleId]()
         """Vehicles that are to be held because a loop is unstable by its delay."""
+        self.waiting = set[VehicleId]()
+        """Vehicles that wait for the formation to be commanded, and circle until then."""
         self.margin_used = [math.nan] * count
         """(C,) share of the delay margin that the loops use; NaN while unknown."""
         self.bandwidth = [[1.0] * len(CHANNELS) for _ in range(count)]

@@ -47,4 +47,6 @@ class Members(Stage):
         if phase is not Phase.LOITERING:
             leader, estimator = cycle.reconfiguration.leader, cycle.controller.estimator
             connecting, beyond = phase is Phase.CONNECTING, cycle.findings.beyond
+            if connecting and cycle.findings.waiting:
+                beyond = beyond | cycle.findings.waiting
             cycle.membership.update(leader, estimator, cycle.now, connecting=connecting, beyond=beyond)

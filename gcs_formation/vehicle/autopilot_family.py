@@ -209,7 +209,12 @@ class Autopilot(FamilyTraits, ABC):
 
     def _armed_step(self) -> StartUpStep:
         return StartUpStep(
-            "armed", lambda seen: seen.armed, lambda _: (self._arm_or_disarm(arm=True),), 30.0, takes_off=True
+            "armed",
+            lambda seen: seen.armed,
+            lambda _: (self._arm_or_disarm(arm=True),),
+            30.0,
+            takes_off=True,
+            arms=True,
         )
 
     def is_airborne(self, telemetry: Telemetry) -> bool:

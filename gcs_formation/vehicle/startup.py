@@ -59,6 +59,10 @@ class StartUp:
     """Whether the station only waits for the pilot to hand the vehicle back."""
     acted: bool = False
     """Whether a step has begun that changes what the vehicle does."""
+    may_arm: bool = True
+    """Whether nothing keeps the vehicle from being armed."""
+    ready_to_arm: bool = False
+    """Whether all is done that comes before the vehicle is armed."""
     held: bool = False
     """Whether the next step acts, and must wait for permission."""
     _led: bool = False
@@ -121,7 +125,9 @@ class StartUp:
         while not self.finished and (self.index < 0 or self._is_done(telemetry, commands)):
             following = self.steps[self.index + 1 : self.index + 2]
             acts = any(step.acts(telemetry) for step in following)
-            if acts and not may_act:
+            arms = any(step.arms and not step.done(telemetry) for step in following)
+            self.ready_to_arm = self.ready_to_arm or arms
+            if acts and not (may_act and (self.may_arm or not arms)):
                 self.held, self._began = True, now
                 return
             self.acted = self.acted or acts

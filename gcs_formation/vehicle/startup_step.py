@@ -36,6 +36,8 @@ class StartUpStep:
     """Whether to wait for each acknowledgement; `timeout_s` then applies to each command."""
     takes_off: bool = False
     """Whether its commands make the vehicle leave the ground."""
+    arms: bool = False
+    """Whether its commands arm the vehicle."""
     slow: bool = False
     """Whether it is waited for longer than `timeout_s` as long as the vehicle makes progress."""
     lost: Callable[[Telemetry], bool] = lambda _: False

@@ -96,11 +96,15 @@ def test_samples_are_of_this_cycle_alone_and_the_leader_is_known_as_such() -> No
 
 @pytest.mark.parametrize("phase", list(Phase))
 def test_membership_is_decided_until_all_loiter(phase: Phase) -> None:
-    made = cycle(phase, reconfiguration=Mock(), controller=Mock(), findings=Mock(), membership=Mock())
+    findings = SimpleNamespace(beyond={2}, waiting={3})
+    made = cycle(phase, reconfiguration=Mock(), controller=Mock(), findings=findings, membership=Mock())
     Members().run(made)
     assert made.membership.update.called is (phase is not Phase.LOITERING)
     if made.membership.update.called:
-        assert made.membership.update.call_args.kwargs["connecting"] is (phase is Phase.CONNECTING)
+        connecting, given = phase is Phase.CONNECTING, made.membership.update.call_args.kwargs
+        assert given["connecting"] is connecting
+        assert given["beyond"] == ({2, 3} if connecting else {2}), "who waits is led as soon as there is a leader"
+    assert (findings.beyond, findings.waiting) == ({2}, {3})
 
 
 def reported(state: LinkState, *, acted: bool = False, own: Any = None, failure: Any = None) -> Any:
