@@ -324,7 +324,10 @@ class Consistency:
     def _accept(self, position_variance: float) -> None:
         """Believe both again; a displacement that noise explains is forgotten."""
         self.wrong, self.lasts, self._agrees_s = None, False, 0.0
-        if self.displaced_m < SHORT_M + SIGMAS * math.sqrt(position_variance):
+        noise_m2 = position_variance
+        for axis in self.axes:
+            noise_m2 = max(noise_m2, axis.noise_m2)
+        if self.displaced_m < SHORT_M + SIGMAS * math.sqrt(noise_m2):
             for axis in self.axes:
                 axis.offset_m = 0.0
 
