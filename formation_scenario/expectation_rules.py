@@ -18,8 +18,8 @@ from formation_scenario.expectation import (
     pointless,
 )
 from formation_scenario.model import Scenario
+from formation_scenario.planned_progress import latest_end_s
 from formation_scenario.source import Finding, KeyPath
-from formation_scenario.start_states_and_end_times import latest_end_s
 
 
 def measurable(scenario: Scenario) -> Iterator[Finding]:

@@ -9,9 +9,10 @@ import numpy as np
 
 from flight_model.path import FlightPath, Route
 from flight_model.path_lift_and_displacement import Rise
+from formation_scenario.fence_limits import check_fence
 from formation_scenario.fields import distinct_texts
 from formation_scenario.formation_changes import ahead, plan_change, take_over
-from formation_scenario.ground_and_fence import check_fence, check_start, check_steps, check_terrain
+from formation_scenario.ground_limits import check_terrain
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, not_standing, read_order, why_not_set_out
 from formation_scenario.path_limits import TOLERANCE, excesses
@@ -27,6 +28,8 @@ from formation_scenario.slot_assignment import (
 )
 from formation_scenario.slot_motion import Transition
 from formation_scenario.source import KeyPath, dotted
+from formation_scenario.start_limits import check_start
+from formation_scenario.step_limits import check_steps
 from formation_scenario.transition_plan import NotFlyableError
 from formation_scenario.violations import Violation
 

@@ -26,6 +26,7 @@ from formation_scenario.fields import MAX_NUMBER, Problem, ScenarioError, refuse
 from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
 from formation_scenario.overrides import OPTION, apply_overrides
+from formation_scenario.planned_progress import path_end_s
 from formation_scenario.rules import inconsistencies
 from formation_scenario.run_in import run_in_inside_fence_s
 from formation_scenario.source import (
@@ -36,7 +37,6 @@ from formation_scenario.source import (
     plain_mapping,
     read_file,
 )
-from formation_scenario.start_states_and_end_times import path_end_s
 from formation_scenario.vehicle_rules import key_files
 from formation_scenario.vehicles import VehicleGroup
 from formation_scenario.violations import Violation, reported

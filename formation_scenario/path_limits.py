@@ -17,10 +17,10 @@ from formation_scenario.model import Scenario
 from formation_scenario.sampled_path import SAME_PLACE_M, WAYPOINTS, SampledPath
 from formation_scenario.slot_assignment import SlotStep, vehicles_by_index
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
-from formation_scenario.start_states_and_end_times import over_ground_mps, wind_mps
 from formation_scenario.turn_limits import climb_limits
 from formation_scenario.vehicles import Vehicle, VehicleModel
 from formation_scenario.violations import Kind, Violation
+from formation_scenario.wind_triangle import over_ground_mps, wind_mps
 
 TOLERANCE = 1e-6
 SAME_M = 0.1

@@ -8,9 +8,9 @@ import numpy as np
 
 from flight_model.fence_geometry import CHECKED_M, Flyers, room_along_m
 from flight_model.path import FlightPath
-from formation_scenario.ground_and_fence import drift
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import models_by_index, slot_schedule
+from formation_scenario.wind_triangle import drift
 
 SHORTEST_S = 10.0
 """Shortest run-in that a fence makes, s: with less room the fence's check says what is outside."""

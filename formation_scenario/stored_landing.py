@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.landing import StoredLanding
-from formation_scenario.start_states_and_end_times import StartState
+from formation_scenario.start_states import StartState
 
 NAV_WAYPOINT, NAV_LAND, DO_LAND_START = 16, 21, 189
 """Of MAV_CMD."""

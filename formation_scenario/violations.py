@@ -37,6 +37,8 @@ Kind: TypeAlias = Literal[
 """What limits: the kinds of violations that `check` tells apart."""
 MAX_PLACES = 10
 """Largest number of places of one kind that are reported individually."""
+HEIGHT_TOLERANCE_M = 0.01
+"""Tolerance of heights and clearances, m."""
 Move: TypeAlias = tuple[float, float, float]
 """Of a waypoint: north, east and up, m."""
 NOWHERE: Mapping[int, Move] = MappingProxyType({})

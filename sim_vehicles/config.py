@@ -18,7 +18,7 @@ from formation_scenario.extensions import EMULATED_FAMILY, Registered, Registry
 from formation_scenario.fields import VehicleSelection, refused
 from formation_scenario.landing import StoredLanding
 from formation_scenario.navigation import Navigation, TrueNavigation
-from formation_scenario.start_states_and_end_times import StartState, start_states
+from formation_scenario.start_states import StartState, start_states
 from formation_scenario.station import StationId
 from formation_scenario.surroundings import Disturbance, Fault
 from formation_scenario.vehicles import Family, VehicleClock, VehicleModel, family_of, reads_equivalent_airspeed

@@ -16,9 +16,9 @@ from formation_scenario.expectation import CHANNEL_UNITS, GAP_S, SETTLED_M
 from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
 from formation_scenario.feature_folders import brought, feature_names
 from formation_scenario.gains import AUTO, by_design, figures
-from formation_scenario.ground_and_fence import starts_without_room
+from formation_scenario.planned_progress import planned_end_s, planned_times_s
 from formation_scenario.slot_assignment import vehicles_by_index
-from formation_scenario.start_states_and_end_times import planned_end_s, planned_times_s
+from formation_scenario.start_limits import starts_without_room
 from gcs_formation.app import (
     check_budget,
     check_law,

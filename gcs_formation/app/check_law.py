@@ -14,7 +14,7 @@ from formation_scenario import Scenario
 from formation_scenario.gains import AUTO, design_delay_s, designed
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.mean_delays import since, ways_s
-from formation_scenario.start_states_and_end_times import planned_end_s
+from formation_scenario.planned_progress import planned_end_s
 from gcs_formation.app.check_links import MIN_M, PLANES_MAX_HZ
 from gcs_formation.app.loop_delays import message_age
 from gcs_formation.control.laws import law_kind

@@ -19,8 +19,8 @@ from airlink import mavlink as m
 from airlink.messages import KINDS
 from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
-from formation_scenario.ground_and_fence import drift
 from formation_scenario.mean_delays import since, ways_s
+from formation_scenario.wind_triangle import drift
 from gcs_formation.fleet.heartbeats import PROBE_S
 from gcs_formation.from_scenario import autopilot_for, leader_guidance
 from gcs_formation.guidance.leader_guidance import DECISION_S, LeaderGuidance

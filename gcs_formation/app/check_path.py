@@ -10,7 +10,7 @@ from flight_model.legs.deviation import deviation
 from flight_model.legs.path import LegsPath
 from flight_model.stops.timetable import Timetable
 from formation_scenario import Scenario
-from formation_scenario.ground_and_fence import FenceDistance, fence_distances
+from formation_scenario.fence_distances import FenceDistance, fence_distances
 
 FAR_M = 20.0
 """Distance of a spline from its legs, and outside its waypoints' heights, beyond which `check` warns."""

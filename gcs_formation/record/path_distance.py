@@ -11,8 +11,8 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Indices, Mask, offset_points
 from flight_model.path import FlightPath
 from formation_scenario import Scenario
+from formation_scenario.planned_progress import planned_m
 from formation_scenario.slot_frame import axis_rad
-from formation_scenario.start_states_and_end_times import planned_m
 from gcs_formation.guidance.parts import BEFORE_M, AlongPath
 from gcs_formation.record.limits_by_truth import Track, began_s
 from gcs_formation.record.timeseries import AIRBORNE, PLACE, SLOT, TRUTH, VIRTUAL_LEADER, flying

@@ -17,7 +17,7 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario, Vehicle, load_scenario
 from formation_scenario.overrides import settings
-from formation_scenario.start_states_and_end_times import planned_end_s, planned_times_s
+from formation_scenario.planned_progress import planned_end_s, planned_times_s
 from gcs_formation.app.fly import fly
 from gcs_formation.app.operator_at_terminal import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress

@@ -31,7 +31,7 @@ from airlink.messages.mission import (
 )
 from airlink.messages.system import Statustext
 from flight_model.earth import GeodeticOrigin
-from formation_scenario.start_states_and_end_times import StartState
+from formation_scenario.start_states import StartState
 from sim_vehicles.autopilot.mission_items import E7, Item, from_message, in_degrees, to_message
 
 MAX_ITEMS = 655

@@ -33,7 +33,7 @@ from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.extensions import ExtensionError
 from formation_scenario.fields import MAX_SYSTEM_ID
 from formation_scenario.origin import Origin
-from formation_scenario.start_states_and_end_times import StartState
+from formation_scenario.start_states import StartState
 from formation_scenario.surroundings import Disturbance, Fault
 from formation_scenario.vehicles import BASE_PORT
 from sim_vehicles.airframe.disturbances import Environment

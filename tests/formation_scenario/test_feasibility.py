@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flight_model.spline import SplinePath
+from formation_scenario.planned_progress import path_end_s
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
-from formation_scenario.start_states_and_end_times import path_end_s
 
 
 def circle(radius: float, north: float = 0.0) -> list[list[float]]:

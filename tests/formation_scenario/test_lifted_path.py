@@ -4,7 +4,7 @@ import pytest
 from flight_model.spline import SplinePath
 from formation_scenario import load_scenario
 from formation_scenario.source import read_text
-from formation_scenario.start_states_and_end_times import start_states
+from formation_scenario.start_states import start_states
 
 HILL = "terrain={clearance_m: 60, hills: [{north_m: 2000, east_m: 0, height_m: 60, radius_m: 300}]}"
 LOW = "path.waypoints_m=[[0, 0, 80], [4000, 0, 80]]"

@@ -7,10 +7,10 @@ import pytest
 
 from flight_model.legs.deviation import deviation
 from formation_scenario import load_scenario
+from formation_scenario.planned_progress import path_end_s, planned_m
 from formation_scenario.sampled_path import SampledPath
 from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
-from formation_scenario.start_states_and_end_times import path_end_s, planned_m
 from formation_scenario.turn_limits import SPEED_SHARE, TURN_SHARE, turn_limits
 from gcs_formation.app.check_path import far_from_legs, path_figures, path_text, short_legs, widened_circles
 

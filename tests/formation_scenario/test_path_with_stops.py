@@ -9,8 +9,8 @@ import pytest
 from flight_model.legs.deviation import deviation
 from flight_model.stops.timetable import Timetable
 from formation_scenario import ScenarioError, load_scenario
+from formation_scenario.planned_progress import path_end_s, planned_m
 from formation_scenario.sampled_path import with_turns
-from formation_scenario.start_states_and_end_times import path_end_s, planned_m
 from gcs_formation.app.check_path import path_text
 from gcs_formation.app.export_path import export_path
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from formation_scenario import load_scenario
-from formation_scenario.start_states_and_end_times import start_states
+from formation_scenario.start_states import start_states
 
 COLUMNS = ("north_m", "east_m", "height_m", "heading_rad", "airspeed_mps", "in_air")
 EAST = "path.waypoints_m=[[0, 0, 100], [0, 4000, 100]]"

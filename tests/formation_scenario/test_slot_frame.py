@@ -14,7 +14,7 @@ from flight_model.slot import Slot
 from flight_model.spline import SplinePath
 from formation_scenario.slot_frame import axis_rad
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
-from formation_scenario.start_states_and_end_times import start_states
+from formation_scenario.start_states import start_states
 
 NORTH = "formation.frame=north"
 BEND = "path={speed_mps: 22, waypoints_m: [[0, 0, 100], [600, 0, 100], [800, 200, 100], [800, 900, 100]]}"

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.consensus_graph import graph_adjacency
 from formation_scenario.feasibility import refused_orders
-from formation_scenario.start_states_and_end_times import path_end_s
+from formation_scenario.planned_progress import path_end_s
 from gcs_formation.app.check import _seconds, check_report, never_reached, slots_of_no_shape
 from gcs_formation.app.check_links import Lap, lap, no_time_for_a_pattern, refused_rate, split_errors
 from gcs_formation.cli import main

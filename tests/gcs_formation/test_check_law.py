@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from formation_scenario import load_scenario
-from formation_scenario.ground_and_fence import starts_without_room
+from formation_scenario.start_limits import starts_without_room
 from gcs_formation.app.check import check_report
 from gcs_formation.app.check_law import ahead_of_virtual
 from tests.flights.conftest import scenario as flight

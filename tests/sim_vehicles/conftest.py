@@ -9,7 +9,7 @@ import pytest
 from airlink.endpoint import Address, VehicleId, parse_endpoint
 from airlink.engine import Datagram
 from flight_model.earth import GeodeticOrigin
-from formation_scenario.start_states_and_end_times import StartState
+from formation_scenario.start_states import StartState
 from formation_scenario.vehicles import Vehicle, family_of
 from sim_vehicles.config import FleetConfig, VehicleConfig
 from sim_vehicles.fleet import Fleet

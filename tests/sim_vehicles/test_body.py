@@ -7,7 +7,7 @@ import pytest
 
 from airlink.endpoint import VehicleId, parse_endpoint
 from flight_model.autopilot_model import advance
-from formation_scenario.start_states_and_end_times import StartState
+from formation_scenario.start_states import StartState
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.hovering import HoveringBody

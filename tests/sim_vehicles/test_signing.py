@@ -10,7 +10,7 @@ from airlink.signing.key import key_of_passphrase
 from airlink.signing.setup import Asked, KeySetup
 from airlink.signing.signature import is_authentic, is_signed, timestamp_of, unsigned
 from formation_scenario.origin import Origin
-from formation_scenario.start_states_and_end_times import StartState
+from formation_scenario.start_states import StartState
 from sim_vehicles.config import FleetConfig, VehicleConfig
 from sim_vehicles.fleet import Fleet
 from tests.sim_vehicles.conftest import Air

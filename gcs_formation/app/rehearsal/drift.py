@@ -11,9 +11,9 @@ import numpy as np
 
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.navigation import InertialNavigation, Navigation
+from formation_scenario.planned_progress import planned_end_s
 from formation_scenario.sampled_path import SampledPath
 from formation_scenario.slot_assignment import slot_schedule
-from formation_scenario.start_states_and_end_times import planned_end_s
 from sim_vehicles.inertial.growth import growth
 
 DRIFT_SIGMAS: Final = 3.0

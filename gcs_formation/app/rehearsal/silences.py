@@ -15,7 +15,7 @@ from airlink.one_way_channel import Channel
 from airlink.random_streams import random_stream
 from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
-from formation_scenario.start_states_and_end_times import planned_end_s
+from formation_scenario.planned_progress import planned_end_s
 from gcs_formation.app.link_injection import LinkSchedule
 from gcs_formation.fleet.heartbeats import HEARTBEAT_S, PROBE_S
 from gcs_formation.fleet.membership import SUCCESSION_S

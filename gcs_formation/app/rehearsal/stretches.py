@@ -11,7 +11,7 @@ from flight_model.path import FlightPath
 from formation_scenario import Scenario
 from formation_scenario.formation import Formation
 from formation_scenario.mean_delays import ways_s
-from formation_scenario.start_states_and_end_times import planned_end_s, planned_m
+from formation_scenario.planned_progress import planned_end_s, planned_m
 from formation_scenario.surroundings import DrydenTurbulence
 
 RUN_IN_S, ROUND_TRIPS, LOST_S = 4.0, 7.0, 60.0

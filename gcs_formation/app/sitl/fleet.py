@@ -16,7 +16,7 @@ import numpy as np
 from airlink.endpoint import VehicleId, parse_endpoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.fields import refused
-from formation_scenario.start_states_and_end_times import StartState, start_states
+from formation_scenario.start_states import StartState, start_states
 from formation_scenario.stored_landing import items_of, place_of
 from gcs_formation.app.sitl import families
 from gcs_formation.app.sitl.simulator import Craft, Home, Simulator, kept

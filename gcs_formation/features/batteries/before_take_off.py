@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from formation_scenario import Scenario
-from formation_scenario.start_states_and_end_times import planned_m
+from formation_scenario.planned_progress import planned_m
 from gcs_formation.features.batteries.endurance import planned_full_s
 from gcs_formation.features.batteries.keys import BatteryKeys
 from gcs_formation.features.batteries.way_home import LANDING_S

@@ -13,9 +13,9 @@ from flight_model.arrays import Array, offset_points
 from flight_model.autopilot_model import AutopilotModel, advance
 from flight_model.flight_state import FlightState
 from formation_scenario import Scenario
+from formation_scenario.planned_progress import planned_m
 from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.slot_frame import axis_rad
-from formation_scenario.start_states_and_end_times import planned_m
 from gcs_formation.features.ending.holding_stack import HoldingStack, stacked
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.from_scenario import autopilot_models

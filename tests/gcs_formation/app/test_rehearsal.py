@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from formation_scenario import Scenario, load_scenario
+from formation_scenario.planned_progress import planned_m
 from formation_scenario.slot_assignment import first_arrangement
-from formation_scenario.start_states_and_end_times import planned_m
 from gcs_formation.app.check import check_report
 from gcs_formation.app.rehearsal.flying import flown
 from gcs_formation.app.rehearsal.rehearsal import SETTLE_S, rehearsal_text, rehearsal_warnings, rehearse

@@ -16,9 +16,9 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario import Scenario, ScenarioError, dump_scenario, load_scenario
 from formation_scenario.mission_files import read_mission
 from formation_scenario.mission_files.mission import FenceCircle, FencePolygon
+from formation_scenario.planned_progress import planned_end_s, planned_m
 from formation_scenario.repair import repair
 from formation_scenario.slot_assignment import names_by_index, slot_schedule
-from formation_scenario.start_states_and_end_times import planned_end_s, planned_m
 from gcs_formation.app.check_path import path_figures, path_text
 from gcs_formation.app.export_path import export_path
 from gcs_formation.features.airspace.check_warnings import rally_outside

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from formation_scenario import load_scenario
-from formation_scenario.start_states_and_end_times import planned_m
+from formation_scenario.planned_progress import planned_m
 from gcs_formation.record.flight import RecordedFlight, judged
 from gcs_formation.record.history import history
 from gcs_formation.record.limits_by_truth import LimitSeries

@@ -13,8 +13,8 @@ from flight_model.arrays import Array, Complex, Indices
 from flight_model.fence_geometry import Flyers, places_along
 from flight_model.legs.path import LegsPath
 from formation_scenario import load_scenario
-from formation_scenario.ground_and_fence import drift
 from formation_scenario.slot_assignment import slot_schedule
+from formation_scenario.wind_triangle import drift
 from tests.gcs_formation.features.airspace.missions import fenced_keys_of
 from tests.missions import FLOWN
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from formation_scenario.ground_and_fence import fence_distances
+from formation_scenario.fence_distances import fence_distances
 from tests.formation_scenario.test_path_of_legs import LEGS
 from tests.formation_scenario.test_steps import LOW, step
 

@@ -3,7 +3,7 @@
 import pytest
 
 from formation_scenario import ScenarioError, load_scenario
-from formation_scenario.ground_and_fence import fence_distances
+from formation_scenario.fence_distances import fence_distances
 
 SQUARE = [[0, 0, 30], [150, 0, 30], [150, 100, 30], [0, 100, 30]]
 
