@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from benchmarks import PAPER, both_ways, events_of, flown, parser
 from benchmarks.gust_grid import FRAMES
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 FIRST_S, APART_S = 10.0, 70.0
 ANYWHERE = ("line", "circle", "square")

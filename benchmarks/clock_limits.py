@@ -16,7 +16,7 @@ from airlink.delay_distribution import QUANTILE
 from flight_model.arrays import Array
 from gcs_formation.link.clock_sync import CRYSTAL_DRIFT, ClockSync
 from gcs_formation.link.delay_edges import NEW
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 DELAY_S: Final = 0.3
 OFFSET_S: Final = 100.0

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as peer
 
 from airlink.frame import FrameWriter, StreamParser
 from airlink.messages.telemetry import Attitude, GlobalPositionInt
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 FRAMES = 20_000
 ROUNDS = 5

@@ -33,7 +33,7 @@ from gcs_formation.estimation import vehicle_filter
 from gcs_formation.record.figures_of_merit import setpoint_steps
 from gcs_formation.record.parquet import read_parquet
 from gcs_formation.record.run_directory import TIMESERIES
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 NOISE = PAPER.with_name("noise.yaml")
 LAW_PARAMETERS = laws.law_parameters

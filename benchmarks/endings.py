@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchmarks import events_of, flown
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 END_S, BEGINS_S, FOR_S = 10.0, 9.5, 10.0
 GEOMETRIES: dict[str, dict[str, Any]] = {

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as peer
 
 from airlink.frame import MAX_REFUSED, FrameWriter, StreamParser
 from airlink.messages.telemetry import Attitude
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 SIZE = 1400
 """Bytes of a datagram: as many as Ethernet carries, less headers."""

@@ -11,7 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import Any, NamedTuple
 
 from benchmarks import flown, parser
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 Split = tuple[float, float]
 EQUAL: dict[int, Split] = {2: (240.0, 240.0), 3: (240.0, 240.0)}

@@ -19,7 +19,7 @@ from benchmarks import PAPER, both_ways, flown, parser
 from formation_scenario import load_scenario
 from gcs_formation.report import load_run
 from gcs_formation.report.gusts import GustError, gusts
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 FRAMES = {"leader_heading": {"kp": 1.2, "ki": 0.5, "kd": 1.8}, "follower_heading": {"kp": 1.0, "ki": 0.6, "kd": 0.1}}
 """For each frame of the slots: gains of the heading channel, as in configs/paper.yaml."""

@@ -17,7 +17,7 @@ from scipy.optimize import linprog
 
 from gcs_formation.report.gusts import allowed_gust_error_m
 from gcs_formation.stability.pid_margins import loop_delay_s
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 DELAYS_MS = (20, 50, 100, 200, 300)
 SLOTS_M = ((30.0, 30.0), (60.0, 0.0))

@@ -19,7 +19,7 @@ import yaml
 
 from benchmarks import PAPER, both_ways, flown, parser
 from gcs_formation.report import load_run
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 DELAYS_MS = (0, 300)
 SEEDS = 50

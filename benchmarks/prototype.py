@@ -23,7 +23,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from benchmarks import alone, flown, parser, print_load
 from benchmarks.scale import scenario
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 COUNTS = (4, 100)
 ROUNDS = 3

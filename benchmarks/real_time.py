@@ -31,7 +31,7 @@ from airlink.transports.udp import Inbox
 from benchmarks import parser, print_load
 from benchmarks.prototype import E7, setpoints
 from benchmarks.scale import scenario
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 COUNTS = (4, 100, 250)
 DURATION_S = 20.0

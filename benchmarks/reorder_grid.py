@@ -8,7 +8,7 @@ from airlink.clock import Instant, after
 from airlink.delay_distribution import Distribution
 from airlink.impairment import Impairment
 from airlink.one_way_channel import Channel
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 DELAY_S = 0.150
 JITTERS_S = (0.005, 0.020, 0.050)

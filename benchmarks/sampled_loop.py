@@ -22,7 +22,7 @@ from gcs_formation.control.laws import gain_range, nominal_gains
 from gcs_formation.control.setpoint import Mixer
 from gcs_formation.stability import consensus_delay_margin
 from gcs_formation.stability.pid_margins import SMALL_SIGNAL, forward_plant, loop_margin
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 RATES_HZ = (2.5, 5.0, 5.1, 10.0, 20.0, 50.0)
 LONGEST_S = 2.0

@@ -13,7 +13,7 @@ from typing import Any
 
 from benchmarks import alone, flown, parser, print_load
 from gcs_formation.app.operator_at_terminal import ClockName
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 COUNTS = (4, 16, 64, 128, 254, 500)
 FULL_NETWORK = 254

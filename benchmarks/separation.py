@@ -8,7 +8,7 @@ from time import process_time
 import numpy as np
 
 from gcs_formation.features.separation.conflict_resolution import resolve
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 from tests.gcs_formation.features.separation.encounters import Vehicles, picture, wanted
 
 COUNTS = (4, 100, 254)

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import gcs_formation
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 DIES_S, RETURNS_S = 12.0, 20.0
 WAYS: dict[str, dict[str, Any]] = {"both ways": {}, "up": {"uplink": {}}, "down": {"downlink": {}}}

@@ -20,7 +20,7 @@ from benchmarks import parser, print_load, which_package
 from benchmarks.garbage import garbage
 from benchmarks.real_time import along_the_path
 from benchmarks.scale import scenario
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 COUNT = 4
 DURATION_S = 40.0

@@ -22,7 +22,7 @@ from airlink.messages.telemetry import GlobalPositionInt
 from formation_scenario import load_scenario
 from gcs_formation.phases import Phase
 from gcs_formation.station import Station
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 

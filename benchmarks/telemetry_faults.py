@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.in_order import in_order
 from gcs_formation import run
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 from gcs_formation.studies.random_scenarios import telemetry_fault
 
 CLIMBING: Final = "height frozen, climbing"

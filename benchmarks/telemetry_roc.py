@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from gcs_formation.features.telemetry_health.consistency import Consistency
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 STEP_S: Final = 0.1
 SPEED_MPS: Final = 22.0

@@ -15,7 +15,7 @@ import gcs_formation
 from airlink.frame import StreamParser
 from airlink.messages import KINDS
 from gcs_formation.record.tlog import read_tlog
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 QUICKSTART = Path(__file__).parents[1] / "configs" / "quickstart.yaml"
 MICRO = 1e-6

@@ -29,7 +29,7 @@ from airlink.cli import COMPILED
 from benchmarks import parser
 from benchmarks.tuned_flights import FLIGHTS
 from gcs_formation import Summary
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 OURS = ("airlink", "flight_model", "formation_scenario", "sim_vehicles", "gcs_formation")
 ROUTINE = {"recording", "phase", "mode", "link", "ready", "fault", "formation"}

@@ -18,7 +18,7 @@ from statistics import median
 from benchmarks import parser, which_package
 from benchmarks.headlines import Case, Found, fly, pages
 from benchmarks.headlines.cases import CASES
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 
 HEADS = ("figure", "flights", "median", "worst", "stated", "may be off by", "held")
 

@@ -25,7 +25,7 @@ from formation_scenario.source import Plain
 from gcs_formation.errors import RecordingError
 from gcs_formation.studies import Study, Wanted
 from gcs_formation.studies.cluster import Workers
-from gcs_formation.studies.dataset import FLIGHTS, RESULT, TABLE_TEXT, Dataset, sample_table
+from gcs_formation.studies.dataset import FLIGHTS, RESULT, TABLE_TEXT, Dataset
 from gcs_formation.studies.flight import VERSION, Task
 from gcs_formation.studies.intervals import Chance, by_cluster, clusters_of, share_interval
 from gcs_formation.studies.plan import (
@@ -38,6 +38,7 @@ from gcs_formation.studies.plan import (
     replayed,
 )
 from gcs_formation.studies.records import require_url
+from gcs_formation.studies.sample_table import sample_table
 
 Base: TypeAlias = Mapping[Any, Plain]
 """A scenario's keys."""

@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from flight_model.arrays import Array, Mask
 from gcs_formation.report.style import BAND, FOLLOWERS, LIMIT, THIN, axes_grid, legend_below, new_figure, panels
-from gcs_formation.studies.dataset import NO_CLUSTERS, Flights
+from gcs_formation.studies.ended_flights import NO_CLUSTERS, Flights
 from gcs_formation.studies.flight import LOWER_IS_WORSE
 from gcs_formation.studies.intervals import by_cluster, share_interval
 

@@ -10,13 +10,10 @@ import errno
 import hashlib
 import json
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from statistics import median
-from types import MappingProxyType
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
@@ -24,16 +21,14 @@ from pydantic import ValidationError
 
 from airlink.cli.output_directory import refusal
 from airlink.host_system import lock
-from flight_model.arrays import Array, Mask
 from formation_scenario.bounded_read import require_file
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
 from gcs_formation.record.json_shape import ANYTHING, INTEGER, NUMBER, NUMBER_OR_NULL, OBJECT, TEXT, Shape, misfit
 from gcs_formation.record.run_directory import FIGURES, REPORT
-from gcs_formation.studies import LISTED, Bisection, Study, Wanted
-from gcs_formation.studies.flight import VERSION, worst
-from gcs_formation.studies.intervals import Chance, Unit, clusters_of
-from gcs_formation.studies.plan import Crossing, Planned, Row, concerns
+from gcs_formation.studies import Study
+from gcs_formation.studies.flight import VERSION
+from gcs_formation.studies.plan import is_number
 
 STUDY, JOURNAL, TABLE = "study.yaml", "flights.jsonl", "flights.parquet"
 RESULT, TABLE_TEXT = "study.json", "table.md"
@@ -41,7 +36,6 @@ CONTENTS = "contents"
 """Key of study.yaml: the hash of each file and extension that the flights used."""
 FLIGHTS, AGAIN = "flights", "again"
 """Directories of records of flights, and of flights flown again."""
-NONE = "–"
 ROW: Mapping[str, Shape] = {
     **dict.fromkeys(("flight", "seed", "exit"), INTEGER),
     **dict.fromkeys(("wall_s", "cpu_s"), NUMBER_OR_NULL),
@@ -246,7 +240,7 @@ def _column(name: str, rows: Sequence[Mapping[str, Any]]) -> Any:  # noqa: ANN40
     values = [row.get(name) for row in rows]
     if all(value is None or isinstance(value, bool) for value in values):
         return pa.array(values, pa.bool_())
-    if all(value is None or _is_number(value) for value in values):
+    if all(value is None or is_number(value) for value in values):
         return pa.array(values, pa.float64())
     return pa.array([value if isinstance(value, str) else _inline(value) for value in values], pa.string())
 
@@ -257,140 +251,3 @@ def _inline(value: object) -> str:
 
 def _text(plan: object) -> str:
     return yaml.dump(json.loads(json.dumps(plan)), Dumper=Dumper, sort_keys=False, allow_unicode=True)
-
-
-NO_CLUSTERS = np.zeros(0)
-
-
-class Flights(NamedTuple):
-    """A study's flights that came to an end, as columns."""
-
-    study: Study
-    parameters: Mapping[str, Array]
-    """(N,) values of parameters that vary; for one that isn't a number, indices into its `levels`."""
-    metrics: Mapping[str, Array]
-    """(N,), NaN where a flight has no value."""
-    levels: Mapping[str, Sequence[str]] = MappingProxyType({})
-    """Values of parameters that aren't numbers, in words."""
-    concerned: Mapping[int, Mask] = MappingProxyType({})
-    """(N,) which flights an expectation with `where` applies to, by the expectation's index in the study; one without
-    applies to all, and isn't here."""
-    clusters: Array = NO_CLUSTERS
-    """(N,) the number of the cluster that each flight is in; empty: each is a cluster of its own."""
-    chance: Chance = Chance(Unit.FLIGHT)
-    """What is random in the flights; if nothing is, shares of them are exact."""
-
-    def wanted(self, metric: str, inside: Mask | None = None) -> list[Wanted]:
-        """Return the study's expectations of a figure that apply to exactly these flights, by default to all."""
-
-        def applies(own: Mask | None) -> bool:
-            if inside is None:
-                return own is None or bool(own.all())
-            return own is not None and np.array_equal(own, inside)
-
-        numbered = enumerate(self.study.expect)
-        return [each for i, each in numbered if each.metric == metric and applies(self.concerned.get(i))]
-
-    def clusters_within(self, inside: Mask) -> Array:
-        """Return the clusters of some flights."""
-        return self.clusters[inside] if self.clusters.size else NO_CLUSTERS
-
-    def draws(self, name: str) -> bool:
-        """Return whether a parameter's values are drawn from a distribution."""
-        return not isinstance(self.study.parameters.get(name, []), LISTED)
-
-    def groups(self, name: str) -> dict[str, Mask]:
-        """Return which flights have each value of a parameter, by the value in words."""
-        values = self.parameters[name]
-        return {self.word(name, level): values == level for level in np.unique(values).tolist()}
-
-    def word(self, name: str, level: float) -> str:
-        """Return a parameter's value in words."""
-        return self.levels[name][int(level)] if name in self.levels else f"{level:g}"
-
-
-def flights_of(study: Study, rows: Iterable[Row]) -> Flights:
-    """Return the rows of the flights that came to an end."""
-    ended = [row for row in rows if row["exit"] <= 1]
-    parameters, levels = dict[str, Array](), dict[str, Sequence[str]]()
-    for name in study.columns:
-        values = [row.get(name) for row in ended]
-        if not all(_is_number(value) for value in values):
-            words = [str(value) for value in values]
-            levels[name] = list(dict.fromkeys(words))
-            values = [levels[name].index(word) for word in words]
-        column = np.array(values, dtype=np.float64)
-        if np.unique(column).size > 1:
-            parameters[name] = column
-    metrics = {name: np.array([row[name] for row in ended], dtype=np.float64) for name in study.measured}
-    known = {name: values for name, values in metrics.items() if np.isfinite(values).any()}
-    some = {place: each for place, each in enumerate(study.expect) if each.where}
-    concerned = {place: np.array([concerns(each, row) for row in ended]) for place, each in some.items()}
-    return Flights(study, parameters, known, levels, concerned, clusters_of(study, ended), Chance.of(study, ended))
-
-
-def _is_number(value: Any) -> bool:  # noqa: ANN401 - whatever a study has
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def markdown(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Return a Markdown table; columns whose head has a comma hold numbers and are right-aligned."""
-    lines = [_line(head), _line(["---:" if "," in cell else "---" for cell in head])]
-    return "\n".join([*lines, *(_line([str(cell) for cell in row]) for row in rows)])
-
-
-def sample_table(study: Study, rows: Sequence[Row], crossings: Sequence[tuple[Planned, Crossing]]) -> str:
-    """Return the table of a study's rows.
-
-    With several seeds a figure is the median, and the worst in brackets. A search has one row, with the figures of the
-    two flights between which the bound is crossed.
-    """
-    if study.bisect is not None:
-        return markdown(*_searches(study, study.bisect, rows, crossings))
-    found = dict[int, list[Row]]()
-    for row in rows:
-        found.setdefault(int(row["flight"]) // study.seeds.count, []).append(row)
-    cells = [[*_parameters(study, each), *_figures(study, each)] for each in found.values()]
-    return markdown([*study.parameters, *(f"{name}," for name in study.measured)], cells).replace(", |", " |")
-
-
-def _searches(
-    study: Study, search: Bisection, rows: Sequence[Row], crossings: Sequence[tuple[Planned, Crossing]]
-) -> tuple[list[str], Iterator[list[str]]]:
-    name, each = search.parameter, search.max_flights
-    others = [metric for metric in study.measured if metric != search.metric]
-
-    def cells() -> Iterator[list[str]]:
-        for first, crossing in crossings:
-            flown = {row[name]: row for row in rows if row["flight"] // each == first.flight // each}
-            ends = [flown[value] for value in crossing if value is not None]
-            figures = [" to ".join(dict.fromkeys(_shown(end.get(metric)) for end in ends)) for metric in others]
-            yield [*_parameters(study, [first.parameters]), str(first.seed), *map(_shown, crossing), *figures]
-
-    return [*study.parameters, "seed", f"{name} kept up to", "broken from", *others], cells()
-
-
-def _parameters(study: Study, rows: Sequence[Row]) -> Iterator[str]:
-    """Yield a sample's parameters; the range of one that each flight has drawn by itself."""
-    for name in study.parameters:
-        values = [row[name] for row in rows]
-        same = all(value == values[0] for value in values)
-        yield _shown(values[0]) if same else f"{_shown(min(values))} to {_shown(max(values))}"
-
-
-def _figures(study: Study, rows: Sequence[Row]) -> Iterator[str]:
-    for metric in study.measured:
-        known = [row[metric] for row in rows if row[metric] is not None]
-        middle = _shown(median(known)) if known else NONE
-        lowest = _shown(worst(metric, [row[metric] for row in rows]))
-        yield middle if len(rows) == 1 else f"{middle} ({lowest})"
-
-
-def _shown(value: object) -> str:
-    if value is None:
-        return NONE
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
-
-
-def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"

@@ -22,7 +22,7 @@ from flight_model.arrays import Array
 from gcs_formation.report.style import BAND, GREY, INK, LIMIT, THIN, axes_grid, legend_below, new_figure, panels
 from gcs_formation.studies import LISTED, Bisection, LogUniform
 from gcs_formation.studies.curves import CELL_CM, EXPECTED, LEVELS_UP_TO, bounds, bounds_of, is_wide, panels_of, scale
-from gcs_formation.studies.dataset import Flights
+from gcs_formation.studies.ended_flights import Flights
 from gcs_formation.studies.plan import Row
 
 LISTED_UP_TO = 40

@@ -189,6 +189,11 @@ def concerns(wanted: Wanted, row: Row) -> bool:
     return all(row.get(name) == value for name, value in wanted.where.items())
 
 
+def is_number(cell: object) -> bool:
+    """Return whether a cell of a row is a number."""
+    return isinstance(cell, int | float) and not isinstance(cell, bool)
+
+
 def replayed(plan: Plan, rows: Iterable[Row]) -> list[Planned]:
     """Return the flights that are still to be flown, given the rows of those that have been."""
     done = {int(row["flight"]): row for row in rows}

@@ -38,7 +38,8 @@ from gcs_formation.report.page_parts import badge, brief, table
 from gcs_formation.report.style import print_style, save
 from gcs_formation.studies import Study
 from gcs_formation.studies.curves import by_level, distributions, exceedances, has_tail, split_by
-from gcs_formation.studies.dataset import RESULT, Flights, flights_of, read_rows, read_study
+from gcs_formation.studies.dataset import RESULT, read_rows, read_study
+from gcs_formation.studies.ended_flights import Flights, flights_of
 from gcs_formation.studies.figures import heat_maps, marginals, pairs, searched
 from gcs_formation.studies.flight import LOWER_IS_WORSE
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from flight_model.arrays import Array
-from gcs_formation.studies.dataset import markdown
+from gcs_formation.studies.markdown import markdown
 from tests.fuzz.siege import End, Siege, check, fly, worst_error_m
 
 DURATION_S = 60.0

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import betaincinv
 
 from gcs_formation.studies.campaign import judge
-from gcs_formation.studies.dataset import flights_of
+from gcs_formation.studies.ended_flights import flights_of
 from gcs_formation.studies.intervals import SIDE, Chance, by_cluster, clusters_of, share_interval
 from gcs_formation.studies.plan import Plan, samples
 from gcs_formation.studies.preparation import load_study

@@ -26,7 +26,7 @@ from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.studies import Study, study_schema
 from gcs_formation.studies.campaign import judge
 from gcs_formation.studies.cluster import Cluster
-from gcs_formation.studies.dataset import Dataset, read_journal, sample_table
+from gcs_formation.studies.dataset import Dataset, read_journal
 from gcs_formation.studies.flight import Task, alike, figure, fly
 from gcs_formation.studies.plan import (
     Plan,
@@ -38,6 +38,7 @@ from gcs_formation.studies.plan import (
     samples,
 )
 from gcs_formation.studies.preparation import load_study, prepare, refly_task
+from gcs_formation.studies.sample_table import sample_table
 from gcs_formation.studies.workers import Processes
 from tests.flights.conftest import scenario
 from tests.processes import wait_for

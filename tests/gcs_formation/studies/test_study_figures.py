@@ -10,7 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from gcs_formation.studies.curves import by_level, distributions, exceedances, split_by, up_to, worse_than
-from gcs_formation.studies.dataset import Dataset, Flights, flights_of
+from gcs_formation.studies.dataset import Dataset
+from gcs_formation.studies.ended_flights import Flights, flights_of
 from gcs_formation.studies.figures import (
     crossings_of,
     edges_of,
