@@ -9,7 +9,8 @@ import sys
 from collections.abc import Iterator
 from typing import Any
 
-from gcs_formation.testing.flight_plan import FlownFlight, Formation, Plan
+from gcs_formation.testing.flight_plan import Formation, Plan
+from gcs_formation.testing.flown_flight import FlownFlight
 
 HEAD = """# Flights as test cases
 

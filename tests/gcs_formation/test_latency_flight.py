@@ -14,7 +14,8 @@ from gcs_formation.app.check_links import split_errors
 from gcs_formation.budget.levels import LEVELS
 from gcs_formation.budget.traffic import flight_hz
 from gcs_formation.record.timeseries import flying
-from gcs_formation.testing.flight_plan import FlownFlight, Formation, Plan
+from gcs_formation.testing.flight_plan import Formation, Plan
+from gcs_formation.testing.flown_flight import FlownFlight
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from tests.processes import free_port
 

@@ -30,7 +30,7 @@ from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.unfinished import recorded_events
 from gcs_formation.report import load_run
-from gcs_formation.testing.flight_plan import FlownFlight
+from gcs_formation.testing.flown_flight import FlownFlight
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 from tests.flights.conftest import scenario

@@ -14,7 +14,7 @@ from gcs_formation.record.parquet import read_parquet, write_parquet
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.summary import Summary
 from gcs_formation.record.verdict import Verdict
-from gcs_formation.testing.flight_plan import FlownFlight, in_words
+from gcs_formation.testing.flown_flight import FlownFlight, in_words
 
 TIME_S = np.arange(-20, 301) / 10.0
 

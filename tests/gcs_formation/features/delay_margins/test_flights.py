@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gcs_formation.testing.flight_plan import FlownFlight, Formation
+from gcs_formation.testing.flight_plan import Formation
+from gcs_formation.testing.flown_flight import FlownFlight
 
 Fly = Callable[..., FlownFlight]
 PAPER = Path(__file__).parents[4] / "configs" / "paper.yaml"
