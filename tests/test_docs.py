@@ -50,9 +50,12 @@ def test_files_that_a_document_names_are_there(document):
 def test_scenarios_and_modules_in_commands_are_there(document):
     text = written(document)
     scenarios = re.findall(r"\bconfigs/[\w-]+\.yaml", text)
-    modules = [name.replace(".", "/") for name in re.findall(r"python -m (benchmarks\.\w+|tests\.\w+)", text)]
+    named = re.findall(r"python\s+-m\s+((?:benchmarks|tests)(?:\.\w+)+)", text)
+    modules = [ROOT / name.replace(".", "/") for name in named]
     missing = [name for name in scenarios if not (ROOT / name).exists()]
-    missing += [name for name in modules if not ((ROOT / f"{name}.py").exists() or (ROOT / name).is_dir())]
+    missing += [
+        str(path) for path in modules if not (path.with_suffix(".py").exists() or (path / "__main__.py").exists())
+    ]
     assert missing == []
 
 

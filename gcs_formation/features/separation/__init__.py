@@ -24,9 +24,10 @@ Optimising all trajectories together costs hundreds of milliseconds and has no a
 here the trajectories of the last tick are always among the candidates, so a safe set leads to a safe set.
 
 **Costs and limits.** 0.06 to 1 ms a tick with nothing in the way, 3 to 6 ms for each vehicle that manoeuvres (`python
--m benchmarks.separation`). The argument for safety is for two vehicles and states as predicted. Encounters that begin
-with too little time, pilots that turn in the last seconds and gusts beyond the model's come nearer: docs/separation.md
-has the figures, under "Limits". Detours aren't found: two sent to one position stay one above the other.
+-m benchmarks.features.separation`). The argument for safety is for two vehicles and states as predicted. Encounters
+that begin with too little time, pilots that turn in the last seconds and gusts beyond the model's come nearer:
+docs/separation.md has the figures, under "Limits". Detours aren't found: two sent to one position stay one above the
+other.
 
 **Shown by** `tests/gcs_formation/features/separation/`: `test_conflict_resolution.py` (encounters by model (7), random
 ones among them), `test_flights.py` (whole flights over MAVLink).

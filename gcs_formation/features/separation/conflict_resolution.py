@@ -42,10 +42,10 @@ too. The margin allows for prediction errors. Tuned: share; 0.8 to 1; shown by `
 tests/gcs_formation/features/separation`."""
 HEIGHTS_MAX = 8
 """Largest number of heights that are tried for one vehicle. Tuned: heights; 4 to 16; shown by `python -m
-benchmarks.separation`."""
+benchmarks.features.separation`."""
 SWEEPS = 2
 """How often all vehicles choose in turn: later ones may make room for earlier ones. Tuned: sweeps; 1 to 4; shown by
-`python -m benchmarks.separation`."""
+`python -m benchmarks.features.separation`."""
 
 
 @dataclass(frozen=True)

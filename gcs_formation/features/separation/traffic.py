@@ -42,7 +42,7 @@ Courses = list[tuple[tuple[float, float], tuple[float, float]]]
 """Speed and heading commanded first, and those commanded afterwards; NaN: those flown by then."""
 FEW = 32
 """Up to this many vehicles, testing every pair is faster than a search for near ones. Tuned: vehicles; 16 to 64; shown
-by `python -m benchmarks.separation`."""
+by `python -m benchmarks.features.separation`."""
 
 
 @dataclass(frozen=True)

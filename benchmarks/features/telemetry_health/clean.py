@@ -1,8 +1,8 @@
 """False alarms of the checks of telemetry: short flights without faults, each drawn by its seed.
 
-`python -m benchmarks.clean_telemetry --flights 1000 --record FILE` flies them and prints every event `health`. It
-may be interrupted: what is in the file isn't flown again. Wind, turbulence and gusts, time constants and limits ±30 %
-off the models, noise of telemetry, delay, jitter, loss, hills, multirotors.
+`python -m benchmarks.features.telemetry_health.clean --flights 1000 --record FILE` flies them and prints every
+event `health`. It may be interrupted: what is in the file isn't flown again. Wind, turbulence and gusts, time constants
+and limits ±30 % off the models, noise of telemetry, delay, jitter, loss, hills, multirotors.
 """
 
 from __future__ import annotations
@@ -82,13 +82,13 @@ def _vehicle(rng: np.random.Generator, number: int, family: str) -> dict[str, An
 
 
 def _waypoints(rng: np.random.Generator, leg_m: float) -> list[list[float]]:
-    places, course = [[0.0, 0.0, 100.0]], 0.0
+    points, course = [[0.0, 0.0, 100.0]], 0.0
     for _ in range(4):
-        north, east, height = places[-1]
+        north, east, height = points[-1]
         course += float(rng.uniform(-0.6, 0.6))
         climb_m = float(rng.uniform(-0.03, 0.03)) * leg_m
-        places.append([north + leg_m * np.cos(course), east + leg_m * np.sin(course), height + climb_m])
-    return [[float(each) for each in place] for place in places]
+        points.append([north + leg_m * np.cos(course), east + leg_m * np.sin(course), height + climb_m])
+    return [[float(each) for each in point] for point in points]
 
 
 def _link(rng: np.random.Generator) -> dict[str, Any]:

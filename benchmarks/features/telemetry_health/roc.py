@@ -1,8 +1,9 @@
 """Alarm threshold of the checks of positions against velocities: false alarms by it, and how soon faults are found.
 
-`python -m benchmarks.telemetry_roc --hours 3` prints, for bounds scaled by a factor, false alarms an hour of one
-aircraft's flight and the time in which drifts and jumps are found (median and slowest of 20). No flight: an aircraft's
-motion with turns and gusts, and a GNSS receiver's noise, white and correlated, that isn't declared.
+`python -m benchmarks.features.telemetry_health.roc --hours 3` prints, for bounds scaled by a factor, false
+alarms an hour of one aircraft's flight and the time in which drifts and jumps are found (median and slowest of 20). No
+flight: an aircraft's motion with turns and gusts, and a GNSS receiver's noise, white and correlated, that isn't
+declared.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class Aircraft:
         """Draw its noise."""
         self.rng = np.random.default_rng(seed)
         self.heading_rad, self.turn_rps = 0.0, 0.0
-        self.place, self.gust, self.wander = np.zeros(2), np.zeros(2), np.zeros(2)
+        self.position, self.gust, self.correlated_m = np.zeros(2), np.zeros(2), np.zeros(2)
         self.sigma_m, self.sigma_mps = self.rng.uniform(0.1, 1.5), self.rng.uniform(0.05, 0.3)
         self.before, self.number = self.velocity(), 0
 
@@ -54,11 +55,13 @@ class Aircraft:
             self.turn_rps = float(self.rng.uniform(-0.25, 0.25)) if self.turn_rps == 0.0 else 0.0
         self.heading_rad += self.turn_rps * STEP_S
         self.gust += -self.gust * STEP_S / 5.0 + 2.0 * math.sqrt(2.0 * STEP_S / 5.0) * self.rng.standard_normal(2)
-        self.wander += -self.wander * STEP_S / 30.0 + math.sqrt(2.0 * STEP_S / 30.0) * self.rng.standard_normal(2)
+        self.correlated_m += -self.correlated_m * STEP_S / 30.0 + math.sqrt(
+            2.0 * STEP_S / 30.0
+        ) * self.rng.standard_normal(2)
         now = self.velocity()
-        self.place += STEP_S / 2.0 * (now + self.before)
+        self.position += STEP_S / 2.0 * (now + self.before)
         self.before, self.number = now, self.number + 1
-        measured = self.place + self.wander + self.sigma_m * self.rng.standard_normal(2)
+        measured = self.position + self.correlated_m + self.sigma_m * self.rng.standard_normal(2)
         velocity = now + self.sigma_mps * self.rng.standard_normal(2)
         return 1 + round(self.number * STEP_S * 1e9), measured.tolist(), velocity.tolist(), (now - self.gust).tolist()
 
@@ -83,13 +86,13 @@ def found_s(scale: float, fault: Callable[[float], float]) -> list[float]:
         flown, checked, time_s = Aircraft(seed), Consistency(2, FASTEST_MPS, scale), 0.0
         found = math.inf
         for number in range(round((SETTLED_S + 30.0) / STEP_S)):
-            stamp, place, velocity, witness = flown.step()
+            stamp, position, velocity, witness = flown.step()
             time_s = number * STEP_S - SETTLED_S
             if time_s > 0.0:
-                place = [place[0], place[1] + fault(time_s)]
+                position = [position[0], position[1] + fault(time_s)]
             elif checked.wrong is not None:
                 checked.forget()
-            checked.take(stamp, place, velocity, witness, (0.01, 0.01))
+            checked.take(stamp, position, velocity, witness, (0.01, 0.01))
             if time_s > 0.0 and checked.wrong is not None:
                 found = time_s
                 break

@@ -1,9 +1,9 @@
 """False alarms of the checks of telemetry in recorded flights, for example of real autopilots.
 
-`python -m benchmarks.recorded_telemetry RUN...` takes directories of runs (`flight.tlog`, `run.yaml`) and passes what
-each vehicle reported more than 10 m above its home, armed, through the same checks as in flight. Nothing is commanded
-there, and stamps aren't compared with arrivals: simulators don't run at the pace of the log's clock. It runs
-uncompiled: the checks get a stand-in for the vehicle, without its links.
+`python -m benchmarks.features.telemetry_health.recorded RUN...` takes directories of runs (`flight.tlog`,
+`run.yaml`) and passes what each vehicle reported more than 10 m above its home, armed, through the same checks as in
+flight. Nothing is commanded there, and stamps aren't compared with arrivals: simulators don't run at the pace of the
+log's clock. It runs uncompiled: the checks get a stand-in for the vehicle, without its links.
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ class Reported:
         velocity_mps = motion.north_mps, motion.east_mps
         if self.seen.stands:
             speed_mps, heading_rad = ground_motion(heading_rad, *velocity_mps, leads=self.leads)
-        place_m = motion.north_m, motion.east_m, motion.height_m
-        sample = Sample(now, *place_m, *velocity_mps, motion.climb_mps, speed_mps, heading_rad)
+        position_m = motion.north_m, motion.east_m, motion.height_m
+        sample = Sample(now, *position_m, *velocity_mps, motion.climb_mps, speed_mps, heading_rad)
         commanded = Commanded(math.nan, UNKNOWN, stops=False)
         self.health.examine(sample, NOISE, commanded, now, leads=self.leads)
         for quantity, healthy, text in self.health.changes(now):

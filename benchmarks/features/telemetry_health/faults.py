@@ -1,9 +1,9 @@
 """Faults of telemetry: how soon each is found, and how near vehicles come to one another, by truth.
 
-`python -m benchmarks.telemetry_faults --seeds 20 --record faults.jsonl` prints the worst of that many flights for each
-fault, role, family and link. It may be interrupted: what is in the file isn't flown again, and `--seeds 0` prints the
-table of that. `--combined 30` flies two drawn faults at once, or one that comes and goes, instead. A height that is
-frozen is flown on a path that climbs: in level flight nothing shows it, and nothing harms.
+`python -m benchmarks.features.telemetry_health.faults --seeds 20 --record faults.jsonl` prints the worst of
+that many flights for each fault, role, family and link. It may be interrupted: what is in the file isn't flown again,
+and `--seeds 0` prints the table of that. `--combined 30` flies two drawn faults at once, or one that comes and goes,
+instead. A height that is frozen is flown on a path that climbs: in level flight nothing shows it, and nothing harms.
 """
 
 from __future__ import annotations
@@ -71,14 +71,14 @@ BEGINS_S: Final = (5.0, 17.0)
 LASTS_S: Final = 25.0
 TWO_SHARE: Final = 2.0 / 3.0
 EVENTS: Final = ("health", "member", "link", "streams", "airspeed", "sensor")
-"""Kinds of events by which a fault is said."""
+"""Kinds of events that report a fault."""
 
 
 class Flown(NamedTuple):
     """One flight."""
 
     found_s: float
-    """How long after the fault it was said, s; infinite if it never was."""
+    """How long after the fault it was reported, s; infinite if it never was."""
     separation_m: float
     clearance_m: float
 
@@ -129,10 +129,10 @@ def _flown(family: str, faults: list[dict[str, Any]], link: str, seed: int, *, c
     with tempfile.TemporaryDirectory() as directory:
         summary = run(scenario, clock="virtual", out=directory, overwrite=True).to_dict()
         events = [json.loads(line) for line in (Path(directory) / "events.jsonl").read_text().splitlines()]
-    begun_s = next((each["t_s"] for each in events if each["kind"] == "fault"), 0.0)
-    said_s = [each["t_s"] for each in events if each["kind"] in EVENTS and each["t_s"] >= begun_s]
+    fault_s = next((each["t_s"] for each in events if each["kind"] == "fault"), 0.0)
+    reported_s = [each["t_s"] for each in events if each["kind"] in EVENTS and each["t_s"] >= fault_s]
     safety = summary["safety"]
-    return Flown(min(said_s, default=np.inf) - begun_s, safety["min_separation_m"], safety["min_clearance_m"])
+    return Flown(min(reported_s, default=np.inf) - fault_s, safety["min_separation_m"], safety["min_clearance_m"])
 
 
 class Cell(NamedTuple):
@@ -184,7 +184,10 @@ def table(known: Record) -> Iterator[list[str]]:
 def _worst(flights: list[Flown]) -> str:
     if not flights:
         return ""
-    worst = [max(each.found_s for each in flights), *(min(each[place] for each in flights) for place in (1, 2))]
+    worst = [
+        max(each.found_s for each in flights),
+        *(min(lowest) for lowest in zip(*(each[1:] for each in flights), strict=True)),
+    ]
     return " / ".join(f"{each:.1f}" for each in worst) + f" ({len(flights)})"
 
 
