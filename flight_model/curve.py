@@ -67,7 +67,7 @@ class PathPoint:
             self.slope_rate_1pm,
         )
 
-    def aside_m(self, north_m: float, east_m: float, height_m: float) -> tuple[float, float]:
+    def lateral_and_up_m(self, north_m: float, east_m: float, height_m: float) -> tuple[float, float]:
         """Return the offsets to the right of the path and above it of a position abreast of this point, m."""
         north, east = north_m - self.north_m, east_m - self.east_m
         return east * math.cos(self.course_rad) - north * math.sin(self.course_rad), height_m - self.height_m

@@ -261,9 +261,9 @@ SystemId = Annotated[
     Allowed(f"a whole number from 1 to {MAX_SYSTEM_ID} (for more vehicles give some another `network`)"),
 ]
 NetworkId = Annotated[int, Field(strict=True, ge=1, le=MAX_NETWORK), WHOLE]
-MOST_ENTRIES: Final = 1000
+MAX_ENTRIES: Final = 1000
 """Longest list of things that happen in a flight."""
-AtMost: TypeAlias = Annotated[tuple[Entry, ...], Field(max_length=MOST_ENTRIES)]
+AtMost: TypeAlias = Annotated[tuple[Entry, ...], Field(max_length=MAX_ENTRIES)]
 """A list of groups of keys whose length is limited, so that a file is checked within seconds."""
 Vector: TypeAlias = Annotated[tuple[Number, Number, Number], Allowed("a list of 3 numbers")]
 Near = Annotated[Number, Field(ge=-MAX_NEAR_M, le=MAX_NEAR_M)]

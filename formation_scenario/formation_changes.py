@@ -43,9 +43,9 @@ ACCELERATION_SHARE = 0.5
 changes its speed too."""
 CLIMB_SHARE = 0.3
 """Share of the climb limit that a new leader uses on its way up or down to the path."""
-LEAST_S, MIN_MPS = 10.0, 1.0
+MIN_S, MIN_MPS = 10.0, 1.0
 WORTH_WAITING = 1.25
-"""A gathering waits for the leader's straight and level flight if it is this many times as fast there."""
+"""Joining up waits for the leader's straight and level flight if it is this many times as fast there."""
 NEAR_M = 20.0
 """A vehicle within this distance of its slot needs no planned transition, unless it would meet another vehicle."""
 LEVEL_OUT_STEPS = 50
@@ -81,7 +81,7 @@ def plan_change(
     return plan_transition(start.standing(~there, goal_m), goal_m, at_s, conditions)
 
 
-def plan_gathering(
+def plan_joining_up(
     scenario: Scenario,
     start: SlotMotion,
     goal_m: Array,
@@ -160,7 +160,7 @@ def take_over(
     slot_mps2 = ACCELERATION_SHARE * min(model.accel_max_mps2 for model in models)
     climb_mps = CLIMB_SHARE * min(model.climb_max_mps for model in models)
     over_s = max(
-        LEAST_S,
+        MIN_S,
         abs(right_m) / MEAN_SPEED_MPS,
         sqrt(PEAK_CHANGE * abs(right_m) / (speed * turn_rps)) + SLOPE_CHANGE * abs(right_slope) / turn_rps,
         cbrt(PEAK_JERK * abs(right_m) * reach_m / (speed * slot_mps2))

@@ -25,7 +25,7 @@ from formation_scenario.extensions import (
     Registry,
 )
 from formation_scenario.fields import (
-    MOST_ENTRIES,
+    MAX_ENTRIES,
     WHOLE,
     Allowed,
     AtMost,
@@ -63,8 +63,8 @@ from formation_scenario.wind import Wind
 Seed = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1), WHOLE, Allowed("a whole number from 0 to 2^63 - 1")]
 Fleet = Annotated[
     tuple[Vehicle, ...],
-    Field(min_length=1, max_length=MOST_ENTRIES),
-    Allowed(f"a list of 1 to {MOST_ENTRIES} vehicles, or {{count: N}}"),
+    Field(min_length=1, max_length=MAX_ENTRIES),
+    Allowed(f"a list of 1 to {MAX_ENTRIES} vehicles, or {{count: N}}"),
 ]
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from formation_scenario.fields import Problem, ScenarioError, refused
 from formation_scenario.source import (
-    MOST_DIGITS,
+    MAX_DIGITS,
     Key,
     KeyPath,
     Place,
@@ -84,7 +84,7 @@ def _apply(data: dict[Key, Plain], override: str) -> list[KeyPath]:
 
 
 def _key(text: str) -> Key:
-    return int(text) if text.isdecimal() and len(text) <= MOST_DIGITS else text
+    return int(text) if text.isdecimal() and len(text) <= MAX_DIGITS else text
 
 
 def _items(parent: Plain, path: KeyPath) -> list[Plain]:

@@ -293,7 +293,8 @@ def _followers(
     yield _Demand("speed", "m/s", speed, slowest, step, is_lower_bound=True)
     yield _Demand("turn", "rad/s of turn", turn, turn_max, step)
     yield _Demand("accel", "m/s² of acceleration", accel, accel_max, step)
-    # By (7) an acceleration takes a setpoint that leads the speed by the lag, and setpoints are limited as speeds are.
+    # By (7) an acceleration takes a setpoint that leads the speed by the time constant, and setpoints are limited as
+    # speeds are.
     taus_s = np.array([0.0 if each is None else each.tau_v_s for each in models])
     commanded = speed + taus_s * (accel if scenario.hovers else needs.accel_mps2)
     yield _Demand(SETPOINT, "m/s of speed setpoint", commanded, fastest, step)

@@ -18,7 +18,7 @@ from flight_model.stops.corners import Corners
 from flight_model.stops.pacing import Rates
 from flight_model.stops.path import PathWithStops, StopPlan
 from flight_model.stops.timetable import Passage, Timetable
-from flight_model.stops.turning import LEAST_S, turn_s
+from flight_model.stops.turning import MIN_S, turn_s
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.slot_assignment import Members, slot_schedule
 from formation_scenario.turn_limits import climb_limits, turn_limits
@@ -113,7 +113,7 @@ def _turn_s(members: Members, by_rad: float) -> float:
         reach_m = max(float(np.hypot(*step.places_m[:, :2].T).max()) for step in slot_schedule(members))
     models = [each.model for each in members.vehicles]
     speed_mps, accel_mps2 = min(each.speed_max_mps for each in models), min(each.accel_max_mps2 for each in models)
-    return turn_s(by_rad, reach_m, speed_mps, accel_mps2) + LEAST_S
+    return turn_s(by_rad, reach_m, speed_mps, accel_mps2) + MIN_S
 
 
 def _legs_mps(members: Members, path: PathPlan) -> tuple[float, ...]:

@@ -33,12 +33,12 @@ _FLOAT = re.compile(
     r"^[-+]?(?:(?:[0-9][0-9_]*\.[0-9_]*|\.[0-9][0-9_]*)(?:[eE][-+]?[0-9]+)?|[0-9]+[eE][-+]?[0-9]+"
     r"|\.(?:inf|Inf|INF))$|^\.(?:nan|NaN|NAN)$"
 )
-MOST_DIGITS = 100
+MAX_DIGITS = 100
 """Limit of a whole number's length. Python refuses to parse or print 5000 digits, and 400 exceed a float."""
 
 MAX_VALUES = 500_000
 """Limit of all values: a few nested aliases could expand to more than any memory holds."""
-ALLOWED_VALUES = f"text, true, false, null, or a number; a whole one of up to {MOST_DIGITS} digits"
+ALLOWED_VALUES = f"text, true, false, null, or a number; a whole one of up to {MAX_DIGITS} digits"
 
 
 Finding: TypeAlias = tuple[KeyPath, str, str]
@@ -199,8 +199,8 @@ def show(value: Plain, width: int = 60) -> str:
 def _plain(value: object, path: KeyPath) -> Plain:
     if isinstance(value, np.ndarray | np.generic):
         value = cast("object", value.tolist())
-    if isinstance(value, int) and abs(value) >= 10**MOST_DIGITS:
-        raise refused(dotted(path), f"found a number of more than {MOST_DIGITS} digits", ALLOWED_VALUES)
+    if isinstance(value, int) and abs(value) >= 10**MAX_DIGITS:
+        raise refused(dotted(path), f"found a number of more than {MAX_DIGITS} digits", ALLOWED_VALUES)
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, Mapping):
@@ -320,13 +320,13 @@ def _key(node: yaml.Node) -> Key:
     if not isinstance(node, yaml.ScalarNode):
         raise yaml.MarkedYAMLError(problem="found a list or mapping as a key", problem_mark=node.start_mark)
     text = cast("str", node.value)
-    whole = node.tag == _INT_TAG and _INT.match(text) and len(text) <= MOST_DIGITS
+    whole = node.tag == _INT_TAG and _INT.match(text) and len(text) <= MAX_DIGITS
     return int(text.replace("_", ""), 0) if whole else text
 
 
 def _constructed(loader: AnyLoader, node: yaml.ScalarNode) -> object:
     """Return a scalar's value; the node itself if it has none, because its tag doesn't fit the text."""
-    if node.tag == _INT_TAG and len(cast("str", node.value)) > MOST_DIGITS:
+    if node.tag == _INT_TAG and len(cast("str", node.value)) > MAX_DIGITS:
         return node
     try:
         return cast("object", loader.construct_object(node))

@@ -23,7 +23,7 @@ from formation_scenario.vehicles import VehicleModel
 
 MEAN_SPEED_MPS = 2.0
 """Mean speed of the slot that moves farthest, unless that takes longer than `USUAL_S`."""
-LEAST_S, USUAL_S, MAX_S = 8.0, 30.0, 240.0
+MIN_S, USUAL_S, MAX_S = 8.0, 30.0, 240.0
 STRETCH = 1.12
 """Factor by which the duration grows from one attempt to the next."""
 SAMPLES = 101
@@ -98,7 +98,7 @@ def plan_transition(start: SlotMotion, goal_m: Array, at_s: float, conditions: C
         NotFlyableError: there is none of at most `MAX_S`.
     """
     farthest_m = float(np.linalg.norm(goal_m - start.position_m, axis=1)[conditions.present].max(initial=0.0))
-    duration_s = min(max(farthest_m / MEAN_SPEED_MPS, LEAST_S), USUAL_S)
+    duration_s = min(max(farthest_m / MEAN_SPEED_MPS, MIN_S), USUAL_S)
     apart_m = _apart_m(start.position_m, goal_m, conditions)
     while True:
         level = Transition(at_s, duration_s, start, goal_m, np.zeros(len(goal_m)), 0.0)

@@ -185,7 +185,7 @@ class VehicleModel(Keys):
         return AutopilotModel(self.tau_v_s, self.tau_psi_s, self.tau_ha_s, self.tau_hb_s, *limits)
 
     def soon_mps(self, speed_mps: float) -> tuple[float, float]:
-        """Return the lowest and the highest airspeed that a vehicle at `speed_mps` can reach within its lag.
+        """Return the lowest and the highest airspeed that a vehicle at `speed_mps` can reach within its time constant.
 
         The share of a fixed wing's integrator isn't counted: it takes longer than bends and ways to slots.
         """

@@ -164,7 +164,7 @@ class Assembly:
         """Whether every follower has been in its slot for a while."""
         return self._in_slots_s >= ASSEMBLED_S
 
-    def begin_anew(self) -> None:
+    def begin_again(self) -> None:
         """Forget what was seen: there is no leader to follow."""
         self._in_slots_s = 0.0
 

@@ -20,7 +20,7 @@ SETTLE_S = 2.0
 """How long the leader is led to the point of a stop before it stands there."""
 NEWTON_STEPS = 30
 ALMOST_S = 1e-9
-LEAST_S = 1e-6
+MIN_S = 1e-6
 """Pieces shorter than this are none."""
 HOVER_MPS = 1e-3
 """Below this a speed has no derivative by the distance that means anything."""
@@ -120,7 +120,7 @@ class Timetable(SpeedProfile):
         self.stops, self._ends_s = [each.passage for each in self.pauses], [each.end_s for each in self.pauses]
         self.end_s, self.end_mps = self._at_s, speeds[-1]
         flown = [each for each in self.pieces if abs(each.to_mps - each.from_mps) > NO_CHANGE_MPS]
-        changes = [Change(each.begin_m, max(each.length_m, LEAST_S), each.from_mps, each.to_mps) for each in flown]
+        changes = [Change(each.begin_m, max(each.length_m, MIN_S), each.from_mps, each.to_mps) for each in flown]
         super().__init__(begin_mps, changes)
 
     def passed(self, seconds: float) -> int:
@@ -137,7 +137,7 @@ class Timetable(SpeedProfile):
         return Timetable(speed_mps, [speed_mps] * len(self.legs_mps), self.passages, self._length_m, self._rates)
 
     def _add(self, duration_s: float, from_mps: float, to_mps: float) -> None:
-        if duration_s > LEAST_S:
+        if duration_s > MIN_S:
             piece = Piece(self._at_s, self._at_m, duration_s, from_mps, to_mps)
             self._pieces.append(piece)
             self._at_s, self._at_m = self._at_s + duration_s, self._at_m + piece.length_m

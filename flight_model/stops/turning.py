@@ -11,7 +11,7 @@ SHARE: Final = 0.5
 """Share of the speed and acceleration limits that slots use in a turn in place; the rest is left to the law."""
 NOSE_RADPS: Final = 0.5
 """Fastest turn in place: vehicles yaw at 1 rad/s."""
-LEAST_S: Final = 2.0
+MIN_S: Final = 2.0
 """Shortest turn, and how long followers are given to end theirs."""
 
 
@@ -27,5 +27,5 @@ def turn_s(by_rad: float, reach_m: float, speed_mps: float, accel_mps2: float) -
     size_rad, reach_m = abs(by_rad), max(reach_m, 1.0)
     max_radps = min(NOSE_RADPS, SHARE * speed_mps / reach_m, math.sqrt(SHARE * accel_mps2 / reach_m))
     return max(
-        LEAST_S, PEAK_RATE * size_rad / max_radps, math.sqrt(PEAK_CHANGE * size_rad * reach_m / SHARE / accel_mps2)
+        MIN_S, PEAK_RATE * size_rad / max_radps, math.sqrt(PEAK_CHANGE * size_rad * reach_m / SHARE / accel_mps2)
     )

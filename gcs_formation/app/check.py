@@ -82,7 +82,7 @@ def check_report(scenario: Scenario, flown: Rehearsal | None = None) -> dict[str
         "path": check_path.path_figures(scenario),
         "assembly": {
             "least_run_in_s": None if flown is None else flown.least_run_in_s,
-            **check_links.lap(scenario)._asdict(),
+            **check_links.holding_pattern(scenario)._asdict(),
         },
         "budget": check_budget.budget_report(scenario),
         "features": list(feature_names()),
@@ -129,19 +129,21 @@ def check_text(scenario: Scenario, flown: Rehearsal | None = None) -> str:
     lines.extend(f"# {line}" for line in check_parameters.parameter_text(scenario))
     lines.extend(f"# {line}" for line in (*check_path.path_text(scenario), *common_limits(scenario)))
     lines.append(f"# features: {', '.join(feature_names()) or 'none'}")
-    told = [*warnings(scenario, law_margins(scenario), time_constants_off), *_foretold(scenario, flown)]
-    lines.extend(f"# warning: {warning}" for warning in told)
+    warned = [*warnings(scenario, law_margins(scenario), time_constants_off), *_foretold(scenario, flown)]
+    lines.extend(f"# warning: {warning}" for warning in warned)
     return "\n".join(lines)
 
 
 def _lap_text(scenario: Scenario) -> str:
-    found = check_links.lap(scenario)
+    found = check_links.holding_pattern(scenario)
     return f"a lap, if the start is missed, takes {found.lap_s:.0f} s (turns of {found.lap_radius_m:.0f} m)"
 
 
 def _foretold(scenario: Scenario, flown: Rehearsal | None) -> Iterator[str]:
     """Yield what a user should know of what was flown ahead."""
-    return iter(()) if flown is None else rehearsal_warnings(scenario, flown, check_links.lap(scenario).lap_s)
+    return (
+        iter(()) if flown is None else rehearsal_warnings(scenario, flown, check_links.holding_pattern(scenario).lap_s)
+    )
 
 
 def _designed(scenario: Scenario) -> bool:
@@ -173,10 +175,11 @@ def mismatch_margins_s(scenario: Scenario) -> dict[str, float]:
 
 
 def tau_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]:
-    """Return how far each predicted loop tolerates lags that differ from its model's, at the longest configured delay.
+    """Return how far each predicted loop tolerates another vehicle than its model, at the longest configured delay.
 
-    First: the share by which every lag may be off. Second: the tolerated mismatch of the delay, s, with every lag up to
-    `TAUS_OFF` off. A loop that is unstable without delay tolerates neither. Both are empty without prediction.
+    First: the share by which every time constant may be off. Second: the tolerated mismatch of the delay, s, with every
+    time constant up to `TAUS_OFF` off. A loop that is unstable without delay tolerates neither. Both are empty without
+    prediction.
     """
     off, mismatch_s = dict[str, float](), dict[str, float]()
     delay_s = round(configured_loop_delay_s(scenario) / STEP_S) * STEP_S
@@ -195,7 +198,7 @@ def tau_margins(scenario: Scenario) -> tuple[dict[str, float], dict[str, float]]
 def warnings(scenario: Scenario, margins: LawMargins, time_constants_off: Mapping[str, float]) -> Iterator[str]:
     """Yield what a user should know before flying.
 
-    `time_constants_off`: the share by which every lag may be off its model's, by loop.
+    `time_constants_off`: the share by which every time constant may be off its model's, by loop.
     """
     yield from _unstable_loops(scenario, margins, time_constants_off)
     for channel, each in figures(scenario).items() if _designed(scenario) else ():
@@ -273,7 +276,7 @@ def _unstable_loops(scenario: Scenario, margins: LawMargins, time_constants_off:
 def steep_turns(scenario: Scenario) -> str | None:
     """Return a warning of a fixed wing's turn rate that takes too steep a bank, as degrees given as radians do.
 
-    In a coordinated turn the bank is atan(speed * turn rate / g). None if nobody's is too steep.
+    In a coordinated turn the bank is atan(speed * turn rate / g). None if none is too steep.
     """
     speed_mps = scenario.path.fastest_mps
     for vehicle in (each for each in scenario.vehicles if not each.model.hovers):

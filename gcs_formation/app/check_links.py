@@ -1,4 +1,4 @@
-"""What `check` says about links: asymmetric delays, too little telemetry, and the lap after a missed start.
+"""What `check` says about links: asymmetric delays, too little telemetry, and the holding pattern after a missed start.
 
 A round trip doesn't tell how it is split, so half of it is assumed each way. If a vehicle's uplink takes d longer than
 its downlink, its clock is mapped d/2 too early, and it is kept where it should have been d/2 ago. What leader and
@@ -136,26 +136,26 @@ def _split(scenario: Scenario, vehicle: Vehicle, at_s: float) -> str:
     return f"{1e3 * up_s:g} ms up and {1e3 * down_s:g} ms down"
 
 
-class Lap(NamedTuple):
-    """The lap that the leader flies if the formation isn't assembled in time."""
+class HoldingPattern(NamedTuple):
+    """The holding pattern that the leader flies if the formation isn't assembled in time."""
 
     lap_s: float
     lap_radius_m: float
 
 
-def lap(scenario: Scenario) -> Lap:
-    """Return the lap before a scenario's path."""
+def holding_pattern(scenario: Scenario) -> HoldingPattern:
+    """Return the holding pattern before a scenario's path."""
     leads, speed_mps = leader_guidance(scenario), scenario.path.begin_mps
     flown, start = _pattern(scenario, leads), leads.path.at(0.0)
     end = flown.at(flown.length_m)
     straight_m = math.hypot(start.north_m - end.north_m, start.east_m - end.east_m)
-    return Lap((flown.length_m + straight_m) / speed_mps, _lap_radius_m(scenario, leads))
+    return HoldingPattern((flown.length_m + straight_m) / speed_mps, _lap_radius_m(scenario, leads))
 
 
 def _pattern(scenario: Scenario, leads: LeaderGuidance) -> JoinRoute:
     """Return the leader's route from where it turns off before its path to the straight that leads to the path."""
     air = drift(scenario)
-    return leads.lap(leads.path.at(-DECISION_S * air.speed_mps), air.north_mps, air.east_mps)
+    return leads.holding_pattern(leads.path.at(-DECISION_S * air.speed_mps), air.north_mps, air.east_mps)
 
 
 def _lap_radius_m(scenario: Scenario, leads: LeaderGuidance) -> float:
@@ -163,7 +163,7 @@ def _lap_radius_m(scenario: Scenario, leads: LeaderGuidance) -> float:
 
 
 def cramped_pattern(scenario: Scenario) -> str | None:
-    """Return where the fence leaves too little room for a lap before the path; None if there is enough."""
+    """Return where the fence leaves too little room for a holding pattern before the path; None if there is enough."""
     leads = leader_guidance(scenario)
     if leads.fence is None:
         return None
@@ -191,11 +191,11 @@ def nothing_comes(scenario: Scenario) -> str | None:
 def no_time_for_a_pattern(scenario: Scenario) -> str | None:
     """Return that the start times out before the leader passes the path's start a second time; None if it doesn't.
 
-    The leader's first pass is over after its run-in, and a lap follows.
+    The leader's first pass is over after its run-in, and a holding pattern follows.
     """
     if scenario.hovers:
         return None
-    lap_s, run_in_s, found_s = lap(scenario).lap_s, scenario.start.run_in_s, scenario.start.timeout_s
+    lap_s, run_in_s, found_s = holding_pattern(scenario).lap_s, scenario.start.run_in_s, scenario.start.timeout_s
     if found_s >= run_in_s + lap_s or not scenario.followers:
         return None
     min_s = math.ceil(run_in_s + lap_s)
@@ -207,45 +207,45 @@ def no_time_for_a_pattern(scenario: Scenario) -> str | None:
 
 
 def too_old(scenario: Scenario) -> str | None:
-    """Return whose telemetry exceeds `law.max_age_s` before the next comes, even without loss; None if nobody's."""
-    most_s, between_s = scenario.law.max_age_s, 1.0 / scenario.telemetry.rate_hz
+    """Return whose telemetry exceeds `law.max_age_s` before the next comes, even without loss; None if none does."""
+    max_s, between_s = scenario.law.max_age_s, 1.0 / scenario.telemetry.rate_hz
     ages_s = [
         (ways_s(scenario, step)[1] + between_s, step.at_s, vehicle)
         for vehicle in scenario.vehicles
         for step in scenario.link_steps(vehicle)
     ]
-    old = [each for each in ages_s if each[0] > most_s]
+    old = [each for each in ages_s if each[0] > max_s]
     if not old:
         return None
     who = ", ".join(dict.fromkeys(str(vehicle.vehicle_id) for *_, vehicle in old))
     from_s, oldest_s = min(at_s for _, at_s, _ in old), max(age_s for age_s, *_ in old)
     never = any(at_s == 0.0 and scenario.leader in (None, vehicle) for _, at_s, vehicle in old)
     return (
-        f"law.max_age_s: found {most_s:g}; telemetry of vehicle {who} gets {oldest_s:.4g} s old (the delay down its "
+        f"law.max_age_s: found {max_s:g}; telemetry of vehicle {who} gets {oldest_s:.4g} s old (the delay down its "
         f"link, and 1/telemetry.rate_hz){since(from_s)}: beyond that it isn't flown in "
         f"the formation{', which may never set out' if never else ''}"
     )
 
 
 def too_old_after_a_loss(scenario: Scenario) -> str | None:
-    """Return whose telemetry exceeds `law.max_age_s` once a message is lost; None if nobody's.
+    """Return whose telemetry exceeds `law.max_age_s` once a message is lost; None if none does.
 
     Position, attitude and airspeed are sent at different times, so the next state is known up to half a period later.
     """
-    most_s, rate_hz = scenario.law.max_age_s, scenario.telemetry.rate_hz
+    max_s, rate_hz = scenario.law.max_age_s, scenario.telemetry.rate_hz
     lossy = [
         (vehicle, step.downlink.loss, ways_s(scenario, step)[1])
         for vehicle in scenario.vehicles
         for step in scenario.link_steps(vehicle)
-        if step.downlink.loss > 0.0 and ways_s(scenario, step)[1] + GAP / rate_hz > most_s
+        if step.downlink.loss > 0.0 and ways_s(scenario, step)[1] + GAP / rate_hz > max_s
     ]
     if not lossy or too_old(scenario) is not None:
         return None
     who, share = ", ".join(dict.fromkeys(str(each.vehicle_id) for each, *_ in lossy)), max(each[1] for each in lossy)
-    min_hz = math.ceil(10.0 * GAP / (most_s - max(way_s for *_, way_s in lossy))) / 10.0
+    min_hz = math.ceil(10.0 * GAP / (max_s - max(way_s for *_, way_s in lossy))) / 10.0
     return (
         f"telemetry.rate_hz: found {rate_hz:g}; once a message is lost, as up to {share:.1%} are, what is known of "
-        f"vehicle {who} gets older than law.max_age_s, {most_s:g}: it is commanded to loiter, among the others; "
+        f"vehicle {who} gets older than law.max_age_s, {max_s:g}: it is commanded to loiter, among the others; "
         f"{min_hz:g} Hz or more"
     )
 

@@ -17,12 +17,12 @@ def recorded_delays(scenario: Scenario) -> Iterator[str]:
                 if way.recording is not None:
                     constant_ms[way.recording] = max(way.delay_ms, constant_ms.get(way.recording, 0.0))
     for trace, delay_ms in constant_ms.items():
-        found, most_s = scenario.recorded_delays(trace), scenario.law.max_age_s
+        found, max_s = scenario.recorded_delays(trace), scenario.law.max_age_s
         delays_s = [(each + delay_ms) / 1e3 for each in found.arrived_ms]
-        share = sum(each > most_s for each in delays_s) / len(delays_s)
+        share = sum(each > max_s for each in delays_s) / len(delays_s)
         if share > 0.0:
             yield (
-                f"{trace.file}: {share:.1%} of its delays are longer than law.max_age_s, {most_s:g} s, up to "
+                f"{trace.file}: {share:.1%} of its delays are longer than law.max_age_s, {max_s:g} s, up to "
                 f"{max(delays_s):.3g} s: a vehicle whose telemetry is that old isn't flown in the formation"
             )
         if not found.timed:

@@ -77,14 +77,14 @@ class Conclusion:
             OSError: a file can't be written.
         """
         spool = self._recorder.path / SPOOL
-        rows, gathering = Spool(spool), FlightBuilder(self._scenario)
+        rows, building = Spool(spool), FlightBuilder(self._scenario)
         injected_s = self._ways.delays.series_s(rows.ticks)
         radios = [self._radio_reports(each.vehicle_id) for each in self._scenario.vehicles]
         events, ended_s = recorded_events(self._recorder.path)[0], self._times.ended / NANOSECONDS
         blocks = with_radio(tables(rows.blocks(), self._scenario, truth, injected_s), radios)
         links = [of_several_links(self._station.vehicles[each.vehicle_id]) for each in self._scenario.vehicles]
         vehicles = [str(each.vehicle_id) for each in self._scenario.vehicles]
-        passing = gathering.passing(derived(with_several_links(blocks, links), events, vehicles))
+        passing = building.passing(derived(with_several_links(blocks, links), events, vehicles))
         if self._options.record in {"full", "series"}:
             from gcs_formation.record.parquet import write_parquet  # noqa: PLC0415 - check's short flights write none
 
@@ -92,7 +92,7 @@ class Conclusion:
         else:
             for _ in passing:
                 pass
-        flight, phase_machine = gathering.flight(), self._station.phase_machine
+        flight, phase_machine = building.flight(), self._station.phase_machine
         if phase_machine.failure is None and flight.truth:
             phase_machine.failure = down_at_end(flight)
         summary = summarise(
@@ -104,7 +104,7 @@ class Conclusion:
                 ticks_s=self._station.times_s(),
                 delay_margin_s=if_finite(scenario_delay_margin(self._station.cycle.findings.tuned)),
                 worst_loop_delay_s=self._worst_loop_delay_s(),
-                margin_used=self._station.cycle.findings.most_used,
+                margin_used=self._station.cycle.findings.max_used,
                 received=self._station.received(),
                 frames_refused=self._station.refused(),
                 simulated_s=seconds_between(self._times.began, self._times.now),

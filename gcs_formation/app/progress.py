@@ -157,7 +157,7 @@ def _delay(station: Station) -> tuple[str, ...]:
     if not delays:
         return ("",)
     longest = f"delay {max(delays) * 1e3:.0f} ms"
-    used = station.cycle.findings.most_used
+    used = station.cycle.findings.max_used
     return (longest,) if math.isnan(used) else (f"{longest}, {used:.0%} of margin", longest)
 
 

@@ -43,7 +43,7 @@ from gcs_formation.record.timeseries import Spool
 from gcs_formation.record.unfinished import set_before
 from gcs_formation.recorder import Event
 
-MOST_DIGITS = 5
+MAX_DIGITS = 5
 LOOK_S = 1.0
 """Time between looks at the ground truth of silent vehicles, s."""
 PROGRESS_S = 0.25
@@ -52,7 +52,7 @@ REMINDER_S = 20.0
 """Wall time between lines that say what is waited for, in a log."""
 WATCHED_FLUSH_S = 0.09
 """Wall time between writes of the record while somebody may look on: at 10 Hz each tick is written at once."""
-HURRY = 10.0
+FAST_SPEEDUP = 10.0
 """A --speedup above this may be too high for the machine: 30 s of flight then pass in under 3 s of wall time."""
 
 
@@ -277,7 +277,7 @@ class Session:
         self.recorder.close()
         if self.recorder.failure is not None:
             raise RecordingError(self.recorder.failure)
-        failure = None if phase_machine.failure is None else phase_machine.failure + self._hurry()
+        failure = None if phase_machine.failure is None else phase_machine.failure + self._if_too_fast()
         begun = self._resumed is not None or bool(Spool(self.recorder.path / SPOOL).ticks)
         resumable = begun and not (self.emulated or phase_machine.flown)
         if failure is not None and resumable:  # by `fly --resume`, from what is recorded
@@ -287,7 +287,7 @@ class Session:
         except OSError as error:
             raise RecordingError(f"cannot write to {self.recorder.path}: {error.strerror or error}") from error
         if summary.figures["failure"] is not None:  # the flight's, or a metric's of an extension after it
-            raise RunAbortedError(summary.figures["failure"] + self._hurry())
+            raise RunAbortedError(summary.figures["failure"] + self._if_too_fast())
         return summary
 
     def _conclusion(self) -> Conclusion:
@@ -309,17 +309,19 @@ class Session:
             if self._sinks.failure is not None:
                 self.station.phase_machine.failure = self.station.phase_machine.failure or self._sinks.failure
 
-    def _hurry(self) -> str:
+    def _if_too_fast(self) -> str:
         """Return the note that a high --speedup may have caused a failure; "" at a lower speedup."""
         speedup = self.options.speedup
-        return f" (with --speedup {speedup:g}, which this machine may be too slow for)" if speedup > HURRY else ""
+        return (
+            f" (with --speedup {speedup:g}, which this machine may be too slow for)" if speedup > FAST_SPEEDUP else ""
+        )
 
     def _answer(self, text: str) -> Answer:
         """Return the answer to a line of `tell` or of the page: on the flight, or what came of an order."""
         asked, *width = text.split()[:2] or [""]
         now = self.clock.now()
         if asked == STATUS:
-            given = (int(each) for each in width if each.isdecimal() and len(each) < MOST_DIGITS)
+            given = (int(each) for each in width if each.isdecimal() and len(each) < MAX_DIGITS)
             return Answer(True, status_page(self.station, now, *given))
         if asked == CHECK:
             return self.station.orders.consider(text.partition(CHECK)[2].strip(), now)

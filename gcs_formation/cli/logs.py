@@ -55,7 +55,7 @@ def logs(run_dir: Path, vehicles: tuple[str, ...], number: int | None, plugins: 
 def fetched(
     run_dir: Path, scenario: Scenario, number: int | None = None, vehicles: Sequence[str] = ()
 ) -> tuple[list[dict[str, Any]], bool]:
-    """Return what is told of each vehicle's log once it is fetched, and whether that was interrupted."""
+    """Return what is reported of each vehicle's log once it is fetched, and whether that was interrupted."""
     interrupts = _Interrupts()
     say(f"fetching logs into {run_dir / FOLDER}; an interrupt (Ctrl-C) ends that, and it can go on later", Status.FINE)
     try:

@@ -264,7 +264,7 @@ class TrailingSlot:
     def crab(self, drift_mps: float, gust_mps2: float, speed_mps: float, dt_s: float) -> Vector3:
         """Return the angle by which a follower crabs to the right, and its first two derivatives.
 
-        `drift_mps` is the drift to the right, relative to the leader. The angle follows it with a lag of
+        `drift_mps` is the drift to the right, relative to the leader. The angle follows it with a time constant of
         1/`CRAB_RADPS`, so the swing of the slot is known and speed can be led by it.
         """
         due_rad, due_rps = -drift_mps / speed_mps, -gust_mps2 / speed_mps

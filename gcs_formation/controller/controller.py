@@ -63,7 +63,7 @@ class FormationController:
         self._indices = list(range(1 + len(scenario.followers)))
         self.count = len(self._indices)
         self.models = from_scenario.autopilot_models(scenario)
-        """The autopilot model of every vehicle; its lags are updated by the lag estimator."""
+        """The autopilot model of every vehicle; its time constants are updated by their estimator."""
         self._law = law_kind(scenario).make(scenario, self.models)
         self._leads_as_centroid = scenario.leader is None and law_kind(scenario).mutual
         self.history = SetpointHistory(scenario.law.rate_hz)
@@ -162,7 +162,7 @@ class FormationController:
         tick.virtual_leader = None if self._virtual is None else self._virtual.flown_on(tick.now)
         if not tick.active[tick.leader]:
             tick.active = [False] * self.count
-            self.assembly.begin_anew()
+            self.assembly.begin_again()
             return False
         return True
 

@@ -133,8 +133,8 @@ class LeaderSteering:
         require_route(path, turn_rps, tick.leader)
         self._commands.add(at, LeaderCommand(commanded[0], commanded[1], commanded[2], turn_rps))
         self._plan.turn(tick.now / NANOSECONDS, turn_rps)
-        compensates, told = self._compensates, self._commands
-        commands = [told.at(states.instant(index) if compensates else at) for index in self._indices]
+        compensates, history = self._compensates, self._commands
+        commands = [history.at(states.instant(index) if compensates else at) for index in self._indices]
         return Lead(tick.leader, at, commands, path)
 
     def _go_on_from_replaced(self, state: FlightState, model: AutopilotModel) -> None:

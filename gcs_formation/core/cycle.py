@@ -44,7 +44,7 @@ WHENS: Final = 5
 class Findings:
     """What one stage says to others of a flight, as long as none says otherwise."""
 
-    most_used = math.nan
+    max_used = math.nan
     """Largest share of a delay margin that a loop used so far; NaN as long as no share is known."""
     longest_s = math.nan
     """Longest loop delay so far, s."""

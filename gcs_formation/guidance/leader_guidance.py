@@ -15,7 +15,7 @@ from flight_model.flight_state import FlightState, Setpoint
 from flight_model.legs.speeds import SpeedProfile
 from flight_model.path import FlightPath, Route
 from flight_model.path_lift_and_displacement import DisplacedPath
-from flight_model.stops.turning import LEAST_S
+from flight_model.stops.turning import MIN_S
 from gcs_formation.guidance.lateral import LateralGuidance, TurnBounds
 from gcs_formation.guidance.timed_progress import Due, TimedProgress
 from gcs_formation.guidance.tracking import (
@@ -45,7 +45,7 @@ FIRST_STRAIGHTS: Final[tuple[float, ...]] = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 """Multiples of it that are tried."""
 JOINED_S: Final = 80.0
 """How long a formation takes to join up: planned ways to slots begin up to 27 s after the last is ready, and take 53 s
-(four aircraft in a row, `tests/flights/test_gathering.py`). A shorter way than that would end in a lap."""
+(four aircraft in a row, `tests/flights/test_joining_up.py`). A shorter way than that would end in a holding pattern."""
 ON_EXTENSION_M: Final = 60.0
 ON_EXTENSION_RAD: Final = math.radians(30.0)
 ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
@@ -224,7 +224,7 @@ class LeaderGuidance:
         if speed_mps != self.speed_mps:
             self.fly_at(speed_mps)
         self.centroid_m, self._begun = centroid_m, centroid_m is not None
-        self.turn = None if heading_rad is None else TurnOnSpot(heading_rad, 0.0, at, LEAST_S)
+        self.turn = None if heading_rad is None else TurnOnSpot(heading_rad, 0.0, at, MIN_S)
 
     def fly_at(self, speed_mps: float) -> None:
         """Fly at another speed from now on; a leader that keeps hovering holds its heading."""
@@ -270,7 +270,7 @@ class LeaderGuidance:
     def _return(self, state: FlightState, abreast_m: float) -> None:
         """Choose a way back to the path from abreast of `abreast_m`, with turns that followers can fly."""
         point = self.path.at(abreast_m)
-        right_m, _ = point.aside_m(state.north_m, state.east_m, state.height_m)
+        right_m, _ = point.lateral_and_up_m(state.north_m, state.east_m, state.height_m)
         course = course_or_heading(state)
         off_rad = math.remainder(course - point.course_rad, math.tau)
         if abs(right_m) < ON_PATH_M and abs(off_rad) < ON_PATH_RAD:
@@ -299,7 +299,7 @@ class LeaderGuidance:
     def _join(self, state: FlightState) -> None:
         """Take the route to the start of the run-in."""
         begin = PathPoint(state.north_m, state.east_m, state.height_m, course_or_heading(state))
-        way = self.lap if self.rounds else self.first_way
+        way = self.holding_pattern if self.rounds else self.first_way
         self.route, self.distance_m = way(begin, state.wind_north_mps, state.wind_east_mps), 0.0
 
     def first_way(self, begin: PathPoint, wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
@@ -309,7 +309,7 @@ class LeaderGuidance:
         ways = sorted(self._ways(begin, straights_m, wind_north_mps, wind_east_mps), key=self._by_use)
         return self._fitting([way for way, _ in ways], wind_north_mps, wind_east_mps)
 
-    def lap(self, begin: PathPoint, wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
+    def holding_pattern(self, begin: PathPoint, wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
         """Return the way from a point to the straight before the path: the longest straight, then the shortest way."""
         ways = self._ways(begin, self._straights_m(), wind_north_mps, wind_east_mps)
         return self._fitting((way for way, _ in ways), wind_north_mps, wind_east_mps)

@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 from airlink.clock import Instant, after, seconds_between
 from flight_model.path import Route
 from flight_model.stops.timetable import SETTLE_S, Passage, Pause, Timetable
-from flight_model.stops.turning import LEAST_S
+from flight_model.stops.turning import MIN_S
 from gcs_formation.guidance.parts import BEFORE_M, Part
 from gcs_formation.guidance.turn_on_spot import TurnOnSpot
 
@@ -144,4 +144,4 @@ class TimedProgress:
         turning_s = since_s - SETTLE_S - stop.hold_s
         if stop.turn_s == 0.0 or turning_s < 0.0 or at is None:
             return None
-        return TurnOnSpot(stop.from_rad, stop.by_rad, after(at, -turning_s), stop.turn_s - LEAST_S)
+        return TurnOnSpot(stop.from_rad, stop.by_rad, after(at, -turning_s), stop.turn_s - MIN_S)

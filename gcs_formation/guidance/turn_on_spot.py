@@ -8,7 +8,7 @@ from typing import Final
 
 from airlink.clock import Instant, seconds_between
 from flight_model.path_lift_and_displacement import minimum_jerk
-from flight_model.stops.turning import LEAST_S, turn_s
+from flight_model.stops.turning import MIN_S, turn_s
 
 NOSE_LAG_S: Final = 0.44
 """Time by which a multirotor's yaw is behind its setpoint: as observed in ArduCopter's and PX4's simulators. Tuned: s;
@@ -40,7 +40,7 @@ class TurnOnSpot:
 
     def over(self, at: Instant) -> bool:
         """Whether the turn is complete, also for followers, which face the way their slots swing until then."""
-        return seconds_between(self.begun, at) >= self.duration_s + LEAST_S
+        return seconds_between(self.begun, at) >= self.duration_s + MIN_S
 
     def setpoint(self, at: int, lag_s: float) -> tuple[float, float]:
         """Return the heading setpoint at an instant (ns) by a heading time constant, and its rate, rad/s."""

@@ -84,7 +84,7 @@ def time_constants_of(airframe: EnergyAirframe, model: VehicleModel, speed_mps: 
     """Return the model with the airframe and its time constants for slow changes, by which the law goes.
 
     An airframe answers steps more slowly, because its energy rates are limited, and quick changes with a larger
-    amplitude: neither is a lag of equation (7).
+    amplitude: neither is a time constant of equation (7).
     """
     speed_s, heading_s, height_s = slow_taus_s(airframe.parameters(), speed_mps)
     time_constants = dict(zip(TAUS, (speed_s, heading_s, height_s / 2, height_s / 2), strict=True))

@@ -229,9 +229,9 @@ def _unknown(estimates: Mapping[str, Estimate], covariance: Array) -> dict[str, 
 def _gentle(recording: Recording) -> Recording:
     """Return a multirotor's recording without the airspeeds and courses that follow a quick change of its setpoints.
 
-    Quick changes are limited in jerk, which isn't a lag: an ArduCopter takes half as long again for a step of 2 m/s as
-    for one of 0.3 m/s. A formation changes its setpoints gently, and the law leads them by the lag of gentle changes.
-    If too little is left, the whole recording counts.
+    Quick changes are limited in jerk, which isn't a time constant: an ArduCopter takes half as long again for a step of
+    2 m/s as for one of 0.3 m/s. A formation changes its setpoints gently, and the law leads them by the time constant
+    of gentle changes. If too little is left, the whole recording counts.
     """
     speed, course, _ = recording.commanded
     quick: Indices = np.flatnonzero(np.abs(np.diff(speed * np.exp(1j * course))) > QUICK_MPS) + 1
@@ -293,8 +293,8 @@ def _with_rest(recording: Recording, limits: VehicleModel, values: Array) -> Rec
 def _aimed(recording: Recording, model: VehicleModel, prompt_share: float, rest_s: float) -> Recording:
     """Return a recording with the setpoints that the vehicle aims at while its integrator catches up.
 
-    With a commanded velocity w it aims at prompt_share w + (1 - prompt_share) m, and m follows w with the lag rest_s.
-    For a fixed wing this is its airspeed only.
+    With a commanded velocity w it aims at prompt_share w + (1 - prompt_share) m, and m follows w with the time constant
+    rest_s. For a fixed wing this is its airspeed only.
     """
     share = min(max(float(prompt_share), MIN_SHARE), 1.0)
     speed, heading, height = recording.commanded

@@ -52,7 +52,7 @@ MIN_KNOWN = 1e-8
 MIN_SPEED_MPS = 1.0
 """Below this speed no lateral acceleration turns a vehicle."""
 
-LEAST_SQUARE = 1e-4
+MIN_SQUARE = 1e-4
 """Least mean square of errors in the information of white ones, in units of `RESOLUTION`: simulations have none."""
 
 Flown = Callable[[Array], tuple[Sequence[Array], AutopilotModels]]
@@ -187,7 +187,7 @@ class Search:
         """Return the information (P, P) of errors that are as large as found, and white."""
         counted = sum(self._counted(place).sum(axis=1) for place in range(len(points)))
         squares = sum((each.error.reshape(CHANNELS, -1) ** 2).sum(axis=1) for each in points)
-        weights = 1.0 / np.maximum(squares / np.maximum(counted, 1), LEAST_SQUARE)
+        weights = 1.0 / np.maximum(squares / np.maximum(counted, 1), MIN_SQUARE)
         each_channel = (each.slopes.reshape(len(self.logs), CHANNELS, -1) for each in points)
         return np.asarray(sum(np.einsum("pcm,qcm,c->pq", each, each, weights) for each in each_channel))
 

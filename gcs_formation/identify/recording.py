@@ -31,7 +31,7 @@ SETTLING_S = 15.0
 """Take-off transients within this time aren't used."""
 MOVES_MPS = 1.0
 """Below this speed a course isn't used."""
-LEAST_S = 30.0
+MIN_S = 30.0
 """Shorter stretches under setpoints aren't used."""
 MIN_MOVED = {"speed": (0.5, "m/s"), "heading": (0.05, "rad"), "height": (2.0, "m")}
 """Least change of each setpoint from which its channel can be identified."""
@@ -58,7 +58,7 @@ class Recording:
     commanded: Array
     """(3, K) setpoints of speed, heading and height as received: the mean over the step that begins there."""
     delay_s: float = 0.0
-    """Round-trip delay of the link, which isn't the vehicle's lag."""
+    """Round-trip delay of the link, which isn't part of the vehicle's time constants."""
     names: tuple[str, ...] = SEEN
     """Names of the quantities in `seen`."""
     lateral_mps2: Array = field(default_factory=lambda: np.array([FREELY_MPS2]))
@@ -112,7 +112,7 @@ def recordings(log: Path, delays_s: Mapping[int, float] | None = None) -> list[R
         delays_s: round-trip delay of each system's link.
 
     Raises:
-        RecordError: the log can't be read, or no vehicle flew under setpoints for `LEAST_S`.
+        RecordError: the log can't be read, or no vehicle flew under setpoints for `MIN_S`.
     """
     suffix = log.suffix.lower()
     try:
@@ -173,7 +173,7 @@ def _gridded(track: Track, delay_s: float, channels: Sequence[str]) -> Recording
     if names == HOVERING_SEEN and {"speed", "heading"} & set(channels):
         fresh &= np.minimum(commanded[0], seen[0]) > MOVES_MPS
     stretch = _longest(fresh)
-    if (stretch.stop - stretch.start) * STEP_S < LEAST_S:
+    if (stretch.stop - stretch.start) * STEP_S < MIN_S:
         return None
     commanded, seen, at_s = commanded[:, stretch], seen[:, stretch], at_s[stretch]
     commanded[1] += 2 * np.pi * np.round(np.median(seen[1] - commanded[1]) / (2 * np.pi))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from formation_scenario.bounded_read import require_file
-from gcs_formation.record.json_shape import INTEGER, NUMBER_OR_NULL, Each, misfit
+from gcs_formation.record.json_shape import INTEGER, NUMBER_OR_NULL, Each, mismatch
 from gcs_formation.record.lateness import SPOILT_SHARE
 from gcs_formation.record.run_directory import SUMMARY
 
@@ -20,7 +20,7 @@ def _summary(directory: Path, shape: Mapping[str, Any]) -> Mapping[str, Any] | N
         summary: Any = json.loads((directory / SUMMARY).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return summary if misfit(summary, shape, SUMMARY) is None else None
+    return summary if mismatch(summary, shape, SUMMARY) is None else None
 
 
 def unfit(directory: Path) -> str | None:

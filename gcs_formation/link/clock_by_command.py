@@ -32,7 +32,7 @@ class ClockByCommand:
 
     def __init__(self) -> None:
         """Start with none."""
-        self._sent = self._acknowledged = self._told = NEVER
+        self._sent = self._acknowledged = self._reported = NEVER
         self._vehicle_ns = 0
         self._turn = 0
 
@@ -44,7 +44,7 @@ class ClockByCommand:
         waits = self._sent != NEVER and seconds_between(self._sent, now) < PATIENCE_S
         if waits or not self._turn:
             return False
-        self._sent, self._acknowledged, self._told = now, NEVER, NEVER
+        self._sent, self._acknowledged, self._reported = now, NEVER, NEVER
         return True
 
     def acknowledged(self, now: Instant) -> None:
@@ -55,14 +55,14 @@ class ClockByCommand:
     def tell(self, vehicle_ns: int, now: Instant) -> None:
         """Take a message with the vehicle's time since boot, ns."""
         if self._sent != NEVER:
-            self._told, self._vehicle_ns = now, vehicle_ns
+            self._reported, self._vehicle_ns = now, vehicle_ns
 
     def take_answer(self) -> tuple[Timesync, Instant] | None:
         """Remove and return the answer as one to TIMESYNC, and when it came; None while it isn't complete."""
-        if NEVER in (self._told, self._acknowledged):
+        if NEVER in (self._reported, self._acknowledged):
             return None
-        if abs(seconds_between(self._told, self._acknowledged)) > TOGETHER_S:
+        if abs(seconds_between(self._reported, self._acknowledged)) > TOGETHER_S:
             return None
-        answer, told = Timesync(self._vehicle_ns, self._sent), self._told
-        self._sent = self._told = self._acknowledged = NEVER
-        return answer, told
+        answer, reported = Timesync(self._vehicle_ns, self._sent), self._reported
+        self._sent = self._reported = self._acknowledged = NEVER
+        return answer, reported

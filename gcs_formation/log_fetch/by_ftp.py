@@ -20,7 +20,7 @@ from gcs_formation.log_fetch.transfer import PATIENCE_S, Stage
 TERMINATE, LIST, OPEN, READ, ACK, NAK = 1, 3, 4, 5, 128, 129
 END_OF_FILE: Final = 6
 HEADER: Final = struct.Struct("<HBBBBBBI")
-MOST: Final = 239
+MAX_DATA: Final = 239
 PAYLOAD: Final = 251
 AT_ONCE: Final = 4
 RETRY_S: Final = 0.5
@@ -77,11 +77,11 @@ class FtpTransfer:
         assert self.entry is not None, "there is one while reading"
         found = list[Message]()
         for place in range(AT_ONCE):
-            offset = self.received + place * MOST
+            offset = self.received + place * MAX_DATA
             late = seconds_between(self._asked.get(offset, Instant(0)), now) > RETRY_S
             if offset < self.entry.size and offset not in self._ahead and (offset not in self._asked or late):
                 self._asked[offset] = now
-                found.append(self._packet(READ, b"", offset, size=MOST))
+                found.append(self._packet(READ, b"", offset, size=MAX_DATA))
         return found
 
     def _packet(self, opcode: int, data: bytes = b"", offset: int = 0, size: int | None = None) -> Message:
@@ -96,7 +96,7 @@ class FtpTransfer:
             return
         payload = bytes(message.payload).ljust(PAYLOAD, b"\0")
         _, session, opcode, size, asked, _, _, offset = HEADER.unpack_from(payload)
-        data = payload[HEADER.size : HEADER.size + min(size, MOST)]
+        data = payload[HEADER.size : HEADER.size + min(size, MAX_DATA)]
         if opcode not in (ACK, NAK):
             return
         if asked == LIST and self.entry is None:

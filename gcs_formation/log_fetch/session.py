@@ -126,7 +126,7 @@ def _epoch_us(directory: Path) -> int | None:
 def _figures(
     files: LogFiles, suffixes: Mapping[str, str], name: str, each: Wanted, clock: RealClock, epoch_us: int | None
 ) -> dict[str, Any]:
-    """Return what is told of a vehicle's log."""
+    """Return what is reported of a vehicle's log."""
     transfer = each.transfer
     found: dict[str, Any] = {"vehicle": name}
     if transfer is None or transfer.entry is None or not transfer.over or transfer.failure:

@@ -80,7 +80,7 @@ class Leading:
             return None, 0.0, swing_rad
         slots = controller.plan.seen_from(leader, swing_rad, now / NANOSECONDS)
         distance_m, point = guidance.abreast(place.north_m, place.east_m)
-        right_m, up_m = point.aside_m(place.north_m, place.east_m, place.height_m)
+        right_m, up_m = point.lateral_and_up_m(place.north_m, place.east_m, place.height_m)
         abreast, commanded_m = Abreast(point, right_m, up_m), tick.setpoints[leader][2]
         above = abreast.rise(place, commanded_m, controller.models[leader], guidance.speed_mps)
         lateral = 0.0 if guidance.pauses else abreast.lateral_slope(place)  # at a stop it comes to rest first

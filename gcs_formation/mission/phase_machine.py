@@ -118,8 +118,8 @@ class FlightPhaseMachine:
         limit_s = self._scenario.start.timeout_s
         self._late = late = seconds_between(self.flight.since, now) > limit_s
         if late and tick is not None and not tick.active[tick.leader]:
-            age_s, most_s = tick.age_s[tick.leader], self._scenario.law.max_age_s
-            old = f": its telemetry is {age_s:.3g} s old; law.max_age_s is {most_s:g}" if age_s > most_s else ""
+            age_s, max_s = tick.age_s[tick.leader], self._scenario.law.max_age_s
+            old = f": its telemetry is {age_s:.3g} s old; law.max_age_s is {max_s:g}" if age_s > max_s else ""
             self.fail(f"the leader was not there to follow within {limit_s:g} s{old}", now)
         elif late:
             gained_m = self._way.too_little_m(self._controller.guidance, now)

@@ -15,7 +15,7 @@ from formation_scenario import Vehicle as PlannedVehicle
 from formation_scenario.expectation import GAP_S, LATE_PERIODS
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
-from formation_scenario.formation_changes import ahead, plan_change, plan_gathering
+from formation_scenario.formation_changes import ahead, plan_change, plan_joining_up
 from formation_scenario.orders import not_standing, why_not_set_out
 from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned, names_by_index
 from formation_scenario.slot_motion import SlotMotion, Transition
@@ -29,11 +29,11 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 TRY_AGAIN_S: Final = 1.0
 """Interval between attempts at a change that can't be flown from the formation's present position."""
-GATHERS_LATE_S: Final = 30.0
-"""Time without ways to the slots after which that is reported."""
-AMID: Final = 2.0
+JOINS_LATE_S: Final = 30.0
+"""Time without trajectories to the slots after which that is reported."""
+CENTRAL: Final = 2.0
 """Vehicles within this multiple of the farthest slot's distance from the leader count as within the formation."""
-GATHERED_M: Final = 300.0
+JOINED_M: Final = 300.0
 """Vehicles this near the leader count as having taken off with it; the law leads others to their slots."""
 
 
@@ -62,8 +62,8 @@ class Reconfiguration:
         """The last change of the arrangement, in words; "" once vehicles return to it after its end."""
         self._late_s = 0.0
         """By how much late ticks delayed the beginning of what was planned last, s."""
-        self._gathers_late_at: Instant | None = None
-        """When to report that vehicles still can't gather; None while they aren't about to."""
+        self._joins_late_at: Instant | None = None
+        """When to report that vehicles still can't join up; None while they aren't about to."""
         self._presence = Presence(self._by_index, controller.plan, len(self._names))
         self._leading = Leading(controller, self._by_index, scenario)
 
@@ -108,7 +108,7 @@ class Reconfiguration:
         self._late_s = late_s if missed and late_s <= GAP_S else 0.0
 
     def plan_with(self, vehicles: tuple[PlannedVehicle, ...]) -> None:
-        """Judge changes and orders from now on by the scenario's vehicles with the limits that they have told."""
+        """Judge changes and orders from now on by the scenario's vehicles with the limits that they have reported."""
         self._scenario = self._scenario.model_copy(update={"vehicles": vehicles})
 
     def resume(self, resumed: PastFlight) -> None:
@@ -141,7 +141,7 @@ class Reconfiguration:
             self._want((self._wanted or plan.arrangement).changed(plan.scheduled.popleft(), self._scenario), now)
         if self._wanted is None and self._presence.somebody_returned():
             if math.isnan(mission_time_s):
-                self._gather(now)
+                self._join_up(now)
                 return
             self._want(plan.arrangement, now)
         if self._wanted is None or now < self._next_try:
@@ -154,10 +154,10 @@ class Reconfiguration:
                 self._postponed, self._postponed_for = self._wanted, str(error)
                 self._log_event(now, "postponed", f"the change is tried again: {error}")
 
-    def _gather(self, now: Instant) -> None:
+    def _join_up(self, now: Instant) -> None:
         """Lead newly joined vehicles to their slots, clear of each other and of those that joined before.
 
-        Where no ways cross, the law does this alone. Until a transition is found, vehicles fly beside the leader.
+        Where no paths cross, the law does this alone. Until a transition is found, vehicles fly alongside the leader.
         """
         controller, plan = self._controller, self._controller.plan
         route, guidance = controller.guidance.route, controller.guidance
@@ -165,16 +165,16 @@ class Reconfiguration:
             return
         self._next_try = after(now, TRY_AGAIN_S)
         present, places_m = self._presence.present(), controller.places_m(now) - plan.offset_m
-        returned, near = self._presence.returned(), np.hypot(places_m[:, 0], places_m[:, 1]) <= GATHERED_M
+        returned, near = self._presence.returned(), np.hypot(places_m[:, 0], places_m[:, 1]) <= JOINED_M
         plan.fly_alongside(returned & near & ~plan.alongside, places_m)
         start = plan.at(now / NANOSECONDS, begun=True).standing(returned & ~near, plan.goal_m)
         course = ahead(route, guidance.speed_mps, guidance.distance_m)
         try:
-            way = plan_gathering(self._flown, start, plan.goal_m, plan.leader, now / NANOSECONDS, course, present)
+            way = plan_joining_up(self._flown, start, plan.goal_m, plan.leader, now / NANOSECONDS, course, present)
         except NotFlyableError as error:
-            self._gathers_late(str(error), now)
+            self._joins_late(str(error), now)
             return
-        self._gathers_late_at = None
+        self._joins_late_at = None
         if way is not None or plan.alongside.any():
             plan.adopt(plan.arrangement, way or Transition.standing(plan.goal_m))
         self._presence.planned_for = present.tolist()
@@ -182,12 +182,12 @@ class Reconfiguration:
             text = "joins up clear of the others' trajectories"
             self._log_event(now, "gathering", text, None, {"duration_s": way.duration_s})
 
-    def _gathers_late(self, why: str, now: Instant) -> None:
-        """Report, once in `GATHERS_LATE_S`, why vehicles still fly beside the leader: the path doesn't begin so."""
-        if self._gathers_late_at is None:
-            self._gathers_late_at = after(now, GATHERS_LATE_S)
-        elif now >= self._gathers_late_at:
-            self._gathers_late_at = after(now, GATHERS_LATE_S)
+    def _joins_late(self, why: str, now: Instant) -> None:
+        """Report, once in `JOINS_LATE_S`, why vehicles still fly alongside the leader: the path doesn't begin so."""
+        if self._joins_late_at is None:
+            self._joins_late_at = after(now, JOINS_LATE_S)
+        elif now >= self._joins_late_at:
+            self._joins_late_at = after(now, JOINS_LATE_S)
             self._log_event(
                 now, "postponed", f"no trajectories to the slots yet; they are tried again every second: {why}"
             )
@@ -349,7 +349,7 @@ class Reconfiguration:
         assigned slots: the law leads them there, and the others don't wait.
         """
         slots, places_m = self._controller.plan.at(now / NANOSECONDS, begun=True), self._controller.places_m(now)
-        central = np.hypot(places_m[:, 0], places_m[:, 1]) <= AMID * slots.reach_m
+        central = np.hypot(places_m[:, 0], places_m[:, 1]) <= CENTRAL * slots.reach_m
         return slots.standing(self._presence.returned() & central, places_m)
 
     def _in_words(self, wanted: Arrangement) -> str:

@@ -41,7 +41,7 @@ OBJECT = Kind("an object", (dict,))
 ANYTHING = Kind("a value", (object, bool))
 
 
-def misfit(found: object, shape: Shape, where: str, place: str = "") -> str | None:
+def mismatch(found: object, shape: Shape, where: str, place: str = "") -> str | None:
     """Return in words the first value that doesn't fit, None if all do.
 
     Args:
@@ -61,7 +61,7 @@ def misfit(found: object, shape: Shape, where: str, place: str = "") -> str | No
     for name, own in shape.items():
         at, wanted = f"{place}.{name}" if place else name, own.shape if isinstance(own, Maybe) else own
         if name in values:
-            text = misfit(values[name], wanted, where, at)
+            text = mismatch(values[name], wanted, where, at)
         else:
             text = None if wanted is not own else f"found no {at} in {where}; expected: {_words(wanted)}"
         if text is not None:
@@ -74,7 +74,7 @@ def _each(found: object, shape: Each, where: str, place: str) -> str | None:
         return _mismatch(found, _words(shape), where, place)
     values = cast("dict[str, Any] | list[Any]", found)
     named = values.items() if isinstance(values, dict) else enumerate(values)
-    texts = (misfit(value, shape.shape, where, f"{place}.{name}") for name, value in named)
+    texts = (mismatch(value, shape.shape, where, f"{place}.{name}") for name, value in named)
     return next((text for text in texts if text is not None), None)
 
 

@@ -22,7 +22,7 @@ from gcs_formation.fleet.membership import PARTED
 from gcs_formation.guidance.parts import AlongPath
 from gcs_formation.mission.past_flight import LEFT, TAKEN, TO_PILOT, PastFlight, RecordedVehicle
 from gcs_formation.phases import Cause, Phase
-from gcs_formation.record.json_shape import misfit
+from gcs_formation.record.json_shape import mismatch
 from gcs_formation.record.run_directory import (
     EVENTS,
     FLUSH_S,
@@ -223,7 +223,7 @@ def _parsed(line: bytes) -> Mapping[str, Any] | None:
         event: Any = json.loads(line)
     except ValueError:
         return None
-    return None if misfit(event, event_shape(event), EVENTS) is not None else event
+    return None if mismatch(event, event_shape(event), EVENTS) is not None else event
 
 
 def _began(events: Events) -> Instant | None:

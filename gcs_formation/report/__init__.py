@@ -35,7 +35,7 @@ from gcs_formation.record.json_shape import (
     Each,
     Maybe,
     Shape,
-    misfit,
+    mismatch,
 )
 from gcs_formation.record.link_verdicts import LinkFigures
 from gcs_formation.record.parquet import read_parquet
@@ -227,7 +227,7 @@ def _summary(path: Path) -> Mapping[str, Any]:
 
 
 def _fitting(found: Any, shape: Shape, where: str) -> Mapping[str, Any]:  # noqa: ANN401 - whatever the JSON holds
-    text = misfit(found, shape, where)
+    text = mismatch(found, shape, where)
     if text is not None:
         raise ValueError(text)
     return found

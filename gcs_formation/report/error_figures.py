@@ -55,7 +55,7 @@ DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1)), (0, (5, 1, 1, 1)))
 MIN_SIZE_M = 1e-3
 """Smallest |error| in the comparison of laws, whose scale is logarithmic."""
 MINIMUM = r"least possible: $|D|\,T + D^2/2a$"
-GATHERING_M = 1.0
+JOINING_M = 1.0
 """Followers that began in the air, and never were farther from their slots than this, had nothing to join up for."""
 ALLOWED = r"held to: $1.5\,(|D|\,T + D^2/2a)$ + 0.05 m"
 
@@ -68,7 +68,7 @@ def assembled_first(run: RunData) -> bool:
         return True
     before = run.whole_time_s <= 0.0
     known = np.concatenate([np.linalg.norm(run.whole.error(vehicle)[before], axis=1) for vehicle in run.followers])
-    return bool((known[np.isfinite(known)] > GATHERING_M).any())
+    return bool((known[np.isfinite(known)] > JOINING_M).any())
 
 
 def assembly(run: RunData) -> Figure:

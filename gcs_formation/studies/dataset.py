@@ -24,7 +24,7 @@ from airlink.host_system import lock
 from formation_scenario.bounded_read import require_file
 from formation_scenario.source import Dumper, Plain
 from gcs_formation.errors import RecordError, RecordingError
-from gcs_formation.record.json_shape import ANYTHING, INTEGER, NUMBER, NUMBER_OR_NULL, OBJECT, TEXT, Shape, misfit
+from gcs_formation.record.json_shape import ANYTHING, INTEGER, NUMBER, NUMBER_OR_NULL, OBJECT, TEXT, Shape, mismatch
 from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.studies import Study
 from gcs_formation.studies.flight import VERSION
@@ -176,7 +176,7 @@ def read_plan(path: Path) -> dict[str, Any]:
         plan: Any = yaml.safe_load((path / STUDY).read_text(encoding="utf-8"))
     except (OSError, yaml.YAMLError, UnicodeDecodeError) as error:
         raise RecordError(f"found no study in {path}; expected: a directory that `study --out` wrote") from error
-    text = misfit(plan, {"study": OBJECT, "base": OBJECT, "version": TEXT}, str(path / STUDY))
+    text = mismatch(plan, {"study": OBJECT, "base": OBJECT, "version": TEXT}, str(path / STUDY))
     if text is not None:
         raise RecordError(text)
     return plan
@@ -206,7 +206,7 @@ def read_rows(path: Path, study: Study) -> list[dict[str, Any]]:
         shape[study.bisect.parameter] = NUMBER
     rows = list(read_journal(path))
     for row in rows:
-        text = misfit(row, shape, f"{path / JOURNAL}, flight {row['flight']}")
+        text = mismatch(row, shape, f"{path / JOURNAL}, flight {row['flight']}")
         if text is not None:
             raise RecordError(text)
     return rows

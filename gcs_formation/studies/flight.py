@@ -36,7 +36,7 @@ from gcs_formation.studies.records import kept_at
 VERSION: Final = installed_version()
 REPEATED_EVERY = 10
 """If invariants are checked, every flight whose seed is a multiple of this is repeated and compared byte for byte."""
-MOST_KNOWN: Final = 16
+MAX_KNOWN: Final = 16
 """Scenarios that a process keeps for further flights that differ in their seed alone."""
 _KNOWN = dict[tuple[str, Registry, tuple[tuple[Path, int, int], ...]], Scenario]()
 LOWER_IS_WORSE = ("min_separation_m", "min_clearance_m", "in_slot_share", "delay_margin_s", "left_at_s")
@@ -88,7 +88,7 @@ def alike(task: Task) -> Scenario:
     # As they are written, 1 and 1.0 aren't equal. A process may fly another study once its files have been changed.
     written = repr((task.base, task.keys)), study.registered, tuple(map(_state_of, study.files))
     if written not in _KNOWN:
-        if len(_KNOWN) == MOST_KNOWN:
+        if len(_KNOWN) == MAX_KNOWN:
             _KNOWN.clear()
         _KNOWN[written] = task.scenario()
     return _KNOWN[written].with_seed(task.planned.seed)

@@ -30,7 +30,7 @@ from gcs_formation.record.json_shape import (
     Kind,
     Maybe,
     Shape,
-    misfit,
+    mismatch,
 )
 from gcs_formation.record.run_directory import FIGURES, REPORT
 from gcs_formation.report import page_parts
@@ -145,7 +145,7 @@ def _result(directory: Path) -> Mapping[str, Any]:
         result: Any = json.loads((directory / RESULT).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    text = misfit(result, RESULT_SHAPE, str(directory / RESULT))
+    text = mismatch(result, RESULT_SHAPE, str(directory / RESULT))
     if text is not None:
         raise RecordError(text)
     return result

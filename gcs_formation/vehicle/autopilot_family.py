@@ -198,7 +198,7 @@ class Autopilot(FamilyTraits, ABC):
         )
 
     def _lacks_estimates(self, seen: Telemetry) -> str:
-        """Return in words what its estimator lacks, as far as that is told by itself; "" if nothing."""
+        """Return in words what its estimator lacks, as far as it reports that; "" if nothing."""
         return "no heartbeat" if seen.heartbeat is None else ""
 
     def _lacks_to_arm(self, seen: Telemetry) -> str:
@@ -258,11 +258,11 @@ class Autopilot(FamilyTraits, ABC):
         else:
             self.airspeed_scale.bound(slowest_mps, fastest_mps)
 
-    def true_airspeed(self, told_mps: float) -> float:
+    def true_airspeed(self, reported_mps: float) -> float:
         """Return the true airspeed of one that it reports, m/s."""
-        return told_mps if self.airspeed_scale is None else self.airspeed_scale.true(told_mps)
+        return reported_mps if self.airspeed_scale is None else self.airspeed_scale.true(reported_mps)
 
-    def airspeed_to_tell(self, true_mps: float) -> float:
+    def commanded_airspeed(self, true_mps: float) -> float:
         """Return the airspeed to command for a true airspeed, m/s."""
         if self.airspeed_scale is not None:
             return self.airspeed_scale.reading(true_mps)
@@ -278,7 +278,7 @@ class Autopilot(FamilyTraits, ABC):
 
         A setpoint is sent when these differ from what the vehicle holds. A subclass that commands others says so here.
         """
-        return self.airspeed_to_tell(setpoint.speed_mps), setpoint.heading_rad, setpoint.height_m
+        return self.commanded_airspeed(setpoint.speed_mps), setpoint.heading_rad, setpoint.height_m
 
     @property
     def prompt_share(self) -> float:

@@ -149,7 +149,7 @@ def lowest_m(path: PathPlan) -> float:
 def envelope_checks(
     model: VehicleModel,
     path: PathPlan,
-    told_mps: float,
+    commanded_mps: float,
     minimum: str,
     maximum: str,
     trim: str,
@@ -161,7 +161,7 @@ def envelope_checks(
     Args:
         model: limits of its setpoints.
         path: the formation's path.
-        told_mps: airspeed commanded for the path's true airspeed, m/s; it and the parameters are sensor readings.
+        commanded_mps: airspeed commanded for the path's true airspeed, m/s; it and the parameters are sensor readings.
         minimum: name of the parameter for the lowest airspeed, m/s.
         maximum: for the highest airspeed, m/s.
         trim: for the airspeed of level flight, m/s.
@@ -169,8 +169,8 @@ def envelope_checks(
         beyond: how it treats setpoints below the lowest and above the highest airspeed.
     """
     slowest, fastest, speed = model.speed_min_mps, model.speed_max_mps, path.begin_mps
-    cruises = f"{told_mps:.3g} m/s, what a calibrated sensor reads at path.speed_mps in the field's air"
-    if abs(told_mps - speed) < SAME_MPS:
+    cruises = f"{commanded_mps:.3g} m/s, what a calibrated sensor reads at path.speed_mps in the field's air"
+    if abs(commanded_mps - speed) < SAME_MPS:
         cruises = f"{speed:g} m/s, path.speed_mps"
     bank_deg = math.degrees(math.atan(speed * model.turn_rate_max_rps / GRAVITY_MPS2))
     return [
@@ -178,7 +178,7 @@ def envelope_checks(
             (minimum,),
             f"up to {slowest:g} m/s, its model's speed_min_mps; slower setpoints are {beyond[0]}",
             lambda value: value <= slowest,
-            lambda value: value > told_mps,
+            lambda value: value > commanded_mps,
             bounds=lambda value: ("speed_min_mps", value),
             asks=slowest,
         ),
@@ -186,15 +186,15 @@ def envelope_checks(
             (maximum,),
             f"{fastest:g} m/s or more, its model's speed_max_mps; faster setpoints are {beyond[1]}",
             lambda value: value >= fastest,
-            lambda value: value < told_mps,
+            lambda value: value < commanded_mps,
             bounds=lambda value: ("speed_max_mps", value),
             asks=fastest,
         ),
         Check(
             (trim,),
             f"{cruises}, to which throttle and pitch are trimmed",
-            lambda value: abs(value - told_mps) <= TRIM_OFF_MPS,
-            asks=told_mps,
+            lambda value: abs(value - commanded_mps) <= TRIM_OFF_MPS,
+            asks=commanded_mps,
         ),
         Check(
             (bank,),

@@ -16,7 +16,7 @@ from airlink.messages.telemetry import BatteryStatus, SysStatus
 
 UNKNOWN: Final = -1
 FULL_PERCENT: Final = 100
-LEAST_V: Final = 0.5
+MIN_V: Final = 0.5
 """A battery of a lower voltage isn't measured: autopilots without a battery monitor may report 0 % with 0 V."""
 
 
@@ -48,7 +48,7 @@ class ReportedBattery:
             self._charge(message.battery_remaining)
 
     def _charge(self, percent: int) -> None:
-        known = UNKNOWN < percent <= FULL_PERCENT and not self.voltage_v < LEAST_V
+        known = UNKNOWN < percent <= FULL_PERCENT and not self.voltage_v < MIN_V
         self.left = percent * 0.01 if known else math.nan
 
 

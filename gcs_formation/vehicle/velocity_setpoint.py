@@ -5,9 +5,9 @@ velocity is the height error divided by `height_s`, because a height setpoint in
 
 Source: MAVLink guide, "SET_POSITION_TARGET_LOCAL_NED"; acceptance as observed in ArduCopter's and PX4's simulators.
 
-A lead compensates an autopilot's slow integrator, so that the speed flown lags as in (7). Commanded w, the autopilot
-flies prompt_share w + (1 - prompt_share) m with its lag, where m follows w with the time constant rest_s. So it flies u
-with that lag if it is commanded w = (u - (1 - prompt_share) m) / prompt_share.
+A lead compensates an autopilot's slow integrator, so that the speed flown follows as in (7). Commanded w, the autopilot
+flies prompt_share w + (1 - prompt_share) m with its time constant, where m follows w with the time constant rest_s. So
+it flies u with its time constant if it is commanded w = (u - (1 - prompt_share) m) / prompt_share.
 """
 
 from __future__ import annotations
@@ -68,13 +68,13 @@ class _Integrator:
         """Return the command that makes the vehicle fly a speed."""
         return (speed_mps - (1.0 - self._prompt) * self.integrated_mps) / self._prompt
 
-    def response_to(self, told_mps: float) -> float:
+    def response_to(self, commanded_mps: float) -> float:
         """Return the speed flown on a command: the inverse of `command_for`."""
-        return self._prompt * told_mps + (1.0 - self._prompt) * self.integrated_mps
+        return self._prompt * commanded_mps + (1.0 - self._prompt) * self.integrated_mps
 
-    def integrate(self, told_mps: float) -> None:
+    def integrate(self, commanded_mps: float) -> None:
         """Update the integrator with a command held for one period."""
-        self.integrated_mps += self._filled * (told_mps - self.integrated_mps)
+        self.integrated_mps += self._filled * (commanded_mps - self.integrated_mps)
 
 
 class SpeedLead:

@@ -96,8 +96,8 @@ class Files:
         if not found:
             return _nak(asked, NOT_FOUND)
         entries = [f"F{each.removeprefix(folder)}\t{len(self._served[each]())}\0" for each in sorted(found)]
-        told = "".join(entries[asked.offset :]).encode()[:MAX_DATA]
-        return self._ack(asked, told) if told else _nak(asked, END_OF_FILE)
+        listing = "".join(entries[asked.offset :]).encode()[:MAX_DATA]
+        return self._ack(asked, listing) if listing else _nak(asked, END_OF_FILE)
 
     def _begin(self, asked: Packet) -> bytes:
         name = _text(asked).partition("?")[0]

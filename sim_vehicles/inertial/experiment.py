@@ -48,7 +48,7 @@ BLOCK_STEPS: Final = 200
 FARTHEST_M: Final = 1e6
 """Largest computed height; gravity has no meaning beyond."""
 SCHEMA: Final = 1
-LEAST_S: Final = 1.0
+MIN_S: Final = 1.0
 RATE_HZ: Final = 100.0
 """Rate of the sensors' increments."""
 AXES: Final = ("east", "north", "up")
@@ -222,7 +222,7 @@ def experiment(scenario: Scenario, vehicle: Vehicle) -> Experiment:
     sensors = inertial_sensors(keys, scenario.seed, vehicle.vehicle_id)
     random = random_stream(scenario.seed, "inertial", *vehicle.vehicle_id)
     path, speed_mps = scenario.leader_path, scenario.path.begin_mps
-    duration_s = max(LEAST_S, min(scenario.duration_s, path.length_m / speed_mps))
+    duration_s = max(MIN_S, min(scenario.duration_s, path.length_m / speed_mps))
     trajectory = Trajectory.along(path, speed_mps, origin, duration_s)
     fine, heading_rad = FineAlignment(origin, sensors), path.at(0.0).course_rad
     alignment = align(fine, heading_rad, sensors, keys.alignment_s, RATE_HZ, random)

@@ -33,7 +33,7 @@ COPTERS = yaml.safe_load((CONFIGS / "arducopter.yaml").read_text()) | {"expect":
 COPTERS["start"] = COPTERS["start"] | {"row_m": 9, "run_in_s": 0}
 
 
-def gathers(keys: dict[str, Any], directory: Path) -> tuple[float, dict[str, Any]]:
+def joins_up(keys: dict[str, Any], directory: Path) -> tuple[float, dict[str, Any]]:
     """Return the least separation up to the path's first second, and the event of the gathering.
 
     No vehicle avoids another before the path begins. Its turbulence then begins by a step, for which a multirotor may.
@@ -66,7 +66,7 @@ def nearest_m(directory: Path, until_s: float) -> float:
 def test_planes_that_took_off_in_a_row_keep_the_rules_distance_without_it(shape, air, tmp_path):
     """By the law alone, without planned ways, the line came within 5.1 m in the wind."""
     keys = PLANES | {"formation": {"shape": shape, "spacing_m": 40}}
-    nearest_m, _ = gathers(keys | air, tmp_path / "run")
+    nearest_m, _ = joins_up(keys | air, tmp_path / "run")
     assert nearest_m > 10.0
 
 
@@ -75,7 +75,7 @@ def test_planes_that_took_off_in_a_row_keep_the_rules_distance_without_it(shape,
 @pytest.mark.parametrize("air", [{}, WIND], ids=["calm", "windy"])
 def test_copters_that_took_off_9_m_apart_join_up_without_the_rule(shape, air, tmp_path):
     keys = COPTERS | {"formation": {"shape": shape, "spacing_m": 12, "frame": "leader_heading"}}
-    nearest_m, _ = gathers(keys | air, tmp_path / "run")
+    nearest_m, _ = joins_up(keys | air, tmp_path / "run")
     assert nearest_m > 8.0
 
 
@@ -121,7 +121,7 @@ def test_that_no_trajectories_to_the_slots_are_found_is_reported_with_the_reason
     def refuses(*_: object) -> None:
         raise NotFlyableError("vehicle 2 and vehicle 3 would come within 5 m on the way", "8 m or more", 0.0)
 
-    monkeypatch.setattr(reconfiguration, "plan_gathering", refuses)
+    monkeypatch.setattr(reconfiguration, "plan_joining_up", refuses)
     keys = PLANES | {"schema": 1, "duration_s": 1, "finish": {"loiter_s": 0}, "vehicles": {"count": 3}}
     gcs_formation.run(
         keys | {"start": {"in_air": True, "run_in_s": 40, "timeout_s": 30}}, clock="virtual", out=tmp_path

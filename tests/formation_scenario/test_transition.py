@@ -18,7 +18,7 @@ from formation_scenario.formation_changes import (
     ahead,
     keepable_turn_rps,
     plan_change,
-    plan_gathering,
+    plan_joining_up,
     take_over,
 )
 from formation_scenario.slot_assignment import assigned, slot_schedule
@@ -148,7 +148,7 @@ def gathered(scenario, start_m, flight=None):
     """Plan the transition of vehicles from where they are to the slots of a diamond."""
     goal_m = slot_schedule(scenario)[0].places_m
     flight = flight or ahead(SplinePath(scenario.path.waypoints_m), SPEED, 0.0)
-    return plan_gathering(scenario, SlotMotion.at_rest(start_m), goal_m, 0, 0.0, flight, EVERYONE)
+    return plan_joining_up(scenario, SlotMotion.at_rest(start_m), goal_m, 0, 0.0, flight, EVERYONE)
 
 
 def test_who_stood_in_a_row_joins_up_farther_apart_than_the_separation_rule_keeps(load):
@@ -261,7 +261,7 @@ def test_a_displaced_path_is_a_curve_whose_course_and_curvature_are_its_own(righ
         assert (after.height_m - before.height_m) / made == pytest.approx(point.slope, abs=1e-5)
     assert way.at(1000.0).values() == path.at(1000.0).values()
     begun, abreast = way.at(400.0), path.at(400.0)
-    assert abreast.aside_m(begun.north_m, begun.east_m, begun.height_m) == pytest.approx((40.0, 15.0))
+    assert abreast.lateral_and_up_m(begun.north_m, begun.east_m, begun.height_m) == pytest.approx((40.0, 15.0))
     along = 1.0 - 40.0 * abreast.curvature_1pm
     assert begun.course_rad - abreast.course_rad == pytest.approx(np.arctan2(right_slope, along), abs=1e-9)
 

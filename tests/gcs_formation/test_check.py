@@ -17,7 +17,13 @@ from formation_scenario.consensus_graph import graph_adjacency
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.planned_progress import path_end_s
 from gcs_formation.app.check import _seconds, check_report, never_reached, slots_of_no_shape
-from gcs_formation.app.check_links import Lap, lap, no_time_for_a_pattern, refused_rate, split_errors
+from gcs_formation.app.check_links import (
+    HoldingPattern,
+    holding_pattern,
+    no_time_for_a_pattern,
+    refused_rate,
+    split_errors,
+)
 from gcs_formation.cli import main
 from gcs_formation.stability import consensus_delay_margin, scenario_delay_margin
 from tests.flights.conftest import scenario as flight
@@ -337,15 +343,17 @@ def test_who_has_no_utc_beside_others_that_fly_by_it_is_off_by_its_own_split(
         assert f"the UTC of vehicle {said[1]} can't be used" in found
 
 
-def lap_of(**keys: Any) -> Lap:
+def pattern_of(**keys: Any) -> HoldingPattern:
     straight = {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
-    return lap(load_scenario({"vehicles": {"count": 4}, "path": straight, "start": {"in_air": True}} | keys))
+    return holding_pattern(
+        load_scenario({"vehicles": {"count": 4}, "path": straight, "start": {"in_air": True}} | keys)
+    )
 
 
 def test_a_time_to_assemble_that_a_lap_outlasts_is_warned_of() -> None:
     """60 s from where the leader sets out to its first pass, plus a lap."""
     planned = {"vehicles": {"count": 4}, "path": {"waypoints_m": [[0, 0, 200], [9000, 0, 200]]}}
-    min_s = math.ceil(60.0 + lap(load_scenario(planned)).lap_s)
+    min_s = math.ceil(60.0 + holding_pattern(load_scenario(planned)).lap_s)
     assert no_time_for_a_pattern(load_scenario(planned | {"start": {"timeout_s": min_s}})) is None
     said = no_time_for_a_pattern(load_scenario(planned | {"start": {"timeout_s": min_s - 2}})) or ""
     assert said.startswith(f"start.timeout_s: found {min_s - 2}; the leader's first pass comes 60 s after")
@@ -359,7 +367,7 @@ def test_a_time_to_assemble_that_a_lap_outlasts_is_warned_of() -> None:
 def test_a_lap_is_little_larger_than_the_turn_that_the_widest_formation_can_keep(shape, spacing_m, needed_m) -> None:
     """The outer slot of a line may be 6 m/s faster than the leader; the last of a column flies 15 degrees aside."""
     count = 3 if shape == "line" else 4
-    found = lap_of(vehicles={"count": count}, formation={"shape": shape, "spacing_m": spacing_m})
+    found = pattern_of(vehicles={"count": count}, formation={"shape": shape, "spacing_m": spacing_m})
     assert needed_m <= found.lap_radius_m < 1.3 * needed_m
     turned_m = 2 * math.pi * found.lap_radius_m
     assert found.lap_s == pytest.approx((turned_m + 2 * (660.0 - 44.0)) / 22.0 + 2.0, abs=0.5)
@@ -371,7 +379,7 @@ def test_aircraft_under_total_energy_control_are_asked_for_less_of_their_speed_i
     model = {"speed_min_mps": 14, "speed_max_mps": 29, "turn_rate_max_rps": 0.35}
     line = {"shape": "line", "spacing_m": 100}
     plain, plane = (
-        lap_of(vehicles={"count": 3, "model": each}, formation=line, path=path).lap_radius_m
+        pattern_of(vehicles={"count": 3, "model": each}, formation=line, path=path).lap_radius_m
         for each in (model, "arduplane")
     )
     assert plain == pytest.approx(100 * 20 / (0.8 * 6), rel=0.03)
@@ -381,7 +389,7 @@ def test_aircraft_under_total_energy_control_are_asked_for_less_of_their_speed_i
 def test_no_formation_makes_the_leader_turn_gentler_than_half_a_degree_a_second() -> None:
     """At its highest speed no vehicle has any left for a turn."""
     fast = {"speed_mps": 28, "waypoints_m": [[0, 0, 200], [9000, 0, 200]]}
-    assert lap_of(path=fast).lap_radius_m == pytest.approx(28 / 0.01)
+    assert pattern_of(path=fast).lap_radius_m == pytest.approx(28 / 0.01)
 
 
 def test_telemetry_that_real_arduplanes_refuse_is_warned_of() -> None:

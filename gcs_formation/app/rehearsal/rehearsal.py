@@ -25,7 +25,7 @@ SETTLE_S: Final = 10.0
 """Time from a stretch's beginning until its errors count, s: gusts begin with it."""
 MAX_S: Final = 240.0
 """Longest stretch, s."""
-LEAST_S: Final = 10.0
+MIN_S: Final = 10.0
 """Shortest time of errors by which gusts are judged, s."""
 WORTH_M: Final = 2.0
 """Error in gusts from which a warning is given."""
@@ -108,7 +108,7 @@ def _stretch_text(stretch: Flown, from_s: float) -> str:
 
 
 def rehearsal_warnings(scenario: Scenario, found: Rehearsal, lap_s: float) -> Iterator[str]:
-    """Yield what a user should know of it before flying; `lap_s`: how long a lap before the path takes."""
+    """Yield what a user should know of it before flying; `lap_s`: how long a holding pattern before the path takes."""
     if found.starts is not None and (text := goes_round(scenario, found.starts, lap_s)):
         yield text
     if found.stretch is not None:
@@ -124,7 +124,7 @@ def rehearsal_warnings(scenario: Scenario, found: Rehearsal, lap_s: float) -> It
 def _gusts(scenario: Scenario, from_s: float, stretch: Flown) -> Iterator[str]:
     """Yield the errors that each entry of turbulence leaves."""
     errors_m = stretch.errors_m
-    if stretch.scored_s < LEAST_S or max(errors_m.values(), default=0.0) < WORTH_M or scenario.hovers:
+    if stretch.scored_s < MIN_S or max(errors_m.values(), default=0.0) < WORTH_M or scenario.hovers:
         return
     for index, _ in gusting(scenario, from_s):
         found = ", ".join(f"{each_m:.1f} m {NAMES[axis]}" for axis, each_m in errors_m.items())

@@ -30,7 +30,7 @@ class Start(NamedTuple):
     """How long a run-in the leader had flown by the tick after that, as its guidance sees it, s; None on another way.
     """
     went_round: bool
-    """Whether the leader began a lap before its path."""
+    """Whether the leader began a holding pattern before its path."""
 
 
 class Starts(NamedTuple):
@@ -63,7 +63,7 @@ class Starts(NamedTuple):
 
 
 def goes_round(scenario: Scenario, found: Starts, lap_s: float) -> str | None:
-    """Return why the leader will fly a lap before its path; None if the run-in is long enough, or it waits instead."""
+    """Return why the leader will fly a holding pattern before the path; None if the run-in suffices, or it waits."""
     run_in_s, min_s = scenario.start.run_in_s, found.least_run_in_s
     if scenario.hovers or not found.in_air or (min_s is not None and run_in_s >= min_s):
         return None

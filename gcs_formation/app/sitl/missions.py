@@ -23,7 +23,7 @@ LIMIT_S: Final = 60.0
 """Wall time for all of it, the simulator's boot included, s."""
 RETRY_S: Final = 1.0
 LOOK_S: Final = 0.1
-MOST_BYTES: Final = 2048
+MAX_BYTES: Final = 2048
 
 
 def mission_of(system: int, landing: Sequence[LandingItem]) -> tuple[MissionItemInt, ...]:
@@ -104,7 +104,7 @@ def _send(link: socket.socket, data: bytes) -> None:
 def _received(link: socket.socket) -> bytes:
     """Return what came, if something did; an answer that no process receives there counts as nothing."""
     try:
-        return link.recv(MOST_BYTES)
+        return link.recv(MAX_BYTES)
     except TimeoutError:
         return b""
     except ConnectionError:

@@ -1,7 +1,7 @@
 """How long a battery lasts: by what is measured in flight, by the scenario, or by the autopilot's own estimate.
 
 In flight the mean since the vehicle has climbed out counts, between the first and the last change of the percentage
-that is told: the rounding of both is the same then. What nothing tells is unknown, and prevents nothing.
+that is reported: the rounding of both is the same then. What nothing reports is unknown, and prevents nothing.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Final
 from airlink.clock import Instant, seconds_between
 from gcs_formation.vehicle.reported_battery import ReportedBattery
 
-LEAST_USED: Final = 0.05
+MIN_USED: Final = 0.05
 """Share of a battery that must have been used in flight before its use counts as measured: five steps of 1 %."""
 ROUNDING: Final = 1e-9
 
@@ -40,7 +40,7 @@ class Endurance:
     @property
     def measured_s(self) -> float:
         """How long a full battery lasts as measured in this flight, s; NaN before enough has been used."""
-        if self._first is None or self._last is None or self._first[0] - self._last[0] < LEAST_USED - ROUNDING:
+        if self._first is None or self._last is None or self._first[0] - self._last[0] < MIN_USED - ROUNDING:
             return math.nan
         return seconds_between(self._first[1], self._last[1]) / (self._first[0] - self._last[0])
 

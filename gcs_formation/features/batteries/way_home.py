@@ -9,7 +9,7 @@ from flight_model.flight_state import FlightState
 
 LANDING_S: Final = 60.0
 """Time over home until it is down, s."""
-LEAST_MPS: Final = 1.0
+MIN_MPS: Final = 1.0
 """Speed over ground towards home below which it isn't reached."""
 
 
@@ -29,4 +29,4 @@ def way_home_s(state: FlightState, home_m: tuple[float, float], airspeed_mps: fl
         along_mps = (state.wind_north_mps * north_m + state.wind_east_mps * east_m) / away_m
         across_mps = (state.wind_east_mps * north_m - state.wind_north_mps * east_m) / away_m
         speed_mps = math.sqrt(max(airspeed_mps**2 - across_mps**2, 0.0)) + along_mps
-    return away_m / speed_mps + LANDING_S if speed_mps > LEAST_MPS else math.inf
+    return away_m / speed_mps + LANDING_S if speed_mps > MIN_MPS else math.inf

@@ -213,8 +213,8 @@ class FlownSetpoints:
         """Return the height setpoint, NaN without setpoints; note when the airspeed is far off."""
         if self.since is None:
             return math.nan
-        told_mps, _, commanded_m = history.commanded(stamp, self.vehicle.index)
-        if not self.model.may_hover and abs(told_mps - seen.airspeed_mps) > OFF_MPS:
+        commanded_mps, _, commanded_m = history.commanded(stamp, self.vehicle.index)
+        if not self.model.may_hover and abs(commanded_mps - seen.airspeed_mps) > OFF_MPS:
             self.off_at = now
         return commanded_m
 

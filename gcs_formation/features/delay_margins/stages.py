@@ -58,7 +58,7 @@ class DelayMargins(Stage):
         findings.margin_used, findings.bandwidth = watch.used, watch.bandwidth
         if watch.holds:
             findings.beyond = watch.beyond
-        findings.most_used = watch.max_used
+        findings.max_used = watch.max_used
 
     def run(self, cycle: Cycle) -> None:
         """Judge them; a law may fail to state its margins."""
@@ -67,4 +67,4 @@ class DelayMargins(Stage):
             watch.check_loops(cycle.now, cycle.reconfiguration.leader, findings.time_constants_off)
         except NotFiniteError as error:
             controller.fault = controller.fault or error
-        findings.most_used, findings.longest_s = watch.max_used, watch.longest_s
+        findings.max_used, findings.longest_s = watch.max_used, watch.longest_s

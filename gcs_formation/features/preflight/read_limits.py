@@ -43,7 +43,7 @@ class ReadLimits:
         own = dict[str, float]()
         for key, value, _ in bounds:  # climb and descent bound one key
             own[key] = max(own.get(key, value), value) if key == MINIMUM else min(own.get(key, value), value)
-        reported = autopilot.airspeed_to_tell(model.speed_min_mps), autopilot.airspeed_to_tell(model.speed_max_mps)
+        reported = autopilot.commanded_airspeed(model.speed_min_mps), autopilot.commanded_airspeed(model.speed_max_mps)
         slowest_mps, fastest_mps = (
             max(own.get(MINIMUM, reported[0]), reported[0]),
             min(own.get(MAXIMUM, reported[1]), reported[1]),

@@ -23,7 +23,7 @@ states linearises about one value, needs tuned process noise, and takes a lastin
 Recursive least squares with a forgetting factor forgets in straight flight, and its gain grows until noise decides.
 
 **Costs and limits.** 26 scalar simulations for each vehicle and tick. The true constant must be within a factor of two
-of the declared one; beyond it the bound is used, and `misfit` reports that it lies farther off. At a rate limit, over
+of the declared one; beyond it the bound is used, and `mismatch` reports that it lies farther off. At a rate limit, over
 gaps of telemetry, and while a vehicle doesn't conform nothing is estimated. Vehicles with an airframe of their own, and
 multirotors, don't fly by (7): theirs stay as declared. A sensor's constant bias isn't fitted, and does no harm.
 

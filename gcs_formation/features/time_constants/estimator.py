@@ -129,9 +129,9 @@ class TimeConstantEstimator:
         self._added = 0
 
     @property
-    def misfit(self) -> list[list[float]]:
+    def mismatch(self) -> list[list[float]]:
         """(3, C) estimated relative mismatch of the time constants of airspeed, heading and height in use."""
-        return [[each.channels[place].misfit for each in self.vehicles] for place in range(len(RESOLUTION))]
+        return [[each.channels[place].mismatch for each in self.vehicles] for place in range(len(RESOLUTION))]
 
     def add_sample(self, index: int, stamp: int, motion: Seen) -> None:
         """Take a vehicle's airspeed, heading, height and climb as measured at `stamp`, m/s, rad, m."""

@@ -67,7 +67,7 @@ class TimeConstantFit:
         """
         self.log_ratio = [0.0] * nodes.parameters
         """(P) logarithms of the fitted time constants' ratios to the declared ones."""
-        self.misfit = 0.0
+        self.mismatch = 0.0
         """Relative difference of recently flown time constants from those in use, beyond chance."""
         self._nodes, self._in_use = nodes, in_use
         self._min_variance, self._finest_variance = resolution**2, finest**2
@@ -200,8 +200,8 @@ class TimeConstantFit:
         size = sums[0][0] + self._calm_square - squared(total) / samples
         free = sums[last][last] / (self._alike * min(self._persistence.batches, PRIOR_BATCHES)) - FITTED
         if free <= 0.0:
-            self.misfit = 0.0
+            self.mismatch = 0.0
             return
         left = max(size - squared(shown) / excitation, 0.0) / (self._alike * free)
         chance = math.sqrt((left + self._min_variance) * self._alike / excitation)
-        self.misfit = within(abs(shown) / excitation - SIGNIFICANT * chance, 0.0, RATIO_MAX - 1.0)
+        self.mismatch = within(abs(shown) / excitation - SIGNIFICANT * chance, 0.0, RATIO_MAX - 1.0)

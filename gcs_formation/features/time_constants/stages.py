@@ -64,7 +64,7 @@ class TimeConstantsOff(Stage):
 
     def run(self, cycle: Cycle) -> None:
         """Put relative errors, (3, C), into the findings."""
-        cycle.findings.time_constants_off = self._estimator.misfit
+        cycle.findings.time_constants_off = self._estimator.mismatch
 
 
 def time_constant_estimator(cycle: Cycle) -> TimeConstantEstimator:

@@ -81,7 +81,7 @@ def fly(
         at_m = project(route, state.north_m, state.east_m, at_m)
         point = route.at(at_m)
         setpoint_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(bend_rps2))
-        right_m, _ = point.aside_m(state.north_m, state.east_m, 0.0)
+        right_m, _ = point.lateral_and_up_m(state.north_m, state.east_m, 0.0)
         turn_rps = math.remainder(state.heading_rad - before_rad, math.tau) / DT_S
         yield Flown(tick * DT_S, right_m, setpoint_rad, loop.setpoint_rps, turn_rps)
         before_rad = state.heading_rad

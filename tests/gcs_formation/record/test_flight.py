@@ -153,11 +153,11 @@ def test_a_flight_that_passes_in_blocks_is_the_same(ticks):
     rng = np.random.default_rng(ticks)
     injected = {each: rng.random((TIME_S.size, 2)) for each in (LEADER, FOLLOWER, THIRD)}
     blocks = [{name: each[at : at + 3 * ticks] for name, each in rows.items()} for at in range(0, 303, 3 * ticks)]
-    gathering = FlightBuilder(SCENARIO)
-    passed = list(gathering.passing(tables(blocks, SCENARIO, lambda *_: true, injected)))
+    building = FlightBuilder(SCENARIO)
+    passed = list(building.passing(tables(blocks, SCENARIO, lambda *_: true, injected)))
     assert [len(each["t_s"]) for each in passed[:-1]] == [ticks] * (len(blocks) - 1)
     whole = split(next(tables([rows], SCENARIO, lambda *_: true, injected)), SCENARIO)
-    flight = gathering.flight()
+    flight = building.flight()
     assert set(flight.vehicles[THIRD]) == SCORED - set(VIRTUAL_LEADER)
     for name in flight.vehicles[THIRD]:
         np.testing.assert_array_equal(flight.vehicles[THIRD][name], whole.vehicles[THIRD][name])

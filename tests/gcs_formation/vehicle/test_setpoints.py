@@ -34,7 +34,7 @@ STEADY = Setpoint(22.0, 0.3, 200.0)
 SOMEWHERE = FlightState(0.0, 0.0, 200.0, 0.0, 22.0, 0.3, 0.0, 0.0)
 
 
-class Told:
+class Commanded:
     """A vehicle that is given a setpoint every 0.1 s and acknowledges what is sent."""
 
     def __init__(self, kind: type[Autopilot] = ArduPlane) -> None:
@@ -70,44 +70,44 @@ class Told:
 @pytest.mark.parametrize("kind", [ArduPlane, Px4Plane])
 def test_an_aircraft_is_reported_what_its_sensor_reads_at_the_true_airspeed(kind):
     """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488): 22 m/s read as 18.95."""
-    told = Told(kind)
-    told.vehicle.autopilot.airspeed_scale = AirspeedScale(3000.0, 14.0, 29.0)
+    commanded = Commanded(kind)
+    commanded.vehicle.autopilot.airspeed_scale = AirspeedScale(3000.0, 14.0, 29.0)
     for true_mps, reading_mps in ((22.0, 22.0 * math.sqrt(0.7422)), (15.0, 14.0), (40.0, 29.0)):
-        messages = told.vehicle.new_setpoints(Setpoint(true_mps, 0.3, 200.0), SOMEWHERE, told.now)
+        messages = commanded.vehicle.new_setpoints(Setpoint(true_mps, 0.3, 200.0), SOMEWHERE, commanded.now)
         by_speed = SPEED if kind is ArduPlane else m.MAV_CMD_DO_REPOSITION
-        (told_mps,) = (
+        (commanded_mps,) = (
             each.param2 if kind is ArduPlane else each.param1
             for each in messages
             if isinstance(each, CommandInt) and each.command == by_speed
         )
-        assert told_mps == pytest.approx(reading_mps, rel=1e-3)
+        assert commanded_mps == pytest.approx(reading_mps, rel=1e-3)
 
 
 def test_of_what_is_acknowledged_one_quantity_in_turn_is_repeated_after_each_second():
-    told = Told()
-    assert sorted(told.tick()) == sorted((SPEED, HEADING, ALTITUDE))
+    commanded = Commanded()
+    assert sorted(commanded.tick()) == sorted((SPEED, HEADING, ALTITUDE))
     repeated = list[int]()
     for _ in range(6):
-        between = [told.tick() for _ in range(round(10 * REPEAT_S) - 1)]
+        between = [commanded.tick() for _ in range(round(10 * REPEAT_S) - 1)]
         assert between == [[]] * len(between)
-        repeated += told.tick()
+        repeated += commanded.tick()
     assert repeated == 2 * [SPEED, HEADING, ALTITUDE]
 
 
 def test_where_one_quantity_is_news_all_the_time_the_others_are_repeated_after_three_seconds():
-    told = Told()
-    told.tick()
-    sent = [told.tick(Setpoint(22.0, 0.3 + 0.1 * number, 200.0)) for number in range(1, 31)]
+    commanded = Commanded()
+    commanded.tick()
+    sent = [commanded.tick(Setpoint(22.0, 0.3 + 0.1 * number, 200.0)) for number in range(1, 31)]
     assert [HEADING in each for each in sent] == [True] * 30
     assert [[each for each in tick if each != HEADING] for tick in sent] == 29 * [[]] + [[SPEED, ALTITUDE]]
 
 
 def test_while_a_vehicle_gives_way_every_change_is_sent():
-    told, little = Told(), 0.1 * ALONG_M
-    told.tick()
-    assert told.tick(Setpoint(22.0 + little, 0.3, 200.0)) == []
-    told.vehicle.setpoints.hurries = True
-    assert told.tick(Setpoint(22.0 + 2.0 * little, 0.3, 200.0)) == [SPEED]
+    commanded, little = Commanded(), 0.1 * ALONG_M
+    commanded.tick()
+    assert commanded.tick(Setpoint(22.0 + little, 0.3, 200.0)) == []
+    commanded.vehicle.setpoints.hurries = True
+    assert commanded.tick(Setpoint(22.0 + 2.0 * little, 0.3, 200.0)) == [SPEED]
 
 
 @pytest.mark.parametrize(
@@ -120,18 +120,18 @@ def test_while_a_vehicle_gives_way_every_change_is_sent():
 )
 def test_a_step_by_which_the_vehicle_would_be_off_within_a_tick_is_sent_at_once(changed, command):
     """Off by 11 times a tolerance for 0.1 s is 1.1 times the tolerance; the other two have nothing new to say."""
-    told = Told()
-    told.tick()
-    assert told.tick(changed) == [command]
-    assert told.tick(changed) == []
-    assert told.vehicle.setpoints.held.values == (changed.speed_mps, changed.heading_rad, changed.height_m)
+    commanded = Commanded()
+    commanded.tick()
+    assert commanded.tick(changed) == [command]
+    assert commanded.tick(changed) == []
+    assert commanded.vehicle.setpoints.held.values == (changed.speed_mps, changed.heading_rad, changed.height_m)
 
 
 def test_a_small_change_is_sent_when_it_has_lasted_for_long_enough():
     """A third of the tolerance in each tenth of a second is beyond it after four."""
-    told = Told()
-    told.tick()
-    sent = [ALTITUDE in told.tick(Setpoint(22.0, 0.3, 200.0 + 10.0 * HEIGHT_M_S / 3.0 * 1.01)) for _ in range(6)]
+    commanded = Commanded()
+    commanded.tick()
+    sent = [ALTITUDE in commanded.tick(Setpoint(22.0, 0.3, 200.0 + 10.0 * HEIGHT_M_S / 3.0 * 1.01)) for _ in range(6)]
     assert sent == [False, False, True, False, False, False]
 
 
@@ -140,19 +140,19 @@ def test_heights_of_an_aircraft_under_total_energy_control_are_news_sooner(autop
     """Off by 0.36 m it is off by 0.2 m s after 0.6 s, and by 0.05 m s after 0.2 s."""
     path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [900, 0, 100]]}
     scenario = load_scenario({"vehicles": {"count": 2, "autopilot": autopilot}, "path": path})
-    told = Told()
-    told.vehicle = planned(scenario)[2][VehicleId(1, 2)]
-    told.tick()
-    sent = [ALTITUDE in told.tick(Setpoint(22.0, 0.3, 200.36)) for _ in range(after_ticks)]
+    commanded = Commanded()
+    commanded.vehicle = planned(scenario)[2][VehicleId(1, 2)]
+    commanded.tick()
+    sent = [ALTITUDE in commanded.tick(Setpoint(22.0, 0.3, 200.36)) for _ in range(after_ticks)]
     assert sent == [False] * (after_ticks - 1) + [True]
 
 
 def test_what_is_rounded_to_and_fro_is_not_sent():
-    told = Told()
-    told.tick()
+    commanded = Commanded()
+    commanded.tick()
     to_and_fro = [Setpoint(22.0 + off, 0.3 + off / 100.0, 200.0 + off) for off in (0.02, -0.02) * 4]
-    assert [told.tick(each) for each in to_and_fro] == [[]] * 8
-    assert told.vehicle.setpoints.held.values == (22.0, 0.3, 200.0)
+    assert [commanded.tick(each) for each in to_and_fro] == [[]] * 8
+    assert commanded.vehicle.setpoints.held.values == (22.0, 0.3, 200.0)
 
 
 @pytest.mark.parametrize("refuses", [False, True])
@@ -161,61 +161,61 @@ def test_what_is_not_acknowledged_is_repeated_after_each_twice_the_time(refuses)
 
     Each wait is over at the first tick after it. What was refused twice isn't sent again alike.
     """
-    told, sent = Told(), list[int]()
+    commanded, sent = Commanded(), list[int]()
     for _ in range(33):
-        commands = told.tick(answers=False)
+        commands = commanded.tick(answers=False)
         sent.append(len(commands))
         for command in commands if refuses else ():
-            told.acknowledge(command, m.MAV_RESULT_FAILED)
+            commanded.acknowledge(command, m.MAV_RESULT_FAILED)
     assert [tick for tick, count in enumerate(sent) if count] == ([0, 2] if refuses else [0, 2, 4, 7, 12, 21, 31])
     assert set(sent) == {0, 3}
 
 
 def test_over_a_link_that_loses_a_repetition_follows_each_step_until_it_is_acknowledged():
-    told = Told()
-    told.tick()
+    commanded = Commanded()
+    commanded.tick()
     for lost in (0, 0, 1):
-        told.receive(m.MAVLINK_MSG_ID_VFR_HUD, lost=lost)
+        commanded.receive(m.MAVLINK_MSG_ID_VFR_HUD, lost=lost)
     step = Setpoint(25.0, 0.3, 200.0)
-    sent, all_three = [told.tick(step, answers=tick == 3) for tick in range(7)], [SPEED, ALTITUDE, HEADING]
+    sent, all_three = [commanded.tick(step, answers=tick == 3) for tick in range(7)], [SPEED, ALTITUDE, HEADING]
     assert sent[0] == all_three  # the others go with the one that is news, and are repeated after twice the time
     assert [SPEED in each for each in sent] == [True, True, False, True, False, False, False]
 
 
 def test_over_a_slow_link_an_answer_is_waited_for_as_long_as_it_takes():
     """Over 150 ms each way answers come after three ticks."""
-    told, sent = Told(), list[int]()
-    told.slow_link(0.15)
+    commanded, sent = Commanded(), list[int]()
+    commanded.slow_link(0.15)
     pending: list[list[int]] = [[], [], []]
     for _ in range(9):
         for command in pending.pop(0):
-            told.acknowledge(command)
-        pending.append(told.tick(answers=False))
+            commanded.acknowledge(command)
+        pending.append(commanded.tick(answers=False))
         sent.append(len(pending[-1]))
     assert sum(sent[3:]) == 0
 
 
 def test_an_acknowledgement_that_is_too_early_answers_an_earlier_setpoint():
     """Over a link of 150 ms each way an answer within 0.1 s belongs to another setpoint."""
-    told = Told()
-    told.slow_link(0.15)
-    told.tick(answers=False)
-    told.acknowledge(SPEED)
-    told.tick(answers=False, later_s=0.5)
-    assert SPEED in told.tick(answers=False)
+    commanded = Commanded()
+    commanded.slow_link(0.15)
+    commanded.tick(answers=False)
+    commanded.acknowledge(SPEED)
+    commanded.tick(answers=False, later_s=0.5)
+    assert SPEED in commanded.tick(answers=False)
 
 
 def test_a_vehicle_that_may_have_other_setpoints_meanwhile_is_sent_all():
-    told = Told()
-    told.tick()
-    told.vehicle.forget_setpoints()
-    assert len(told.tick()) == 3
+    commanded = Commanded()
+    commanded.tick()
+    commanded.vehicle.forget_setpoints()
+    assert len(commanded.tick()) == 3
 
 
 def test_a_family_whose_one_command_carries_all_is_sent_it_for_any_of_them():
-    told = Told(Px4Plane)
-    assert [len(told.tick()) for _ in range(3)] == [1, 0, 0]
-    assert len(told.tick(Setpoint(22.0, 0.4, 200.0))) == 1
+    commanded = Commanded(Px4Plane)
+    assert [len(commanded.tick()) for _ in range(3)] == [1, 0, 0]
+    assert len(commanded.tick(Setpoint(22.0, 0.4, 200.0))) == 1
 
 
 @pytest.mark.parametrize(("kind", "every"), [(ArduCopter, 6), (Px4Copter, 2)])
@@ -241,10 +241,10 @@ def test_the_lead_of_an_airspeed_goes_on_while_a_command_is_held():
     """Commanded 2 m/s more at a prompt share of a half, PX4 is first commanded 4 m/s more, and then less and less."""
     lead = SpeedLead(0.5, 10.0, (10.0, 40.0), 0.1)
     plane = Px4Plane(2, ORIGIN, 0.25, None, lead)
-    told = Told()
-    told.vehicle = Vehicle(VehicleId(1, 2), 0, plane, Connection(0), 10.0)
+    commanded = Commanded()
+    commanded.vehicle = Vehicle(VehicleId(1, 2), 0, plane, Connection(0), 10.0)
     assert lead.lead(22.0, 22.0) == 22.0
-    sent = [told.tick(Setpoint(24.0, 0.3, 200.0)) for _ in range(100)]
+    sent = [commanded.tick(Setpoint(24.0, 0.3, 200.0)) for _ in range(100)]
     assert 10 < len([each for each in sent if each]) < 60
     assert lead.led(24.0, 22.0) == pytest.approx(22.0 + 2.0 * (1.0 + math.exp(-10.0 / 5.0) * 0.5 * 2.0), abs=0.4)
 
@@ -252,10 +252,10 @@ def test_the_lead_of_an_airspeed_goes_on_while_a_command_is_held():
 @pytest.mark.parametrize("whom", [(255, 190), (254, 25), (255, 1)])
 def test_refusals_of_another_ground_stations_commands_are_not_ours(whom: tuple[int, int]):
     """QGroundControl (255/190) behind the same router sends commands with our ids of commands, and is refused."""
-    told = Told()
+    commanded = Commanded()
     for _ in range(50):
-        for command in told.tick():
-            told.acknowledge(command)
-        told.acknowledge(m.MAV_CMD_GUIDED_CHANGE_SPEED, m.MAV_RESULT_DENIED, whom)
-    assert not any(channel.is_refused(99, told.now) for channel in told.vehicle.setpoint_channels)
-    assert all(channel.accepted for channel in told.vehicle.setpoint_channels)
+        for command in commanded.tick():
+            commanded.acknowledge(command)
+        commanded.acknowledge(m.MAV_CMD_GUIDED_CHANGE_SPEED, m.MAV_RESULT_DENIED, whom)
+    assert not any(channel.is_refused(99, commanded.now) for channel in commanded.vehicle.setpoint_channels)
+    assert all(channel.accepted for channel in commanded.vehicle.setpoint_channels)

@@ -109,8 +109,8 @@ class ArduPlane(ArduPilot):
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return the checks of failsafes, limits and the ground station's system id."""
-        told_mps, (minimum, maximum, trim, bank) = self.airspeed_to_tell(path.begin_mps), tuple(BEFORE_4_5)
-        envelope = envelope_checks(model, path, told_mps, minimum, maximum, trim, bank, ("refused", "refused"))
+        commanded_mps, (minimum, maximum, trim, bank) = self.commanded_airspeed(path.begin_mps), tuple(BEFORE_4_5)
+        envelope = envelope_checks(model, path, commanded_mps, minimum, maximum, trim, bank, ("refused", "refused"))
         return (
             our_heartbeats(self.station.system),
             Check(
@@ -165,7 +165,7 @@ class ArduPlane(ArduPilot):
             above_sea_m += 2.0 * RESOLUTION  # ArduPlane takes 0 and -1 to mean no altitude, and refuses them
         found = list[Message]()
         if speed is None:
-            found.append(self._guided(SPEED, AIRSPEED, self.airspeed_to_tell(setpoint.speed_mps), 0.0))
+            found.append(self._guided(SPEED, AIRSPEED, self.commanded_airspeed(setpoint.speed_mps), 0.0))
         if altitude is None:
             found.append(self._guided(ALTITUDE, 0.0, 0.0, 0.0, above_sea_m))
         if heading is None:

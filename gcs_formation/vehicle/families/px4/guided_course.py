@@ -79,10 +79,10 @@ class Px4Course(Px4Plane):
         return self.is_airborne(seen) or seen.armed or seen.custom_mode in HAS_COURSE
 
     def _speed(self, setpoint: Setpoint, where: FlightState) -> CommandInt:
-        reading_mps, lead = self.airspeed_to_tell(setpoint.speed_mps), self._lead
+        commanded_mps, lead = self.commanded_airspeed(setpoint.speed_mps), self._lead
         if lead is not None:
-            reading_mps = lead.lead(reading_mps, self.airspeed_to_tell(where.airspeed_mps))
-        return self._guided(SPEED, m.SPEED_TYPE_AIRSPEED, reading_mps, AS_IT_IS)
+            commanded_mps = lead.lead(commanded_mps, self.commanded_airspeed(where.airspeed_mps))
+        return self._guided(SPEED, m.SPEED_TYPE_AIRSPEED, commanded_mps, AS_IT_IS)
 
     def _altitude(self, setpoint: Setpoint) -> CommandInt:
         return self._guided(ALTITUDE, setpoint.height_m + self.origin.alt_m, m.MAV_FRAME_GLOBAL)

@@ -102,7 +102,7 @@ class Px4Plane(Px4):
             *envelope_checks(
                 model,
                 path,
-                self.airspeed_to_tell(path.begin_mps),
+                self.commanded_airspeed(path.begin_mps),
                 "FW_AIRSPD_MIN",
                 "FW_AIRSPD_MAX",
                 "FW_AIRSPD_TRIM",
@@ -139,17 +139,17 @@ class Px4Plane(Px4):
         course_rad = course_over_ground_rad(setpoint, where)
         north_m = where.north_m + AIM_M * math.cos(course_rad)
         east_m = where.east_m + AIM_M * math.sin(course_rad)
-        reading_mps, lead = self.airspeed_to_tell(setpoint.speed_mps), self._lead
+        commanded_mps, lead = self.commanded_airspeed(setpoint.speed_mps), self._lead
         if lead is not None:
-            reading_mps = lead.lead(reading_mps, self.airspeed_to_tell(where.airspeed_mps))
-        return (self._reposition(north_m, east_m, setpoint.height_m, reading_mps),)
+            commanded_mps = lead.lead(commanded_mps, self.commanded_airspeed(where.airspeed_mps))
+        return (self._reposition(north_m, east_m, setpoint.height_m, commanded_mps),)
 
     def quantities(self, setpoint: Setpoint, where: FlightState) -> Vector3:
         """Return the airspeed with its lead, the course over ground, and the height."""
-        reading_mps, lead = self.airspeed_to_tell(setpoint.speed_mps), self._lead
+        commanded_mps, lead = self.commanded_airspeed(setpoint.speed_mps), self._lead
         if lead is not None:
-            reading_mps = lead.led(reading_mps, self.airspeed_to_tell(where.airspeed_mps))
-        return reading_mps, course_over_ground_rad(setpoint, where), setpoint.height_m
+            commanded_mps = lead.led(commanded_mps, self.commanded_airspeed(where.airspeed_mps))
+        return commanded_mps, course_over_ground_rad(setpoint, where), setpoint.height_m
 
     @property
     def prompt_share(self) -> float:

@@ -34,7 +34,7 @@ def test_the_straight_before_the_path_is_as_long_as_the_fence_has_room_for(times
     before_m, radius_m = times * SETTLE_S * SPEED, fenced(-9000.0, -2000.0, 2000.0).hold_radius_m()
     outermost_m = before_m + math.hypot(radius_m + 30.0, 30.0)
     leads = fenced(-(outermost_m + CHECKED_M), -2000.0, 2000.0)
-    way = leads.lap(leads.path.at(-44.0), 0.0, 0.0)
+    way = leads.holding_pattern(leads.path.at(-44.0), 0.0, 0.0)
     assert way.at(way.length_m).north_m == pytest.approx(-before_m)
     steps = [way.at(way.length_m * step / 500).north_m for step in range(501)]
     assert min(steps) == pytest.approx(-before_m - radius_m, abs=1.0)
@@ -45,7 +45,7 @@ def test_the_straight_before_the_path_is_as_long_as_the_fence_has_room_for(times
 def test_a_holding_pattern_is_flown_on_the_side_where_the_fence_has_room(side: int, wind_east_mps: float) -> None:
     west_m, east_m = (-200.0, 2000.0) if side > 0 else (-2000.0, 200.0)
     leads = fenced(-2000.0, west_m, east_m)
-    way = leads.lap(leads.path.at(-44.0), 0.0, wind_east_mps)
+    way = leads.holding_pattern(leads.path.at(-44.0), 0.0, wind_east_mps)
     steps = [side * way.at(way.length_m * step / 100).east_m for step in range(101)]
     assert min(steps) > -1.0
     assert max(steps) > leads.hold_radius_m()

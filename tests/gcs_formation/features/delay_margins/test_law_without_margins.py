@@ -48,7 +48,7 @@ def test_the_watch_in_flight_reports_the_loops_delay_and_no_margin(monkeypatch):
     world = World(start={"in_air": True, "run_in_s": 6}, law=KEYS["law"], links={"default": {"delay_ms": 900}})
     world.run(20.0)  # the formation is still assembling: delays are watched from the first setpoint on
     cycle = world.station.cycle
-    assert math.isnan(cycle.findings.most_used)
+    assert math.isnan(cycle.findings.max_used)
     assert cycle.findings.longest_s > 1.8
     assert all(math.isnan(each) for each in cycle.findings.margin_used)
     assert not [each for each in world.recorder.events if each.kind == "delay_margin"]

@@ -39,7 +39,7 @@ def wander(time_s):
 
 
 class Watched:
-    """An estimator that gets `hz` samples per second, and the largest misfit that it has found."""
+    """An estimator that gets `hz` samples per second, and the largest mismatch that it has found."""
 
     def __init__(self, hz, models, history, telemetry_hz, law_hz, *, in_use):
         self.of = TimeConstantEstimator(models, history, hz, law_hz, in_use=in_use)
@@ -51,7 +51,7 @@ class Watched:
 
     def update(self, learning):
         self.of.update(learning)
-        self.most = np.maximum(self.most, self.of.misfit)
+        self.most = np.maximum(self.most, self.of.mismatch)
 
 
 def flown(
@@ -143,11 +143,11 @@ def test_heights_that_turbulence_moves_are_not_taken_for_other_time_constants(se
         lifted_m.append(kept * lifted_m[-1] + 1.5 * np.sqrt(1 - kept**2) * random.normal())
     lags = flown(np.ones((1, 4)), 120, lifted_m=lifted_m)
     assert ratios_of(lags)[2:] == pytest.approx(1.0, abs=0.25)
-    assert lags.misfit[2][0] < 0.1
+    assert lags.mismatch[2][0] < 0.1
 
 
 def test_a_gust_that_the_law_answers_is_not_taken_for_other_time_constants():
-    """It sinks by 6 m and is commanded to climb by as much. The misfit was 1 when the calm flight around it counted."""
+    """It sinks by 6 m and is commanded to climb as much. The mismatch was 1 while the calm flight around it counted."""
 
     def share(time_s, lag_s):
         rise, fall = 1.0 - np.exp(-(time_s - 40.0) / lag_s), np.exp(-(time_s - 55.0) / lag_s)
@@ -164,14 +164,14 @@ def test_a_gust_that_the_law_answers_is_not_taken_for_other_time_constants():
 def test_beyond_half_and_twice_the_declared_time_constants_nothing_is_taken_and_the_mismatch_tells():
     lags = flown(((3.0, 3.0, 1.0, 1.0), (0.3, 0.3, 1.0, 1.0)))
     assert ratios_of(lags)[:2] == pytest.approx(np.array(((2.0, 0.5), (2.0, 0.5))))
-    assert (np.array(lags.misfit)[:2] > 0.1).all()
-    assert (np.array(flown(CORNERS).misfit) < 0.02).all()
+    assert (np.array(lags.mismatch)[:2] > 0.1).all()
+    assert (np.array(flown(CORNERS).mismatch) < 0.02).all()
 
 
 def test_a_model_that_is_to_stay_stays_and_its_mismatch_tells():
     lags = flown(CORNERS, in_use=False)
     assert {each.model.values() for each in lags.vehicles} == {lags.vehicles[0].model.values()}
-    assert np.array(lags.misfit)[:2] == pytest.approx(0.3, abs=0.1)
+    assert np.array(lags.mismatch)[:2] == pytest.approx(0.3, abs=0.1)
 
 
 @pytest.mark.parametrize("hz", [1, 2, 10 / 3])
@@ -186,11 +186,11 @@ def test_noise_is_not_taken_for_other_time_constants_however_few_samples_there_a
 
     lags = flown(np.ones((20, 4)), 15, tell, noise=(0.2, 0.01, 0.3), kind=partial(Watched, hz))
     assert (lags.most < TAUS_OFF_COUNTED).all()
-    assert min(flown(CORNERS, 25, in_use=False, kind=partial(Watched, hz)).of.misfit[0]) > 0.15
+    assert min(flown(CORNERS, 25, in_use=False, kind=partial(Watched, hz)).of.mismatch[0]) > 0.15
 
 
 def test_no_more_is_said_of_a_mismatch_than_that_time_constants_are_farther_off_than_simulated():
-    assert flown(((1, 6, 1, 1),), 40, in_use=False).misfit[1] == [1.0]
+    assert flown(((1, 6, 1, 1),), 40, in_use=False).mismatch[1] == [1.0]
 
 
 def test_bends_finer_than_the_assumed_resolution_teach_after_quiet_flight():
@@ -254,6 +254,6 @@ def test_the_same_is_found_as_on_arrays(noise, in_use):
         for kind in (TimeConstantEstimator, LagsOnArrays)
     )
     assert ratios_of(lags) == pytest.approx(same.ratios, rel=1e-9)
-    misfit = np.array(lags.misfit)
-    assert misfit == pytest.approx(same.misfit, rel=1e-6, abs=1e-9)
+    mismatch = np.array(lags.mismatch)
+    assert mismatch == pytest.approx(same.mismatch, rel=1e-6, abs=1e-9)
     assert [each.model.values() for each in lags.vehicles] == [pytest.approx(each.values()) for each in same.models]

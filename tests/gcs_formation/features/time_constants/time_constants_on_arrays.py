@@ -200,8 +200,8 @@ class Fit(NamedTuple):
 
         `worth`: inverse variance of each sample, (C,).
         """
-        misfit = (spread @ weights[..., None])[..., 0]
-        pull = -(slopes @ misfit[..., None])[..., 0] * worth[:, None]
+        mismatch = (spread @ weights[..., None])[..., 0]
+        pull = -(slopes @ mismatch[..., None])[..., 0] * worth[:, None]
         return cls(pull, slopes @ spread @ slopes.swapaxes(1, 2) * worth[:, None, None])
 
 
@@ -251,7 +251,7 @@ class Channel:
         self.nodes = nodes
         self.log_ratio: Array = np.zeros((columns, nodes.at.shape[1]))
         """(C, P) logarithms of the ratios of the lags to the assumed ones."""
-        self.misfit: Array = np.zeros(columns)
+        self.mismatch: Array = np.zeros(columns)
         """(C,) share by which the lags of the latest flight seem to differ from those in use, beyond chance."""
         self._resolution, self._finest, self._in_use = resolution, finest, in_use
         self._independent = max(1.0, CORRELATED_S * rate_hz)
@@ -318,12 +318,12 @@ class Channel:
         slope_mean = (slope * recent.first).sum(axis=1) / count
         excitation = np.maximum((slope * by_slope).sum(axis=1) - slope_mean**2 * count, 1e-12)
         shown = (weights * by_slope).sum(axis=1) - slope_mean * total
-        misfit = np.einsum("ck,ckl,cl->c", weights, recent.second, weights) + calm.second[:, 0, 0] - total**2 / count
+        mismatch = np.einsum("ck,ckl,cl->c", weights, recent.second, weights) + calm.second[:, 0, 0] - total**2 / count
         free = np.maximum(recent.count / (self._independent * alike) - 2.0, 0.0)
-        left = np.maximum(misfit - shown**2 / excitation, 0.0) / np.maximum(free * self._independent, 1e-12)
+        left = np.maximum(mismatch - shown**2 / excitation, 0.0) / np.maximum(free * self._independent, 1e-12)
         chance = np.sqrt((left + self._resolution**2) * self._independent / excitation)
         found = within(np.abs(shown) / excitation - SIGNIFICANT * chance, 0.0, RATIO_MAX - 1.0)
-        self.misfit = np.where(free > 0.0, found, 0.0)
+        self.mismatch = np.where(free > 0.0, found, 0.0)
 
 
 class LagsOnArrays:
@@ -343,7 +343,7 @@ class LagsOnArrays:
     ) -> None:
         """Start with the lags of `models`; `history` holds the setpoints.
 
-        If not `in_use`, the models stay unchanged, and only their misfit is monitored.
+        If not `in_use`, the models stay unchanged, and only their mismatch is monitored.
         """
         self.models = models
         self.lagging: Mask = np.ones(len(models), dtype=bool)
@@ -366,9 +366,9 @@ class LagsOnArrays:
         self._learning = [True] * columns
 
     @property
-    def misfit(self) -> Array:
+    def mismatch(self) -> Array:
         """(3, C) share by which the lags of airspeed, heading and height seem to differ from those in use."""
-        return np.array([channel.misfit for channel in self.channels])
+        return np.array([channel.mismatch for channel in self.channels])
 
     @property
     def ratios(self) -> Array:
