@@ -11,7 +11,7 @@ import numpy as np
 
 from flight_model.frequency_response import FREQUENCIES
 from formation_scenario import Scenario
-from formation_scenario.gains import AUTO, design_delay_s, designed
+from formation_scenario.gains import AUTO, by_design, design_delay_s, designed
 from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.mean_delays import since, ways_s
 from formation_scenario.planned_progress import planned_end_s
@@ -133,3 +133,8 @@ def _faster(scenario: Scenario) -> str:
         if time_s <= SLOW_S and getattr(law, key) != value:
             return f"{why}; law.{key} of {value} takes {time_s:.0f} s"
     return why
+
+
+def has_designed_gains(scenario: Scenario) -> bool:
+    """Return whether the law has PID channels whose gains' figures are known."""
+    return law_kind(scenario).has_margins and by_design(scenario)

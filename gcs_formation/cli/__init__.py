@@ -22,7 +22,7 @@ COMMANDS = {
     "compare": ("gcs_formation.cli.study", "Fly a scenario by several laws and set them side by side."),
     "diff": ("gcs_formation.cli.diff", "Say what differs first between two runs."),
     "fly": ("gcs_formation.cli.run_and_fly", "Fly a scenario with vehicles that are up already."),
-    "identify": ("gcs_formation.cli.run_and_fly", "Find a vehicle's model from a flight; write a vehicle file."),
+    "identify": ("gcs_formation.cli.identify", "Find a vehicle's model from a flight; write a vehicle file."),
     "init": ("gcs_formation.cli.no_flight", "Write an example scenario to begin with."),
     "link": ("gcs_formation.cli.link", "Measure links without a flight, and say what they carry."),
     "logs": ("gcs_formation.cli.logs", "Fetch the autopilots' own logs after a flight."),

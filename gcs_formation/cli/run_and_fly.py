@@ -1,4 +1,4 @@
-"""`gcs-formation run`, `fly` and `identify`: the commands that fly a scenario."""
+"""`gcs-formation run` and `fly`: the commands that fly a scenario."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from typing import Any, TypeVar
 
 import click
 
-from airlink.cli import SECONDS, SEED, Number, Status, WholeNumber, examples, fail, say, tell
+from airlink.cli import SECONDS, SEED, Number, Status, examples, fail, say, tell
 from airlink.cli.output_directory import OUT, default_directory
 from airlink.endpoint import Endpoint, EndpointError, parse_endpoint
 from airlink.forwarding import Forward
-from formation_scenario import Scenario, ScenarioError, load_scenario
-from gcs_formation.app.check import never_reached
+from formation_scenario import Scenario, ScenarioError
+from gcs_formation.app.check_warnings import never_reached
 from gcs_formation.app.dry_run import rehearsal_text
 from gcs_formation.app.fly import fly as fly_scenario
 from gcs_formation.app.fly import rehearse
@@ -50,11 +50,6 @@ FLY_EXAMPLES = examples(
     "gcs-formation fly arduplane.yaml --confirm                asks before any vehicle is armed",
     "gcs-formation fly arduplane.yaml --take                   also those that somebody else flies",
     "gcs-formation fly arduplane.yaml --dry-run --set-parameters   which parameters it would set, from which value",
-)
-IDENTIFY_EXAMPLES = examples(
-    "gcs-formation identify arduplane.yaml --out skywalker.yaml   flies steps, then fits",
-    "gcs-formation identify runs/flown --vehicle 2                from what was recorded",
-    "gcs-formation identify 00000042.BIN --out skywalker.yaml     an ArduPilot log, a PX4 .ulg, a .tlog, a .csv",
 )
 
 
@@ -219,17 +214,18 @@ def _done(
     seeded = () if seed is None else (f"seed={seed}",)
     with Interrupts() as interrupts, ExitStack() as stack:
         loaded = load(scenario, (*overrides, *seeded), plugins)
-        options = _run_options(out or default_directory(loaded.name), given)
+        options = run_options(out or default_directory(loaded.name), given)
         if view is not None:
             viewer = viewing(view, options.out, plugins, orders=view_orders, to_stderr=as_json, tiles=tiles)
             options = replace(options, recording=stack.enter_context(viewer).announce)
         for warning in () if quiet else never_reached(loaded, math.inf if options.until_s is None else options.until_s):
             tell(f"warning: {warning}", err=True)
-        result = _flown(flown, loaded, options, interrupts, quiet=quiet)
+        result = flown_or_exit(flown, loaded, options, interrupts, quiet=quiet)
         return conclude(result, options, interrupts, quiet=quiet, as_json=as_json)
 
 
-def _run_options(out: Path, given: dict[str, Any]) -> RunOptions:
+def run_options(out: Path, given: dict[str, Any]) -> RunOptions:
+    """Return how a flight is flown and recorded, by the options of the command line, or exit with what is wrong."""
     seen: tuple[Endpoint, ...] = given.pop("forward_only", ())
     listening: tuple[Endpoint, ...] = given.pop("forward", ())
     given["forward"] = tuple(Forward(end, end in listening) for end in dict.fromkeys((*listening, *seen)))
@@ -239,7 +235,9 @@ def _run_options(out: Path, given: dict[str, Any]) -> RunOptions:
         fail(str(error))
 
 
-def _flown(fly: Fly[Result], scenario: Scenario, options: RunOptions, interrupts: Interrupts, *, quiet: bool) -> Result:
+def flown_or_exit(
+    fly: Fly[Result], scenario: Scenario, options: RunOptions, interrupts: Interrupts, *, quiet: bool
+) -> Result:
     """Return the result of a flight, or exit with the reason why it couldn't begin or go on."""
     shown = Progress() if quiet else progress_on(sys.stderr)
     try:
@@ -247,7 +245,7 @@ def _flown(fly: Fly[Result], scenario: Scenario, options: RunOptions, interrupts
     except (RecordError, ScenarioError) as error:
         fail(str(error))
     except RunAbortedError as error:
-        sys.exit(_interrupted(options) if interrupts.count else say(str(error), Status.COULD_NOT_GO_ON))
+        sys.exit(interrupted(options) if interrupts.count else say(str(error), Status.COULD_NOT_GO_ON))
     finally:
         shown.close()
 
@@ -260,7 +258,7 @@ def _tell_rehearsal(
     elif not quiet:
         click.echo(rehearsal_text(report))
         click.echo(f"recorded in {recorded_in(options.out)}")
-    return _interrupted(options) if interrupts.count else Status.FINE
+    return interrupted(options) if interrupts.count else Status.FINE
 
 
 def _fly_and_record(
@@ -301,7 +299,7 @@ def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, *, 
         tell(summary_text(summary, recorded_in(options.out), width), err=as_json)
         tell(f"next: gcs-formation report {shlex.quote(str(recorded_in(options.out)))}", err=as_json)
     if interrupts.count:
-        return _interrupted(options)
+        return interrupted(options)
     broken = (str(verdict) for verdict in summary.verdicts if verdict.held is False)
     for text in (*broken, *summary.breaches, *spoilt(summary), *unjudged(summary)):
         tell(text, err=True)
@@ -310,84 +308,6 @@ def _conclude(summary: Summary, options: RunOptions, interrupts: Interrupts, *, 
     return Status.EXPECTATION_BROKEN if summary.held is False else Status.FINE
 
 
-def _interrupted(options: RunOptions) -> Status:
+def interrupted(options: RunOptions) -> Status:
+    """Print where the record of an interrupted flight is; return the exit status."""
     return say(f"interrupted; what was recorded is in {recorded_in(options.out)}", Status.INTERRUPTED)
-
-
-VEHICLE_FILE = "vehicle.yaml"
-LOGS = (".tlog", ".bin", ".ulg", ".csv")
-SCENARIOS = (".yaml", ".yml")
-SOURCES = "the directory of a run, a log (*.tlog, *.bin, *.ulg, *.csv), or a scenario (*.yaml)"
-
-
-@click.command(epilog=IDENTIFY_EXAMPLES)
-@click.argument("source", type=click.Path(path_type=Path, exists=True))
-@click.option("--out", type=click.Path(path_type=Path), help=f"Vehicle file; default: {VEHICLE_FILE} in the run.")
-@click.option("--run-dir", type=OUT, help="Where the flight is recorded; default: runs/NAME-TIME.")
-@click.option("--overwrite", is_flag=True, help="Replace the files at --out, and an earlier run in --run-dir.")
-@click.option("--vehicle", type=WholeNumber(1), help="Use this system id only; default: all, as one kind.")
-@click.option("--speedup", type=Number(0.01, 1000), default=1.0, help="Simulated autopilots: X times faster.")
-@OVERRIDES
-@PLUGINS
-@click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-@click.option("--json", "as_json", is_flag=True, help="The result alone on standard output.")
-def identify(source: Path, vehicle: int | None, quiet: bool, as_json: bool, **given: Any) -> None:
-    """Find a vehicle's model from SOURCE: a run, a log (.tlog, .bin, .ulg, .csv), or steps flown in a scenario."""
-    from gcs_formation import identify as identification  # noqa: PLC0415 - only `identify` fits and draws
-
-    out, run_dir, overrides, plugins = (given.pop(name) for name in ("out", "run_dir", "overrides", "plugins"))
-    recording = source.is_dir() or source.suffix.lower() in LOGS
-    accepted = None if recording else _to_be_flown(source, overrides, vehicle, plugins)
-    recorded = source if accepted is None else run_dir or default_directory(f"{accepted.name}-identify")
-    file = out or (source.parent if recorded.is_file() else recorded) / VEHICLE_FILE
-    try:
-        identification.require_writable(file, overwrite=given["overwrite"], given=out is not None)
-    except RecordError as error:
-        fail(str(error))
-    if accepted is not None:
-        _record_steps(accepted, recorded, quiet=quiet, **given)
-    try:
-        found = identification.identify(recorded, file, vehicle, accepted, plugins)
-    except (RecordError, ScenarioError) as error:
-        fail(str(error))
-    if found["unfit"]:
-        click.echo(found["unfit"], err=True)
-    if as_json:
-        click.echo(json.dumps(found, indent=2))
-    elif not quiet:
-        click.echo(identification.report(found))
-
-
-def _to_be_flown(source: Path, overrides: tuple[str, ...], vehicle: int | None, plugins: tuple[str, ...]) -> Scenario:
-    """Return the scenario whose vehicles are to fly steps, or exit with what's wrong in it; `vehicle` must be in it."""
-    try:
-        scenario = load_scenario(source, overrides, plugins=plugins)
-    except ScenarioError as error:
-        if source.suffix.lower() in SCENARIOS:
-            fail(str(error))
-        fail(f"found {source}, which is neither a recording nor a scenario ({error}); allowed: {SOURCES}")
-    known = ", ".join(str(each.id) for each in scenario.vehicles)
-    if vehicle is not None and vehicle not in {each.id for each in scenario.vehicles}:
-        fail(f"--vehicle: found {vehicle}; allowed: {known}")
-    return scenario
-
-
-def _record_steps(scenario: Scenario, directory: Path, *, quiet: bool, **given: Any) -> None:
-    """Fly the steps and record them in `directory`; `given` are fields of `RunOptions` from the command line."""
-    emulated = all(each.autopilot == "emulator" for each in scenario.vehicles)
-    if emulated and given["speedup"] != 1.0:
-        found = f"found {given['speedup']:g} of emulated vehicles alone, which fly as fast as the processor allows"
-        fail(f"--speedup: {found}; allowed: none, or with vehicles at the scenario's endpoints")
-    options = _run_options(directory, {"clock": "virtual" if emulated else "real", **given})
-    with Interrupts() as interrupts:
-        _flown(_fly_steps, scenario, options, interrupts, quiet=quiet)
-        if interrupts.count:
-            sys.exit(_interrupted(options))
-
-
-def _fly_steps(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
-    """Fly the steps: with emulators, or with vehicles at the scenario's endpoints."""
-    from gcs_formation.identify import identification_scenario  # noqa: PLC0415 - only `identify` fits and draws
-
-    flown = run_scenario if options.clock == "virtual" else fly_scenario
-    return flown(identification_scenario(scenario), options, progress, interrupts)

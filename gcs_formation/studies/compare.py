@@ -16,7 +16,8 @@ from flight_model.slot import CHANNELS
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
 from formation_scenario.extensions import LAW_KINDS, Registry
 from formation_scenario.fields import did_you_mean
-from gcs_formation.app.check import tau_margins, warnings
+from gcs_formation.app.check import tau_margins
+from gcs_formation.app.check_warnings import warnings
 from gcs_formation.app.result_text import WHOLE, WIDE, ColumnGroup
 from gcs_formation.app.result_text import table as text_table
 from gcs_formation.control import laws

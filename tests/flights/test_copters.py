@@ -14,7 +14,7 @@ import yaml
 import gcs_formation
 from formation_scenario import load_scenario
 from formation_scenario.feasibility import refused_orders
-from gcs_formation.app.check import doomed_orders
+from gcs_formation.app.check_warnings import doomed_orders
 from tests.flights.conftest import scenario
 from tests.flights.in_memory import World
 

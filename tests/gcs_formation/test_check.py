@@ -16,7 +16,7 @@ from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.consensus_graph import graph_adjacency
 from formation_scenario.feasibility import refused_orders
 from formation_scenario.planned_progress import path_end_s
-from gcs_formation.app.check import _seconds, check_report, never_reached, slots_of_no_shape
+from gcs_formation.app.check import _seconds, check_report
 from gcs_formation.app.check_links import (
     HoldingPattern,
     holding_pattern,
@@ -24,6 +24,7 @@ from gcs_formation.app.check_links import (
     refused_rate,
     split_errors,
 )
+from gcs_formation.app.check_warnings import never_reached, slots_of_no_shape
 from gcs_formation.cli import main
 from gcs_formation.stability import consensus_delay_margin, scenario_delay_margin
 from tests.flights.conftest import scenario as flight

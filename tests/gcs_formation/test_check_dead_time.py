@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from formation_scenario import Scenario, load_scenario
-from gcs_formation.app.check import tau_margins, warnings
+from gcs_formation.app.check import tau_margins
+from gcs_formation.app.check_warnings import warnings
 from gcs_formation.stability import law_margins
 from tests.flights.conftest import scenario
 

@@ -15,7 +15,7 @@ from airlink.messages.command import CommandInt
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
 from formation_scenario import load_scenario
 from formation_scenario.formation import Step, added
-from gcs_formation.cli.run_and_fly import identify
+from gcs_formation.cli.identify import identify
 from gcs_formation.errors import RecordError
 from gcs_formation.identify import identification_scenario
 from gcs_formation.identify.recording import SETTLING_S, STEP_S, _held, recordings

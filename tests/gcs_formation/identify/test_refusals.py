@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from gcs_formation.cli.run_and_fly import identify
+from gcs_formation.cli.identify import identify
 
 SCENARIO = "vehicles: {count: 3}\npath: {waypoints_m: [[0, 0, 100], [3000, 0, 100]]}\nstart: {in_air: true}\n"
 SOURCES = "the directory of a run, a log (*.tlog, *.bin, *.ulg, *.csv), or a scenario (*.yaml)"
