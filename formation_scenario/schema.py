@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import PydanticUndefined
 
-from formation_scenario.derived_defaults import MAY_BE_EMPTY, MODELS
+from formation_scenario.derived_defaults import MAY_BE_EMPTY
 from formation_scenario.error_messages import allowed, bare, is_group, members
 from formation_scenario.expectation import METRICS, range_text
 from formation_scenario.extensions import (
@@ -43,6 +43,7 @@ from formation_scenario.model import Fleet, Scenario
 from formation_scenario.path_plan import GUIDANCES
 from formation_scenario.shapes import SHAPE
 from formation_scenario.source import Dumper, Plain, show
+from formation_scenario.vehicle_files import MODELS
 from formation_scenario.vehicles import AUTOPILOTS, CLOCKS, VehicleGroup
 
 Schema = dict[str, Any]

@@ -71,6 +71,11 @@ class Source:
         """The directory of its file; None if it isn't one."""
         return None if self.file is None else Path(self.file).parent
 
+    @property
+    def directory(self) -> Path:
+        """The directory to which the files that it names are relative: its file's, or the working directory."""
+        return Path(self.file).parent if self.file else Path()
+
     def problem(self, path: KeyPath, found: str, allowed: str = "", would_do: str = "") -> Problem:
         """Return a problem at a key's place."""
         return Problem(*self.place(path), dotted(path), found, allowed, would_do)

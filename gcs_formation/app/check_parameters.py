@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from formation_scenario import Scenario
-from formation_scenario.derived_defaults import shipped_models
+from formation_scenario.vehicle_files import shipped_models
 
 if TYPE_CHECKING:
     from formation_scenario.parameter_files import ParameterModel

@@ -9,7 +9,7 @@ import numpy as np
 
 from flight_model.arrays import Array
 from formation_scenario import Scenario
-from formation_scenario.derived_defaults import shipped_models
+from formation_scenario.vehicle_files import shipped_models
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.identify.recording import STEP_S, Recording
 

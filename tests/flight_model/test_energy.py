@@ -8,8 +8,8 @@ import pytest
 
 from flight_model import energy
 from flight_model.energy import GRAVITY_MPS2
-from formation_scenario.derived_defaults import read_model
 from formation_scenario.source import Source
+from formation_scenario.vehicle_files import read_model
 from formation_scenario.vehicles import EnergyAirframe
 
 SHIPPED = read_model("arduplane", Path(), Source(None, {}), ())

@@ -7,9 +7,9 @@ import pytest
 import yaml
 
 from formation_scenario import ScenarioError, dump_scenario, load_scenario
-from formation_scenario.derived_defaults import read_model
 from formation_scenario.shipped_aircraft import shipped_names
 from formation_scenario.source import Source
+from formation_scenario.vehicle_files import read_model
 
 PATH = {"waypoints_m": [[0, 0, 100], [4000, 0, 100]]}
 FILE = {"schema": 1, "name": "mine", "model": {"tau_v_s": 2.5, "speed_min_mps": 15}, "fit": {"airspeed_mps": 0.1}}

@@ -11,9 +11,9 @@ import yaml
 
 from flight_model.energy import GRAVITY_MPS2, steepest_climb_mps
 from formation_scenario import Scenario, ScenarioError, dump_scenario, load_scenario
-from formation_scenario.derived_defaults import shipped_models
 from formation_scenario.parameter_files import ParameterModel, model_of
 from formation_scenario.parameter_files.text import parse
+from formation_scenario.vehicle_files import shipped_models
 from formation_scenario.vehicles import VehicleModel
 
 NEW = """\

@@ -19,7 +19,11 @@ from tests.flights.conftest import scenario
 ROOT = Path(__file__).parents[3]
 OUT_OF_FLIGHT = ("app", "cli", "identify", "report", "studies", "testing", "python_api.py")
 """Modules of the station that aren't called in its ticks."""
-BEFORE_FLIGHT = ("formation_scenario/derived_defaults.py", "airlink/transports/opening.py")
+BEFORE_FLIGHT = (
+    "formation_scenario/derived_defaults.py",
+    "formation_scenario/vehicle_files.py",
+    "airlink/transports/opening.py",
+)
 """Modules that read the scenario and open its endpoints."""
 
 

@@ -368,7 +368,7 @@ READERS = {
     "bounded_read.py",  # what all others read by
     "terrain.py",  # rasterio opens a file itself, at its place
     "extensions.py",  # extensions go along with what they register
-    "derived_defaults.py",  # shipped aircraft, of the package
+    "vehicle_files.py",  # shipped aircraft, of the package
     "schema.py",  # likewise, the head of a page
     "feature_folders.py",  # likewise, captions; and which features a run was flown with, for an error's text
 }
