@@ -184,10 +184,8 @@ def table(known: Record) -> Iterator[list[str]]:
 def _worst(flights: list[Flown]) -> str:
     if not flights:
         return ""
-    worst = [
-        max(each.found_s for each in flights),
-        *(min(lowest) for lowest in zip(*(each[1:] for each in flights), strict=True)),
-    ]
+    found_s = max(each.found_s for each in flights)
+    worst = found_s, min(each.separation_m for each in flights), min(each.clearance_m for each in flights)
     return " / ".join(f"{each:.1f}" for each in worst) + f" ({len(flights)})"
 
 
