@@ -86,7 +86,7 @@ def flown_without_folders(tmp_path: Path, *folders: str) -> dict[str, object]:
     """Fly the quickstart in a copy of the tree without some folders; return the summary."""
     copy, out = tmp_path / "tree", tmp_path / "run"
     for each in TREE:
-        shutil.copytree(ROOT / each, copy / each, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
+        shutil.copytree(ROOT / each, copy / each, ignore=shutil.ignore_patterns("*.so"))
     for folder in folders:
         shutil.rmtree(copy / folder)
     flight = ["run", "configs/quickstart.yaml", "--clock", "virtual", "--until", "4", "--set", "expect=[]"]
