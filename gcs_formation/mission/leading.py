@@ -82,6 +82,8 @@ class Leading:
         distance_m, point = guidance.abreast(place.north_m, place.east_m)
         right_m, up_m = point.lateral_and_up_m(place.north_m, place.east_m, place.height_m)
         abreast, commanded_m = Abreast(point, right_m, up_m), tick.setpoints[leader][2]
+        if math.isnan(commanded_m):  # it loiters
+            commanded_m = place.height_m
         above = abreast.rise(place, commanded_m, controller.models[leader], guidance.speed_mps)
         lateral = 0.0 if guidance.pauses else abreast.lateral_slope(place)  # at a stop it comes to rest first
         path, reach_m = guidance.path, slots.reach_m

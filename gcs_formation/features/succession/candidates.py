@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from typing import Final, NamedTuple, Self
 
 from airlink.clock import Instant, seconds_between
-from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
 
 RECEIVED_S: Final = 1.0
@@ -35,9 +34,9 @@ class Candidate(NamedTuple):
 
 
 def can_lead(vehicle: Vehicle, age_s: float, now: Instant) -> bool:
-    """Return whether a vehicle flies in the formation, receives, and is received, with a state `age_s` old."""
+    """Return whether a vehicle receives, and is received, with a state `age_s` old."""
     receives = seconds_between(vehicle.round_trips.received_at(now), now) <= RECEIVED_S
-    return vehicle.member is Member.FLYING and receives and age_s <= RECEIVED_S
+    return receives and age_s <= RECEIVED_S
 
 
 def best_successor(candidates: Iterable[Candidate], spacing_m: float) -> int | None:

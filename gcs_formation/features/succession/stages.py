@@ -33,6 +33,8 @@ class Succession(Stage):
 
         if is_lost(leader, cycle, replaceable):
             index = successor(cycle)
+            if index is None and not _comes_back(leader, cycle):
+                index = successor(cycle, among=_comes_back)
             if index is not None:
                 cycle.reconfiguration.replace_leader(index, cycle.now)
 
@@ -47,8 +49,22 @@ def is_lost(leader: Vehicle, cycle: Cycle, replaceable: Callable[[], bool]) -> b
     return leader.member is not Member.FLYING or (sinks and replaceable())
 
 
-def successor(cycle: Cycle) -> int | None:
-    """Return the index of the follower that is to take over, None if none can; sinking ones can't."""
+def _flies(vehicle: Vehicle, _: Cycle) -> bool:
+    return vehicle.member is Member.FLYING
+
+
+def _comes_back(vehicle: Vehicle, cycle: Cycle) -> bool:
+    """Return whether a vehicle loiters for no reason of its own: it comes back as soon as it leads, or is led."""
+    loiters = vehicle.member is Member.HOLDING or vehicle.member is Member.RETURNING
+    estimator, beyond = cycle.controller.estimator, cycle.findings.beyond
+    return loiters and cycle.membership.is_fresh(vehicle, estimator, beyond, cycle.now)
+
+
+def successor(cycle: Cycle, among: Callable[[Vehicle, Cycle], bool] = _flies) -> int | None:
+    """Return the index of the follower that is to take over, None if none can; sinking ones can't.
+
+    `among`: whether a vehicle is asked at all; by default those that fly in the formation.
+    """
     tick, leader, now = cycle.controller.last_tick, cycle.controller.plan.leader, cycle.now
     if cycle.scenario.formation.succession == "none" or tick is None:
         return None
@@ -56,7 +72,8 @@ def successor(cycle: Cycle) -> int | None:
     candidates = [
         Candidate.of(each.index, each, _distance_m(tick.state[each.index], place))
         for each in cycle.each
-        if each.index != leader and each.identity not in sinking and can_lead(each, age_s(each.index, now), now)
+        if each.index != leader and each.identity not in sinking and among(each, cycle)
+        if can_lead(each, age_s(each.index, now), now)
     ]
     return best_successor(candidates, cycle.controller.plan.arrangement.spacing_m)
 
