@@ -57,6 +57,29 @@ def test_off_the_path_it_returns_in_wide_turns_and_then_follows_it(east_m: float
     assert leads.distance_m == pytest.approx(end.north_m + 1.0)
 
 
+def test_from_a_little_beside_its_path_it_is_back_within_a_turns_radius() -> None:
+    """Two opposite turns lead 20 m to the side within (4 · 20 m · R - (20 m)²)^½ along the path, less than R."""
+    leads = guidance()
+    radius_m = leads.hold_radius_m()
+    assert math.sqrt(4.0 * 20.0 * radius_m - 20.0**2) < radius_m
+    leads.steer(state(700.0, 20.0, 0.0), MODEL, assembled=False)
+    assert leads.route is not None
+    assert leads.route.at(leads.route.length_m).north_m == pytest.approx(700.0 + radius_m)
+
+
+def test_at_the_end_of_the_way_to_its_path_it_knows_how_far_the_path_is() -> None:
+    """Wherever the path begins and leads."""
+    path = {"speed_mps": SPEED, "waypoints_m": [[400, -300, 100], [400, 3700, 100]]}
+    leads = from_scenario.leader_guidance(load_scenario(scenario(path=path)))
+    leads.steer(state(-900.0, 600.0, 0.0), MODEL, assembled=False)
+    way = leads.route
+    assert way is not None
+    end, leads.distance_m = way.at(way.length_m), way.length_m
+    leads.steer(state(end.north_m, end.east_m, 90.0), MODEL, assembled=False)
+    assert leads.on_path
+    assert leads.distance_m == pytest.approx(end.east_m + 300.0)
+
+
 def test_the_straight_before_the_path_gets_longer_with_every_round_up_to_four_times() -> None:
     """A follower that needs longer than it to come back into its slot would be out of it after every lap."""
     leads = guidance()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
+from flight_model.arrays import Array
 from flight_model.flight_state import FlightState
 from flight_model.path_lift_and_displacement import TRIFLE_M, Bounds
 from flight_model.spline import SplinePath
@@ -28,6 +29,11 @@ TOPS_M = (1500.0, 3200.0, 4900.0)
 SLOTS = np.array([[0.0, 0.0, 0.0], [-BEHIND_M, RIGHT_M, 0.0]])
 
 
+def straight() -> SplinePath:
+    """Return 9 km to the north at one height."""
+    return SplinePath([[0.0, 0.0, HEIGHT_M], [9000.0, 0.0, HEIGHT_M]])
+
+
 class Flight:
     """A leader that flies north at one height, with a follower behind to its right."""
 
@@ -37,12 +43,12 @@ class Flight:
         self.ground = Hills(0.0, hills)
         self.offsets_m = SlotClearance(self.ground, CLEARANCE_M, lambda _: BOUNDS, "leader_heading")
         self.take_route()
-        self._plan = FormationPlan(load_scenario(scenario())).arrangement
+        self.plan = FormationPlan(load_scenario(scenario())).arrangement
         self.at_m = 0.0
 
     def take_route(self) -> None:
         """Fly along a new route, which lies where the one before did."""
-        self._route = SplinePath([[0.0, 0.0, HEIGHT_M], [9000.0, 0.0, HEIGHT_M]])
+        self._route = straight()
 
     def on(self, by_m: float, wind_east_mps: float = 0.0) -> None:
         """Fly on."""
@@ -50,7 +56,7 @@ class Flight:
         while self.at_m < until_m:
             self.at_m += TICK_M
             leader = FlightState(self.at_m, 0.0, HEIGHT_M, 0.0, SPEED_MPS, 0.0, 0.0, wind_east_mps)
-            ahead = TrackAhead(self._route, leader, 0, self.at_m, SPEED_MPS, lambda _: self.slots_m, self._plan)
+            ahead = TrackAhead(self._route, leader, 0, self.at_m, SPEED_MPS, lambda _: self.slots_m, self.plan)
             self.offsets_m.look_ahead(ahead, [self.at_m, self.at_m])
 
     def missing_m(self, wind_east_mps: float = 0.0) -> float:
@@ -99,6 +105,25 @@ def test_a_slot_above_its_leader_is_raised_by_as_much_less_and_one_below_by_as_m
     top_m = TOPS_M[0] + BEHIND_M
     needed_m = 40.0 + CLEARANCE_M - HEIGHT_M - up_m
     assert flight.offsets_m.offsets([top_m] * 2)[1][0] == pytest.approx(needed_m, abs=0.5)
+
+
+def test_a_slot_that_moves_is_raised_where_it_will_be() -> None:
+    """It moves to the left by 5 m/s, and is above the first hill's top when it passes it."""
+    flight, passes_s = Flight(), (TOPS_M[0] + BEHIND_M) / SPEED_MPS
+    slots_m, leader = flight.slots_m, FlightState(0.0, 0.0, HEIGHT_M, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
+
+    def moving(later_s: float) -> Array:
+        return slots_m + np.array([[0.0, 0.0, 0.0], [0.0, 5.0 * (passes_s - later_s), 0.0]])
+
+    ahead = TrackAhead(straight(), leader, 0, 0.0, SPEED_MPS, moving, flight.plan)
+    flight.offsets_m.look_ahead(ahead, [0.0, 0.0])
+    at_m = np.arange(0.0, SEEN_M, TICK_M)
+    slot_m = np.array([moving(each / SPEED_MPS)[1] for each in at_m.tolist()])
+    needed_m = flight.ground.height(at_m + slot_m[:, 0], slot_m[:, 1]) + CLEARANCE_M - HEIGHT_M
+    offsets_m = [flight.offsets_m.offsets([each, each])[1][0] for each in at_m.tolist()]
+    assert max(needed_m) == pytest.approx(40.0 + CLEARANCE_M - HEIGHT_M, abs=0.5)
+    assert max(needed_m - offsets_m) <= TRIFLE_M + 0.05
+    assert max(offsets_m) < max(needed_m) + 1.0
 
 
 def test_on_another_route_a_slot_goes_on_at_its_height_with_its_slope() -> None:

@@ -31,6 +31,14 @@ def forward(plan: FormationPlan, now_s: float) -> tuple[float, float]:
     return float(slots.position_m[-1, 0] - plan.goal_m[-1, 0]), float(slots.velocity_mps[-1, 0])
 
 
+def test_followers_begin_displaced_from_their_slots_and_the_leader_does_not() -> None:
+    """Once the path has begun, no slot is displaced."""
+    plan = FormationPlan(load_scenario(scenario(start={"in_air": True, "run_in_s": 6, "offset_m": [8, 6, 4]})))
+    before, after = (plan.at(100.0, begun=begun).position_m for begun in (False, True))
+    assert (before - after).tolist() == [[0.0, 0.0, 0.0], [8.0, 6.0, 4.0], [8.0, 6.0, 4.0]]
+    assert after.tolist() == plan.goal_m.tolist()
+
+
 def test_slots_that_wait_stand_and_go_on_where_they_were(plan: FormationPlan) -> None:
     at_m, mps = forward(plan, 108.0)
     assert mps < -1.0

@@ -49,3 +49,13 @@ def test_what_follows_with_a_lag_is_led_by_it():
         instant = BEGUN + round(step * step_s * NANOSECONDS)
         assert heading == pytest.approx(turn.setpoint(instant, 0.0)[0], abs=2e-3)
         heading += step_s * (turn.setpoint(instant, lag_s)[0] - heading) / lag_s
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.6])
+def test_the_rate_of_the_setpoint_is_its_derivative(lag_s):
+    """Followers lead the positions of their slots by it."""
+    turn, step = TurnOnSpot.to(1.5, 0.0, BEGUN, 24.0, SPEED_MPS, ACCEL_MPS2), 1e-4
+    for share in (0.1, 0.3, 0.5, 0.7, 0.9):
+        before, after = at(turn, share - step, lag_s), at(turn, share + step, lag_s)
+        derivative = (after[0] - before[0]) / (2 * step * turn.duration_s)
+        assert at(turn, share, lag_s)[1] == pytest.approx(derivative, abs=1e-4)
