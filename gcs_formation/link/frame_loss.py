@@ -193,10 +193,6 @@ class SequenceTracker:
         gap = (sequence - self._newest - 1) % MODULUS
         return gap == 0 or float(gap) <= self._likely_run()
 
-    def is_next(self, sequence: i64) -> bool:
-        """Return whether a number follows the newest."""
-        return sequence == (self._newest + 1) % MODULUS
-
     def is_near(self, sequence: i64) -> bool:
         """Return whether a number is shortly before or after the newest: copies may have shown others between."""
         return (self._newest - sequence + NEAR) % MODULUS < 2 * NEAR

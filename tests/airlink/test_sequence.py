@@ -113,6 +113,12 @@ def test_after_an_outage_that_both_counts_fit_none_is_thought_to_have_answered(e
     assert tracker.missed == 640
 
 
+def test_a_copy_is_not_taken_for_a_frame_that_was_lost_a_round_of_numbers_ago():
+    tracker = tracked(number for number in range(300) if number != 5)
+    tracker.observe((256 + 5) % MODULUS, *AT_ONCE)
+    assert (tracker.received, tracker.lost, tracker.repeated) == (299, 1, 1)
+
+
 def test_nothing_heard_is_no_loss():
     assert SequenceTracker().loss == 0.0
 

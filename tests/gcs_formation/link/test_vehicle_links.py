@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import Address
 from gcs_formation.link.link_health import Connection, LinkState
-from gcs_formation.link.vehicle_links import BARRED_MAX_S, BARRED_S, BETTER_S, Links, links_by
+from gcs_formation.link.vehicle_links import BARRED_MAX_S, BARRED_S, BETTER_S, JITTERS, OVERDUE_S, Links, links_by
 
 TICK_S = 0.1
 
@@ -95,6 +97,21 @@ def test_a_slow_one_on_which_nothing_comes_is_left_before_an_answer_is_overdue()
     assert vehicle.used == 2
 
 
+def test_an_answer_is_overdue_later_where_round_trips_vary() -> None:
+    """The link isn't left because of what jitter explains."""
+    vehicle = Vehicle(200)
+    vehicle.run(10.0)
+    (link,) = vehicle.links.each
+    for jitter_s in (math.nan, 0.0, 0.03):
+        link.jitter.jitter_s = jitter_s
+        known_s = 0.0 if math.isnan(jitter_s) else jitter_s
+        sent_s, usual_s = vehicle.now_s + 1.0, 0.4 + OVERDUE_S + JITTERS * known_s
+        link.round_trips.forget_requests(at(sent_s - 0.5))
+        link.round_trips.request(at(sent_s))
+        assert link.unanswered(at(sent_s + usual_s - 0.001)) == 0
+        assert link.unanswered(at(sent_s + usual_s + 0.001)) == 1
+
+
 def test_one_that_fails_again_and_again_is_barred_for_longer_each_time() -> None:
     vehicle = Vehicle(40, 300)
     vehicle.run(10.0)
@@ -134,8 +151,9 @@ def test_half_of_both_round_trips_may_be_between_two_readings_of_one_clock() -> 
     assert vehicle.used == 2
 
 
-def test_stamps_are_mapped_on_as_before_when_another_link_is_used() -> None:
-    vehicle = Vehicle(40, 100, ahead_s=(0.0, 0.05))
+@pytest.mark.parametrize("first_ahead_s", [0.0, 0.5])
+def test_stamps_are_mapped_on_as_before_when_another_link_is_used(first_ahead_s: float) -> None:
+    vehicle = Vehicle(40, 100, ahead_s=(first_ahead_s, first_ahead_s + 0.05))
     vehicle.run(10.0)
     stamp_s = 9.9
     before = vehicle.links.in_use.clock.to_instant(stamp_s)
