@@ -227,6 +227,16 @@ def test_a_velocity_that_is_empty_or_opposite_is_replaced_by_the_positions_own(w
     assert off_mps < (0.5 if witness else 2.5)
 
 
+def test_a_velocity_of_0_is_an_outlier_twice_and_not_filled_the_third_time():
+    flown = Turning()
+    flown.fly(5.0)
+    assert flown.fly(0.2, velocity_of=lambda _told: [0.0, 0.0]) is None
+    flown = Turning()
+    flown.fly(5.0)
+    assert flown.fly(0.3, velocity_of=lambda _told: [0.0, 0.0]) == pytest.approx(0.3)
+    assert flown.checked.wrong == VELOCITY
+
+
 def test_a_velocity_at_half_its_value_is_reported_from_a_position_by_the_witness():
     flown = Turning()
     flown.fly(5.0)
@@ -295,22 +305,22 @@ def test_an_airspeed_that_jumps_is_taken_to_be_as_before_until_it_jumps_back():
 
 
 class TestStamps:
-    def taken(self, shifts_s, *, arrivals_s=None):
+    def taken(self, shifts_s, *, arrivals_s=None, course_rad=0.0):
         """Return the error of each stamp used, s, of positions sent every 0.1 s with these shifts of their stamps."""
         timing, errors = Timing(), list[float]()
+        north_mps, east_mps = 22.0 * math.cos(course_rad), 22.0 * math.sin(course_rad)
         for i, shift_s in enumerate(shifts_s):
             true_s = 10.0 + i * STEP_S
             arrival_s = true_s + 0.05 + (0.0 if arrivals_s is None else arrivals_s[i])
             commanded_ns = round((true_s + shift_s) * 1e9)
-            used = timing.take(
-                commanded_ns * 1e-9, commanded_ns, round(arrival_s * 1e9), (22.0 * true_s, 0.0), (22.0, 0.0), 1.0
-            )
+            place_m, arrived_ns = (north_mps * true_s, east_mps * true_s), round(arrival_s * 1e9)
+            used = timing.take(commanded_ns * 1e-9, commanded_ns, arrived_ns, place_m, (north_mps, east_mps), 1.0)
             errors.append(used * 1e-9 - true_s)
         return timing, errors
 
-    @pytest.mark.parametrize("shift_s", [0.5, 3.0])
-    def test_stamps_that_jump_ahead_are_shifted_back(self, shift_s):
-        timing, errors = self.taken([0.0] * 10 + [shift_s] * 10)
+    @pytest.mark.parametrize(("shift_s", "course_rad"), [(0.5, 0.0), (3.0, 0.0), (0.5, 1.6), (0.5, -2.5)])
+    def test_stamps_that_jump_ahead_are_shifted_back(self, shift_s, course_rad):
+        timing, errors = self.taken([0.0] * 10 + [shift_s] * 10, course_rad=course_rad)
         assert max(map(abs, errors)) < 0.01
         assert timing.shift_s == pytest.approx(-shift_s)
 
@@ -336,6 +346,8 @@ class TestStamps:
     def test_positions_that_are_seconds_old_for_long_are_late(self):
         timing, _ = self.taken([0.0] * 40, arrivals_s=[2.0] * 40)
         assert timing.late_s == pytest.approx(2.05)
+        briefly, _ = self.taken([0.0] * 19, arrivals_s=[2.0] * 19)
+        assert briefly.late_s == 0.0, "the link's measured delay may follow"
 
     @pytest.mark.parametrize(("noise_m2", "shift_s"), [(0.0, 0.22), (1.0, 0.0)])
     def test_a_noisy_position_that_comes_late_is_no_jump_of_its_stamp(self, noise_m2, shift_s):
