@@ -24,6 +24,11 @@ def test_each_tick_has_the_newest_report_unless_it_is_old() -> None:
     assert np.isnan(block["radio_txbuf_percent"][:, 1]).all()
 
 
+def test_a_vehicle_alone_has_its_radios_reports_too() -> None:
+    (block,) = with_radio(iter([{"t_s": np.array([[1.0], [2.0]])}]), [REPORTS])
+    assert block["radio_txbuf_percent"].tolist() == [[90.0], [10.0]]
+
+
 def test_without_a_report_the_series_stays_as_it_is() -> None:
     (block,) = with_radio(iter([{"t_s": np.zeros((3, 2))}]), [[], []])
     assert list(block) == ["t_s"]

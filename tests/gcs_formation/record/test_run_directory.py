@@ -1,3 +1,4 @@
+import json
 from pathlib import Path
 
 import pytest
@@ -107,6 +108,22 @@ def test_an_earlier_runs_record_stays_until_the_run_has_begun(tmp_path: Path) ->
     assert ("before" in words, "after" in words, "GUIDED" in words, "answered" in words) == (True, True, False, False)
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted(set(earlier) - {"summary.json"})
     assert recorded_in(tmp_path) == flown.path == tmp_path
+
+
+def test_a_resumed_runs_events_go_on_after_the_last_whole_line(tmp_path: Path) -> None:
+    """Of the line that was being written when the machine lost its power, nothing stays."""
+    first, identities = record(tmp_path), [vehicle.vehicle_id for vehicle in SCENARIO.vehicles]
+    for text in ("before", "last before"):
+        first.event(Event(Instant(1), "mode", text))
+    first.close()
+    with (tmp_path / "events.jsonl").open("a") as file:
+        file.write('{"schema": 1, "t_s"')
+    resumed = RunDirectory(tmp_path, SCENARIO, identities, 0, resume=True)
+    resumed.event(Event(Instant(2), "mode", "after"))
+    resumed.close()
+    lines = (tmp_path / "events.jsonl").read_text().splitlines()
+    assert [json.loads(line)["text"] for line in lines if '"mode"' in line] == ["before", "last before", "after"]
+    assert all(json.loads(line) for line in lines)
 
 
 def test_no_other_run_records_where_one_is_about_to_begin(tmp_path: Path) -> None:

@@ -34,6 +34,12 @@ def test_a_vehicle_s_figures_are_of_the_link_in_use() -> None:
     assert whole["injected"] == pytest.approx((0.112, 0.112, 0.02, 0.02))
 
 
+def test_where_none_was_in_use_for_any_time_the_first_counts() -> None:
+    whole = together([one(1, 0.04, 0.05, 0.0), one(2, 0.4, 0.1, 0.0)], USES[:1])
+    assert whole["measured_loss"] == 0.05
+    assert whole["injected"] == (0.04, 0.04, 0.05, 0.05)
+
+
 def test_columns_are_added_only_where_a_vehicle_has_several() -> None:
     blocks = [{"t_s": np.array([[1.0, 1.0], [12.0, 12.0], [25.0, 25.0]])}]
     (same,) = with_several_links(iter(blocks), [None, None])

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
-from gcs_formation.record.unfinished import formation_of, nearest_to
+from gcs_formation.record.run_directory import FLUSH_S, RunDirectory
+from gcs_formation.record.unfinished import formation_of, nearest_to, read_past
+from gcs_formation.recorder import Event
 
 HOVERS = {
     "vehicles": {"count": 3, "autopilot": "arducopter"},
@@ -49,3 +53,20 @@ def test_who_is_as_near_to_the_leader_to_a_metre_comes_in_the_order_of_the_vehic
         "height_m": np.full(5, 100.0),
     }
     assert [each.system for each in nearest_to(rows, VehicleId(1, 1))] == [1, 4, 2, 3, 5]
+
+
+@pytest.mark.parametrize(("clock_s", "at_s"), [(500.0, 500.0), (40.0, 90.0 + FLUSH_S), (-1e6, 90.0 + FLUSH_S)])
+def test_a_flight_is_resumed_after_its_record_whatever_the_machines_clock_says(
+    clock_s: float, at_s: float, tmp_path: Path
+) -> None:
+    """Without a battery it falls behind while the machine has no power. The last second may not be on the disk."""
+    scenario = load_scenario(HOVERS)
+    each = [vehicle.vehicle_id for vehicle in scenario.vehicles]
+    directory = RunDirectory(tmp_path, scenario, each, 0, overwrite=True)
+    for heard_s in (60.0, 90.0):
+        directory.event(Event(after(Instant(0), heard_s), "mode", "GUIDED", each[0]))
+    directory.close()
+    past = read_past(tmp_path, scenario, after(Instant(0), clock_s), take=False)
+    assert seconds_between(Instant(0), past.at) == at_s
+    assert past.silent_s == pytest.approx(at_s - 90.0 + FLUSH_S)
+    assert [past.vehicles[identity].mode for identity in each] == ["GUIDED", None, None]

@@ -1,0 +1,104 @@
+"""How far the leader and the formation's centre are from the path, of flights of which that is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from airlink.endpoint import VehicleId
+from flight_model.arrays import Array
+from formation_scenario import Scenario, load_scenario
+from gcs_formation.record.limits_by_truth import Track
+from gcs_formation.record.path_distance import OFF_PATH_S, centre, distances, figures, off_path
+
+SPEED_MPS = 20.0
+SCENARIO = load_scenario(
+    {
+        "vehicles": {"count": 3},
+        "path": {"speed_mps": SPEED_MPS, "waypoints_m": [[0, 0, 100], [1500, 0, 100], [2000, 900, 130]]},
+        "safety": {"path_distance_m": 15},
+    }
+)
+MISSION_S = np.arange(0.0, 120.0, 0.5)
+
+
+def flown(
+    right_m: Array | float, ahead_m: float = 0.0, up_m: float = 0.0, scenario: Scenario = SCENARIO
+) -> tuple[Array, Array, Array]:
+    """Return mission times and places (3, N) beside the path, ahead of the plan, and the path's courses there."""
+    point = scenario.leader_path.at(SPEED_MPS * MISSION_S + ahead_m)
+    north_m, east_m = (
+        point.north_m - right_m * np.sin(point.course_rad),
+        point.east_m + right_m * np.cos(point.course_rad),
+    )
+    return MISSION_S, np.stack((north_m, east_m, point.height_m + up_m)), point.course_rad
+
+
+@pytest.mark.parametrize(("right_m", "ahead_m", "up_m"), [(0.0, 0.0, 0.0), (12.0, -5.0, 3.0), (-25.0, 8.0, -4.0)])
+def test_distances_are_those_from_the_nearest_point_and_from_where_it_was_due(
+    right_m: float, ahead_m: float, up_m: float
+) -> None:
+    mission_s, place, course_rad = flown(right_m, ahead_m, up_m)
+    assert np.ptp(course_rad) > math.radians(50.0), "it bends"
+    place[:, 7] = np.nan
+    found = distances(SCENARIO, mission_s, place)
+    known = np.arange(mission_s.size) != 7
+    for values, expected in zip(found, (right_m, ahead_m, up_m), strict=True):
+        assert np.isnan(values[7])
+        np.testing.assert_allclose(values[known], expected, atol=0.01)
+    assert figures(found, known)["across_m"] == pytest.approx({"rms": abs(right_m), "max": abs(right_m)}, abs=0.01)
+
+
+def test_of_places_that_none_knows_there_are_no_distances() -> None:
+    found = distances(SCENARIO, MISSION_S, np.full((3, MISSION_S.size), np.nan))
+    assert np.isnan(found).all()
+    assert figures(found, np.ones(MISSION_S.size, dtype=bool))["along_m"] == {"rms": None, "max": None}
+
+
+@pytest.mark.parametrize(("seconds", "found"), [(OFF_PATH_S - 1.0, False), (OFF_PATH_S + 1.0, True)])
+def test_a_leader_is_off_its_path_that_is_too_far_from_it_for_too_long(seconds: float, found: bool) -> None:
+    since_s = MISSION_S - 40.0
+    away = (since_s >= 0.0) & (since_s <= seconds)
+    mission_s, place, _ = flown(np.where(away, 16.0, 14.0))
+    place[2, MISSION_S == 45.0] += 12.0
+    (*each,) = off_path(SCENARIO, Track(mission_s, place, np.zeros(mission_s.size, dtype=int)))
+    assert bool(each) == found
+    if found:
+        assert (each[0].vehicle, each[0].from_s, each[0].farthest_at_s) == (0, 40.0, 45.0)
+        assert each[0].for_s == pytest.approx(seconds)
+        assert each[0].farthest_m == pytest.approx(20.0, abs=0.01), "3-4-5: 16 m beside and 12 m above"
+
+
+def test_one_that_begins_to_lead_off_the_path_may_be_as_much_farther_away_as_it_is() -> None:
+    """From 20 m beside it, up to 35 m; once it was within 15 m, no farther than that."""
+    after = MISSION_S >= 60.0
+    mission_s, place, _ = flown(np.where(after, 10.0, 34.0) + np.where(MISSION_S == 0.0, -14.0, 0.0))
+    leads = np.zeros(mission_s.size, dtype=int)
+    assert list(off_path(SCENARIO, Track(mission_s, place, leads))) == []
+    mission_s, place, _ = flown(np.where(after, 34.0, 10.0))
+    (one,) = off_path(SCENARIO, Track(mission_s, place, leads))
+    assert one.from_s == 60.0
+    leads[after] = 1
+    assert list(off_path(SCENARIO, Track(mission_s, place, leads))) == [], "another begins to lead there"
+
+
+def test_the_centre_is_the_mean_of_its_members_places_less_their_slots() -> None:
+    """All head east. One follower is 3 m behind its slot and 6 m above; another isn't commanded, one isn't aloft."""
+    ticks = 3
+    leader = {"leads": 1.0, "active": 1.0, "airborne": 1.0, "north_m": 100.0, "east_m": 50.0, "height_m": 80.0}
+    behind = leader | {"leads": 0.0, "north_m": 80.0, "east_m": 17.0, "height_m": 91.0}
+    behind |= {"slot_forward_m": -30.0, "slot_right_m": 20.0, "slot_up_m": 5.0}
+    absent = behind | {"north_m": 0.0, "active": 0.0}
+    grounded = behind | {"height_m": 0.0, "airborne": 0.0}
+    vehicles = {
+        VehicleId(0, number): {
+            name: np.full(ticks, value)
+            for name, value in ({"slot_forward_m": np.nan, "slot_right_m": np.nan, "slot_up_m": np.nan} | own).items()
+        }
+        | {"t_s": np.arange(ticks) / 10.0, "heading_rad": np.full(ticks, math.pi / 2)}
+        for number, own in enumerate((leader, behind, absent, grounded), 1)
+    }
+    found = centre(SCENARIO, vehicles)
+    np.testing.assert_allclose(found, np.tile([[100.0], [48.5], [83.0]], ticks))
