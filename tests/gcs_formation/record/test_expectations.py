@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from gcs_formation.record.expectations import RunOutcome, judge
 from gcs_formation.record.flight import RecordedFlight
@@ -46,6 +47,11 @@ def test_a_window_that_the_flight_s_own_end_cut_short_is_broken_with_the_time_to
     assert (found.held, found.judged, found.reached) == (False, True, False)
     assert str(found).endswith("expected: below 0.1: broken: flown to 10.0 s of 90 s")
     assert verdict(from_s=50, to_s=90).held is False  # the path was never begun
+
+
+@pytest.mark.parametrize(("network", "name"), [(1, 3), (2, "2:3")])
+def test_a_follower_is_named_by_its_number_on_the_first_network_and_by_both_on_others(network, name):
+    assert replace(verdict(to_s=FLOWN_S), vehicle=VehicleId(network, 3)).to_dict()["follower"] == name
 
 
 def test_a_window_that_somebody_cut_short_is_not_judged():

@@ -22,9 +22,10 @@ from flight_model.earth import GeodeticOrigin
 from flight_model.flight_state import FlightState
 from formation_scenario import load_scenario
 from gcs_formation.estimation.setpoint_history import SetpointHistory
-from gcs_formation.features.conformance.flown_setpoints import SETTLED_S
+from gcs_formation.features.conformance.flown_setpoints import CHECK_S, CHECKS_BROKEN, LEVELS_OUT_S, SETTLED_S
 from gcs_formation.features.conformance.monitor import ConformanceMonitor
 from gcs_formation.link.link_health import Connection
+from gcs_formation.vehicle.command_delivery import SILENT_S
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -35,6 +36,8 @@ from tests.gcs_formation.event_log import EventLog
 START, NUMBERS = Instant(0), (1, 2, 3)
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 Acknowledges = Callable[[float], bool]
+REPORTED_S = (math.ceil(SETTLED_S / CHECK_S) + CHECKS_BROKEN - 1) * CHECK_S
+"""When a vehicle is reported that never did as it was commanded, from the first setpoint on."""
 
 
 class Ground:
@@ -62,6 +65,7 @@ class Ground:
         *,
         commanded_m: Callable[[float], float] = lambda _: 100.0,
         commanded_mps: Callable[[float], float] = lambda _: 27.0,
+        climb_mps: Callable[[float], float] = lambda _: 0.0,
     ) -> list[float]:
         """Command the second vehicle 27 m/s from the start, heading and height; return when it is reported."""
         for tenth in range(round(10 * seconds)):
@@ -77,7 +81,8 @@ class Ground:
                     if acknowledges(at_s) or each is not self.second():
                         channel.acknowledged(now)
             flown = [FlightState(0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0) for _ in NUMBERS]
-            flown[1] = FlightState(0.0, 0.0, height_m(at_s), 0.0, airspeed_mps(at_s), heading_rad(at_s), 0.0, 0.0)
+            motion = height_m(at_s), climb_mps(at_s), airspeed_mps(at_s), heading_rad(at_s)
+            flown[1] = FlightState(0.0, 0.0, *motion, 0.0, 0.0)
             self.controller.estimator.filters = [SimpleNamespace(state=each, stamp=now) for each in flown]
             tick: Any = SimpleNamespace(active=[True, commanded(at_s), True])
             self.monitor.judge_motion(tick, now)
@@ -93,13 +98,49 @@ def vehicle(number: int) -> Vehicle:
 def test_one_that_is_commanded_another_airspeed_and_keeps_its_own_is_reported_once_with_both() -> None:
     ground = Ground()
     (reported_s,) = ground.fly(20.0)
-    assert SETTLED_S <= reported_s < SETTLED_S + 2.0
+    assert reported_s == pytest.approx(REPORTED_S)
     (said,) = ground.logged.of("disobeys")
     assert said.startswith("acknowledges setpoints and doesn't follow them: airspeed changed by 0.0 m/s in 3.2 s, ")
     assert said.endswith(" m/s expected")
     details = ground.logged[0].details
     assert (details["order"], details["channel"], details["flown"]) == ("setpoints", "airspeed", 0.0)
     assert details["expected"] > 1.0
+
+
+@pytest.mark.parametrize("turn_rad", [0.3, -0.3])
+def test_one_that_is_commanded_a_small_turn_and_flies_on_is_reported(turn_rad: float) -> None:
+    ground = Ground()
+    reported = ground.fly(20.0, commanded_rad=lambda _: turn_rad, commanded_mps=lambda _: 22.0)
+    assert reported == [pytest.approx(REPORTED_S)]
+    assert ground.logged[0].details["channel"] == "heading"
+
+
+def test_one_that_is_commanded_to_climb_at_its_speed_and_stays_is_reported() -> None:
+    ground = Ground()
+    reported = ground.fly(20.0, commanded_m=lambda _: 180.0, commanded_mps=lambda _: 22.0)
+    assert reported == [pytest.approx(REPORTED_S)]
+    assert ground.logged[0].details["channel"] == "height"
+
+
+def test_one_that_slows_down_as_it_is_commanded_obeys_although_it_rises() -> None:
+    """In rising air, 2 m/s: the height that it gains is energy that it needn't have for its speed."""
+    ground = Ground()
+    ground.fly(
+        7.0,
+        airspeed_mps=lambda at_s: 17.0 + 5.0 * math.exp(-at_s / 4.0),
+        height_m=lambda at_s: 100.0 + 2.0 * at_s,
+        commanded_mps=lambda _: 17.0,
+    )
+    assert ground.logged == []
+
+
+@pytest.mark.parametrize(("climb_mps", "judged_s"), [(0.5, SETTLED_S), (3.0, LEVELS_OUT_S), (-3.0, LEVELS_OUT_S)])
+def test_one_that_climbs_or_sinks_when_it_is_taken_over_has_half_a_minute_to_level_out(
+    climb_mps: float, judged_s: float
+) -> None:
+    """It trades height for speed meanwhile, and its throttle lags."""
+    (reported_s,) = Ground().fly(40.0, climb_mps=lambda at_s: climb_mps if at_s < 5.0 else 0.0)
+    assert judged_s <= reported_s < judged_s + 2.0
 
 
 def test_one_that_obeys_is_not_reported_and_one_that_does_so_again_is_said_to() -> None:
@@ -273,6 +314,28 @@ def test_one_that_is_heard_and_answers_nothing_is_reported_once_and_again_when_i
     assert judge(silent_s) == judge(silent_s + 1.0) == ["is heard and answers nothing: it may not receive us"]
     follower.round_trips._answered = after(START, silent_s + 1.0)
     assert judge(silent_s + 1.0)[1:] == judge(silent_s + 1.2)[1:] == ["answers again"]
+
+
+@pytest.mark.parametrize(("answers_from_s", "said_s"), [(0.0, SILENT_S), (8.0, 8.0 + SILENT_S)])
+def test_one_that_answers_and_acknowledges_no_setpoint_for_five_seconds_is_reported(
+    answers_from_s: float, said_s: float
+) -> None:
+    """From when it answers again: before, it may not have received any."""
+    ground = Ground()
+    tick: Any = SimpleNamespace(active=[True] * 3)
+    second = ground.second()
+    ground.monitor._next_check = after(START, 1e6)
+    for tenth in range(200):
+        now, at_s = after(START, 0.1 * tenth), 0.1 * tenth
+        second.connection.record_frame(now, heartbeat=True)
+        if at_s >= answers_from_s:
+            second.round_trips.record_answer(now)
+        second.setpoint_channels[0].sent(CommandInt(1, 1, 0, 0), now, 0.0)
+        ground.monitor.judge_motion(tick, now)
+        ground.monitor.judge_answers(now)
+        ground.monitor.judge_silence(now)
+    (found,) = [each for each in ground.logged if each.text.startswith("answers, and doesn't acknowledge")]
+    assert found.at_s == pytest.approx(said_s, abs=0.25)
 
 
 def test_one_that_is_silent_altogether_or_not_in_the_formation_is_not_said_to_answer_nothing() -> None:
