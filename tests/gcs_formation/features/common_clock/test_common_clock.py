@@ -215,3 +215,9 @@ def test_the_offset_that_most_bounds_allow_is_agreed_on_and_kept():
     assert agreed_s([even, wrong]) != agreed_s([even, wrong])  # NaN: undecidable
     assert agreed_s([slow, even, even], 10.05) == 10.05
     assert agreed_s([slow, slow, even], 9.0) == pytest.approx(10.1)
+
+
+def test_what_is_agreed_on_is_within_the_bounds_of_all_that_agree():
+    """Their median isn't: by the third, it is 10.04 or more, or 9.96 or less."""
+    assert agreed_s([UtcBounds(10.0, 0.05), UtcBounds(10.02, 0.05), UtcBounds(10.1, 0.06)]) == pytest.approx(10.04)
+    assert agreed_s([UtcBounds(10.0, 0.05), UtcBounds(9.98, 0.05), UtcBounds(9.9, 0.06)]) == pytest.approx(9.96)

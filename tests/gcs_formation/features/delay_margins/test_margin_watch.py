@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,13 +16,14 @@ from gcs_formation.features.delay_margins.margin_watch import (
     CALM_LOOKS,
     CLEAR,
     DEGRADE,
+    HOLD_LOOKS,
     LASTING_LOOKS,
     RESTORE,
     SLOW_LOOKS,
     DesignWatch,
     MarginWatch,
 )
-from gcs_formation.features.delay_margins.stages import DelayMargins
+from gcs_formation.features.delay_margins.stages import DelayMargins, FirstGainDesign
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.stability.mismatch import NEAR
 from tests.flights.conftest import scenario
@@ -152,6 +153,20 @@ def test_those_beyond_their_margin_are_held_where_the_scenario_asks_for_that(on_
     assert bool(findings.beyond) is held
 
 
+@pytest.mark.parametrize(("clear", "lower"), [(0, True), (HOLD_LOOKS, False)])
+def test_one_that_was_held_for_too_long_follows_with_lower_gains_and_times_between_count_less(
+    clear: int, lower: bool
+) -> None:
+    formation = Formation(on_delay="hold")
+    for share, looks in ((1.2, HOLD_LOOKS - 1), (NEAR / 2, clear), (1.2, 1)):
+        for _ in range(looks):
+            formation.use(share)
+    said = [text for text in formation.logged.of("delay_margin", 2) if text.startswith("was held for")]
+    assert len(said) == lower
+    formation.use(1.2)
+    assert (min(formation.watch.bandwidth[1]) < 1.0) == lower
+
+
 def test_gains_come_down_until_the_margin_holds_and_return_after_ten_calm_looks() -> None:
     formation = Formation(on_delay="degrade")
     formation.use(DEGRADE - 0.01)
@@ -256,6 +271,19 @@ def test_gains_by_design_are_for_the_delay_that_is_measured_before_any_is_comman
     assert said.text == "links take 298 ms each way: gains are designed for 300 ms, instead of 0 ms"
     assert said.details["speed_kp"] == known.speed.kp < slow.given.speed.kp
     assert slow.look(0.34, begins=True) is None, "known well enough"
+
+
+def test_gains_are_for_the_slowest_link_and_one_check_is_enough_before_the_first_setpoint() -> None:
+    slow, findings = Slow(), SimpleNamespace(tuned=None)
+    for clock, one_way_s in zip(slow.clocks, (0.02, 0.3, 0.12), strict=True):
+        clock.one_way_s = one_way_s
+    stage, cycle = FirstGainDesign(slow.watch), SimpleNamespace(begins=False, now=NOW, findings=findings)
+    stage.run(cast("Any", cycle))
+    assert slow.logged == []
+    cycle.begins = True
+    stage.run(cast("Any", cycle))
+    assert findings.tuned is slow.watch.scenario
+    assert findings.tuned.law.design_delay_ms == pytest.approx(300.0)
 
 
 def test_in_flight_links_must_stay_slow_for_a_while_and_gains_do_not_become_faster_again() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
+from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
 from gcs_formation.features.ending.holding_stack import HoldingStack
 from gcs_formation.features.ending.vertical_separation import VerticalSeparation
 from gcs_formation.vehicle.member import Member
@@ -51,6 +53,20 @@ def test_one_that_sinking_air_carries_below_its_height_is_commanded_none_lower()
         tick.setpoints[0][2] = separation.steer([link], after(NOW, 2.0 * number))[0]
         assert tick.setpoints[0][2] == 100.0
         vehicle.telemetry.motion = at(tick.setpoints[0][2] - BELOW_M)
+
+
+@pytest.mark.parametrize("gone", ["disarmed", "silent", "without a position"])
+def test_one_that_is_down_or_long_silent_takes_no_height_from_the_others(gone: str) -> None:
+    separation, (first, second), links, _ = separation_of(100.0, 100.0)
+    now = after(NOW, FORGOTTEN_AFTER_S + 1.0)
+    first.connection.last_received = now
+    if gone != "silent":
+        second.connection.last_received = now
+    second.telemetry.armed = gone != "disarmed"
+    second.telemetry.motion = None if gone == "without a position" else at(100.0)
+    first_m, second_m = separation.steer(links, now)
+    assert first_m == 100.0
+    assert math.isnan(second_m)
 
 
 def test_a_doubt_that_is_dropped_soon_moves_nobody_and_a_confirmed_one_does() -> None:

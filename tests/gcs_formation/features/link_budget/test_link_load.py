@@ -14,7 +14,7 @@ from gcs_formation.budget.levels import LEVELS
 from gcs_formation.budget.traffic import Stated
 from gcs_formation.features.link_budget.link_budget import CALM_S, IN_VAIN_S, SETTLES_S, TRY_AGAIN_S, LinkBudget
 from gcs_formation.features.link_budget.link_load import LinkLoad
-from gcs_formation.fleet.heartbeats import HeartbeatScheduler
+from gcs_formation.fleet.heartbeats import PROBE_S, HeartbeatScheduler
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.radio_reports import RadioReports
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
@@ -110,6 +110,25 @@ def test_losses_are_reported_by_direction() -> None:
     link.seconds(10, AT_ONCE, 0.2)
     assert link.load.lost_down == pytest.approx(0.2)
     assert link.load.lost_up == pytest.approx(0.2)
+
+
+def test_where_nothing_was_asked_nothing_is_lost_up() -> None:
+    link = Link()
+    for _ in range(3):
+        link.vehicle.sequence.received, link.vehicle.bytes_in = link.vehicle.sequence.received + 100, 1000
+        link.now = after(link.now, 1.0)
+        link.load.look(link.now, None)
+    assert (link.load.lost_up, link.load.lost_down) == (0.0, 0.0)
+
+
+def test_requests_over_a_full_link_are_rare_and_irregular() -> None:
+    """At regular times messages that come regularly would delay all of them, or none."""
+    link = Link()
+    link.seconds(8, AT_ONCE)
+    assert link.heartbeats._slower[link.vehicle.identity] == (PROBE_S, False)
+    link.seconds(6, WAITS, 0.3)
+    assert link.level == 1
+    assert link.heartbeats._slower[link.vehicle.identity] == (LEVELS[1].probe_s, True)
 
 
 def test_rates_go_down_one_level_at_a_time_and_up_again_after_a_time_with_events() -> None:
