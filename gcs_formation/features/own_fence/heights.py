@@ -30,7 +30,5 @@ class OwnFences(Stage):
             heights_m = vehicle.autopilot.heights_m
             if heights_m is None or not tick.active[vehicle.index]:
                 continue
-            setpoint = tick.setpoints[vehicle.index]
-            height_m = within(setpoint[2], heights_m[0], heights_m[1])
-            if height_m != setpoint[2]:
-                tick.replace(vehicle.index, (setpoint[0], setpoint[1], height_m))
+            speed_mps, heading_rad, height_m = tick.setpoints[vehicle.index]
+            tick.replace(vehicle.index, (speed_mps, heading_rad, within(height_m, heights_m[0], heights_m[1])))
