@@ -142,6 +142,9 @@ def order(*vehicles: Vehicle, ground: GroundFloor = LEVEL) -> LandingOrder:
         ((70.0, 0.0), 0.0, False),
         ((0.0, -140.0), 90.0, True),
         ((-140.0, 0.0), 90.0, False),
+        ((-90.0, -90.0), 45.0, True),
+        ((90.0, -90.0), 45.0, False),
+        ((90.0, -90.0), -225.0, True),
     ],
 )
 def test_none_lands_where_another_stands(place: tuple[float, float], course_deg: float, in_way: bool) -> None:

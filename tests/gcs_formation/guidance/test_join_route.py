@@ -31,6 +31,7 @@ def test_is_run_by_arc_length_without_jumps(north: float, east: float, course_in
         here, there = (route.at(route.length_m * k / 50 + d) for d in (0.0, 0.5))
         assert math.hypot(there.north_m - here.north_m, there.east_m - here.east_m) == pytest.approx(0.5, abs=1e-3)
         assert abs(there.curvature_1pm) <= 1 / 150.0 + 1e-12
+        assert (there.curvature_rate_1pm2, there.slope_rate_1pm) == (0.0, 0.0)
 
 
 def test_straight_ahead_is_straight() -> None:

@@ -35,6 +35,17 @@ def test_a_vehicle_is_followed_there_and_on(angle_deg, to_side_m):
     assert follower.part.begin_m == 100.0
 
 
+def test_one_that_hovers_at_a_turn_is_on_the_next_part_once_it_moves_away_along_it():
+    follower = AlongPath(there_and(90.0))
+    for along in range(101):
+        follower.project(float(along), 0.0)
+    for east_m in (0.05, -0.1, 0.09, 0.02, 0.09):
+        assert follower.project(100.0, east_m) == pytest.approx(100.0, abs=1e-6)
+        assert follower.part.end_m == 100.0
+    assert follower.project(100.0, 0.2) == pytest.approx(100.2)
+    assert follower.part.begin_m == 100.0
+
+
 def test_a_part_goes_on_straight_from_both_of_its_ends():
     path = there_and(90.0)
     first, second = Part(path, -math.inf, 100.0), Part(path, 100.0, math.inf)

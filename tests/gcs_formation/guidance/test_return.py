@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -103,6 +105,18 @@ def test_aircraft_with_energies_have_twice_the_time_to_settle_in_frames_of_their
     keys = {"vehicles": {"count": 4} | ({} if model == "paper" else {"model": model})}
     keys |= {"formation": {"shape": "line", "spacing_m": 40, "frame": frame}}
     assert from_scenario.leader_guidance(load_scenario(scenario() | keys)).settle_s == times * SETTLE_S
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_leader_pauses_at_a_stop_of_its_path_alone(stands: bool) -> None:
+    leads = guidance()
+    leads.route = leads.path
+    assert not leads.pauses, "without stops"
+    timed: Any = SimpleNamespace(pauses=stands)
+    leads.timed = timed
+    assert leads.pauses == stands
+    leads.route = None
+    assert not leads.pauses, "on its way to the path"
 
 
 @pytest.mark.parametrize("centroid_m", [None, (0.0, 2000.0)])

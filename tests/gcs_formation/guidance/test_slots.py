@@ -61,6 +61,24 @@ def test_slots_at_half_their_pace_move_half_as_fast_as_they_say(plan: FormationP
     assert (after_m - before_m) / TICK_S == pytest.approx(said_mps, rel=0.02)
 
 
+def test_while_slots_move_their_distances_are_the_least_of_the_way_and_afterwards_none_is_planned() -> None:
+    """The first two pass each other at 12 m on the way; of the third nothing is planned."""
+    plan = FormationPlan(load_scenario(scenario()))
+    rest, way_m = SlotMotion.at_rest(plan.goal_m), np.full((3, 3), np.inf)
+    way_m[0, 1] = way_m[1, 0] = 12.0
+    assert plan.apart_m(50.0) is None
+    plan.adopt(plan.arrangement, Transition(100.0, DURATION_S, rest, plan.goal_m, np.zeros(3), 0.0, way_m))
+    goal_m = np.linalg.norm(plan.goal_m[:, None] - plan.goal_m, axis=-1)
+    moving_m = plan.apart_m(110.0)
+    assert moving_m is not None
+    assert moving_m[0, 1] == moving_m[1, 0] == 12.0 < goal_m[0, 1]
+    assert moving_m[0, 2] == goal_m[0, 2]
+    assert plan.apart_m(111.0) is moving_m
+    assert plan.apart_m(100.0 + DURATION_S) is None
+    plan.fly_alongside(np.array([False, True, False]), plan.goal_m)
+    assert plan.apart_m(100.0 + DURATION_S) == pytest.approx(goal_m)
+
+
 def test_slots_wait_for_no_longer_than_they_may(plan: FormationPlan) -> None:
     plan.at(108.0, begun=False)
     for _ in range(round(2 * WAITS_S / TICK_S)):

@@ -66,13 +66,14 @@ def test_a_new_leader_begins_with_the_climb_it_has_and_the_change_of_it_that_its
         assert (rise[2] + 1e-4) * along_mps**2 == pytest.approx(change_mps2)
 
 
-@pytest.mark.parametrize(("heading_deg", "slope_deg"), [(10.0, 10.0), (-20.0, -20.0), (50.0, 30.0), (-170.0, -30.0)])
+@pytest.mark.parametrize("course_rad", [0.0, 3.0])
+@pytest.mark.parametrize(("off_deg", "slope_deg"), [(10.0, 10.0), (-20.0, -20.0), (50.0, 30.0), (-170.0, -30.0)])
 def test_a_new_leader_begins_on_its_own_course_up_to_thirty_degrees_off_the_paths(
-    heading_deg: float, slope_deg: float
+    off_deg: float, slope_deg: float, course_rad: float
 ) -> None:
     """On the inside of a bend by a fifth of its radius, it covers four fifths of the path's distance."""
-    heading_rad, slope_rad = math.radians(heading_deg), math.radians(slope_deg)
-    abreast = Abreast(PathPoint(0.0, 0.0, 100.0, 0.0, 0.01), 20.0, 0.0)
+    heading_rad, slope_rad = course_rad + math.radians(off_deg), math.radians(slope_deg)
+    abreast = Abreast(PathPoint(0.0, 0.0, 100.0, course_rad, 0.01), 20.0, 0.0)
     flies = FlightState(0.0, 20.0, 100.0, 0.0, 20.0, heading_rad, 0.0, 0.0)
     assert abreast.lateral_slope(flies) == pytest.approx(0.8 * math.tan(slope_rad))
     flies.airspeed_mps = 0.1
