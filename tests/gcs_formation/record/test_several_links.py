@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -32,6 +35,17 @@ def test_a_vehicle_s_figures_are_of_the_link_in_use() -> None:
     assert list(whole["delay_times_s"]) == list(range(20))
     assert whole["measured_loss"] == pytest.approx(0.02)
     assert whole["injected"] == pytest.approx((0.112, 0.112, 0.02, 0.02))
+
+
+def test_a_links_entry_in_the_summary_is_in_milliseconds_and_names_what_isnt_known() -> None:
+    link = one(2, 0.4, 0.1, 4.0)
+    entry = link.to_dict()
+    assert entry["measured_delay_ms"] == {"p50": pytest.approx(400.0), "p99": pytest.approx(400.0)}
+    assert (entry["measured_up_ms"], entry["measured_down_ms"]) == (None, None), "the split isn't known"
+    assert [entry[f"injected_{each}_ms"] for each in ("delay", "up", "down")] == pytest.approx([400.0] * 3)
+    assert (entry["link"], entry["used_s"], entry["jitter_ms"], entry["measured_loss"]) == (2, 4.0, 1.0, 0.1)
+    unknown = replace(link, jitter_s=math.nan, figures=replace(link.figures, injected=None)).to_dict()
+    assert (unknown["jitter_ms"], unknown["injected_delay_ms"], unknown["injected_loss"]) == (None, None, None)
 
 
 def test_where_none_was_in_use_for_any_time_the_first_counts() -> None:

@@ -13,7 +13,7 @@ from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario import load_scenario
 from gcs_formation.record.run_directory import FLUSH_S, RunDirectory
-from gcs_formation.record.unfinished import formation_of, nearest_to, read_past
+from gcs_formation.record.unfinished import epoch_us, formation_of, nearest_to, read_past, recorded_speedup
 from gcs_formation.recorder import Event
 
 HOVERS = {
@@ -70,3 +70,16 @@ def test_a_flight_is_resumed_after_its_record_whatever_the_machines_clock_says(
     assert seconds_between(Instant(0), past.at) == at_s
     assert past.silent_s == pytest.approx(at_s - 90.0 + FLUSH_S)
     assert [past.vehicles[identity].mode for identity in each] == ["GUIDED", None, None]
+
+
+@pytest.mark.parametrize(("details", "speedup"), [({}, 1.0), ({"speedup": 4.0}, 4.0)])
+def test_a_record_says_how_much_faster_than_real_time_it_ran(
+    details: dict[str, float], speedup: float, tmp_path: Path
+) -> None:
+    scenario = load_scenario(HOVERS)
+    directory = RunDirectory(tmp_path, scenario, [each.vehicle_id for each in scenario.vehicles], 5, overwrite=True)
+    for kind, more in (("mode", {}), ("recording", details), ("mode", {})):
+        directory.event(Event(Instant(0), kind, "began", None, more))
+    directory.close()
+    assert recorded_speedup(tmp_path) == speedup
+    assert epoch_us(tmp_path) == 5

@@ -13,7 +13,7 @@ from gcs_formation.record.flight import RecordedFlight, judged
 from gcs_formation.record.history import history
 from gcs_formation.record.limits_by_truth import LimitSeries
 from gcs_formation.record.safety import safety, value_within
-from tests.gcs_formation.record.test_flight import KEYS, THIRD, flown, truth
+from tests.gcs_formation.record.test_flight import KEYS, THIRD, TIME_S, flown, truth
 
 HIGH_M = 30.0
 
@@ -46,6 +46,13 @@ def test_a_moment_between_two_ticks_is_judged():
     scenario = load_scenario(KEYS | {"safety": {"fence": {"height_max_m": 110}}})
     (said,) = safety(scenario, flight, found).breaches
     assert said == "safety broken: vehicle 3 was 20 m outside the fence at 4.0 s; allowed: inside it (safety.fence)"
+
+
+def test_what_the_station_knew_at_a_moment_is_what_it_knew_at_the_tick_before():
+    found, _ = limits(truth(), {})
+    late_s = found.time_s - TIME_S[found.tick]
+    assert (late_s >= -1e-9).all()
+    assert (late_s < TIME_S[1] + 1e-9).all()
 
 
 def test_a_vehicle_that_its_pilot_flies_is_counted_apart_until_it_follows_again():

@@ -336,6 +336,9 @@ def test_one_that_answers_and_acknowledges_no_setpoint_for_five_seconds_is_repor
         ground.monitor.judge_silence(now)
     (found,) = [each for each in ground.logged if each.text.startswith("answers, and doesn't acknowledge")]
     assert found.at_s == pytest.approx(said_s, abs=0.25)
+    second.setpoint_channels[0].acknowledged(after(START, 20.0))
+    ground.monitor.judge_silence(after(START, 20.0))
+    assert ground.logged.of("uplink", 2)[-1] == "GUIDED_CHANGE_SPEED is acknowledged again"
 
 
 def test_one_that_is_silent_altogether_or_not_in_the_formation_is_not_said_to_answer_nothing() -> None:

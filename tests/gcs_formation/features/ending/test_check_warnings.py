@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from itertools import pairwise
+
 import pytest
 
 from formation_scenario import load_scenario
-from gcs_formation.features.ending.check_warnings import final_circles
+from gcs_formation.features.ending.check_warnings import STEP_S, _climbed_m, final_circles
+from gcs_formation.vehicle.reported_motion import ReportedMotion
 from tests.flights.conftest import scenario
 
 
@@ -16,6 +20,20 @@ def test_circles_above_the_fence_are_reported_with_the_highest(max_m: float, tol
     keys = scenario(vehicles={"count": 40}, formation=formation, safety={"fence": {"height_max_m": max_m}})
     said = "vehicles circle one above the other, up to 685 m; 684 m are allowed (safety.fence.height_max_m)"
     assert list(final_circles(load_scenario(keys))) == [f"path at 660 m, the flight's end: {said}"] * told
+
+
+@pytest.mark.parametrize(("begin_m", "climb_mps", "goal_m"), [(100.0, 0.0, 145.0), (100.0, -2.0, 130.0)])
+def test_vehicles_climb_to_their_circles_no_faster_than_they_can(
+    begin_m: float, climb_mps: float, goal_m: float
+) -> None:
+    """They come to their heights in the time that the climb takes and a few time constants."""
+    model = load_scenario(scenario()).vehicles[0].model.autopilot()
+    begin = ReportedMotion(0.0, 0.0, 0.0, begin_m, 22.0, 0.0, climb_mps, begin_m)
+    settled_s = (goal_m - begin_m) / model.climb_max_mps + 6.0 * (model.tau_ha_s + model.tau_hb_s)
+    heights_m = _climbed_m(model, begin, goal_m, 1 + math.ceil(settled_s / STEP_S))
+    assert heights_m[0] == begin_m
+    assert heights_m[-1] == pytest.approx(goal_m, abs=0.5)
+    assert max(after - before for before, after in pairwise(heights_m)) <= model.climb_max_mps * STEP_S + 1e-9
 
 
 def test_multirotors_that_hover_where_they_are_need_no_height() -> None:

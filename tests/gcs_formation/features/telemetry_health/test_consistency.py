@@ -58,6 +58,17 @@ def test_true_telemetry_is_believed_for_half_an_hour(sigma_m, sigma_mps):
     assert Turning(sigma_m=sigma_m, sigma_mps=sigma_mps).fly(1800.0) is None
 
 
+@pytest.mark.parametrize("turned_rad", [0.05, -0.1, 0.2])
+def test_on_an_arc_a_position_moves_by_more_than_the_mean_of_the_velocities_at_its_ends(turned_rad):
+    """The chord is 2 r sin x and the mean v cos x, with x half the angle: their ratio is tan x / x."""
+    checked = Consistency(2, FASTEST_MPS)
+    north, east = checked.axes
+    north.rate_mps, east.rate_mps = SPEED_MPS * math.cos(1.0), SPEED_MPS * math.sin(1.0)
+    half = turned_rad / 2.0
+    later = [SPEED_MPS * math.cos(1.0 + turned_rad), SPEED_MPS * math.sin(1.0 + turned_rad)]
+    assert checked._arc(later) - 1.0 == pytest.approx(math.tan(half) / half - 1.0, rel=0.02)
+
+
 def test_noise_that_hides_what_else_is_wrong_is_said_and_an_outlier_is_no_noise():
     flown = Turning(sigma_m=2.0, sigma_mps=0.3)
     flown.fly(10.0)
