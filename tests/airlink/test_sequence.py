@@ -119,6 +119,13 @@ def test_a_copy_is_not_taken_for_a_frame_that_was_lost_a_round_of_numbers_ago():
     assert (tracker.received, tracker.lost, tracker.repeated) == (299, 1, 1)
 
 
+@pytest.mark.parametrize("newest", [50, 250, 3])
+def test_numbers_shortly_before_and_after_the_newest_are_near_it(newest):
+    tracker = tracked([newest])
+    near = [tracker.is_near((newest + off) % MODULUS) for off in (-40, -20, -10, 0, 1, 10, 20, 40, 128)]
+    assert near == [False, False, True, True, True, True, False, False, False]
+
+
 def test_nothing_heard_is_no_loss():
     assert SequenceTracker().loss == 0.0
 

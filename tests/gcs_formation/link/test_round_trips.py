@@ -8,7 +8,7 @@ import pytest
 
 from airlink.clock import Instant, after
 from airlink.messages.system import Timesync
-from gcs_formation.link.round_trips import MAX_PENDING, RoundTrips
+from gcs_formation.link.round_trips import KNOWN_TRIPS, MAX_PENDING, RoundTrips
 
 BOOTED_NS = 500_000_000_000
 
@@ -72,3 +72,20 @@ def test_the_longest_and_the_shortest_of_the_last_round_trips_are_those_that_end
     assert (trips.longest_s(at(1.5)), trips.shortest_s(at(2.5), 1)) == (pytest.approx(0.2), pytest.approx(0.2))
     assert math.isnan(trips.longest_s(at(3.5)))
     assert math.isnan(trips.shortest_s(at(1.5), 3))
+
+
+@pytest.mark.parametrize(("last_s", "steady"), [(0.302, True), (0.31, False), (0.29, False)])
+def test_a_clock_is_steady_once_it_is_known_by_many_round_trips_of_which_the_last_are_alike(
+    last_s: float, steady: bool
+) -> None:
+    trips = RoundTrips(0.0)
+    for number in range(KNOWN_TRIPS):
+        assert not trips.steady
+        sent, trip_s = at(0.5 * number), last_s if number == KNOWN_TRIPS - 1 else 0.3
+        request = answer(trips.request(sent))
+        assert trips.is_answer(request)
+        trips.measure(request, after(sent, trip_s))
+    assert trips.steady == steady
+    trips.request(at(200.0))
+    trips.request(at(201.0))
+    assert not trips.steady, "two requests haven't been answered"
