@@ -42,7 +42,7 @@ from gcs_formation.link.own_delays import OwnDelays
 from gcs_formation.vehicle.autopilot_family import Autopilot
 from gcs_formation.vehicle.command_delivery import GAP_S
 from gcs_formation.vehicle.craft import Craft
-from gcs_formation.vehicle.held_setpoint import ENERGY_HEIGHT_M_S
+from gcs_formation.vehicle.held_setpoint import FINE_HEIGHT_M_S
 from gcs_formation.vehicle.vehicle import Vehicle
 
 MAX_REPEATED_S = 1.0
@@ -316,8 +316,8 @@ def _vehicle(
         airspeed_check=check,
         setpoint_gap_s=max(GAP_S, GAP_TICKS / scenario.law.rate_hz),
     )
-    if planned.model.airframe is not None:
-        vehicle.setpoints.held.height_m_s = ENERGY_HEIGHT_M_S
+    if planned.model.airframe is not None or scenario.terrain is not None:
+        vehicle.setpoints.held.height_m_s = FINE_HEIGHT_M_S
     entry = scenario.registered.get(telemetry.clock, DELAY_ESTIMATOR)
     if entry is not None:
         for link in vehicle.each_link:

@@ -80,6 +80,10 @@ class SetpointDelivery:
             if holds:
                 self.held.send(wanted, wanted, (True, True, True))
             return messages
+        if tolerance > 0.0:
+            height_m = self.held.height_ahead_m(setpoint.height_m, at)
+            setpoint = Setpoint(setpoint.speed_mps, setpoint.heading_rad, height_m)
+            wanted = setpoint.speed_mps, setpoint.heading_rad, height_m
         encoded = self._autopilot.quantities(setpoint, where)
         news = self.held.news(encoded, at, tolerance, self._autopilot.prompt_share)
         which = EVERY if everything and loses and any(news) else self._which(news, at, loses=loses)

@@ -19,6 +19,11 @@ STRAIGHT_S: Final = 20.0
 then with a probability of 0.9999, and at 22 m/s it is 440 m."""
 
 
+TURNS_S: Final = 1.0
+"""Time for which it may circle first: mostly the leader is there by then, and nothing needs to be sent. Tuned: s; 0.5
+to 2; by judgement: at 22 m/s and 0.25 rad/s it is 3 m off its line by then."""
+
+
 class AwaitingFormation(Stage):
     """Commands those that wait to fly on as they took off: in guided mode without a setpoint they would circle."""
 
@@ -55,7 +60,10 @@ class AwaitingFormation(Stage):
             begun = cycle.now, Setpoint(self._speed_mps, course_rad, state.height_m)
             self._straight[vehicle.identity] = begun
         since, setpoint = begun
-        if seconds_between(since, cycle.now) > STRAIGHT_S:
+        waited_s = seconds_between(since, cycle.now)
+        if waited_s < TURNS_S:
+            return
+        if waited_s > STRAIGHT_S:
             cycle.findings.waiting.add(vehicle.identity)
             return
         state.wind_north_mps = state.wind_east_mps = 0.0  # not estimated yet

@@ -17,7 +17,7 @@ from gcs_formation.record.json_shape import (
     Each,
     Maybe,
     Shape,
-    misfit,
+    mismatch,
 )
 
 SHAPE: Shape = {
@@ -31,9 +31,9 @@ FITS = {"name": "run", "count": 3, "figures": [{"value": 1, "held": None}, {"val
 
 
 def test_keys_that_arent_named_and_optional_ones_that_are_missing_dont_matter() -> None:
-    assert misfit(FITS, SHAPE, "summary.json") is None
-    assert misfit(FITS | {"note": "", "any": [1]}, SHAPE, "summary.json") is None
-    assert misfit(FITS | {"figures": {"error": {"value": 0.5, "held": False}}}, SHAPE, "summary.json") is None
+    assert mismatch(FITS, SHAPE, "summary.json") is None
+    assert mismatch(FITS | {"note": "", "any": [1]}, SHAPE, "summary.json") is None
+    assert mismatch(FITS | {"figures": {"error": {"value": 0.5, "held": False}}}, SHAPE, "summary.json") is None
 
 
 @pytest.mark.parametrize(
@@ -51,15 +51,15 @@ def test_keys_that_arent_named_and_optional_ones_that_are_missing_dont_matter() 
     ],
 )
 def test_the_first_value_that_doesnt_fit_is_named(changed: dict[str, Any], text: str) -> None:
-    assert (misfit(FITS | changed, SHAPE, "f") or "").startswith(text)
+    assert (mismatch(FITS | changed, SHAPE, "f") or "").startswith(text)
 
 
 def test_a_key_that_is_missing_is_named_after_others_that_fit() -> None:
     lacks = {name: value for name, value in FITS.items() if name != "figures"}
-    assert misfit(lacks, SHAPE, "f") == "found no figures in f; expected: an object or an array"
-    assert misfit([], SHAPE, "f") == "found [] in f; expected: an object"
+    assert mismatch(lacks, SHAPE, "f") == "found no figures in f; expected: an object or an array"
+    assert mismatch([], SHAPE, "f") == "found [] in f; expected: an object"
 
 
 def test_long_values_are_shown_by_their_beginning() -> None:
-    text = misfit("x" * 100, NUMBER, "f")
+    text = mismatch("x" * 100, NUMBER, "f")
     assert text == f'found "{"x" * (MAX_LETTERS - 1)}… in f; expected: a number'

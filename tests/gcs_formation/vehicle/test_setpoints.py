@@ -135,9 +135,45 @@ def test_a_small_change_is_sent_when_it_has_lasted_for_long_enough():
     assert sent == [False, False, True, False, False, False]
 
 
+def ramped(climb_mps: float, seconds: float) -> list[float]:
+    """Return by how much what is held is above what is wanted at each tick, on a ramp for a time, and then level."""
+    commanded, off_m = Commanded(), list[float]()
+    commanded.tick()
+    for tick in range(1, 600):
+        height_m = 200.0 + climb_mps * min(0.1 * tick, seconds)
+        commanded.tick(Setpoint(22.0, 0.3, height_m))
+        off_m.append(commanded.vehicle.setpoints.held.values[2] - height_m)
+    return off_m
+
+
+@pytest.mark.parametrize("climb_mps", [-3.0, -1.0, 0.4, 1.0, 3.0])
+def test_heights_on_a_ramp_are_held_about_what_is_wanted_and_not_behind_it(climb_mps: float) -> None:
+    """Held for so long and sent as wanted, they would be behind by half of the steps on average."""
+    off_m = ramped(climb_mps, 60.0)[100:]
+    steps_m = max(off_m) - min(off_m)
+    assert steps_m > 0.2, "they are held"
+    assert abs(sum(off_m) / len(off_m)) < 0.25 * steps_m
+
+
+@pytest.mark.parametrize("climb_mps", [-3.0, 1.0])
+def test_where_a_ramp_ends_a_height_is_beyond_its_end_by_less_than_a_step_and_not_for_long(climb_mps: float) -> None:
+    off_m = ramped(climb_mps, 20.0)
+    beyond_m = [math.copysign(1.0, climb_mps) * each for each in off_m[200:]]
+    assert max(beyond_m) < math.sqrt(2.0 * HEIGHT_M_S * abs(climb_mps))
+    assert max(beyond_m[15:]) < 0.1
+
+
+def test_a_step_of_height_is_commanded_as_it_is() -> None:
+    commanded = Commanded()
+    for _ in range(3):
+        commanded.tick()
+    assert commanded.tick(Setpoint(22.0, 0.3, 203.0)) == [ALTITUDE]
+    assert commanded.vehicle.setpoints.held.values[2] == 203.0
+
+
 @pytest.mark.parametrize(("autopilot", "after_ticks"), [("emulator", 6), ("arduplane", 2)])
 def test_heights_of_an_aircraft_under_total_energy_control_are_news_sooner(autopilot: str, after_ticks: int) -> None:
-    """Off by 0.36 m it is off by 0.2 m s after 0.6 s, and by 0.05 m s after 0.2 s."""
+    """Off by 0.36 m it is off by 0.21 m s after 0.6 s, and by 0.05 m s after 0.2 s."""
     path = {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [900, 0, 100]]}
     scenario = load_scenario({"vehicles": {"count": 2, "autopilot": autopilot}, "path": path})
     commanded = Commanded()
