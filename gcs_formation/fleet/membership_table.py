@@ -95,6 +95,12 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
         "it is in a mode to which none of our commands leads",
         lambda seen: not (seen.guided or seen.loiters),
     ),
+    Transition(
+        UNCOMMANDED,
+        Member.PARTED,
+        "it loiters, and no command of ours to do so is on its way",
+        lambda seen: seen.loiters and not (seen.guided or seen.order_may_come),
+    ),
     Transition(COMMANDABLE, Member.HOMEWARD, "it is to fly home", lambda seen: seen.sent_home),
     Transition(
         (Member.HOMEWARD,),
@@ -112,12 +118,6 @@ TRANSITIONS: Final[tuple[Transition, ...]] = (
     ),
     Transition(COMMANDABLE, Member.HOLDING, "it can't be flown by what is known of it", lambda seen: not seen.fresh),
     Transition(COMMANDABLE, Member.FLYING, "it is guided and known", lambda seen: seen.guided),
-    Transition(
-        UNCOMMANDED,
-        Member.PARTED,
-        "it loiters, and no command of ours to do so is on its way",
-        lambda seen: not seen.order_may_come,
-    ),
     Transition(COMMANDABLE, Member.RETURNING, "it loiters by our command, and is known", lambda _: True),
 )
 

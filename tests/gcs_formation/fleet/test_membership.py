@@ -179,6 +179,15 @@ def test_all_whose_heartbeats_are_overdue_leave_with_the_first_as_circles_begun_
     assert left_s[1] == pytest.approx(left_s[2] if together else leaders_last_s + 3.5 + MUTE_S, abs=0.15)
 
 
+def test_one_that_its_pilot_lets_loiter_is_the_pilot_s_also_where_it_has_no_leader_to_follow() -> None:
+    """It would count as ours otherwise, and be commanded back as soon as there is a leader."""
+    formation = Formation()
+    formation.reports(MANUAL, LEADER)
+    formation.reports(LOITER)
+    assert formation.judge(1.0) is Member.PARTED
+    assert formation.vehicles[LEADER].member is Member.PARTED
+
+
 def test_one_whose_mode_is_not_known_does_not_come_back() -> None:
     formation = Formation()
     formation.silent(FORGOTTEN_AFTER_S + 1.0)
