@@ -186,7 +186,10 @@ class Membership:
         autopilot = vehicle.autopilot
         if vehicle.member is Member.HOLDING:
             vehicle.holds_at_m, vehicle.holds_from = self._holding_height_m(vehicle, now), now
-            vehicle.commands.send(autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry), now, insist=True)
+            # Circles that are begun a second apart cross one another: one that is late for a loss would.
+            loses = vehicle.setpoints.loses(now)
+            loiter = autopilot.loiter(vehicle.holds_at_m, vehicle.telemetry)
+            vehicle.commands.send(loiter, now, insist=True, twice=loses)
         elif vehicle.member is Member.HOMEWARD:
             vehicle.holds_at_m = self._holding_height_m(vehicle, now)
             vehicle.commands.send(autopilot.go_home(vehicle.holds_at_m, vehicle.telemetry), now, insist=True)

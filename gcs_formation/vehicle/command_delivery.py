@@ -19,6 +19,8 @@ from gcs_formation.vehicle.startup_step import Command
 from gcs_formation.vehicle.telemetry import Telemetry
 
 RETRY_S: Final = 0.7
+AT_ONCE_S: Final = 0.1
+"""A command sent `twice` is repeated after this time first."""
 MAX_SPARING: Final = 3
 """Over a full link an attempt waits for up to 2 to the power of this times `RETRY_S`."""
 RETRY_REFUSED_S: Final = 3.0
@@ -93,13 +95,18 @@ class CommandQueue:
     """Since when the current command has been refused."""
     _shown: int = 0
     """Number of consecutive heartbeats that have shown its effect."""
+    _twice: bool = False
+    """Whether the first attempt is repeated at once."""
     _late: tuple[int, int, Instant] = (0, 0, Instant(0))
     """A command accepted before all of its attempts were answered: its id, the number of answers outstanding, and until
     when they may arrive."""
 
-    def send(self, commands: tuple[Command, ...], now: Instant, *, insist: bool = False) -> None:
-        """Start these commands and drop any earlier ones; `insist`: repeat them whatever the vehicle answers."""
-        self._waiting, self.insists, self.refusal = deque(commands), insist, None
+    def send(self, commands: tuple[Command, ...], now: Instant, *, insist: bool = False, twice: bool = False) -> None:
+        """Start these commands and drop any earlier ones; `insist`: repeat them whatever the vehicle answers.
+
+        `twice`: repeat each at once, as over a link that loses where others are commanded the same.
+        """
+        self._waiting, self.insists, self.refusal, self._twice = deque(commands), insist, None, twice
         self.lists += 1
         self._start_next(now)
 
@@ -114,7 +121,8 @@ class CommandQueue:
             command = command.but(confirmation=min(self._attempt, MAX_CONFIRMATION))
         self._attempt += 1
         doublings = min(self._attempt - 1, MAX_SPARING) if self.spares else 0
-        self._next_attempt = after(now, RETRY_S * 2.0**doublings)
+        at_once = self._twice and self._attempt == 1 and not self.spares
+        self._next_attempt = after(now, AT_ONCE_S if at_once else RETRY_S * 2.0**doublings)
         return command
 
     @property

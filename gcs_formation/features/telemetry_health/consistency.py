@@ -43,6 +43,8 @@ GAPS: Final = 3.0
 held up has stood still meanwhile, by its clock too or not."""
 MEMORY: Final = 0.05
 """Weight of the newest interval in the usual one."""
+SAME_M: Final = 1e-6
+"""Positions nearer than this are the same, m: what is added where a vehicle is displaced rounds their last bits."""
 UNCHANGED: Final = 2
 """A position that is the same to the bit so many times in a row is frozen, and a velocity that is 0 isn't filled. One
 that isn't 0 may well be the same: that is straight flight."""
@@ -186,7 +188,7 @@ class Consistency:
             self._begun = False
         weight = max(1.0 / self._samples, MIN_WEIGHT)
         for place, axis in enumerate(self.axes):
-            same_position = same_position and position_m[place] == axis.position_m
+            same_position = same_position and abs(position_m[place] - axis.position_m) < SAME_M
             same_rate = same_rate and rate_mps[place] == axis.rate_mps
             gained_m = axis.take(elapsed_s, position_m[place], rate_mps[place], witness_mps[place], arc, weight)
             if self.wrong == POSITION:

@@ -8,6 +8,7 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
+from airlink.endpoint import VehicleId
 from airlink.messages.command import CommandAck
 from airlink.messages.system import Timesync
 from airlink.messages.telemetry import GlobalPositionInt
@@ -177,6 +178,18 @@ def test_all_whose_heartbeats_are_overdue_leave_with_the_first_as_circles_begun_
     left_s = {each.vehicle: each.at_s for each in formation.logged if each.text == "told to loiter"}
     assert left_s[2] == pytest.approx(3.5 + MUTE_S, abs=0.15)
     assert left_s[1] == pytest.approx(left_s[2] if together else leaders_last_s + 3.5 + MUTE_S, abs=0.15)
+
+
+@pytest.mark.parametrize("loses", [True, False])
+def test_over_a_link_that_loses_the_command_to_loiter_is_sent_twice(*, loses: bool) -> None:
+    """One that is late for a loss would circle across the others' circles."""
+    formation, follower = Formation(), VehicleId(1, 2)
+    vehicle = formation.vehicles[follower]
+    vehicle.setpoints.lost_at = Instant(0) if loses else after(Instant(0), -60.0)
+    vehicle.unfit = "its position doesn't move by its velocity"
+    assert formation.judge(1.0) is Member.HOLDING
+    sent = [vehicle.commands.due(after(Instant(0), at_s)) is not None for at_s in (1.0, 1.1, 1.2)]
+    assert sent == [True, loses, False]
 
 
 def test_one_that_its_pilot_lets_loiter_is_the_pilot_s_also_where_it_has_no_leader_to_follow() -> None:

@@ -43,6 +43,18 @@ def test_commands_go_one_after_another_each_when_the_last_is_acknowledged(queue)
     assert queue.due(after(START, 60.0)) is None
 
 
+def test_a_command_sent_twice_is_repeated_at_the_next_tick_and_then_as_any_other():
+    queue = CommandQueue()
+    queue.send((MODE, ARM), START, insist=True, twice=True)
+    sent_s = [0.1 * tenth for tenth in range(20) if queue.due(after(START, 0.1 * tenth)) is not None]
+    assert sent_s == pytest.approx([0.0, 0.1, 0.1 + RETRY_S, 0.1 + 2 * RETRY_S])
+    queue.acknowledge(accepted(MODE), after(START, 2.0))
+    assert [queue.due(after(START, at_s)) for at_s in (2.0, 2.1, 2.2)] == [ARM, ARM.but(confirmation=1), None]
+    queue.spares = True
+    queue.send((ARM,), after(START, 3.0), twice=True)
+    assert [queue.due(after(START, at_s)) for at_s in (3.0, 3.1)] == [ARM, None], "a full link has no room for it"
+
+
 def test_a_lost_acknowledgement_brings_the_command_again_with_a_higher_confirmation(queue):
     now, confirmations = START, []
     for _ in range(3):

@@ -108,12 +108,14 @@ def test_noise_that_was_taken_for_a_jump_first_displaces_no_vehicle_once_it_is_k
     assert flown.off_m()[0] < 3.0
 
 
-def test_one_that_has_stopped_is_not_believed_to_be_where_its_frozen_position_was():
+@pytest.mark.parametrize("rounding_m", [0.0, 1e-13])
+def test_one_that_has_stopped_is_not_believed_to_be_where_its_frozen_position_was(rounding_m):
+    """What was added to its position, and is taken off before it is checked, rounds the last bits."""
     axes, still = Consistency(2, FASTEST_MPS), [0.0, 0.0]
     for number in range(1, 300):
         time_s = number * STEP_S
         speed_mps = max(0.0, 5.0 - max(0.0, time_s - 6.0))  # it brakes from 6 s on
-        place = [5.0 * min(time_s, 4.0), 0.0]  # and its position is frozen from 4 s on
+        place = [5.0 * min(time_s, 4.0) + rounding_m * (number % 3), 0.0]  # and its position is frozen from 4 s on
         axes.take(
             1 + round(time_s * 1e9), place, [speed_mps, 0.0], still if not speed_mps else [speed_mps, 0.0], (0, 0)
         )
