@@ -99,6 +99,8 @@ class Starting:
         may_act = self._beginning.may_act(vehicle, now) and self._gate.passed
         if not (vehicle.start_up.asks_for_telemetry and vehicle.sampler.why_unknown(now)):
             vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=may_act)
+        if vehicle.start_up.asks_for_telemetry:
+            vehicle.start_up.ask_again(vehicle.telemetry, vehicle.commands, now)
         if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
             vehicle.leave_to_pilot(now)
             self._log_event(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)

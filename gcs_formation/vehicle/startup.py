@@ -16,6 +16,9 @@ UP_M: Final = 5.0
 SLOWEST_S: Final = 600.0
 FIX_S: Final = 90.0
 """Longest wait for a position fix without progress."""
+ASKED_AGAIN_S: Final = 5.0
+"""Time after which telemetry that was acknowledged and doesn't come is requested again: an acknowledgement doesn't say
+of which message it is, and may have been a repeated request's. Tuned: s; 3 to 10; by judgement."""
 SOON_S: Final = 10.0
 """Progress within this time from a step's beginning isn't mentioned."""
 
@@ -73,6 +76,8 @@ class StartUp:
     """What shows the vehicle's progress, and when it last changed."""
     _texts: set[str] = field(default_factory=set[str])
     """Its status texts so far."""
+    _asked: Instant | None = None
+    """When the vehicle had acknowledged the requests that were sent again."""
     waits_for_fix: bool = False
     """Whether it has no position fix yet."""
 
@@ -133,6 +138,13 @@ class StartUp:
             self.acted = self.acted or acts
             self._begin(self.index + 1, telemetry, commands, now)
 
+    def ask_again(self, telemetry: Telemetry, commands: CommandQueue, now: Instant) -> None:
+        """Request telemetry again, once, that was acknowledged a while ago and doesn't come."""
+        acknowledged = commands.outcome is Outcome.ACCEPTED and self._asked is None
+        if acknowledged and seconds_between(commands.since, now) > ASKED_AGAIN_S:
+            self._asked = commands.since
+            commands.send(self.steps[self.index].commands(telemetry), now)
+
     def _begin(self, index: int, telemetry: Telemetry, commands: CommandQueue, now: Instant) -> None:
         """Begin a step, unless the last one is done."""
         self.index, self._began = index, now
@@ -174,6 +186,8 @@ class StartUp:
             return f"refused when we {self.doing}"
         step = self.steps[self.index]
         began = max(self._began, commands.since) if step.every_command_acknowledged else self._began
+        if self._asked is not None and step.every_command_acknowledged and commands.outcome is Outcome.ACCEPTED:
+            began = self._asked
         patience_s = max(step.timeout_s, FIX_S if step.slow and self.waits_for_fix else 0.0)
         since = max(began, self._progressed) if step.slow and commands.outcome is not Outcome.WAITING else began
         waited_s = seconds_between(began, now)

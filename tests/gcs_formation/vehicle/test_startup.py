@@ -8,11 +8,11 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
-from airlink.messages.command import CommandAck
+from airlink.messages.command import CommandAck, CommandLong
 from gcs_formation.vehicle.command_delivery import CommandQueue, Outcome
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.startup import StartUp
-from gcs_formation.vehicle.startup_step import ASKED_S
+from gcs_formation.vehicle.startup_step import ASKED_S, StartUpStep
 from gcs_formation.vehicle.telemetry import Telemetry
 
 START = Instant(0)
@@ -103,6 +103,30 @@ def test_the_time_of_a_step_is_that_of_each_of_its_requests(walk: Walk):
     assert walk.failure() is None
     walk.now = after(walk.now, 0.2)
     assert walk.failure() == "not done within 30 s after we asked for telemetry"
+
+
+def test_telemetry_that_was_acknowledged_and_does_not_come_is_requested_again_once_in_its_time(walk: Walk):
+    """An acknowledgement doesn't say of which message it is: a repeated request's may have stood for a lost one's."""
+    step = StartUpStep(
+        "asked for telemetry",
+        lambda _: False,
+        lambda _: (CommandLong(2, 1, INTERVAL, param1=74.0),),
+        ASKED_S,
+        every_command_acknowledged=True,
+    )
+    start_up, queue = StartUp((step,)), walk.commands
+    asked_s = list[int]()
+    for second in range(40):
+        now = after(START, float(second))
+        start_up.advance(walk.telemetry, queue, now)
+        start_up.ask_again(walk.telemetry, queue, now)
+        asked = queue.due(now)
+        if asked is not None:
+            asked_s.append(second)
+            queue.acknowledge(CommandAck(INTERVAL, m.MAV_RESULT_ACCEPTED), now)
+        failure = start_up.failure(queue, now)
+        assert (failure is not None) is (second > ASKED_S), second
+    assert asked_s == [0, 6]
 
 
 def test_a_refused_command_is_why_it_failed(walk: Walk):
