@@ -23,7 +23,7 @@ MISSED: Final = 2
 by judgement."""
 FORGOTTEN_AFTER_S: Final = 30.0
 """A vehicle whose state is older is ignored: nothing is planned around where it may be. Tuned: s; 15 to 60; shown by
-`pytest tests/gcs_formation/features/separation`."""
+the tests of what is kept clear of silent vehicles."""
 LOST_NS: Final = 2 * NANOSECONDS
 """A vehicle that isn't commanded and whose state is older stays where it was last seen, which saves its prediction.
 Tuned: ns; 1 to 5 s; by judgement."""

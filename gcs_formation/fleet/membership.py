@@ -51,7 +51,8 @@ class Membership:
         self._ground = GroundFloor(scenario)
         self._circles_m: Mapping[VehicleId, float] | None = None
         self._heartbeats_stop = False
-        """Whether a vehicle leaves the formation because its heartbeats are missing."""
+        """Whether a vehicle leaves the formation because its heartbeats are missing. All whose heartbeats are overdue
+        leave with it: circles that are begun a second apart cross one another."""
         self._floor_at, self._floor_m = Instant(-1), -math.inf
         self._commanded_to_loiter = dict[VehicleId, Instant]()
         """When each vehicle was last commanded to loiter."""
@@ -121,7 +122,7 @@ class Membership:
             self._commanded_to_loiter[vehicle.identity] = now
         member = self._next(vehicle, estimator, now, fresh=fresh)
         if member is not vehicle.member:
-            revokes = vehicle.member is Member.HOLDING and self._order_may_come(vehicle, now)
+            revokes = vehicle.member is Member.HOLDING and self.order_may_come(vehicle, now)
             vehicle.member = member
             self._log_event(now, "member", self._words(vehicle, now), vehicle)
             self._command(vehicle, now, revokes=revokes)
@@ -137,7 +138,7 @@ class Membership:
             loiters=vehicle.telemetry.custom_mode == vehicle.autopilot.loiter_mode,
             fresh=fresh,
             loiter_may_be_commanded=receives or forgotten,
-            order_may_come=self._order_may_come(vehicle, now),
+            order_may_come=self.order_may_come(vehicle, now),
             sent_home=vehicle.sent_home != "",
             homeward=vehicle.telemetry.custom_mode == vehicle.autopilot.home_mode,
         )
@@ -168,10 +169,7 @@ class Membership:
         return math.isnan(age_s) or age_s <= limit_s
 
     def _is_without_heartbeats(self, vehicle: Vehicle) -> bool:
-        """Return whether a vehicle's mode is unknown by now, as its heartbeats are missing.
-
-        All whose heartbeats are overdue leave with the first: circles that are begun a second apart cross one another.
-        """
+        """Return whether a vehicle's mode is unknown by now, as its heartbeats are missing."""
         link = vehicle.connection
         if link.state is not LinkState.MUTE and link.state is not LinkState.LOST:
             return False
@@ -200,7 +198,7 @@ class Membership:
         elif vehicle.member is not Member.STARTING:
             vehicle.commands.send((), now)
 
-    def _order_may_come(self, vehicle: Vehicle, now: Instant) -> bool:
+    def order_may_come(self, vehicle: Vehicle, now: Instant) -> bool:
         """Return whether a recently sent command to loiter may still reach a vehicle."""
         commanded = self._commanded_to_loiter.get(vehicle.identity)
         return commanded is not None and now < after(commanded, ORDER_COMES_S)

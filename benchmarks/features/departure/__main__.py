@@ -1,7 +1,7 @@
 """Take-offs over links that lose frames: the least separation, and how long until the path begins; the worst of ten.
 
 `python -m benchmarks.features.departure` flies `configs/quickstart.yaml` from the ground, and 5 s of its path, by seeds
-that nobody tuned to. `--first 100` takes others.
+to which nothing was tuned. `--first 100` takes others.
 """
 
 from __future__ import annotations

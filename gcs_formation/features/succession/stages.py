@@ -31,12 +31,15 @@ class Succession(Stage):
         def replaceable() -> bool:
             return successor(cycle) is not None
 
-        if is_lost(leader, cycle, replaceable):
-            index = successor(cycle)
-            if index is None and not _comes_back(leader, cycle):
-                index = successor(cycle, among=_comes_back)
-            if index is not None:
-                cycle.reconfiguration.replace_leader(index, cycle.now)
+        if not is_lost(leader, cycle, replaceable):
+            return
+        if _comes_back(leader, cycle) and cycle.membership.order_may_come(leader, cycle.now):
+            return  # it is about to: a command to loiter has reached it late
+        index = successor(cycle)
+        if index is None:
+            index = successor(cycle, among=_comes_back)
+        if index is not None:
+            cycle.reconfiguration.replace_leader(index, cycle.now)
 
 
 def is_lost(leader: Vehicle, cycle: Cycle, replaceable: Callable[[], bool]) -> bool:

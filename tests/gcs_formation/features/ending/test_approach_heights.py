@@ -32,13 +32,13 @@ def test_all_are_waited_for_and_one_that_tells_it_isnt_asked_again() -> None:
     heights, default_m = ApproachHeights(vehicles), vehicles[SECOND].autopilot.highest_approach_m
     assert not heights.passed
     assert {vehicle.identity for vehicle, _ in heights.requests(Instant(0))} == {FIRST, SECOND}
-    told = ParamValue("AUTOLAND_WP_ALT", default_m + 25.0, m.MAV_PARAM_TYPE_REAL32, 1000, 7)
-    heights.take_item(vehicles[FIRST], told, after(Instant(0), 0.1))
+    reported = ParamValue("AUTOLAND_WP_ALT", default_m + 25.0, m.MAV_PARAM_TYPE_REAL32, 1000, 7)
+    heights.take_item(vehicles[FIRST], reported, after(Instant(0), 0.1))
     assert not heights.passed
     assert {vehicle.identity for vehicle, _ in heights.requests(after(Instant(0), 5.0))} == {SECOND}
     assert [each.autopilot.highest_approach_m for each in vehicles.values()] == [default_m + 25.0, default_m]
     vehicles[SECOND].connection.state = LinkState.LOST
     assert heights.requests(after(Instant(0), 10.0)) == []
-    heights.take_item(vehicles[SECOND], told, after(Instant(0), 10.1))
+    heights.take_item(vehicles[SECOND], reported, after(Instant(0), 10.1))
     assert heights.passed
     assert heights.refusal(ready=True) is None

@@ -148,8 +148,8 @@ class Resuming:
 
     def tell_parameters(self, vehicle: Vehicle) -> None:
         for name, value in PARAMETERS.items():
-            told = ParamValue(name, value, m.MAV_PARAM_TYPE_REAL32, 1000, 0)
-            self.takeover.receive_parameter(vehicle, told, self.at(0.0))
+            reported = ParamValue(name, value, m.MAV_PARAM_TYPE_REAL32, 1000, 0)
+            self.takeover.receive_parameter(vehicle, reported, self.at(0.0))
 
 
 def test_those_that_flew_are_waited_for_until_they_are_heard_and_not_for_ever() -> None:

@@ -1,4 +1,4 @@
-"""Positions and heights that jump: flown as before, by the telemetry that takes the jump out and what is told next."""
+"""Positions and heights that jump: flown as before, by the telemetry that takes the jump out and what comes next."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ class Flying:
             north_m, east_m, up_m = (true + jump for true, jump in zip(truth, jump_m, strict=True))
             self.seen.store(Attitude(self.stamp_s, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
             lat_rad, lon_rad, alt_m = ORIGIN.from_ned(north_m, east_m, -up_m)
-            told = GlobalPositionInt(self.stamp_s, lat_rad, lon_rad, alt_m, up_m, SPEED_MPS, 0.0, 0.0, 0.0)
-            self.seen.store(told)
+            reported = GlobalPositionInt(self.stamp_s, lat_rad, lon_rad, alt_m, up_m, SPEED_MPS, 0.0, 0.0, 0.0)
+            self.seen.store(reported)
             assert self.seen.motion is not None
             place_m = self.seen.motion.north_m, self.seen.motion.east_m, self.seen.motion.height_m
             sample = Sample(after(Instant(0), self.stamp_s), *place_m, SPEED_MPS, 0.0, 0.0, SPEED_MPS, 0.0)
