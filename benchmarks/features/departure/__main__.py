@@ -51,6 +51,8 @@ def main() -> None:
     options.add_argument("--first", type=int, default=1, help="the first flight's seed")
     options.add_argument("--workers", type=int, default=2)
     given = options.parse_args()
+    if given.flights < 1:
+        options.error(f"--flights: found {given.flights}; allowed: 1 or more")
     wanted = list(product(LINKS, range(given.first, given.first + given.flights)))
     flown = dict(zip(wanted, in_order(fly, wanted, given.workers), strict=True))
     rows = list[list[str]]()
