@@ -95,8 +95,10 @@ class Senders:
         bound = connection.state is not LinkState.SEARCHING
         elsewhere = bound and (socket != connection.socket or datagram.peer != connection.peer)
         silent = now - connection.last_received >= STALE_AFTER_NS
-        follows = vehicle.sequence.may_follow(frame.sequence, now, connection.last_received)
-        if history.is_copy(frame, now, elsewhere=elsewhere, follows=follows, silent=silent):
+        sequence = vehicle.sequence
+        follows = sequence.may_follow(frame.sequence, now, connection.last_received)
+        overtaken = sequence.was_overtaken(frame.sequence)
+        if history.is_copy(frame, now, elsewhere=elsewhere, follows=follows, overtaken=overtaken, silent=silent):
             if history.copies == MANY_COPIES:
                 self._log_event(now, "copies", COPIES_TEXT, vehicle, {"peer": str(datagram.peer)})
             return vehicle
@@ -108,7 +110,7 @@ class Senders:
             self._log_finding(vehicle, finding, datagram, now, admitted=admitted)
         if not admitted:
             return None
-        follows = follows or vehicle.sequence.is_near(frame.sequence)
+        follows = follows or sequence.is_near(frame.sequence)
         history.record(frame, now, follows=follows, awaited=vehicle.round_trips.awaits(message))
         return vehicle
 

@@ -114,14 +114,17 @@ class FrameHistory:
             return now - self._others.last < COPIES_COME_NS and self._others_own < OTHERS_OWN
         return now - self._own.last < COPIES_COME_NS
 
-    def is_copy(self, frame: Frame, now: Instant, *, elsewhere: bool, follows: bool, silent: bool) -> bool:
+    def is_copy(
+        self, frame: Frame, now: Instant, *, elsewhere: bool, follows: bool, overtaken: bool, silent: bool
+    ) -> bool:
         """Return whether a frame had been received before, and count it if so.
 
-        `elsewhere`: it is from another address than the vehicle's; `follows`: its number may follow the newest one's.
+        `elsewhere`: it is from another address than the vehicle's; `follows`: its number may follow the newest one's;
+        `overtaken`: its number was skipped just now, so that it has a known frame's mark by chance.
         After a silence any number may: while copies come, that is none of the vehicle's words, and without them one
         from another address may be, for it may have moved.
         """
-        known = self._knows(_mark(frame))
+        known = self._knows(_mark(frame)) and (elsewhere or not overtaken)
         stamp_s = math.nan if frame.message is None else frame.message.boot_s()
         timed = not math.isnan(stamp_s)
         if elsewhere:

@@ -117,8 +117,8 @@ class SequenceTracker:
         """Numbers since the newest, of frames that may be copies: the next number shows."""
         self.silent_s = 0.0
         """Time in silences that have ended, s."""
-        self._jump: i64 = 0  # frames counted as lost at the last gap
-        self._jumped: i64 = 0  # frames that had been received by then
+        self._overtakes: i64 = 0  # the most numbers by which a frame came before another, up to `NEAR`
+        self._jump, self._jumped = i64(0), i64(0)  # frames counted as lost at the last gap, and received by then
 
     def observe(self, sequence: i64, now: Instant, last: Instant) -> bool:
         """Take the sequence number of a frame that arrived now; the previous frame arrived at `last`.
@@ -188,10 +188,14 @@ class SequenceTracker:
         """
         if sequence == self._expected or self._newest == ANY or now - last >= STALE_AFTER_NS:
             return True
-        if sequence in self._missing and (self._newest - sequence) % MODULUS < NEAR:
+        if self.was_overtaken(sequence):
             return True
-        gap = (sequence - self._newest - 1) % MODULUS
-        return gap == 0 or float(gap) <= self._likely_run()
+        gap: i64 = (sequence - self._newest - 1) % MODULUS
+        return gap <= self._overtakes or float(gap) <= self._likely_run()
+
+    def was_overtaken(self, sequence: i64) -> bool:
+        """Return whether a number was skipped just now and hasn't come since: no copy has it."""
+        return sequence in self._missing and (self._newest - sequence) % MODULUS < NEAR
 
     def is_near(self, sequence: i64) -> bool:
         """Return whether a number is shortly before or after the newest: copies may have shown others between."""
@@ -317,6 +321,7 @@ class SequenceTracker:
         late = sequence in self._missing
         if late:
             self._missing.remove(sequence)
+            self._overtakes = max(self._overtakes, min((self._newest - sequence) % MODULUS, NEAR))
             self.received += 1
             self.lost -= 1
             before = int((sequence - 1) % MODULUS) in self._missing

@@ -242,3 +242,21 @@ def test_a_number_that_others_have_just_overtaken_is_in_its_turn_and_a_repeated_
     assert not tracker.may_follow(41, *AT_ONCE)
     tracker.observe(40, *AT_ONCE)
     assert not tracker.may_follow(40, *AT_ONCE)
+
+
+def test_a_link_that_reorders_makes_gaps_as_long_as_frames_came_late():
+    """They are no reason for doubt, however rare losses are; a longer one is."""
+    tracker = tracked([*range(40), 44, *range(40, 44), *range(45, 80)])
+    assert tracker.lost == 0
+    assert tracker.may_follow(84, *AT_ONCE)
+    assert not tracker.may_follow(85, *AT_ONCE)
+
+
+def test_only_a_number_that_was_skipped_just_now_and_has_not_come_was_overtaken():
+    tracker = tracked([*range(40), 41, *range(43, 48)])
+    assert [each for each in range(MODULUS) if tracker.was_overtaken(each)] == [40, 42]
+    tracker.observe(40, *AT_ONCE)
+    assert not tracker.was_overtaken(40)
+    for each in range(48, 60):
+        tracker.observe(each, *AT_ONCE)
+    assert not tracker.was_overtaken(42)

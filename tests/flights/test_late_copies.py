@@ -150,6 +150,42 @@ def test_frames_after_bursts_of_losses_are_no_copies() -> None:
     assert world.words("copies") == []
 
 
+class Reordering(Between):
+    """Delays each datagram of vehicles by itself, so that later ones overtake it, and loses a few."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        super().__init__(fleet)
+        self._delayed, self._random, self._now = DelayQueue[Datagram](), random.Random(3), Instant(0)
+
+    def receive(self, datagrams: list[Datagram], now: Instant) -> None:
+        self._now = now
+        super().receive(datagrams, now)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        for each in super().datagrams_to_send():
+            if self._random.random() >= LOSS:
+                self._delayed.push(after(self._now, self._random.uniform(0.3, 0.45)), each)
+        return list(self._delayed.pop_due(self._now))
+
+    def next_timer(self) -> Instant | None:
+        return min((each for each in (super().next_timer(), self._delayed.next()) if each is not None), default=None)
+
+    def handle_timer(self, now: Instant) -> None:
+        self._now = now
+        timer = super().next_timer()
+        if timer is not None and timer <= now:
+            super().handle_timer(now)
+
+
+def test_frames_that_others_overtook_are_no_copies() -> None:
+    """The same: such a heartbeat's number comes before its turn, and seems to follow losses that are rare here."""
+    world = flown(Reordering, seconds=60.0)
+    vehicles = world.station.vehicles.values()
+    assert min(int(each.history.late) for each in vehicles) > 20, "some are overtaken by others of their kind"
+    assert sum(int(each.history.copies) for each in vehicles) <= 3
+    assert world.words("copies") == []
+
+
 @pytest.mark.parametrize("elsewhere", [False, True])
 @pytest.mark.slow
 def test_copies_while_frames_are_lost_are_no_other_sender(elsewhere: bool) -> None:
