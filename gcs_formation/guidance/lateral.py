@@ -166,11 +166,13 @@ class LateralGuidance:
         self._heading_rad = math.nan
         self._air.drop_state()
 
-    def go_on_from(self, commanded_rad: float, state: FlightState, model: AutopilotModel) -> None:
-        """Go on from another heading setpoint than the last one: something else replaced it, and it still acts."""
-        max_rps = model.turn_rate_max_rps
-        self._heading_rad = state.heading_rad
-        self._turn_rps = within(signed(commanded_rad - state.heading_rad) / model.tau_psi_s, -max_rps, max_rps)
+    def resume_turn(self) -> None:
+        """Go on from the vehicle's heading, turning as the route does: something else replaced the last setpoint.
+
+        Its turn, which may be as fast as the vehicle can, isn't continued: braked as gently as followers like, it would
+        lead the vehicle round, and their slots with it.
+        """
+        self._heading_rad = math.nan
 
     def setpoint_rad(
         self, point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps: float, bounds: TurnBounds

@@ -196,14 +196,23 @@ def test_from_far_off_the_route_it_comes_back_without_crossing_it_by_much(
     assert abs(math.remainder(state.heading_rad, math.tau)) < 0.02
 
 
-def test_it_goes_on_from_a_setpoint_that_replaced_its_own() -> None:
-    """The turn that a filter began isn't undone at once: its next setpoint is nearly the same."""
-    loop, point = LateralGuidance(DT_S), PathPoint(0.0, 0.0, 100.0, 0.0)
+@pytest.mark.parametrize("bends_1pm", [0.0, 0.002])
+def test_a_turn_that_replaced_its_own_is_not_continued(bends_1pm: float) -> None:
+    """As fast as an avoidance manoeuvre, and braked as gently as followers like, it would lead the vehicle round."""
+    loop, point = LateralGuidance(DT_S), PathPoint(0.0, 0.0, 100.0, 0.0, bends_1pm)
     state = FlightState(0.0, 0.0, 100.0, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
-    loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(FOLLOWED_RPS2))
-    loop.go_on_from(0.2, state, MODEL)
+    for _ in range(20):  # it is commanded round to the right
+        loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(FOLLOWED_RPS2))
+        advance(state, MODEL, SPEED_MPS, 1.0, 100.0, DT_S)
+        loop.resume_turn()
+    turned_rad = state.heading_rad
+    assert turned_rad > 0.3
     setpoint_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(FOLLOWED_RPS2))
-    assert setpoint_rad == pytest.approx(0.2, abs=0.01)
+    assert setpoint_rad == pytest.approx(turned_rad + MODEL.tau_psi_s * bends_1pm * SPEED_MPS, abs=0.02)
+    for _ in range(100):
+        setpoint_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(FOLLOWED_RPS2))
+        advance(state, MODEL, SPEED_MPS, setpoint_rad, 100.0, DT_S)
+        assert state.heading_rad < turned_rad + 0.1
 
 
 def test_a_noisy_course_is_followed_slower() -> None:
