@@ -7,6 +7,7 @@ from typing import Final
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.autopilot_model import AutopilotModel, finite
+from flight_model.flight_state import FlightState
 from flight_model.slot import Vector3
 from formation_scenario import Scenario
 from gcs_formation import from_scenario
@@ -110,7 +111,7 @@ class LeaderSteering:
         state, model = states.of(tick.leader, tick.leader), self._models[tick.leader]
         tick.state[tick.leader] = state
         if led:
-            self._resume_turn()
+            self._go_on_from_replaced(state, model)
         steered = state if self._steps is None else self._steps.without(state)
         wanted = self.guidance.steer(steered, model, assembled=assembled, bounds=turns, at=at)
         path, turn_rps = self.guidance.heading(state), self.guidance.turn_rps
@@ -136,10 +137,10 @@ class LeaderSteering:
         commands = [history.at(states.instant(index) if compensates else at) for index in self._indices]
         return Lead(tick.leader, at, commands, path)
 
-    def _resume_turn(self) -> None:
-        """Have the guidance go on from the leader's heading where something replaced the last tick's setpoint."""
+    def _go_on_from_replaced(self, state: FlightState, model: AutopilotModel) -> None:
+        """Have the guidance go on from the last tick's heading setpoint where something replaced it."""
         if finite(self._commanded_rad) and self._commanded_rad != self._decided_rad:
-            self.guidance.resume_turn()
+            self.guidance.go_on_from(self._commanded_rad, self._decided_rad, state, model)
             self.forget_steps()
 
     def _goes_on(self, leader: int, commanded: Vector3, outside: OnTicks | None) -> Vector3:

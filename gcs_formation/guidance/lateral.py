@@ -70,6 +70,9 @@ rad/s; 0.1 to 0.5; by judgement."""
 TURNS_BACK_SHARE: Final = 0.5
 """Share of the angle to the route that could just be turned back before the route is crossed. Tuned: share; 0.3 to 0.8;
 by judgement."""
+MANOEUVRE_RAD: Final = math.radians(15.0)
+"""A heading setpoint that is farther from the one it replaces is a manoeuvre's. Tuned: rad; 0.1 to 0.5; shown by
+`python -m benchmarks.features.telemetry_health.faults --families copter --roles leader`."""
 TWO_THIRDS: Final = 2.0 / 3.0
 TINY: Final = 1e-9
 NEAREST_SHARE: Final = 0.2
@@ -166,13 +169,18 @@ class LateralGuidance:
         self._heading_rad = math.nan
         self._air.drop_state()
 
-    def resume_turn(self) -> None:
-        """Go on from the vehicle's heading, turning as the route does: something else replaced the last setpoint.
+    def go_on_from(self, commanded_rad: float, decided_rad: float, state: FlightState, model: AutopilotModel) -> None:
+        """Go on from a heading setpoint that replaced the last one, which was `decided_rad`: it still acts.
 
-        Its turn, which may be as fast as the vehicle can, isn't continued: braked as gently as followers like, it would
-        lead the vehicle round, and their slots with it.
+        A filter's correction is continued. The turn of a manoeuvre isn't, which may be as fast as the vehicle can:
+        braked as gently as followers like, it would lead the vehicle round, and their slots with it.
         """
-        self._heading_rad = math.nan
+        if abs(signed(commanded_rad - decided_rad)) > MANOEUVRE_RAD:
+            self._heading_rad = math.nan
+            return
+        max_rps = model.turn_rate_max_rps
+        self._heading_rad = state.heading_rad
+        self._turn_rps = within(signed(commanded_rad - state.heading_rad) / model.tau_psi_s, -max_rps, max_rps)
 
     def setpoint_rad(
         self, point: PathPoint, state: FlightState, model: AutopilotModel, speed_mps: float, bounds: TurnBounds

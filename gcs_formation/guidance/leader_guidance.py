@@ -206,9 +206,9 @@ class LeaderGuidance:
         assert self.route is not None
         return self.timed.part(self.route) if self.timed is not None and self.on_path else self.route
 
-    def resume_turn(self) -> None:
-        """Go on from the leader's heading: something replaced the last setpoint of `steer`."""
-        self._lateral.resume_turn()
+    def go_on_from(self, commanded_rad: float, decided_rad: float, state: FlightState, model: AutopilotModel) -> None:
+        """Go on from a heading setpoint that replaced the last one of `steer`, `decided_rad`."""
+        self._lateral.go_on_from(commanded_rad, decided_rad, state, model)
 
     def take_over(self, route: Route | None, distance_m: float) -> None:
         """Guide another vehicle from now on, along `route` from `distance_m`; without one, to the path's start."""

@@ -196,15 +196,38 @@ def test_from_far_off_the_route_it_comes_back_without_crossing_it_by_much(
     assert abs(math.remainder(state.heading_rad, math.tau)) < 0.02
 
 
+def test_it_goes_on_from_a_setpoint_that_a_filter_corrected() -> None:
+    """The turn that the filter began isn't undone at once: its next setpoint is nearly the same."""
+    loop, point = LateralGuidance(DT_S), PathPoint(0.0, 0.0, 100.0, 0.0)
+    state = FlightState(0.0, 0.0, 100.0, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
+    decided_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(FOLLOWED_RPS2))
+    loop.go_on_from(0.2, decided_rad, state, MODEL)
+    setpoint_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(FOLLOWED_RPS2))
+    assert setpoint_rad == pytest.approx(0.2, abs=0.01)
+
+
+def test_corrected_a_little_at_every_tick_it_still_comes_back_to_its_route() -> None:
+    """A turn rate that began anew at each tick could never grow."""
+    loop = LateralGuidance(DT_S)
+    state = FlightState(0.0, 40.0, 100.0, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
+    for tick in range(400):
+        point = PathPoint(state.north_m, 0.0, 100.0, 0.0)
+        decided_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(FOLLOWED_RPS2))
+        filtered_rad = decided_rad + (0.01 if tick % 2 else -0.01)
+        advance(state, MODEL, SPEED_MPS, filtered_rad, 100.0, DT_S)
+        loop.go_on_from(filtered_rad, decided_rad, state, MODEL)
+    assert abs(state.east_m) < 2.0
+
+
 @pytest.mark.parametrize("bends_1pm", [0.0, 0.002])
-def test_a_turn_that_replaced_its_own_is_not_continued(bends_1pm: float) -> None:
-    """As fast as an avoidance manoeuvre, and braked as gently as followers like, it would lead the vehicle round."""
+def test_the_turn_of_a_manoeuvre_is_not_continued(bends_1pm: float) -> None:
+    """As fast as a vehicle can turn, and braked as gently as followers like, it would lead the vehicle round."""
     loop, point = LateralGuidance(DT_S), PathPoint(0.0, 0.0, 100.0, 0.0, bends_1pm)
     state = FlightState(0.0, 0.0, 100.0, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
     for _ in range(20):  # it is commanded round to the right
-        loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(FOLLOWED_RPS2))
+        decided_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(FOLLOWED_RPS2))
         advance(state, MODEL, SPEED_MPS, 1.0, 100.0, DT_S)
-        loop.resume_turn()
+        loop.go_on_from(1.0, decided_rad, state, MODEL)
     turned_rad = state.heading_rad
     assert turned_rad > 0.3
     setpoint_rad = loop.setpoint_rad(point, state, MODEL, SPEED_MPS, TurnBounds(FOLLOWED_RPS2))
