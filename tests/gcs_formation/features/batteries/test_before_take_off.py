@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from formation_scenario import load_scenario
-from gcs_formation.features.batteries.before_take_off import TAKE_OFF_S, lacking, planned_s
+from gcs_formation.features.batteries.before_take_off import TAKE_OFF_S, TURN_TO_LAND_S, lacking, planned_s
 from gcs_formation.features.batteries.check_warnings import full_batteries
 from gcs_formation.features.batteries.way_home import LANDING_S
 from gcs_formation.mission.gate import PreFlightOptions
@@ -27,6 +27,13 @@ NEEDED_S = TAKE_OFF_S + 100.0 + 100.0 + LANDING_S
 
 def test_planned_time_is_take_off_path_way_home_and_landing() -> None:
     assert planned_s(load_scenario(scenario(**GROUND)), (0.0, 0.0)) == pytest.approx(NEEDED_S, abs=0.5)
+
+
+@pytest.mark.parametrize(("then", "waits_s"), [("loiter", 0.0), ("rtl", 0.0), ("land", 2 * TURN_TO_LAND_S)])
+def test_where_all_land_the_last_one_waits_for_the_others(then: str, waits_s: float) -> None:
+    vehicles = [{"id": 1, "role": "leader"}, {"id": 2}, {"id": 3}]
+    planned = load_scenario(scenario(**GROUND | {"vehicles": vehicles, "finish": {"then": then}}))
+    assert planned_s(planned, (0.0, 0.0)) == pytest.approx(NEEDED_S + waits_s, abs=0.5)
 
 
 def test_what_is_left_must_last_for_that_and_the_reserve() -> None:
