@@ -19,6 +19,8 @@ TABLE = Path(__file__).with_name("ardupilotmega.json")
 """The dialect: each enum's names and values; each message's id, CRC_EXTRA, and length without extension fields."""
 STANDARD_ERROR = 2
 NO_LOG = "not a dataflash log"
+AT_ONCE = 4096
+"""Number of messages that are read from such a log at once."""
 _table: dict[str, dict[str, Any]] = json.loads(TABLE.read_bytes())
 _ENUMS: dict[str, dict[str, int]] = _table["enums"]
 _MESSAGES: dict[str, tuple[int, int, int]] = _table["messages"]
@@ -74,8 +76,8 @@ def dataflash_messages(path: str, kinds: Sequence[str]) -> Iterator[tuple[str, d
     try:
         with _BareErrors():
             _silently(reader.__init__, path)
-        while (message := _silently(reader.recv_match, type=list(kinds))) is not None:
-            yield str(message.get_type()), dict(message.to_dict())
+        while found := _silently(_next_messages, reader, list(kinds)):
+            yield from found
     except (IndexError, struct.error, TypeError) as error:
         raise ValueError(NO_LOG) from error
     finally:
@@ -83,6 +85,14 @@ def dataflash_messages(path: str, kinds: Sequence[str]) -> Iterator[tuple[str, d
             if hasattr(reader, opened):
                 with suppress(BufferError):  # a map still in use by a failed reader, which closes with it
                     getattr(reader, opened).close()
+
+
+def _next_messages(reader: Any, kinds: list[str]) -> list[tuple[str, dict[str, Any]]]:
+    """Return a log's next messages of some kinds, at most `AT_ONCE`: to discard output for each is slow."""
+    found = list[tuple[str, dict[str, Any]]]()
+    while len(found) < AT_ONCE and (message := reader.recv_match(type=kinds)) is not None:
+        found.append((str(message.get_type()), dict(message.to_dict())))
+    return found
 
 
 class _BareErrors:
