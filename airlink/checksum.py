@@ -61,7 +61,7 @@ class Checksums:
 
     Frames don't overlap, but a candidate of up to 280 bytes may begin at every byte. Candidates are summed one by one
     until more bytes have been processed than there are. From then on, checksums follow from the remainders of all bytes
-    up to each place: that up to a candidate's end is the candidate's own plus that up to its begin, shifted by its
+    up to each offset: that up to a candidate's end is the candidate's own plus that up to its begin, shifted by its
     length.
     """
 
@@ -72,15 +72,15 @@ class Checksums:
         self._up_to = [0]
         """Remainders of the first n bytes, by n; only that of none at first."""
 
-    def of(self, raw: bytes, end: i64, extra: i64, place: int) -> i64:
-        """Return the checksum of `raw`, which begins at `place` of all bytes, as `checksum` does."""
+    def of(self, raw: bytes, end: i64, extra: i64, offset: int) -> i64:
+        """Return the checksum of `raw`, which begins at `offset` of all bytes, as `checksum` does."""
         if self._gone_over <= len(self._data):
             self._gone_over += end
             return checksum(raw, end, extra)
         if len(self._up_to) == 1:
             self._go_over_all()
-        before: i64 = self._up_to[place + 1]
-        crc: i64 = self._up_to[place + end]
+        before: i64 = self._up_to[offset + 1]
+        crc: i64 = self._up_to[offset + end]
         return with_byte(crc ^ _product(before ^ CRC_START, _SHIFTS[end - 1]), extra)
 
     def _go_over_all(self) -> None:

@@ -19,7 +19,7 @@ from airlink.messages.system import Timesync
 
 COLUMNS: Final = ("uplink_t_s", "uplink_ms", "downlink_t_s", "downlink_ms", "rtt_t_s", "rtt_ms")
 ROUND_TRIP: Final = 4
-"""Place of its columns."""
+"""Index of its first column."""
 ANSWER_S: Final = 10.0
 """A request without an answer for so long is lost."""
 SORTED_S: Final = 60.0
@@ -72,16 +72,16 @@ class DelayRecord:
             if sent is not None:
                 self._add(ROUND_TRIP, sent, seconds_between(sent, now))
 
-    def _add(self, place: int, at: Instant, delay_s: float | None) -> None:
+    def _add(self, column: int, at: Instant, delay_s: float | None) -> None:
         self._began = at if self._began is None else self._began
-        self._rows.push(at, (place, delay_s))
+        self._rows.push(at, (column, delay_s))
 
     def _write(self, until: Instant) -> None:
         while (at := self._rows.next()) is not None and at <= until and self._written < MAX_BYTES:
-            for place, delay_s in self._rows.pop_due(at):
+            for column, delay_s in self._rows.pop_due(at):
                 at_s = seconds_between(self._began if self._began is not None else at, at)
                 filled = f"{max(at_s, 0.0):.6f},{'' if delay_s is None else f'{1e3 * delay_s:.3f}'}"
-                self._written += self._file.write("," * place + filled + "," * (len(COLUMNS) - 2 - place) + "\n")
+                self._written += self._file.write("," * column + filled + "," * (len(COLUMNS) - 2 - column) + "\n")
         self._file.flush()
 
 

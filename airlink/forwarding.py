@@ -121,19 +121,19 @@ class Forwarding(Engine):
         )
 
     def _spread(self, data: bytes, now: Instant) -> None:
-        for place, forward in enumerate(self._forwards):
+        for index, forward in enumerate(self._forwards):
             fixed = forward.endpoint.peer
             peers = (
-                [fixed] if fixed is not None else [at for at, peer in self._peers[place].items() if peer.until > now]
+                [fixed] if fixed is not None else [at for at, peer in self._peers[index].items() if peer.until > now]
             )
-            self._out += [Datagram(self._first + place, peer, data) for peer in peers]
+            self._out += [Datagram(self._first + index, peer, data) for peer in peers]
 
     def _take(self, datagram: Datagram, remotes: list[Remote], now: Instant) -> None:
-        place = datagram.socket - self._first
-        peers = self._peers[place]
+        index = datagram.socket - self._first
+        peers = self._peers[index]
         peer = peers.get(datagram.peer)
         if peer is None:
-            peers = self._peers[place] = {at: each for at, each in peers.items() if each.until > now}
+            peers = self._peers[index] = {at: each for at, each in peers.items() if each.until > now}
             if len(peers) == MAX_PEERS:
                 return
             peer = Peer()
@@ -144,7 +144,7 @@ class Forwarding(Engine):
             if sender not in peer.senders and len(peer.senders) < MAX_PEERS:
                 peer.senders.add(sender)
                 self._joined(sender, datagram.peer, now)
-            if self._forwards[place].takes and self._passes(frame):
+            if self._forwards[index].takes and self._passes(frame):
                 self._out += self._addressed(frame, remotes)
 
     def _passes(self, frame: Frame) -> bool:

@@ -199,7 +199,7 @@ class StreamParser:
             following = offset + frame_length(data, offset)
             counted = offset >= candidates.refused_to and kept == end
             if following <= end:
-                frame = self._accept(data[offset:following], counted=counted, checksums=checksums, place=offset)
+                frame = self._accept(data[offset:following], counted=counted, checksums=checksums, offset=offset)
                 if frame is not None:
                     frames.append(frame)
                     sound += following - offset
@@ -228,14 +228,16 @@ class StreamParser:
         self.counts.bad_checksums += counted and known
         self.counts.unknown_messages += counted and not known
 
-    def _accept(self, raw: bytes, *, counted: bool, checksums: Checksums | None = None, place: int = 0) -> Frame | None:
+    def _accept(
+        self, raw: bytes, *, counted: bool, checksums: Checksums | None = None, offset: int = 0
+    ) -> Frame | None:
         """Return the frame of a candidate's bytes, None if it's rejected.
 
         Args:
             raw: from the marker to the last byte.
             counted: whether a rejection counts: not for a candidate that begins inside another one.
             checksums: those of all candidates where they may overlap, else None.
-            place: where it begins in the bytes of `checksums`.
+            offset: where it begins in the bytes of `checksums`.
         """
         at: i64 = 2  # index of its sequence number, which its sender's ids follow
         begin: i64 = HEADER_V1
@@ -260,7 +262,7 @@ class StreamParser:
         end = begin + length
         found: i64 = raw[end + 1]
         found = found << BYTE | raw[end]
-        covered = checksum(raw, end, extra) if checksums is None else checksums.of(raw, end, extra, place)
+        covered = checksum(raw, end, extra) if checksums is None else checksums.of(raw, end, extra, offset)
         if covered != found:
             self.counts.bad_checksums += counted
         elif flags & ~SIGNED_FLAG:

@@ -39,7 +39,7 @@ class Pieces:
 
     @staticmethod
     def _end(data: bytes, at: int) -> int:
-        """Return where what begins at a place ends; beyond the data if that isn't there yet."""
+        """Return where what begins at an index ends; beyond the data if that isn't there yet."""
         length = frame_length(data, at)
         if length == 0:
             marker = _find_marker(data, at)

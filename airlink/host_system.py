@@ -63,8 +63,8 @@ def short_path(directory: Path) -> Generator[Path]:
         OSError: it isn't there, or can't be opened.
     """
     if not LINUX:
-        with TemporaryDirectory(prefix="gcs-") as place:
-            link = Path(place) / "d"
+        with TemporaryDirectory(prefix="gcs-") as temporary:
+            link = Path(temporary) / "d"
             link.symlink_to(directory.absolute(), target_is_directory=True)
             yield link
         return

@@ -218,8 +218,8 @@ class ImpairedEngine(Engine):
         if channels is None:
             key = [*vehicle] if number == 1 else [*vehicle, number]
             uplink, downlink = (
-                Channel(random_stream(self._seed, "links" if number == 1 else "further links", *key, way))
-                for way in Direction
+                Channel(random_stream(self._seed, "links" if number == 1 else "further links", *key, direction))
+                for direction in Direction
             )
             channels = self._channels[vehicle, number] = (uplink, downlink)
         return channels

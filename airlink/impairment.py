@@ -80,7 +80,7 @@ UNIMPAIRED: Final = Impairment()
 
 
 class Direction(IntEnum):
-    """One way of a vehicle's link."""
+    """One direction of a vehicle's link."""
 
     UPLINK = 0
     """Ground station to vehicle."""

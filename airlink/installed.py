@@ -66,9 +66,9 @@ def head_of(git: Path) -> str:
         return head
     name = head.removeprefix("ref:").strip()
     shared = git / (git / "commondir").read_text("utf-8").strip() if (git / "commondir").is_file() else git
-    for place in (git, shared):
-        if (place / name).is_file():
-            return (place / name).read_text("utf-8").strip()
+    for directory in (git, shared):
+        if (directory / name).is_file():
+            return (directory / name).read_text("utf-8").strip()
     packed = shared / "packed-refs"
     lines = packed.read_text("utf-8").splitlines() if packed.is_file() else []
     return next((line.split()[0] for line in lines if line.endswith(f" {name}")), "")

@@ -58,7 +58,7 @@ class Relay:
         self.impairments: dict[Direction, Impairment] = dict.fromkeys(Direction, UNIMPAIRED)
         self._seed = seed
         self._channels: dict[tuple[int, Direction], Channel] = {}
-        self._forgotten = {way: ChannelStatistics() for way in Direction}
+        self._forgotten = {direction: ChannelStatistics() for direction in Direction}
         self._altered, self._began = dict[int, AlteredStream](), Instant(-1)
         self._newest = Instant(0)
         self._late = DelayQueue[Passage]()
@@ -166,8 +166,8 @@ class Relay:
             self.radio.remove(_vehicle(remote))
         self._altered.pop(remote, None)
         self._late.drop(lambda _, passage: passage[0] == remote)
-        for way, total in self._forgotten.items():
-            channel = self._channels.pop((remote, way), None)
+        for direction, total in self._forgotten.items():
+            channel = self._channels.pop((remote, direction), None)
             if channel is not None:
                 total.add(channel.statistics)
 
@@ -175,8 +175,8 @@ class Relay:
         """Return the statistics of one direction, summed over all remotes."""
         total = ChannelStatistics()
         total.add(self._forgotten[direction])
-        for (_, way), channel in self._channels.items():
-            if way is direction:
+        for (_, each), channel in self._channels.items():
+            if each is direction:
                 total.add(channel.statistics)
         return total
 
@@ -280,15 +280,15 @@ class Proxy:
             if endpoint.kind == "udpout" and datagram.peer != endpoint.address:
                 continue  # a stranger's
             for data in self._cut(number, endpoint, datagram):
-                for remote, way in self._ways(number, datagram.peer):
-                    self._relay.accept((remote, way, data), self._clock.now())
+                for remote, direction in self._links_of(number, datagram.peer):
+                    self._relay.accept((remote, direction, data), self._clock.now())
 
     def _cut(self, number: int, endpoint: Endpoint, datagram: Datagram) -> list[bytes]:
         if endpoint.kind not in STREAMS:
             return [datagram.data]
         return self._pieces.setdefault((number, datagram.peer), Pieces()).cut(datagram.data)
 
-    def _ways(self, number: int, peer: Address) -> list[tuple[int, Direction]]:
+    def _links_of(self, number: int, peer: Address) -> list[tuple[int, Direction]]:
         """Return over which links something goes that a peer has sent to one end."""
         if number == SHARED:
             self._receive_at_target(peer)

@@ -128,7 +128,7 @@ def apply_line(impairments: dict[Direction, Impairment], line: str) -> None:
     directions, rest = named or list(Direction), words[len(named) :]
     if len(rest) != 2:
         raise ImpairmentError(f"found '{line}'; allowed: [uplink|downlink] KEY VALUE, KEY one of {', '.join(KEYS)}")
-    impairments.update({way: changed(impairments[way], *rest) for way in directions})
+    impairments.update({direction: changed(impairments[direction], *rest) for direction in directions})
 
 
 class Console:
@@ -159,7 +159,7 @@ class Console:
 
 def settings(relay: Relay) -> str:
     """Return the settings: one line for each direction, and for the radio and each fault if there are any."""
-    lines = [f"{way.name.lower()}: {described(relay.impairments[way])}" for way in Direction]
+    lines = [f"{direction.name.lower()}: {described(relay.impairments[direction])}" for direction in Direction]
     lines += map(fault_option.described, relay.faults)
     return "\n".join(lines if relay.radio is None else [radio_option.described(relay.radio.settings), *lines])
 
@@ -167,10 +167,10 @@ def settings(relay: Relay) -> str:
 def summary(relay: Relay) -> str:
     """Return the statistics of both directions on one line."""
     parts: list[str] = []
-    for way in Direction:
-        done = relay.statistics(way)
+    for direction in Direction:
+        done = relay.statistics(direction)
         delay = f", mean delay {done.mean_delay_s * 1e3:.1f} ms" if done.delivered else ""
-        parts.append(f"{way.name.lower()}: {done.datagrams} datagrams, {done.lost} lost{delay}")
+        parts.append(f"{direction.name.lower()}: {done.datagrams} datagrams, {done.lost} lost{delay}")
     return "; ".join(parts)
 
 
@@ -214,13 +214,13 @@ def _impairment_options(command: Callable[..., None]) -> Callable[..., None]:
 
 def _set(relay: Relay, options: dict[str, str | None]) -> None:
     """Apply the options, those for one direction over those for both; UsageError if a value isn't allowed."""
-    for way in Direction:
-        for prefix in ("", f"{way.name.lower()}-"):
+    for direction in Direction:
+        for prefix in ("", f"{direction.name.lower()}-"):
             for name in KEYS:
                 text = options[f"{prefix}{name}".replace("-", "_")]
                 try:
                     if text is not None:
-                        relay.impairments[way] = changed(relay.impairments[way], name, text)
+                        relay.impairments[direction] = changed(relay.impairments[direction], name, text)
                 except ImpairmentError as error:
                     raise click.UsageError(f"--{prefix}{error}") from error
 

@@ -14,8 +14,8 @@ from airlink.messages.payload import Kind, Message
 
 KINDS: Final = {kind.message_id: kind for kind in (*system.KINDS, *telemetry.KINDS, *command.KINDS, *mission.KINDS)}
 """All kinds of messages, by id."""
-for _place, _kind in enumerate(KINDS.values()):
-    _kind.place = _place
+for _index, _kind in enumerate(KINDS.values()):
+    _kind.index = _index
 _BY_ID: Final[list[Kind | None]] = [KINDS.get(message_id) for message_id in range(max(KINDS) + 1)]
 MISSION_TIME: Final = "MISSION_T"
 """Name of the NAMED_VALUE_FLOAT in which the ground station sends vehicles the mission time, s."""

@@ -1,7 +1,7 @@
 """Messages of the mission protocol.
 
 The dialect declares no unit for an item's x, y and z, since they depend on the item's command and frame: they stay as
-they are on the wire. An item's `current` is 1 for the one that is flown now, 2 for a place to fly to at once, which
+they are on the wire. An item's `current` is 1 for the one that is flown now, 2 for a position to fly to at once, which
 isn't of the mission, and 3 for a height alone. Source: MAVLink guide, "Mission Protocol".
 """
 
@@ -79,7 +79,7 @@ MISSION_WRITE_PARTIAL_LIST: Final = Kind(
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class MissionItem(Message):
-    """MISSION_ITEM (39): an item whose place, if it has one, is in degrees."""
+    """MISSION_ITEM (39): an item whose position, if it has one, is in degrees."""
 
     def __init__(
         self,
@@ -494,7 +494,7 @@ MISSION_REQUEST_INT: Final = Kind(
 
 @mypyc_attr(acyclic=True, free_list_len=1)
 class MissionItemInt(Message):
-    """MISSION_ITEM_INT (73): an item whose place, if it has one, is in 1e-7 degrees."""
+    """MISSION_ITEM_INT (73): an item whose position, if it has one, is in 1e-7 degrees."""
 
     def __init__(
         self,

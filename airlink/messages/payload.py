@@ -76,7 +76,7 @@ class Kind:
         self.base_length, self.length = lengths
         self.fields = fields
         self.example = example
-        self.place = 0
+        self.index = 0
         """Index in `KINDS`."""
         self.header = bytes((MARKER_V2, 0, 0, 0, 0, 0, 0, *message_id.to_bytes(3, "little")))
         """Header of its frames, with zeros for the payload's length, the sequence number and the sender."""
@@ -206,25 +206,25 @@ def known(value: int) -> float:
 
 
 def get_text(frame: bytes, at: i64, end: i64, length: i64) -> str:
-    """Return the text at a place, up to its first zero; empty if all its bytes were zeros and truncated."""
+    """Return the text at an index, up to its first zero; empty if all its bytes were zeros and truncated."""
     if at >= end:  # compiled, a slice that ends before it begins is an error
         return ""
     return frame[at : min(at + length, end)].split(b"\0", 1)[0].decode("utf-8", "replace")
 
 
 def get_octets(frame: bytes, at: i64, end: i64, length: i64) -> tuple[int, ...]:
-    """Return the bytes from a place on."""
-    return tuple([get_u8(frame, at + place, end) for place in range(length)])
+    """Return the bytes from an index on."""
+    return tuple([get_u8(frame, at + index, end) for index in range(length)])
 
 
 def get_f32s(frame: bytes, at: i64, end: i64, length: i64) -> tuple[float, ...]:
-    """Return the floats of 32 bits from a place on."""
-    return tuple([get_f32(frame, at + 4 * place, end) for place in range(length)])
+    """Return the floats of 32 bits from an index on."""
+    return tuple([get_f32(frame, at + 4 * index, end) for index in range(length)])
 
 
 def get_knowns(frame: bytes, at: i64, end: i64, length: i64, unit: float) -> tuple[float, ...]:
-    """Return the 16-bit fields with a unit from a place on, NaN for unknown."""
-    return tuple([known(get_u16(frame, at + 2 * place, end)) * unit for place in range(length)])
+    """Return the 16-bit fields with a unit from an index on, NaN for unknown."""
+    return tuple([known(get_u16(frame, at + 2 * index, end)) * unit for index in range(length)])
 
 
 def nearest(value: float, low: float, high: float, unknown: int = 0) -> int:

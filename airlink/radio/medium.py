@@ -111,9 +111,9 @@ class Lane(Generic[T]):
         self.ends: list[End[T]] = []
         self._index: dict[Hashable, int] = {}
         self._vacant: list[int] = []
-        """Places of ends that were forgotten."""
+        """Indices of ends that were forgotten."""
         self._last = -1
-        """Place of the end that sent last."""
+        """Index of the end that sent last."""
         self._last_direction: Direction | None = None
         self._free_from = Instant(0)
         """When the last datagram had been sent."""
@@ -134,7 +134,7 @@ class Lane(Generic[T]):
         return self.ends[index]
 
     def remove(self, sender: Hashable) -> None:
-        """Drop what waits at a sender's end, whose place a later sender may take."""
+        """Drop what waits at a sender's end, whose index a later sender may take."""
         index = self._index.pop(sender, None)
         if index is not None:
             end = self.ends[index]

@@ -37,14 +37,14 @@ class RadioSettings:
     half_duplex: bool = True
     """Whether one end sends at a time; if not, the ground end and one of the vehicles' ends do."""
     turnaround_s: float = 0.0
-    """Half duplex: least silence between what is sent one way and what is sent the other way."""
+    """Half duplex: least silence between what is sent in one direction and in the other."""
     buffer_bytes: int = BUFFER_BYTES
     """Bytes that wait at each end before they are sent; a datagram that doesn't fit is dropped whole."""
     arbitration: Arbitration = "tdm"
     """Who sends next: the ends in turns, each for up to `window_s`, or the end whose datagram came first."""
     window_s: float = WINDOW_S
     air: Impairment = field(default=UNIMPAIRED)
-    """Further delay, jitter and loss of what was sent; of both ways alike."""
+    """Further delay, jitter and loss of what was sent; of both directions alike."""
     reports: bool = True
     """Whether both ends send RADIO_STATUS to what is connected to them."""
 

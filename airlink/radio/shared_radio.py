@@ -1,6 +1,6 @@
 """A radio between an engine's socket side and its vehicles: the medium, then the air, and RADIO_STATUS about both.
 
-The order of a datagram's way: its end's buffer, the medium, the air (delay, jitter, loss of `RadioSettings.air`), then
+The order of a datagram's path: its end's buffer, the medium, the air (delay, jitter, loss of `RadioSettings.air`), then
 whatever else impairs its vehicle's own link. Both ends send RADIO_STATUS once a second to what is connected to them,
 as SiK's firmware does (`Firmware/radio/mavlink.c`): system 51 ('3'), component 68 ('D'), never over the air.
 """
@@ -92,7 +92,7 @@ class SharedRadio(Generic[T]):
 
     def ground_report(self) -> bytes:
         """Return the frame with which the ground end reports."""
-        errors = sum(count for (_, way), count in self._errors.items() if way is Direction.DOWNLINK)
+        errors = sum(count for (_, direction), count in self._errors.items() if direction is Direction.DOWNLINK)
         return self._report(GROUND, self.medium.free_percent(Direction.UPLINK, GROUND), errors)
 
     def vehicle_report(self, vehicle: Vehicle) -> bytes:

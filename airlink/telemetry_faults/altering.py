@@ -22,19 +22,19 @@ EARTH_M: Final = 6_371_009.0
 """Mean radius (IUGG), m: a displacement is good to 0.6 %."""
 
 
-class Reading(NamedTuple):
+class Accessor(NamedTuple):
     """What a kind of message says of a quantity: how to read it, and how to write it into a message of that kind."""
 
     read: Callable[[Message], Vector]
     write: Callable[[Message, Vector], Message]
 
 
-def _place(message: Message) -> Vector:
+def _position(message: Message) -> Vector:
     assert isinstance(message, GlobalPositionInt | GpsRawInt)
     return EARTH_M * message.lat_rad, EARTH_M * math.cos(message.lat_rad) * message.lon_rad, -message.alt_m
 
 
-def _at_place(message: Message, value: Vector) -> Message:
+def _at_position(message: Message, value: Vector) -> Message:
     assert isinstance(message, GlobalPositionInt | GpsRawInt)
     north_m, east_m, down_m = value
     to_east = EARTH_M * math.cos(message.lat_rad)
@@ -44,7 +44,7 @@ def _at_place(message: Message, value: Vector) -> Message:
     return moved
 
 
-def _of(*names: str) -> Reading:
+def _of(*names: str) -> Accessor:
     """Return how fields are read and written as the components of a vector; those that it lacks are 0."""
 
     def read(message: Message) -> Vector:
@@ -55,7 +55,7 @@ def _of(*names: str) -> Reading:
     def write(message: Message, value: Vector) -> Message:
         return message.but(**dict(zip(names, value, strict=False)))
 
-    return Reading(read, write)
+    return Accessor(read, write)
 
 
 def _heights(message: Message) -> Vector:
@@ -76,16 +76,16 @@ def _at_height_above_home(message: Message, value: Vector) -> Message:
     return message.but(z_m=-value[0])
 
 
-PLACE: Final = Reading(_place, _at_place)
-READINGS: Final[dict[str, dict[type[Message], Reading]]] = {
-    "position": {GlobalPositionInt: PLACE, GpsRawInt: PLACE, LocalPositionNed: _of("x_m", "y_m", "z_m")},
+POSITION: Final = Accessor(_position, _at_position)
+ACCESSORS: Final[dict[str, dict[type[Message], Accessor]]] = {
+    "position": {GlobalPositionInt: POSITION, GpsRawInt: POSITION, LocalPositionNed: _of("x_m", "y_m", "z_m")},
     "velocity": {
         GlobalPositionInt: _of("vx_mps", "vy_mps", "vz_mps"),
         LocalPositionNed: _of("vx_mps", "vy_mps", "vz_mps"),
     },
     "height": {
-        GlobalPositionInt: Reading(_heights, _at_heights),
-        LocalPositionNed: Reading(_above_home, _at_height_above_home),
+        GlobalPositionInt: Accessor(_heights, _at_heights),
+        LocalPositionNed: Accessor(_above_home, _at_height_above_home),
         VfrHud: _of("alt_m"),
     },
     "airspeed": {VfrHud: _of("airspeed_mps")},
@@ -110,7 +110,7 @@ class TelemetryFault:
         """Take what `refusal` finds nothing wrong with.
 
         Args:
-            quantity: of which the messages tell.
+            quantity: which the messages report.
             effect: what happens to it.
             amount: in the quantity's unit (m, m/s, rad, s), of `drift` per second, of `late` and `duplicate` in s: a
                 number, or north, east and down (attitude: roll, pitch, yaw). A number alone offsets, or drifts, a
@@ -126,10 +126,10 @@ class TelemetryFault:
     def sent(self, message: Message, now: Instant) -> list[tuple[float, Message]]:
         """Return what is sent in place of a message: messages, and by how much later, s; nothing if it is missing."""
         kind = type(message)
-        reading = READINGS.get(self._quantity, {}).get(kind)
+        accessor = ACCESSORS.get(self._quantity, {}).get(kind)
         if self._quantity == "stamps" and "time_boot_s" in message.kind().fields:
-            reading = STAMP
-        if reading is None:
+            accessor = STAMP
+        if accessor is None:
             return [(0.0, message)]
         later_s = self._amount[0]
         if self._effect in OF_MESSAGES:
@@ -138,9 +138,9 @@ class TelemetryFault:
         held = self._held.setdefault(kind, message)
         if self._quantity == "heartbeat":
             return [(0.0, held)]
-        first, value = reading.read(held), reading.read(message)
+        first, value = accessor.read(held), accessor.read(message)
         changed = self._changed(value, first, seconds_between(self._began, now))
-        return [(0.0, reading.write(message, changed))]
+        return [(0.0, accessor.write(message, changed))]
 
     def _changed(self, value: Vector, first: Vector, elapsed_s: float) -> Vector:
         effect, amount = self._effect, self._amount

@@ -128,10 +128,10 @@ class Inbox:
             if count > 0:
                 senders: bytes = room[SOCKADDRS_AT : SOCKADDRS_AT + count * SOCKADDR_BYTES]
                 headers: bytes = room[HEADERS_AT : HEADERS_AT + count * MMSGHDR_BYTES]
-                for place in range(count):
-                    sender = senders[place * SOCKADDR_BYTES : (place + 1) * SOCKADDR_BYTES]
-                    begin = place * MAX_DATAGRAM
-                    length = read_i64_le(headers, place * MMSGHDR_BYTES + MSG_LEN_AT)
+                for entry in range(count):
+                    sender = senders[entry * SOCKADDR_BYTES : (entry + 1) * SOCKADDR_BYTES]
+                    begin = entry * MAX_DATAGRAM
+                    length = read_i64_le(headers, entry * MMSGHDR_BYTES + MSG_LEN_AT)
                     data: bytes = room[begin : begin + length]
                     found.append(Datagram(index, known.get(sender) or self._add_sender(sender), data))
             # Another error is the kernel's report that an earlier datagram was undeliverable: ignored.

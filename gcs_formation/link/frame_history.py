@@ -174,7 +174,7 @@ class FrameHistory:
         else:
             self.is_news = not (self._is_old(frame, stamp_s) and self._goes_on(frame, stamp_s, now))
             if self.is_news:
-                self._newest_s[message.kind().place] = stamp_s
+                self._newest_s[message.kind().index] = stamp_s
         self.late += not self.is_news
 
     def restart(self) -> None:
@@ -187,14 +187,14 @@ class FrameHistory:
         """Return whether a stamp is no newer than the newest of its kind."""
         if frame.message is None:
             return False
-        since_s = stamp_s - self._newest_s[frame.message.kind().place]
+        since_s = stamp_s - self._newest_s[frame.message.kind().index]
         return -TURN_S / 2.0 < since_s <= 0.0
 
     def _goes_on(self, frame: Frame, stamp_s: float, now: Instant) -> bool:
         """Return whether an older stamp, and the newest of its kind, are of the vehicle's present clock."""
         if frame.message is None or not self._clock.samples:
             return False
-        newest_s = self._newest_s[frame.message.kind().place]
+        newest_s = self._newest_s[frame.message.kind().index]
         return stamp_s < newest_s and self._is_of_now(stamp_s, now) and self._is_of_now(newest_s, now)
 
     def _is_of_now(self, stamp_s: float, now: Instant) -> bool:

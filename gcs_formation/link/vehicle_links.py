@@ -262,7 +262,7 @@ class Links:
             return link is self.in_use or (link.agrees and frame.message_id in ANSWERS)
         if link is not self.in_use and not link.agrees:
             return False
-        place = message.kind().place
+        place = message.kind().index
         newest_s = self._newest_s[place]
         if stamp_s <= newest_s and (link is not self.in_use or newest_s - stamp_s < RESTARTED_S):
             return False

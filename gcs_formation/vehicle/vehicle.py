@@ -111,7 +111,7 @@ class Vehicle(VehicleState):
         if frame.message is None:
             self.unknown_in[frame.message_id] = self.unknown_in.get(frame.message_id, 0) + 1
         else:
-            self.messages_in[frame.message.kind().place] += 1
+            self.messages_in[frame.message.kind().index] += 1
 
     def overlook(self, frame: Frame) -> None:
         """Count a frame of this vehicle that is no news."""

@@ -112,7 +112,7 @@ class VehicleState:
         self.sampler = Sampler(self.telemetry, autopilot, self.round_trips, self.source_binding, airspeed_check)
         """Turns its telemetry into samples of its present state."""
         self.messages_in = vec[i64]([0] * len(KINDS))
-        """Number of messages received of each kind, indexed by `kind.place`."""
+        """Number of messages received of each kind, indexed by `kind.index`."""
         self.unknown_in: dict[int, int] = {}  # number of messages of other kinds, by their ids
         self.start_up_hz = self.rates_hz = dict(autopilot.rates_hz(telemetry_rate_hz, utc=by_utc))
         """Rates of messages, Hz: those that its start-up asks for, or that come without a request, and those now."""

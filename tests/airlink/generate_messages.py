@@ -2,7 +2,7 @@
 
     python -m tests.airlink.generate_messages
 
-Names, types, units and places of the fields are the dialect's (`layouts.json`).
+Names, types, units and offsets of the fields are the dialect's (`layouts.json`).
 """
 
 from __future__ import annotations
@@ -176,7 +176,7 @@ Protocol (FTP)".
         """Messages of the mission protocol.
 
 The dialect declares no unit for an item's x, y and z, since they depend on the item's command and frame: they stay as
-they are on the wire. An item's `current` is 1 for the one that is flown now, 2 for a place to fly to at once, which
+they are on the wire. An item's `current` is 1 for the one that is flown now, 2 for a position to fly to at once, which
 isn't of the mission, and 3 for a height alone. Source: MAVLink guide, "Mission Protocol".
 """,
         (
@@ -185,7 +185,7 @@ isn't of the mission, and 3 for a height alone. Source: MAVLink guide, "Mission 
                 "the items from start_index to end_index will be replaced.",
                 optional="mission_type",
             ),
-            Declared("MISSION_ITEM", "an item whose place, if it has one, is in degrees.", optional="mission_type"),
+            Declared("MISSION_ITEM", "an item whose position, if it has one, is in degrees.", optional="mission_type"),
             Declared(
                 "MISSION_REQUEST", "asks for an item, as MISSION_ITEM or MISSION_ITEM_INT.", optional="mission_type"
             ),
@@ -208,7 +208,7 @@ isn't of the mission, and 3 for a height alone. Source: MAVLink guide, "Mission 
             Declared("MISSION_REQUEST_INT", "asks for an item, as MISSION_ITEM_INT.", optional="mission_type"),
             Declared(
                 "MISSION_ITEM_INT",
-                "an item whose place, if it has one, is in 1e-7 degrees.",
+                "an item whose position, if it has one, is in 1e-7 degrees.",
                 optional="mission_type",
             ),
         ),
@@ -296,13 +296,13 @@ class Field:
 
     def read(self) -> str:
         """Return the expression that reads the field."""
-        place = f"frame, begin + {self.at}, end" if self.at else "frame, begin, end"
+        arguments = f"frame, begin + {self.at}, end" if self.at else "frame, begin, end"
         if self.bits == "text":
-            return f"get_text({place}, {self.count})"
+            return f"get_text({arguments}, {self.count})"
         if self.count:
             unit = f", {self.si}" if self.bits == "u16" else ""
-            return f"get_{ARRAYS[self.bits]}({place}, {self.count}{unit})"
-        number = f"get_{self.bits}({place})"
+            return f"get_{ARRAYS[self.bits]}({arguments}, {self.count}{unit})"
+        number = f"get_{self.bits}({arguments})"
         if self.unit not in SI or self.bits == "f32":
             return f"{number} * {self.si}" if self.si else number
         number = f"known({number})" if self.bits == "u16" else number
@@ -324,19 +324,20 @@ class Field:
 
 def fields_of(source: Layout) -> list[Field]:
     """Return the fields of a message in the XML's order."""
-    sizes = [Field("", *_packing(source, place), "", source.array_lengths[place], 0).size for place in _places(source)]
-    starts = {place: sum(sizes[:position]) for position, place in enumerate(_places(source))}
+    order = _packed_order(source)
+    sizes = [Field("", *_packing(source, index), "", source.array_lengths[index], 0).size for index in order]
+    starts = {index: sum(sizes[:position]) for position, index in enumerate(order)}
     return [
-        Field(name, *_packing(source, place), source.units[place], source.array_lengths[place], starts[place])
-        for place, name in enumerate(source.fields)
+        Field(name, *_packing(source, index), source.units[index], source.array_lengths[index], starts[index])
+        for index, name in enumerate(source.fields)
     ]
 
 
-def _packing(source: Layout, place: int) -> tuple[str]:
-    return ("text" if source.types[place] == "char" else BITS[source.types[place]],)
+def _packing(source: Layout, index: int) -> tuple[str]:
+    return ("text" if source.types[index] == "char" else BITS[source.types[index]],)
 
 
-def _places(source: Layout) -> list[int]:
+def _packed_order(source: Layout) -> list[int]:
     """Return the fields' indices in the order in which they are packed."""
     return sorted(range(len(source.fields)), key=source.wire_order.__getitem__)
 
@@ -357,8 +358,8 @@ def rendered(said: Declared) -> Iterator[str]:
     own = class_name(said.name)
     arguments = [
         f"{each.name}: {each.of_type}"
-        + (f" = {said.defaults.get(each.name, '0.0' if each.of_type == 'float' else '0')}" if place >= first else "")
-        for place, each in enumerate(used)
+        + (f" = {said.defaults.get(each.name, '0.0' if each.of_type == 'float' else '0')}" if index >= first else "")
+        for index, each in enumerate(used)
     ]
     yield "@mypyc_attr(acyclic=True, free_list_len=1)"
     yield f"class {own}(Message):"
@@ -416,7 +417,7 @@ def _helpers() -> Iterator[str]:
     packed = {"text", *BITS.values(), *ARRAYS.values()}
     yield from ("Kind", "Message", "known", "put_zeros", *(f"put_near_{bits}" for bits in SCALED))
     yield from sorted({*units, *(f"PER_{unit}" for unit in units)})
-    yield from sorted(f"{way}_{each}" for way in ("get", "put") for each in packed)
+    yield from sorted(f"{access}_{each}" for access in ("get", "put") for each in packed)
 
 
 def formatted(source: str) -> str:

@@ -14,7 +14,7 @@ from airlink import mavlink
 
 LAYOUTS = Path(__file__).with_name("layouts.json")
 """Each message's id, CRC_EXTRA, packing (as `struct` has it), length without extension fields, and its fields in the
-XML's order: name, type, array length (0: no array), place as packed, unit.
+XML's order: name, type, array length (0: no array), index as packed, unit.
 """
 _MESSAGES: dict[str, tuple[int, int, str, int, list[tuple[str, str, int, int, str]]]] = json.loads(LAYOUTS.read_bytes())
 

@@ -40,7 +40,7 @@ def drained(relay: Relay, until: Instant) -> None:
         relay.pop_due(timer)
 
 
-def test_delays_and_losses_of_each_way_are_read_again_as_they_were(tmp_path: Path) -> None:
+def test_delays_and_losses_of_each_direction_are_read_again_as_they_were(tmp_path: Path) -> None:
     relay, file = Relay(1), Kept()
     relay.impairments[UP] = Impairment(0.2, 0.05, "pareto", loss=0.2)
     relay.impairments[DOWN] = Impairment(0.1)
@@ -49,8 +49,8 @@ def test_delays_and_losses_of_each_way_are_read_again_as_they_were(tmp_path: Pat
         for number in range(600):
             now = at(5.0 + 0.1 * number)
             drained(relay, now)
-            for way in Direction:
-                relay.accept((0, way, b"x" * 50), now)
+            for direction in Direction:
+                relay.accept((0, direction, b"x" * 50), now)
     (tmp_path / "record.csv").write_text(file.text)
     up, down = (
         read_trace(Trace(file=str(tmp_path / "record.csv"), column=f"{name}_ms", time=f"{name}_t_s"))

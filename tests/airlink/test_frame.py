@@ -45,8 +45,8 @@ def test_checksums_are_those_of_a_peer(data, extra):
 @given(st.binary(min_size=7, max_size=300), st.lists(st.tuples(st.integers(0, 1000), st.integers(0, 255))))
 def test_checksums_of_parts_that_overlap_are_the_same(data, parts):
     checksums = Checksums(data)
-    for place, extra in parts:
-        at = place % (len(data) - 6)
+    for offset, extra in parts:
+        at = offset % (len(data) - 6)
         part = data[at : at + HEADER_V2 + 255]
         assert checksums.of(part, len(part), extra, at) == checksum(part, len(part), extra)
 
@@ -60,8 +60,8 @@ def raws(frames):
     return [frame.raw for frame in frames]
 
 
-def cut(stream, places):
-    borders = [0, *sorted(place % (len(stream) + 1) for place in places), len(stream)]
+def cut(stream, offsets):
+    borders = [0, *sorted(offset % (len(stream) + 1) for offset in offsets), len(stream)]
     return [stream[start:end] for start, end in pairwise(borders)]
 
 
@@ -83,18 +83,18 @@ def test_no_bytes_raise_and_little_is_kept(chunks):
 
 
 @given(frame_lists(), st.lists(st.integers(0, 10_000), max_size=12))
-def test_frames_do_not_depend_on_how_the_stream_is_cut(frames, places):
+def test_frames_do_not_depend_on_how_the_stream_is_cut(frames, offsets):
     stream = b"".join(frames)
-    assert raws(frames_of(*cut(stream, places))) == frames
+    assert raws(frames_of(*cut(stream, offsets))) == frames
     assert raws(frames_of(*[bytes([byte]) for byte in stream])) == frames
 
 
 @given(st.lists(st.tuples(garbage, messages), max_size=6), st.lists(st.integers(0, 10_000), max_size=8))
-def test_every_sound_frame_is_found_whatever_stands_between(parts, places):
+def test_every_sound_frame_is_found_whatever_stands_between(parts, offsets):
     writer = FrameWriter(1, 1)
     frames = [writer.encode(message) for _, message in parts]
     stream = b"".join(noise + frame for (noise, _), frame in zip(parts, frames, strict=True))
-    assert raws(frames_of(*cut(stream, places))) == frames
+    assert raws(frames_of(*cut(stream, offsets))) == frames
 
 
 BEGINNINGS = [b"\xfe", b"\xfe\xff\x00\x01\x01\x1e", b"\xfd\xff\x00\x00\x00\x01\x01\x1e\x00\x00"]
@@ -117,13 +117,13 @@ def test_nested_frame_starts_are_checked_once(beginning, monkeypatch):
 
 def one_by_one(stream):
     """Return what the parser finds from each position on."""
-    found, place = [], 0
-    while place < len(stream):
-        raw = stream[place : place + frame_length(stream, place)]
-        complete = len(raw) == frame_length(stream, place) > 0
+    found, offset = [], 0
+    while offset < len(stream):
+        raw = stream[offset : offset + frame_length(stream, offset)]
+        complete = len(raw) == frame_length(stream, offset) > 0
         if complete and StreamParser()._accept(raw, counted=False) is not None:
             found.append(raw)
-        place += len(raw) if found[-1:] == [raw] else 1
+        offset += len(raw) if found[-1:] == [raw] else 1
     return found
 
 
@@ -131,13 +131,13 @@ def one_by_one(stream):
     st.lists(st.tuples(st.sampled_from(BEGINNINGS), st.integers(0, 99), messages), min_size=1, max_size=3),
     st.lists(st.integers(0, 10_000), max_size=8),
 )
-def test_sound_frames_among_nested_starts_are_found_and_every_byte_is_counted(parts, places):
+def test_sound_frames_among_nested_starts_are_found_and_every_byte_is_counted(parts, offsets):
     writer = FrameWriter(1, 1)
     stream = b"".join(beginning * times + writer.encode(message) for beginning, times, message in parts)
     whole, in_pieces = StreamParser(), StreamParser()
     found = raws(whole.feed(stream))
     assert found == one_by_one(stream)
-    assert found == [raw for piece in cut(stream, places) for raw in raws(in_pieces.feed(piece))]
+    assert found == [raw for piece in cut(stream, offsets) for raw in raws(in_pieces.feed(piece))]
     assert whole.counts.garbage_bytes == in_pieces.counts.garbage_bytes
     assert whole.counts.garbage_bytes + len(whole._pending) + sum(map(len, found)) == len(stream)
 
@@ -162,9 +162,9 @@ def test_garbage_that_announces_a_long_frame_hides_nothing():
 
 
 @given(st.integers(1, len(SOUND) - 1), st.integers(1, 255))
-def test_one_changed_byte_makes_a_frame_unsound(place, change):
+def test_one_changed_byte_makes_a_frame_unsound(index, change):
     broken = bytearray(SOUND)
-    broken[place] ^= change
+    broken[index] ^= change
     parser = StreamParser()
     assert parser.feed(bytes(broken)) == []
     assert raws(parser.feed(SOUND)) == [SOUND]
@@ -216,13 +216,13 @@ def test_frames_with_unknown_flags_are_dropped(flags):
 
 
 @given(frame_lists(), st.lists(st.integers(0, 10_000), max_size=6))
-def test_signed_frames_are_taken_whole_and_unverified(others, places):
+def test_signed_frames_are_taken_whole_and_unverified(others, offsets):
     mav = dialect.MAVLink(None, 5, 1)
     mav.signing.sign_outgoing = True
     mav.signing.secret_key = hashlib.sha256(b"key").digest()
     signed = dialect.MAVLink_heartbeat_message(1, 3, 81, 0, 4, 3).pack(mav)
     stream = b"".join([signed, *others, signed])
-    frames = frames_of(*cut(stream, places))
+    frames = frames_of(*cut(stream, offsets))
     assert raws(frames) == [signed, *others, signed]
     assert frames[0].message == Heartbeat(1, 3, 81, 0, 4, 3)
     assert len(signed) == len(FrameWriter(5, 1).encode(Heartbeat(1, 3, 81, 0, 4, 3))) + 13

@@ -58,7 +58,7 @@ def lines(part: dict[str, Any]) -> str:
 def message(source: Any) -> list[Any]:
     ordered, units = source.ordered_fieldnames, source.fieldunits_by_name
     order = [ordered.index(field) for field in source.fieldnames]
-    lengths = [source.array_lengths[place] for place in order]
+    lengths = [source.array_lengths[index] for index in order]
     fields = zip(source.fieldnames, source.fieldtypes, lengths, order, strict=True)
     rows = [[*row, units.get(row[0], "")] for row in fields]
     return [source.id, source.crc_extra, source.unpacker.format, base_length(source), rows]

@@ -90,8 +90,8 @@ def left_out(of_type, length):
 def draw_message(data, kind):
     """Return one message twice: the dialect's fields by name, as on the wire, and ours."""
     wire, ours = {}, []
-    for place, (name, of_type, unit, length) in enumerate(fields(kind)):
-        if place < len(KIND[kind].fields):
+    for index, (name, of_type, unit, length) in enumerate(fields(kind)):
+        if index < len(KIND[kind].fields):
             wire[name] = data.draw(wire_values(of_type, length), name)
             ours.append(to_si(wire[name], of_type, unit))
         else:

@@ -46,7 +46,7 @@ def arrives(opened):
     return check
 
 
-def test_every_remote_has_its_own_way_there_and_back(listen):
+def test_every_remote_has_its_own_path_there_and_back(listen):
     relay = Relay(1)
     relay.impairments[DOWN] = Impairment(delay_s=0.01)
     with udp_socket() as ground, udp_socket() as first, udp_socket() as second:
@@ -139,7 +139,7 @@ def test_an_unknown_host_is_named(listen, monkeypatch):
 def test_each_remotes_datagrams_meet_their_own_numbers_in_both_directions():
     relay = Relay(3)
     relay.impairments.update(dict.fromkeys(Direction, Impairment(1.0, 0.1)))
-    passages = [(remote, way, b"x") for way in Direction for remote in (0, 1)]
+    passages = [(remote, direction, b"x") for direction in Direction for remote in (0, 1)]
     for passage in passages:
         relay.accept(passage, Instant(0))
     came = []

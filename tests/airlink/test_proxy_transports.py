@@ -140,7 +140,7 @@ PAIRS = [
 
 
 @pytest.mark.parametrize(("listen", "to"), PAIRS)
-def test_frames_pass_both_ways_between_any_two_kinds(ends, listen, to):
+def test_frames_pass_in_both_directions_between_any_two_kinds(ends, listen, to):
     (here, vehicle_end), (there, station_end) = ends(listen), ends(to)
     with ExitStack() as stack:
         proxy = stack.enter_context(Proxy(here, there, Relay(1)))

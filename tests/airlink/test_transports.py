@@ -105,7 +105,7 @@ def test_a_taken_tcp_port_is_named(port):
         open_transport(parse_endpoint(f"tcpin:127.0.0.1:{port}"), Inbox())
 
 
-def test_bytes_go_over_a_serial_line_both_ways():
+def test_bytes_go_over_a_serial_line_in_both_directions():
     far, near, device = serial_pair()
     one = Hearing(f"serial:{device}:57600")
     with Driver(one, RealClock()) as here:

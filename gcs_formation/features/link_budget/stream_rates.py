@@ -90,5 +90,5 @@ class StreamRates:
     def _counted(self) -> dict[int, int]:
         """Return how many of each message have come; of kinds unknown to us too."""
         messages_in = self._vehicle.messages_in
-        known = {message_id: int(messages_in[kind.place]) for message_id, kind in KINDS.items()}
+        known = {message_id: int(messages_in[kind.index]) for message_id, kind in KINDS.items()}
         return {each: count for each, count in known.items() if count} | self._vehicle.unknown_in

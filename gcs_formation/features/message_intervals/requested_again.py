@@ -138,7 +138,7 @@ class RequestedMessages:
         self._spans = vec[i64](spans)
         self.counts = MessageCounts(1 + max(spans), len(spans))
         """The last counts, as many as the rarest message needs."""
-        self._places = vec[i64]([KINDS[each].place for each in self._ids])
+        self._places = vec[i64]([KINDS[each].index for each in self._ids])
 
     def look(self, vehicle: Vehicle, now: Instant) -> None:
         """Record the counts; time in which nothing at all arrives isn't counted against any message."""

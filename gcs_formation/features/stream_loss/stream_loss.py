@@ -54,7 +54,7 @@ class StreamLoss(FrameLoss):
 
     def _expect(self, rates_hz: Mapping[int, float]) -> None:
         self._expected_hz, self._rates_hz = rates_hz, list(rates_hz.values())
-        self._places = vec[i64]([KINDS[each].place for each in rates_hz])
+        self._places = vec[i64]([KINDS[each].index for each in rates_hz])
         self._window_s, self._counts = max(SHORTEST_S, FEWEST / max(self._rates_hz)), list[int]()
         """A window's length, s, and the counts at the beginning of the present one; without messages there is none."""
 

@@ -35,8 +35,8 @@ def traffic(draw: st.DrawFn) -> list[Offer]:
     found, now = list[Offer](), 0
     for gap_us in gaps_us:
         now += 1000 * gap_us
-        way, vehicle = draw(st.sampled_from(Direction)), draw(st.integers(1, 3))
-        found.append(Offer(Instant(now), way, vehicle, draw(st.integers(1, 280))))
+        direction, vehicle = draw(st.sampled_from(Direction)), draw(st.integers(1, 3))
+        found.append(Offer(Instant(now), direction, vehicle, draw(st.integers(1, 280))))
     return found
 
 
@@ -98,7 +98,7 @@ def test_the_rate_is_never_exceeded_and_a_change_of_direction_takes_its_time(
     carried, dropped, _ = carry(settings, offers)
     assert len(carried) + len(dropped) == len(offers)
     lanes = (
-        [carried] if settings.half_duplex else [[c for c in carried if c.offer.direction is way] for way in Direction]
+        [carried] if settings.half_duplex else [[c for c in carried if c.offer.direction is each] for each in Direction]
     )
     for lane in lanes:
         for before, each in pairwise(lane):
@@ -156,12 +156,12 @@ def test_a_full_half_duplex_channel_carries_its_rate_and_no_more() -> None:
     assert dropped
 
 
-def test_full_duplex_carries_the_rate_both_ways() -> None:
+def test_full_duplex_carries_the_rate_in_both_directions() -> None:
     settings = RadioSettings(RATE_BPS, RATE_BPS / 2, half_duplex=False, turnaround_s=0.1)
     carried, _, _ = carry(settings, flood(10.0, (UP, 1), (DOWN, 1)))
     sent = [each for each in carried if each.at <= after(Instant(0), 10.0)]
-    for way, rate_bps in ((UP, RATE_BPS), (DOWN, RATE_BPS / 2)):
-        size = sum(each.offer.size_bytes for each in sent if each.offer.direction is way)
+    for direction, rate_bps in ((UP, RATE_BPS), (DOWN, RATE_BPS / 2)):
+        size = sum(each.offer.size_bytes for each in sent if each.offer.direction is direction)
         assert size * 8 / 10.0 == pytest.approx(rate_bps, rel=0.005)
 
 

@@ -1,4 +1,4 @@
-"""A radio's way: medium, air, and RADIO_STATUS about both; around an engine, and in the proxy."""
+"""A radio's path: medium, air, and RADIO_STATUS about both; around an engine, and in the proxy."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_vehicles_with_one_radio_share_its_time_and_others_have_their_own() -> N
     first, second, alone = (median(ground.ages(system)) for system in (1, 2, 3))
     assert (first, second, alone) == (pytest.approx(size_s, abs=1e-6), pytest.approx(2 * size_s, abs=1e-6), 0.0)
     for system in (1, 2):
-        assert all(way.lost == 0 and way.datagrams > 190 for way in links.statistics(VehicleId(1, system)))
+        assert all(each.lost == 0 and each.datagrams > 190 for each in links.statistics(VehicleId(1, system)))
         downlink = links.statistics(VehicleId(1, system))[DOWN]
         assert downlink.mean_delay_s == pytest.approx(system * size_s, rel=0.02)
     busy_s = radio.medium.lanes[UP].busy_ns / 1e9
@@ -105,9 +105,9 @@ def test_vehicles_with_one_radio_share_its_time_and_others_have_their_own() -> N
 
 def test_a_links_own_delay_and_loss_come_on_top_and_count_as_errors() -> None:
     plain, own = fly(SILENT)[2], fly(SILENT, Impairment(delay_s=0.1, loss=0.2))
-    for way in Direction:
-        before = plain.statistics(VehicleId(1, 1))[way].mean_delay_s
-        assert own[2].statistics(VehicleId(1, 1))[way].mean_delay_s == pytest.approx(before + 0.1, abs=0.004)
+    for direction in Direction:
+        before = plain.statistics(VehicleId(1, 1))[direction].mean_delay_s
+        assert own[2].statistics(VehicleId(1, 1))[direction].mean_delay_s == pytest.approx(before + 0.1, abs=0.004)
     lost = sum(own[2].statistics(VehicleId(1, system))[DOWN].lost for system in (1, 2))
     assert status(own[3].ground_report()).rxerrors == lost > 50
 
@@ -184,12 +184,12 @@ def test_a_relay_puts_all_remotes_behind_one_radio_and_reports_to_each() -> None
     came: list[tuple[float, int, int]] = []
     reports: list[tuple[int, Direction]] = []
     while (timer := relay.next_timer()) is not None and timer <= after(START, 2.1):
-        for remote, way, data in relay.pop_due(timer):
+        for remote, direction, data in relay.pop_due(timer):
             if len(data) == 200:
                 came.append((seconds_between(START, timer), remote, len(data)))
             else:
                 status(data)
-                reports.append((remote, way))
+                reports.append((remote, direction))
     assert [round(at_s, 3) for at_s, _, _ in came] == [0.2, 0.4, 0.6, 0.8, 1.0, 1.2]
     assert sorted(remote for _, remote, _ in came) == [0, 0, 0, 1, 1, 1]
     assert reports == [(0, DOWN), (1, DOWN), (0, UP), (1, UP)] * 2

@@ -1,4 +1,4 @@
-"""Signatures byte for byte against pymavlink's, both ways."""
+"""Signatures byte for byte against pymavlink's, in both directions."""
 
 import importlib
 

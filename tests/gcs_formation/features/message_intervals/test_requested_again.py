@@ -71,7 +71,7 @@ class Sender:
                 arrives = bool(self._random.random() >= self.loss)
                 self.vehicle.sequence.received += arrives
                 self.vehicle.sequence.lost += not arrives
-                self.vehicle.messages_in[KINDS[message_id].place] += arrives
+                self.vehicle.messages_in[KINDS[message_id].index] += arrives
 
 
 @pytest.fixture
