@@ -285,12 +285,12 @@ def _remaining(
 
 def _cos_sin_of(cos: float, sin: float, angle_rad: float, other_rad: float) -> tuple[float, float]:
     """Return cosine and sine of `other_rad`, given those of `angle_rad`."""
-    apart = other_rad - angle_rad
-    if abs(apart) > TRIM_RAD:
+    difference = other_rad - angle_rad
+    if abs(difference) > TRIM_RAD:
         return math.cos(other_rad), math.sin(other_rad)
-    square = apart * apart
+    square = difference * difference
     along = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0))
-    across = apart * (1.0 - square / 6.0 * (1.0 - square / 20.0))
+    across = difference * (1.0 - square / 6.0 * (1.0 - square / 20.0))
     return cos * along - sin * across, sin * along + cos * across
 
 

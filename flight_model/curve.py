@@ -82,7 +82,7 @@ class PathPoint:
         )
 
     def raised(self, height_m: float, slope: float, slope_rate_1pm: float) -> PathPoint:
-        """Return the point raised by a lift of this height, slope and slope rate."""
+        """Return the point raised by an offset of this height, slope and slope rate."""
         return PathPoint(
             self.north_m,
             self.east_m,

@@ -13,14 +13,14 @@ CLOSE: Final = 2e-4
 """The difference of two exponentials loses too many digits if their exponents are closer than this."""
 
 
-def between(apart: float, slow_left: float, fast_left: float) -> float:
-    """Return the mean of e^x from the logarithm of `slow_left` to that of `fast_left`, whose difference is `apart`.
+def between(difference: float, slow_left: float, fast_left: float) -> float:
+    """Return the mean of e^x from the logarithm of `slow_left` to that of `fast_left`, which differ by `difference`.
 
     A small difference uses a series. The relative error is below 1e-12 either way.
     """
-    if abs(apart) > CLOSE:
-        return (fast_left - slow_left) / apart
-    return slow_left * (1.0 + apart / 2.0 * (1.0 + apart / 3.0))
+    if abs(difference) > CLOSE:
+        return (fast_left - slow_left) / difference
+    return slow_left * (1.0 + difference / 2.0 * (1.0 + difference / 3.0))
 
 
 def of_climb(time_s: float, slow_s: float, fast_s: float, slow_left: float, fast_left: float) -> float:

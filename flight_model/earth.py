@@ -109,7 +109,7 @@ class GeodeticOrigin:
         lon_rad = self.lon_rad + east_m / (across_m * math.cos(halfway_rad))
         return lat_rad, signed(lon_rad), self.alt_m - down_m
 
-    def places(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
+    def positions(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
         """Return latitudes and longitudes, rad, of many points: `from_ned` for arrays of one shape."""
         lat_rad = np.full_like(north_m, self.lat_rad)
         for _ in range(INVERSION_STEPS):

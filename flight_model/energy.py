@@ -28,9 +28,9 @@ CYCLES: Final = 5
 """Cycles in one period of the energy controller."""
 ENERGY_S: Final = CYCLE_S * CYCLES
 ACCELERATION_TAU_S: Final = 0.04
-"""Lag of the measured acceleration: half of a moving average over five cycles."""
+"""Delay of the measured acceleration: half of a moving average over five cycles."""
 THROTTLE_TAU_S: Final = 0.5
-"""Lag of the energy rate's error, which damps the throttle."""
+"""Time constant of the energy rate's error, which damps the throttle."""
 GAIN_SHARE: Final = 0.5
 LOSS_SHARE: Final = 0.9
 """Shares of the largest energy rates, up and down, that a change of airspeed may use."""
@@ -301,7 +301,7 @@ def _speed_demand(a: Aircraft, commanded: Commanded, p: AirframeParameters, spee
 
 
 def _height_demand(a: Aircraft, commanded: Commanded, p: AirframeParameters) -> float:
-    """Move the height demand by its lag, within the limits of climb and sink; return the climb demanded."""
+    """Move the height demand by its time constant, within the limits of climb and sink; return the climb demanded."""
     before, wanted = a.height_before, commanded.height_m
     up_full = a.pitch_free > p.pitch_max_rad or a.throttle_clip > 0.0
     down_full = a.pitch_free < p.pitch_min_rad or a.throttle_clip < 0.0

@@ -87,8 +87,8 @@ def linearised(airframe: AirframeParameters, speed_mps: float) -> tuple[Array, A
     size = len(energy.QUANTITIES)
     steps = np.concatenate((SMALL, np.full(size - len(SMALL), INNER), SMALL[[SPEED, HEADING, HEIGHT]]))
     slopes = np.empty((size, trim.size))
-    for place, step in enumerate(np.diag(steps)):
-        slopes[:, place] = (_later(trim + step, airframe) - _later(trim - step, airframe)) / (2.0 * steps[place])
+    for index, step in enumerate(np.diag(steps)):
+        slopes[:, index] = (_later(trim + step, airframe) - _later(trim - step, airframe)) / (2.0 * steps[index])
     return slopes[:, :size], slopes[:, size:]
 
 

@@ -1,21 +1,22 @@
 """Gains of the formation law by loop shaping on the autopilot's frequency response.
 
 Each channel's controller is kp + ki/s + kd s with two free numbers: its bandwidth, and the share of the autopilot's
-lag that the derivative compensates. The fastest loop is chosen that keeps the bounds below: with the known response,
-those of the sensitivity peak and the delay margin; with responses that are slower or faster and stronger or weaker, a
-sensitivity peak of its own; and those of the setpoint steps that telemetry noise causes (the law takes error rates from
-velocities, not from differences of positions). All of the delay counts as uncompensated. The wind observer closes
-another loop around the airspeed: deviations of an aircraft from its model look like wind and are then compensated. Its
-bandwidth is the largest that leaves the airspeed loop enough delay margin. Source: S. Skogestad and I. Postlethwaite,
-"Multivariable Feedback Control", 2nd ed., 2.4 and 2.6; K. J. Astrom and T. Hagglund, "Advanced PID Control", 4.5.
+phase delay that the derivative compensates. The fastest loop is chosen that keeps the bounds below: with the known
+response, those of the sensitivity peak and the delay margin; with responses that are slower or faster and stronger or
+weaker, a sensitivity peak of its own; and those of the setpoint steps that telemetry noise causes (the law takes error
+rates from velocities, not from differences of positions). All of the delay counts as uncompensated. The wind observer
+closes another loop around the airspeed: deviations of an aircraft from its model look like wind and are then
+compensated. Its bandwidth is the largest that leaves the airspeed loop enough delay margin. Source: S. Skogestad and I.
+Postlethwaite, "Multivariable Feedback Control", 2nd ed., 2.4 and 2.6; K. J. Astrom and T. Hagglund, "Advanced PID
+Control", 4.5.
 
 The consensus protocol (3) is designed likewise. A graph's mode of eigenvalue lambda closes the loop tau (lambda (k1/s +
-k2) + k3 - 1/tau) P(s), along the heading and across it: P is the aircraft's response to its setpoint, and tau the lag
-of model (7) that converts (3) into setpoints. The common motion is the mode of eigenvalue 0. Under total-energy
-control, airspeed responds to quick changes of its setpoint with several times their size, so velocities can't be fed
-back along the heading: k2 is 0, and k3 is 1/tau_v, the damping that airspeed has by itself. Across the heading, where
-time constants are longer, this k3 adds damping. k1 is the largest at which every mode keeps the bounds. Peaks assume
-states predicted over the links' delay; for the delay margin all of the delay counts as uncompensated.
+k2) + k3 - 1/tau) P(s), along the heading and across it: P is the aircraft's response to its setpoint, and tau the time
+constant of model (7) that converts (3) into setpoints. The common motion is the mode of eigenvalue 0. Under
+total-energy control, airspeed responds to quick changes of its setpoint with several times their size, so velocities
+can't be fed back along the heading: k2 is 0, and k3 is 1/tau_v, the damping that airspeed has by itself. Across the
+heading, where time constants are longer, this k3 adds damping. k1 is the largest at which every mode keeps the bounds.
+Peaks assume states predicted over the links' delay; for the delay margin all of the delay counts as uncompensated.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ from flight_model.slot import Vector3
 BANDWIDTHS = np.geomspace(1.5, 0.03, 60)
 """Bandwidths that are tried, rad/s, the fastest first."""
 TAU_SHARES = (1.0, 0.5, 0.0)
-"""Shares of the lag that the derivative (for heights, the proportional gain) may compensate."""
+"""Shares of the phase delay that the derivative (for heights, the proportional gain) may compensate."""
 INTEGRAL_SHARE = 0.125
 """Corner frequency of the integral, as a share of the bandwidth."""
 PEAK = 1.6
@@ -69,7 +70,7 @@ OBSERVERS_RADPS = np.geomspace(2.0, 0.01, 60)
 OBSERVED_SHARE = 0.85
 """Share of the airspeed loop's delay margin that must remain with the observer."""
 UNKNOWN_DELAY_S = 0.6
-"""Delay beyond the links' configured one with which that must hold: 300 ms each way."""
+"""Delay beyond the links' configured one with which that must hold: 300 ms in each direction."""
 Weights = Mapping[str, float]
 """k_x, k_psi, k_y and k_z of the mixer, which the design takes as given."""
 Gains = tuple[float, float, float]
@@ -84,7 +85,7 @@ class DelayAndNoise(NamedTuple):
 
     law_dt_s: float
     delay_s: float
-    """Loop delay: both ways, sampling and hold."""
+    """Loop delay: both directions, sampling and hold."""
     position_m: float
     airspeed_mps: float
     heading_rad: float
@@ -146,9 +147,9 @@ def _loops(
     vehicles: Sequence[Responses], speed_mps: float, weights: Weights, telemetry: DelayAndNoise
 ) -> dict[str, _Loops]:
     s, late_s = 1j * FREQUENCIES, telemetry.delay_s
-    place_m, along_mps, heading_rad = (PAIR * each for each in telemetry[2:])
+    position_m, along_mps, heading_rad = (PAIR * each for each in telemetry[2:])
     across_mps = speed_mps * heading_rad
-    along_m, across_m = math.hypot(place_m, late_s * along_mps), math.hypot(place_m, late_s * across_mps)
+    along_m, across_m = math.hypot(position_m, late_s * along_mps), math.hypot(position_m, late_s * across_mps)
     forward = [weights["k_x"] * each.speed / s for each in vehicles]
     right = [(weights["k_psi"] + weights["k_y"] * speed_mps / s) * each.heading for each in vehicles]
     up = [weights["k_z"] * each.height for each in vehicles]
@@ -156,7 +157,7 @@ def _loops(
     return {
         "speed": _Loops(forward, weights["k_x"], False, weights["k_x"] * along_m, weights["k_x"] * along_mps),
         "heading": _Loops(right, weights["k_y"] * speed_mps, False, across, weights["k_y"] * across_mps),
-        "height": _Loops(up, weights["k_z"], True, weights["k_z"] * place_m, 0.0),
+        "height": _Loops(up, weights["k_z"], True, weights["k_z"] * position_m, 0.0),
     }
 
 
@@ -177,18 +178,18 @@ class _Loops(NamedTuple):
         return self.slope * (gains[1] if self.restoring else gains[0])
 
     @property
-    def lag_s(self) -> float:
-        """The shortest lag of the plants at low frequency."""
+    def phase_delay_s(self) -> float:
+        """The shortest phase delay of the plants at low frequency."""
         w = FREQUENCIES[FREQUENCIES < 0.1]
         turned = (np.unwrap(np.angle(each[: w.size])) + (0.0 if self.restoring else np.pi / 2) for each in self.plants)
         return max(0.0, min(float(np.median(-each / w)) for each in turned))
 
     def gains(self, bandwidth: float, share: float) -> Gains:
-        """Return the gains for a bandwidth and a compensated share of the lag."""
+        """Return the gains for a bandwidth and a compensated share of the phase delay."""
         if self.restoring:
-            return bandwidth * share * self.lag_s / self.slope, bandwidth / self.slope, 0.0
+            return bandwidth * share * self.phase_delay_s / self.slope, bandwidth / self.slope, 0.0
         kp = bandwidth / self.slope
-        return kp, kp * bandwidth * INTEGRAL_SHARE, kp * share * self.lag_s
+        return kp, kp * bandwidth * INTEGRAL_SHARE, kp * share * self.phase_delay_s
 
     def step_sigma(self, gains: Gains, dt_s: float) -> float:
         """Return the standard deviation of the setpoint's steps from tick to tick, for white noise."""
@@ -203,7 +204,7 @@ def _observer_leaves_margin(
 ) -> bool:
     """Return whether a wind observer of this bandwidth leaves the airspeed loop enough of its delay margin.
 
-    The commanded airspeed compensates the estimated wind: ground speed minus modelled airspeed, with a lag of
+    The commanded airspeed compensates the estimated wind: ground speed minus modelled airspeed, with a time constant of
     1/`radps`. In the worst case, assumed here, the model explains nothing and the observer's full output is fed back.
     """
     s = 1j * FREQUENCIES
@@ -253,7 +254,7 @@ def _controller(gains: Gains) -> Complex:
 
 
 def left_by_filter(
-    sample: tuple[float, float, float], walk_mps: float, lag_s: float, period_s: float
+    sample: tuple[float, float, float], walk_mps: float, tau_s: float, period_s: float
 ) -> tuple[float, float]:
     """Return the noise of position (m) and airspeed (m/s) along one axis that the station's filter leaves.
 
@@ -264,11 +265,11 @@ def left_by_filter(
     Args:
         sample: standard deviations of a sample's position (m), velocity over ground and airspeed (m/s), all above 0.
         walk_mps: random walk of the airspeed beside its model, per square root of a second.
-        lag_s: the airspeed's time constant.
+        tau_s: the airspeed's time constant.
         period_s: from one sample to the next.
     """
-    kept = math.exp(-period_s / lag_s)
-    carry = np.array(((1.0, lag_s * (1.0 - kept), period_s), (0.0, kept, 0.0), (0.0, 0.0, 1.0)))
+    kept = math.exp(-period_s / tau_s)
+    carry = np.array(((1.0, tau_s * (1.0 - kept), period_s), (0.0, kept, 0.0), (0.0, 0.0, 1.0)))
     variances: Array = np.square(sample)
     covariance, gain = np.diag(variances), np.zeros((3, 3))
     for _ in range(SAMPLES):
@@ -286,22 +287,22 @@ def left_by_filter(
 class Axis(NamedTuple):
     """One setpoint of a vehicle."""
 
-    lag_s: float
-    """Lag of the vehicle's model (7)."""
+    tau_s: float
+    """Time constant of the vehicle's model (7)."""
     response: Complex
     """Response of the vehicle, at `FREQUENCIES`."""
     steps_mps: float
     """Largest standard deviation of a tick's setpoint step, as a speed."""
 
     @classmethod
-    def along(cls, lag_s: float, response: Complex) -> Axis:
+    def along(cls, tau_s: float, response: Complex) -> Axis:
         """Return the axis of the airspeed's setpoint."""
-        return cls(lag_s, response, STEPS[0])
+        return cls(tau_s, response, STEPS[0])
 
     @classmethod
-    def across(cls, lag_s: float, response: Complex, speed_mps: float) -> Axis:
+    def across(cls, tau_s: float, response: Complex, speed_mps: float) -> Axis:
         """Return the axis of the heading's setpoint, at an airspeed."""
-        return cls(lag_s, response, STEPS[1] * speed_mps)
+        return cls(tau_s, response, STEPS[1] * speed_mps)
 
 
 def consensus_gains(
@@ -318,12 +319,12 @@ def consensus_gains(
         eigenvalues: of the graph's Laplacian.
         position_m: noise of a position, standard deviation.
         sampling_s: the loops' delay from sampling and hold.
-        links_s: their delay from the links, both ways.
+        links_s: their delay from the links, both directions.
     """
     modes = sorted({0j, *np.round(np.asarray(eigenvalues, np.complex128), 6).tolist()}, key=abs, reverse=True)
     largest, axes = max(abs(modes[0]), 1.0), [axis for each in vehicles for axis in each]
-    quiet = min(axis.steps_mps / axis.lag_s for axis in axes) / (PAIR * position_m)
-    dampings = sorted({1.0 / along.lag_s for along, _ in vehicles}, reverse=True)
+    quiet = min(axis.steps_mps / axis.tau_s for axis in axes) / (PAIR * position_m)
+    dampings = sorted({1.0 / along.tau_s for along, _ in vehicles}, reverse=True)
     tried = [(float(k) / largest, k3) for k in BANDWIDTHS if k <= quiet for k3 in dampings]
     tried.append((float(BANDWIDTHS[-1]) / largest, dampings[0]))
     min_s = DELAY_MARGIN_S + links_s
@@ -339,7 +340,7 @@ def _holds(k1: float, k3: float, axis: Axis, mode: complex, sampling_s: float, m
     `min_s`: least delay up to which the loop with the known response must be stable.
     """
     s = 1j * FREQUENCIES
-    controller = (axis.lag_s * (mode * k1 / s + k3) - 1.0) * delay_response(sampling_s)
+    controller = (axis.tau_s * (mode * k1 / s + k3) - 1.0) * delay_response(sampling_s)
     integrators = 1 if mode else 0
     if not _within_bounds(controller * axis.response, integrators, PEAK, min_s):
         return False

@@ -1,4 +1,4 @@
-"""A lift at one distance at a time, on plain numbers: a uniform cubic B-spline (equations 35 and 36)."""
+"""A clearance offset at one distance at a time, on plain numbers: a uniform cubic B-spline (equations 35 and 36)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ STEP_M: Final = 20.0
 
 
 class OffsetCurve:
-    """A lift by its control points, one for each knot and three more."""
+    """An offset by its control points, one for each knot and three more."""
 
     def __init__(self, control_m: list[float]) -> None:
         """Take the control points, at least four."""
@@ -17,7 +17,7 @@ class OffsetCurve:
         self._last_step = float(len(control_m) - 4)
 
     def at(self, steps: float) -> tuple[float, float, float]:
-        """Return the lift in m, its slope and its curvature per m, `steps` knots from its start; constant beyond."""
+        """Return the offset in m, its slope and its curvature per m, `steps` knots from its start; constant beyond."""
         index = int(min(max(steps, 0.0), self._last_step))
         u, control_m = min(max(steps - index, 0.0), 1.0), self._control_m
         c0, c1, c2, c3 = control_m[index], control_m[index + 1], control_m[index + 2], control_m[index + 3]

@@ -1,7 +1,7 @@
 """What a path is to everything that flies or checks it: positions, courses, curvature and slopes by arc length.
 
 `SplinePath` (flight_model/spline.py) and `LegsPath` (flight_model/legs/) are the two kinds; `ClearPath`
-(formation_scenario/terrain.py) is one of them, lifted clear of the ground.
+(formation_scenario/terrain.py) is one of them, raised clear of the ground.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ def all_finite(values: Vector3) -> bool:
 
 
 class Slot:
-    """A slot's place and motion from the leader, in its frame: forward, right and up, in m, m/s and m/s²."""
+    """A slot's position and motion from the leader, in its frame: forward, right and up, in m, m/s and m/s²."""
 
     __slots__ = (
         "forward_m",
@@ -42,9 +42,9 @@ class Slot:
         "up_mps2",
     )
 
-    def __init__(self, place_m: list[float], velocity_mps: list[float], acceleration_mps2: list[float]) -> None:
+    def __init__(self, position_m: list[float], velocity_mps: list[float], acceleration_mps2: list[float]) -> None:
         """Take forward, right and up of each."""
-        self.forward_m, self.right_m, self.up_m = place_m[0], place_m[1], place_m[2]
+        self.forward_m, self.right_m, self.up_m = position_m[0], position_m[1], position_m[2]
         self.forward_mps, self.right_mps, self.up_mps = velocity_mps[0], velocity_mps[1], velocity_mps[2]
         self.forward_mps2, self.right_mps2 = acceleration_mps2[0], acceleration_mps2[1]
         self.up_mps2 = acceleration_mps2[2]

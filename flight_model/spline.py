@@ -63,11 +63,11 @@ def _solved(bands: Array, known: Array) -> Array:
     count = len(rows)
     for pivot, row in enumerate(rows):
         for below in range(pivot + 1, min(pivot + DEGREE + 1, count)):
-            other, place = rows[below], DEGREE + pivot - below
-            share = other[place] / row[DEGREE]
+            other, offset = rows[below], DEGREE + pivot - below
+            share = other[offset] / row[DEGREE]
             if share != 0.0:
                 for i in range(DEGREE + 1):
-                    other[place + i] -= share * row[DEGREE + i]
+                    other[offset + i] -= share * row[DEGREE + i]
                 values[below] -= share * values[pivot]
     for pivot in reversed(range(count)):
         row = rows[pivot]

@@ -70,7 +70,7 @@ class FlightStates(Columns):
     wind_east_mps = Row(7)
     updraught_mps = Row(8)
     """Part of the climb rate that is the air's."""
-    place_m = Row(slice(0, 3))
+    position_m = Row(slice(0, 3))
     """North, east and height, (3, N)."""
     level_m = Row(slice(0, 2))
     """North and east, (2, N)."""
@@ -116,9 +116,9 @@ class FlightStates(Columns):
         if not turn_rps.any():
             return self
         state, half = FlightStates.of(self.table.copy()), turn_rps * over_s / 2
-        way_m, chord = self.airspeed_mps * over_s, np.sinc(half / np.pi)
-        state.north_m[:] += way_m * (chord * np.cos(self.heading_rad + half) - np.cos(self.heading_rad))
-        state.east_m[:] += way_m * (chord * np.sin(self.heading_rad + half) - np.sin(self.heading_rad))
+        distance_m, chord = self.airspeed_mps * over_s, np.sinc(half / np.pi)
+        state.north_m[:] += distance_m * (chord * np.cos(self.heading_rad + half) - np.cos(self.heading_rad))
+        state.east_m[:] += distance_m * (chord * np.sin(self.heading_rad + half) - np.sin(self.heading_rad))
         state.heading_rad[:] += 2 * half
         return state
 
@@ -159,7 +159,7 @@ class AutopilotModels(Columns):
     turn_rate_max_rps = Row(7)
     climb_max_mps = Row(8)
     air_taus_s = Row(slice(0, 2))
-    """Lags of airspeed and heading, (2, N)."""
+    """Time constants of airspeed and heading, (2, N)."""
     air_rates_max = Row(slice(6, 8))
     """Rate limits of airspeed and heading, (2, N)."""
 
@@ -201,9 +201,9 @@ def advance(state: FlightStates, setpoints: Array, duration_s: Array, model: Aut
     error = air_errors(begin, np.array((speed_mps, heading_rad)))
     end = begin + error - model.remaining(error, duration_s)
     along = begin + error - model.remaining(error, (_NODES * duration_s)[:, None])
-    way_m, heading = _SHARES * duration_s * along[:, 0], along[:, 1]
-    north_m = state.north_m + np.add.reduce(way_m * np.cos(heading)) + state.wind_north_mps * duration_s
-    east_m = state.east_m + np.add.reduce(way_m * np.sin(heading)) + state.wind_east_mps * duration_s
+    steps_m, heading = _SHARES * duration_s * along[:, 0], along[:, 1]
+    north_m = state.north_m + np.add.reduce(steps_m * np.cos(heading)) + state.wind_north_mps * duration_s
+    east_m = state.east_m + np.add.reduce(steps_m * np.sin(heading)) + state.wind_east_mps * duration_s
     return _moved(state, aim_m, duration_s, model, north_m, east_m, *end, *state.wind_mps)
 
 
@@ -233,7 +233,7 @@ def velocity_aimed_at(state: FlightStates, motion: Array, model: AutopilotModels
 def velocities(begin_mps: Array, aim_mps: Array, time_s: Array, model: AutopilotModels) -> Array:
     """Return velocities over ground (2, S, N) of multirotors that change straight from one velocity to another.
 
-    The change has the lag and the acceleration limit of the model's speed.
+    The change has the time constant and the acceleration limit of the model's speed.
 
     Args:
         begin_mps: (2, N).
@@ -250,12 +250,12 @@ def velocities(begin_mps: Array, aim_mps: Array, time_s: Array, model: Autopilot
 def _moved(state: FlightStates, aim_m: Array, duration_s: Array, model: AutopilotModels, *level: Array) -> FlightStates:
     """Return later states, with `level` as north, east, airspeed, heading, wind north and wind east, (N,) each."""
     height, steps = Height(state.height_m, state.climb_mps), HeightSteps.of(model, duration_s[None])
-    lifted_m = lift_m(state, model)
-    height = steps.after(0, height, steps.commanded_m(height, aim_m, lifted_m) + lifted_m)
+    offset_m = updraught_offset_m(state, model)
+    height = steps.after(0, height, steps.commanded_m(height, aim_m, offset_m) + offset_m)
     return FlightStates.of(np.array((*level[:2], *height, *level[2:], state.updraught_mps)))
 
 
-def lift_m(state: FlightStates, model: AutopilotModels) -> Array:
+def updraught_offset_m(state: FlightStates, model: AutopilotModels) -> Array:
     """Return the steady height error of vehicles from updraughts, (N,)."""
     return (model.tau_ha_s + model.tau_hb_s) * state.updraught_mps
 
@@ -306,10 +306,10 @@ class HeightSteps(NamedTuple):
         fast_left = np.exp(-time_s / fast)
         return cls(slow, slow + fast, model.climb_max_mps, slow_left, fast_left, between_s, max_m, -max_m)
 
-    def commanded_m(self, height: Height, setpoint_m: Array, lifted_m: Array) -> Array:
-        """Return height setpoints (N,); NaN is replaced by one that levels off a vehicle lifted by `lifted_m`."""
+    def commanded_m(self, height: Height, setpoint_m: Array, offset_m: Array) -> Array:
+        """Return height setpoints (N,); NaN is replaced by one that levels off a vehicle raised by `offset_m`."""
         level_m = height.height_m + self.carried_s * height.climb_mps
-        return np.where(np.isnan(setpoint_m), level_m - lifted_m, setpoint_m)
+        return np.where(np.isnan(setpoint_m), level_m - offset_m, setpoint_m)
 
     def after(self, step: int, height: Height, target_m: Array) -> Height:
         """Return the height after a step; the climb rate is clipped to its limit."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.path import FlightPath, Route
-from flight_model.path_lift_and_displacement import Rise
+from flight_model.path_offsets import Rise
 from formation_scenario.fence_limits import check_fence
 from formation_scenario.fields import distinct_texts
 from formation_scenario.formation_changes import ahead, plan_change, take_over

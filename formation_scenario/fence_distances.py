@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flight_model.fence_geometry import Flyers, places_along
+from flight_model.fence_geometry import Flyers, positions_along
 from formation_scenario.fence_limits import slot_flyers
 from formation_scenario.model import Scenario
 from formation_scenario.sampled_path import SampledPath
@@ -44,7 +44,7 @@ def fence_distances(scenario: Scenario) -> list[FenceDistance]:
     turn_rps = np.array([vehicle.model.turn_rate_max_rps for _, vehicle in flyers.values()])
     forward_m, right_m, up_m = np.array(list(flyers)).T
     path = points.north_m, points.east_m, points.course_rad
-    positions_m = places_along(
+    positions_m = positions_along(
         path, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn), drift(scenario)
     )
     found = list[FenceDistance]()

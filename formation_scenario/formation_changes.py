@@ -11,7 +11,7 @@ import numpy as np
 from flight_model.arrays import Array, Mask
 from flight_model.offset_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints, Route
-from flight_model.path_lift_and_displacement import (
+from flight_model.path_offsets import (
     PEAK_CHANGE,
     PEAK_JERK,
     PEAK_RATE,
@@ -20,7 +20,7 @@ from flight_model.path_lift_and_displacement import (
     DisplacedPath,
     Rise,
     min_offset,
-    sample_places,
+    sample_distances,
 )
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import Arrangement, assigned, models_by_index, names_by_index
@@ -171,7 +171,7 @@ def take_over(
     way = DisplacedPath(*begin, right_slope=right_slope)
     if scenario.terrain is None or ground is None:
         return way
-    places = sample_places(from_m, ceil(over_s * speed / STEP_M) + LEVEL_OUT_STEPS)
+    places = sample_distances(from_m, ceil(over_s * speed / STEP_M) + LEVEL_OUT_STEPS)
     points = PathPoints(*np.array([way.at(distance).values() for distance in places.tolist()]).T)
     needed_m = ground.height(points.north_m, points.east_m) + scenario.terrain.clearance_m - points.height_m
     bounds = scenario.rise_bounds(LEADER_SHARE)

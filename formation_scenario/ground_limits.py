@@ -9,7 +9,7 @@ import numpy as np
 from flight_model.arrays import Array, offset_points
 from flight_model.offset_curve import STEP_M
 from flight_model.path import PathPoints
-from flight_model.path_lift_and_displacement import SAMPLE_M, sample_places
+from flight_model.path_offsets import SAMPLE_M, sample_distances
 from formation_scenario.model import Scenario
 from formation_scenario.sampled_path import WAYPOINTS, SampledPath, place_of
 from formation_scenario.slot_assignment import names_by_index, slot_schedule
@@ -30,7 +30,7 @@ def check_terrain(scenario: Scenario) -> list[Violation]:
         return list(_over_plain(scenario))
     ground, flat = scenario.ground, scenario.written_path
     begin_m = -scenario.run_in_m
-    places = np.concatenate((np.arange(begin_m, 0.0, SAMPLE_M), sample_places(0.0, int(flat.length_m / STEP_M))))
+    places = np.concatenate((np.arange(begin_m, 0.0, SAMPLE_M), sample_distances(0.0, int(flat.length_m / STEP_M))))
     points = flat.at(places)
     unknown = list(_unknown_ground(scenario, ground, places, points))
     if unknown:

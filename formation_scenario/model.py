@@ -16,7 +16,7 @@ from flight_model.legs.detour import Detours
 from flight_model.legs.speeds import SpeedProfile
 from flight_model.legs.turn import TurnLimits
 from flight_model.path import FlightPath
-from flight_model.path_lift_and_displacement import Bounds
+from flight_model.path_offsets import Bounds
 from flight_model.spline import SplinePath
 from formation_scenario.consensus_graph import graph_adjacency
 from formation_scenario.expectation import Expectation

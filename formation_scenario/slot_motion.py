@@ -10,7 +10,7 @@ import numpy as np
 
 from flight_model.arrays import Array, Mask
 from flight_model.path import PathPoints
-from flight_model.path_lift_and_displacement import minimum_jerk
+from flight_model.path_offsets import minimum_jerk
 from flight_model.slot import Slot
 from formation_scenario.fields import Frame
 

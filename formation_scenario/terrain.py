@@ -16,7 +16,7 @@ from flight_model.curve import PathPoint
 from flight_model.earth import GeodeticOrigin
 from flight_model.offset_curve import STEP_M
 from flight_model.path import FlightPath, PathPoints
-from flight_model.path_lift_and_displacement import Bounds, ClearanceOffset, min_offset, sample_places
+from flight_model.path_offsets import Bounds, ClearanceOffset, min_offset, sample_distances
 from formation_scenario.bounded_read import read_bounded, require_file
 from formation_scenario.fields import FileError
 from formation_scenario.named_files import place_of
@@ -73,7 +73,7 @@ class ElevationGrid(NamedTuple):
 
     def _at(self, north_m: Array, east_m: Array) -> tuple[Array, Array]:
         """Return positions as rows from the top and columns from the left."""
-        lat_rad, lon_rad = self.origin.places(north_m, east_m)
+        lat_rad, lon_rad = self.origin.positions(north_m, east_m)
         down = (self.north_deg - np.degrees(lat_rad)) / self.step_lat_deg
         return down, (np.degrees(lon_rad) - self.west_deg) / self.step_lon_deg
 
@@ -98,7 +98,7 @@ def read_elevation(path: Path, origin: GeodeticOrigin, around_m: Array) -> Eleva
     if path.suffix.lower() == ".hgt":
         return _read_hgt(path, origin)
     corners = np.array([around_m.min(axis=0) - MARGIN_M, around_m.max(axis=0) + MARGIN_M])
-    lat_rad, lon_rad = origin.places(*corners.T)
+    lat_rad, lon_rad = origin.positions(*corners.T)
     (south, north), (west, east) = np.degrees(lat_rad).tolist(), np.degrees(lon_rad).tolist()
     return _read_geotiff(path, (west, south, east, north), origin)
 
@@ -244,7 +244,7 @@ class ClearPath(FlightPath):
 
 def lifted(written: FlightPath, ground: Ground, clearance_m: float, bounds: Bounds) -> ClearPath:
     """Return a path lifted to `clearance_m` above the ground, as far as `bounds` allow."""
-    places = sample_places(0.0, max(1, int(np.ceil(written.length_m / STEP_M))))
+    places = sample_distances(0.0, max(1, int(np.ceil(written.length_m / STEP_M))))
     points = written.at(places)
     needed = ground.height(points.north_m, points.east_m) + clearance_m - points.height_m
     return ClearPath(written, min_offset(0.0, needed, points.slope, bounds, np.zeros(3)))

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Indices, Mask
-from flight_model.path_lift_and_displacement import PEAK_RATE
+from flight_model.path_offsets import PEAK_RATE
 from formation_scenario.fields import Frame, distinct_texts
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, SlotNeeds, Transition, slot_needs
 from formation_scenario.vehicles import VehicleModel

@@ -9,8 +9,8 @@ import numpy as np
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel
-from flight_model.fence_geometry import Flyers, LapFence
-from flight_model.path_lift_and_displacement import Bounds
+from flight_model.fence_geometry import Flyers, HoldingPatternFence
+from flight_model.path_offsets import Bounds
 from flight_model.stops.timetable import Timetable
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
@@ -216,7 +216,7 @@ def first_straight_s(scenario: Scenario) -> float:
     return FIRST_STRAIGHT_S / swing_share(right_m, scenario.path.begin_mps)
 
 
-def _pattern_fence(scenario: Scenario) -> LapFence | None:
+def _pattern_fence(scenario: Scenario) -> HoldingPatternFence | None:
     """Return the fence within which the formation's holding patterns before the path must stay, None without one."""
     sides = None if scenario.fence is None else scenario.fence.sides
     if sides is None:
@@ -225,7 +225,7 @@ def _pattern_fence(scenario: Scenario) -> LapFence | None:
     forward_m, right_m, _ = slot_schedule(scenario)[0].places_m[first:].T
     turn_rps = np.array([each.turn_rate_max_rps for each in models_by_index(scenario)[first:]])
     start = scenario.leader_path.at(0.0)
-    return LapFence(sides, start, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn))
+    return HoldingPatternFence(sides, start, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn))
 
 
 def hold_turn_rps(scenario: Scenario) -> float:

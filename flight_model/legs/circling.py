@@ -78,9 +78,9 @@ def nodes(waypoints: Complex, circles: Mapping[int, Circles], limits: Sequence[T
             break
         chosen = {index: each for index, each in chosen.items() if index not in impossible}
     flat, names, turns = list[complex](), list[int](), dict[int, tuple[float, Circling]]()
-    for index, place in enumerate(waypoints.tolist()):
+    for index, waypoint in enumerate(waypoints.tolist()):
         if index not in chosen:
-            flat.append(place)
+            flat.append(waypoint)
             names.append(index)
             continue
         around, arrives = chosen[index], courses[index - 1]
@@ -91,7 +91,7 @@ def nodes(waypoints: Complex, circles: Mapping[int, Circles], limits: Sequence[T
         part_rad = 0.0 if part_rad > TURN - ALMOST_RAD else part_rad
         whole = around.turns or int(part_rad < around.limits.transition_rad)
         turns[len(flat)] = around.side * (part_rad + whole * TURN), around
-        flat += [place - around.side * around.away_m * 1j * np.exp(1j * course) for course in (arrives, leaves)]
+        flat += [waypoint - around.side * around.away_m * 1j * np.exp(1j * course) for course in (arrives, leaves)]
         names += [index, index]
     if len(waypoints) - 1 in chosen:  # the path ends with its circles
         flat.append(flat[-1] + chosen[len(waypoints) - 1].lead_m * np.exp(1j * (courses[-1] or 0.0)))

@@ -1,6 +1,6 @@
-"""The shortest ways from one straight to another with turns of continuous curvature: one turn, two, or three.
+"""The shortest paths from one straight to another with turns of continuous curvature: one turn, two, or three.
 
-As L. E. Dubins's ways (American Journal of Mathematics 79, 1957): turn, straight, turn, or three turns to alternating
+As L. E. Dubins's paths (American Journal of Mathematics 79, 1957): turn, straight, turn, or three turns to alternating
 sides; and a single turn, wider than the tightest one, with straights before and after. With transitions the turns' ends
 aren't on circles, so the equations are solved numerically: from brackets or local minima on a grid by Newton's method,
 for all of them at once.
@@ -22,18 +22,18 @@ ANGLES = 120
 MAX_MINIMA = 8
 STEPS = 9
 CLOSED_M = 1e-7
-"""Largest gap between a way's end and the straight that it leads to."""
+"""Largest gap between a path's end and the straight that it leads to."""
 DIFFERENCE_RAD = 1e-6
 MAX_STEP_RAD = 0.1
 FULL_RAD = 1e-7
 """A turn by less than a full one by this is none: rounding may not add a circle."""
 NEAR = 2.5
-"""Distance, in widths of a turn by half a circle, beyond which three turns are never the shortest way."""
+"""Distance, in widths of a turn by half a circle, beyond which three turns are never the shortest path."""
 SMALL_RAD = (0.004, 0.03, 0.12)
-"""Small first and last angles of three turns that are tried beside the grid's: there the gap changes fast."""
+"""Small first and last angles of three turns that are tried besides the grid's: there the gap changes fast."""
 PARALLEL = 1e-9
 SECOND: Array = np.array([[0.0], [0.0], [DIFFERENCE_RAD]])
-PLACES, ANGLE_PLACES = 6, 9
+DECIMALS, ANGLE_DECIMALS = 6, 9
 """Decimals to which two detours must agree to be the same one."""
 
 
@@ -46,7 +46,7 @@ class Part(NamedTuple):
 
 
 class Detour(NamedTuple):
-    """A way of turns and straights."""
+    """A path of turns and straights."""
 
     length_m: float
     parts: tuple[Part, ...]
@@ -77,11 +77,11 @@ class Detours:
         self._width_m = abs(complex(turned_m(np.asarray(np.pi), limits)))
 
     def between(self, forward_m: float, right_m: float, angle_rad: float) -> tuple[Detour, ...]:
-        """Return ways to a point and a course relative to the begin's, clockwise positive; the shortest first."""
+        """Return paths to a point and a course relative to the begin's, clockwise positive; the shortest first."""
         angle_rad = math.remainder(angle_rad, TURN)
         mirrored = right_m < 0.0 or (right_m == 0.0 and angle_rad < 0.0)
         side = -1.0 if mirrored else 1.0
-        key = round(forward_m, PLACES), round(side * right_m, PLACES), round(side * angle_rad, ANGLE_PLACES)
+        key = round(forward_m, DECIMALS), round(side * right_m, DECIMALS), round(side * angle_rad, ANGLE_DECIMALS)
         if key not in self._known:
             end = complex(forward_m, side * right_m)
             found = [*self._of_one(end, key[2]), *self._of_two(end, key[2])]
@@ -97,10 +97,10 @@ class Detours:
             length_m = float(turn_length_m(np.asarray(angle), self.limits))
             tightest = _shares(1.0, axis, end - turned)
             no_first, no_last = _shares(turned, axis, end), _shares(1.0, turned, end)
-            ways = [] if tightest is None else [(*tightest, 1.0)]
-            ways += [] if no_first is None else [(0.0, no_first[1], no_first[0])]
-            ways += [] if no_last is None else [(no_last[0], 0.0, no_last[1])]
-            for before_m, after_m, widened in ways:
+            candidates = [] if tightest is None else [(*tightest, 1.0)]
+            candidates += [] if no_first is None else [(0.0, no_first[1], no_first[0])]
+            candidates += [] if no_last is None else [(no_last[0], 0.0, no_last[1])]
+            for before_m, after_m, widened in candidates:
                 if min(before_m, after_m) >= -CLOSED_M and widened >= 1.0:
                     straights = max(before_m, 0.0), max(after_m, 0.0)
                     parts = Part(straights[0], angle, widened), Part(straights[1])
@@ -120,7 +120,7 @@ class Detours:
         first, last = _to_side(sides[:, :1], grid), _to_side(sides[:, 1:], angle_rad - grid)
         off_m = ((end - self._rough(first)) * np.exp(-1j * grid) - self._rough(last)).imag
         which, at = np.nonzero(off_m[:, :-1] * off_m[:, 1:] <= 0.0)
-        # A way of one turn alone is on no bracket: it touches 0.
+        # A path of one turn alone is on no bracket: it touches 0.
         course = np.concatenate((grid[at] + (grid[1] - grid[0]) / 2.0, np.tile([0.0, angle_rad], 4)))
         one, other = sides[np.concatenate((which, np.repeat(np.arange(4), 2)))].T
 
@@ -142,7 +142,7 @@ class Detours:
             yield Detour(length_m, (Part(0.0, turns[0]), Part(straight_m, turns[1])))
 
     def _of_three(self, end: complex, angle_rad: float) -> Iterator[Detour]:
-        """Yield the ways of three turns to alternating sides, from the local minima of their gap at the end."""
+        """Yield the paths of three turns to alternating sides, from the local minima of their gap at the end."""
         grid = (np.arange(ANGLES) + 0.5) * TURN / ANGLES
         sums = np.arange(1 - ANGLES, ANGLES) * TURN / ANGLES
         index = np.arange(ANGLES)[:, None] - np.arange(ANGLES)[None, :] + ANGLES - 1
@@ -153,7 +153,7 @@ class Detours:
             yield from self._closed(gap, grid, side, end, angle_rad)
 
     def _closed(self, gap: Array, grid: Array, side: float, end: complex, angle_rad: float) -> Iterator[Detour]:
-        """Yield the ways near the local minima of the gaps (ANGLES, ANGLES) that close."""
+        """Yield the paths near the local minima of the gaps (ANGLES, ANGLES) that close."""
         around = [np.roll(gap, shift, axis) for axis in (0, 1) for shift in (1, -1)]
         rows, columns = np.nonzero(np.all([gap <= each for each in around], axis=0))
         nearest = np.argsort(gap[rows, columns])[:MAX_MINIMA]
@@ -204,4 +204,4 @@ def _shares(one: complex, other: complex, end: complex) -> tuple[float, float] |
 
 def _distinct(rows: Array) -> list[list[float]]:
     """Return the rows, the shortest first, without those that several beginnings led to."""
-    return sorted({tuple(round(value, PLACES) for value in row): row for row in rows.tolist()}.values())
+    return sorted({tuple(round(value, DECIMALS) for value in row): row for row in rows.tolist()}.values())

@@ -48,10 +48,10 @@ def deviation(path: FlightPath, waypoints_m: Sequence[Sequence[float]] | Array) 
     )
 
 
-def _off_legs_m(path: FlightPath, waypoints: Array, at_m: Array, place: Complex) -> Array:
-    """Return the distances (K,) of places along a path from the nearest of the legs around; on circles 0.
+def _off_legs_m(path: FlightPath, waypoints: Array, at_m: Array, points: Complex) -> Array:
+    """Return the distances (K,) of points along a path from the nearest of the legs around; on circles 0.
 
-    Places are north + i east, m.
+    Points are north + i east, m.
     """
     flat, nodes_at_m = waypoints[:, 0] + 1j * waypoints[:, 1], path.waypoints_at_m
     if isinstance(path, LegsPath):
@@ -60,10 +60,10 @@ def _off_legs_m(path: FlightPath, waypoints: Array, at_m: Array, place: Complex)
     leg = np.clip(np.searchsorted(nodes_at_m, at_m, side="right") - 1, 0, last)
     for other in range(-AROUND, AROUND + 1):
         each = np.clip(leg + other, 0, last)
-        begin, way = flat[each], flat[each + 1] - flat[each]
-        squared = np.maximum(np.abs(way) ** 2, MIN_M**2)
-        share = np.clip(((place - begin) * np.conj(way)).real / squared, 0.0, 1.0)
-        off_m = np.minimum(off_m, np.abs(place - begin - share * way))
+        begin, along = flat[each], flat[each + 1] - flat[each]
+        squared = np.maximum(np.abs(along) ** 2, MIN_M**2)
+        share = np.clip(((points - begin) * np.conj(along)).real / squared, 0.0, 1.0)
+        off_m = np.minimum(off_m, np.abs(points - begin - share * along))
     for begin_m, end_m in path.circling_m if isinstance(path, LegsPath) else ():
         off_m[(at_m > begin_m) & (at_m < end_m)] = 0.0
     return off_m

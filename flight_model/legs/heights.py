@@ -25,25 +25,25 @@ TIGHTER = (1.0, 2.0, 4.0)
 
 LEFT_OUT_M = (0.1, 0.25, 0.5, 0.75)
 AROUND = 4
-"""Number of heights before and after a way that is too steep of which some may be left out."""
+"""Number of heights before and after a section that is too steep of which some may be left out."""
 KEPT_WITHIN_M = 1.0
 """Distance from heights that are left out within which the profile stays."""
 
 
 class Climbs(NamedTuple):
-    """The steepest slope that vehicles can fly, and the change of it that is preferred, per m of the way."""
+    """The steepest slope that vehicles can fly, and the change of it that is preferred, per m of the path."""
 
     slope: float
     change_1pm: float
 
     @property
     def shortest_rounding_m(self) -> float:
-        """Length of the way that two changes from level to the steepest slope take beyond that of the slope alone."""
+        """Length of section that two changes from level to the steepest slope take beyond that of the slope alone."""
         return STEEPEST * self.slope / (self.change_1pm * TIGHTER[-1])
 
 
 class Steep(NamedTuple):
-    """A way between two heights that is too steep: the slope that it would need, and the steepest allowed there."""
+    """A section between two heights that is too steep: the slope that it would need, and the steepest allowed there."""
 
     interval: int
     slope: float
@@ -70,7 +70,7 @@ class Heights(NamedTuple):
 
 
 def interior_slope(length_m: float, rise_m: float, slopes: tuple[float, float], change_1pm: float) -> float | None:
-    """Return the slope between two given ones with which a way rises; None if there is no room for the changes.
+    """Return the slope between two given ones with which a section rises; None if there is no room for the changes.
 
     With x between a and b, all of one sign, over a length D: x D - c ((x - a)^2 + (x - b)^2) = rise, where a change of
     slope by d takes 2 c |d|; of the two solutions the smaller is the one whose changes fit.
@@ -84,7 +84,7 @@ def interior_slope(length_m: float, rise_m: float, slopes: tuple[float, float], 
 
 
 def eased(length_m: float, rise_m: float, slopes: tuple[float, float], climbs: Climbs) -> tuple[float, float] | None:
-    """Return the slope within the limits with which a way rises, and its gentlest possible change; None without one."""
+    """Return the slope within the limits with which a section rises, and its gentlest possible change, or None."""
     for times in TIGHTER:
         slope = interior_slope(length_m, rise_m, slopes, times * climbs.change_1pm)
         if slope is not None and abs(slope) <= climbs.slope * (1.0 + LEVEL):
@@ -95,12 +95,12 @@ def eased(length_m: float, rise_m: float, slopes: tuple[float, float], climbs: C
 def profile(distance_m: Array, height_m: Array, climbs: list[Climbs]) -> tuple[Heights, list[Steep]]:
     """Return the profile through heights (n,) at rising distances (n,), and what of it is too steep.
 
-    A way that is shorter than its slope's changes, as between points of a digitised line, may be too steep for its
+    A section that is shorter than its slope's changes, as between points of a digitised line, may be too steep for its
     rounding although all together aren't. Of the heights around it those are then left out that the line through the
     others passes within one of `LEFT_OUT_M`: the first one that helps, with all within `KEPT_WITHIN_M`.
 
     Args:
-        distance_m: (n,) along the way; two of them at least `MIN_M` apart.
+        distance_m: (n,) along the path; two of them at least `MIN_M` apart.
         height_m: (n,) heights.
         climbs: limits for each of the n - 1 intervals.
     """
@@ -122,7 +122,7 @@ def profile(distance_m: Array, height_m: Array, climbs: list[Climbs]) -> tuple[H
 
 
 def _fixed(count: int, steep: list[Steep]) -> Mask:
-    """Return which heights (n,) aren't around a way that is too steep; the first and the last never are."""
+    """Return which heights (n,) aren't around a section that is too steep; the first and the last never are."""
     fixed = np.ones(count, dtype=np.bool_)
     for each in steep:
         fixed[max(each.interval - AROUND + 1, 1) : min(each.interval + AROUND + 1, count - 1)] = False

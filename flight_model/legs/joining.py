@@ -1,4 +1,4 @@
-"""The joints of all legs: fly-by turns where they fit, and where they don't, the shortest way that does.
+"""The joints of all legs: fly-by turns where they fit, and where they don't, the shortest path that does.
 
 A turn that would pass too far from its waypoint overshoots one of its legs, or is a detour, unless these have no room
 inside the fence. Where the turns at both ends of a leg need more than its length, these are compared: in place of one
@@ -20,12 +20,12 @@ import numpy as np
 
 from flight_model.arrays import TURN, Array, Complex
 from flight_model.legs.detour import Detours
-from flight_model.legs.joint import Corner, Joint, courses_rad, distances_m, fly_by, fly_over, off_legs_m, places
+from flight_model.legs.joint import Corner, Joint, courses_rad, distances_m, fly_by, fly_over, off_legs_m, points
 from flight_model.legs.overshoot import Overshoots
 from flight_model.legs.turn import Stretch, TurnLimits, turned_m
 
 Lack = Callable[[Complex, Array], float]
-"""How much room a way lacks: places (K,), north + i east, and courses (K,), rad -> m, 0 if it has enough."""
+"""How much room a path lacks: points (K,), north + i east, and courses (K,), rad -> m, 0 if it has enough."""
 ROOM_STEP_M = 20.0
 ENOUGH_M = 1e-6
 NEARER_M = 1.0
@@ -186,7 +186,7 @@ class Joiner:
         leg_m, limits, corner = self._lengths_m[one.last], self._limits(one.first), self._corner(one.first, other.last)
         if not self._rules.over and (joint := fly_by(corner, limits, self._rules.max_m)) is not None:
             yield [Placed(one.first, other.last, joint)]
-        # Lanes, and legs nearer to each other than a turn back is wide, are joined by one way from one to the other.
+        # Lanes, and legs nearer to each other than a turn back is wide, are joined by one path from one to the other.
         width_m = abs(complex(turned_m(np.asarray(math.pi), limits)))
         merged = self._detour(one.first, other.last)
         if leg_m < width_m or abs(corner.angle_rad) > REVERSAL_RAD or other.last - one.first > 1:
@@ -221,13 +221,13 @@ class Joiner:
         if limits not in self._rules.known:
             self._rules.known[limits] = Detours(limits)
         detours = self._rules.known[limits]
-        ways = detours.between(corner.end.real, corner.end.imag, corner.angle_rad)
+        candidates = detours.between(corner.end.real, corner.end.imag, corner.angle_rad)
         best, minimum = None, (math.inf, math.inf)
-        longest_m = ways[0].length_m + LONGER_CIRCLES * TURN / limits.curvature_1pm
-        for way in ways:
-            if way.length_m > longest_m:  # to where lines meet that are almost parallel, anywhere
+        longest_m = candidates[0].length_m + LONGER_CIRCLES * TURN / limits.curvature_1pm
+        for candidate in candidates:
+            if candidate.length_m > longest_m:  # to where lines meet that are almost parallel, anywhere
                 break
-            joint = Joint(0.0, 0.0, way.stretches(limits), "detour")
+            joint = Joint(0.0, 0.0, candidate.stretches(limits), "detour")
             lack_m, missed_m = self._lack_m(corner, joint.stretches), self._missed_m(corner, joint)
             off_m, lack_m = off_legs_m(corner, joint) if self._rules.near else 0.0, lack_m + missed_m
             nearer = lack_m <= minimum[0] and off_m < minimum[1] - NEARER_M
@@ -250,8 +250,8 @@ class Joiner:
             return 0.0
         count = max(2, math.ceil(length_m / ROOM_STEP_M))
         axis = np.exp(1j * corner.course_rad)
-        way = corner.waypoints[0] + axis * (places(stretches, count) - before_m)
-        return self._rules.lack(way, corner.course_rad + courses_rad(stretches, count))
+        curve = corner.waypoints[0] + axis * (points(stretches, count) - before_m)
+        return self._rules.lack(curve, corner.course_rad + courses_rad(stretches, count))
 
     def _corner(self, first: int, last: int) -> Corner:
         waypoints = tuple(complex(each) for each in self._waypoints[first : last + 1])

@@ -19,7 +19,7 @@ MAX_FLY_BY_RAD = math.radians(175.0)
 SAMPLES = 48
 """Number of points of a turn at which its distance from waypoints is measured."""
 OFF_SAMPLES = 150
-"""Number of points of a way at which its distance from the legs is measured."""
+"""Number of points of a joint at which its distance from the legs is measured."""
 FAR_M = 1e5
 """Length of the legs before and after a corner, from which that distance is measured."""
 INTERCEPTS = 180
@@ -47,7 +47,7 @@ class Corner(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """A way from one leg onto another: where it begins and ends, m before and after its waypoints, and what it is."""
+    """A curve from one leg onto another: where it begins and ends, m before and after its waypoints, and what it is."""
 
     before_m: float
     after_m: float
@@ -57,7 +57,7 @@ class Joint(NamedTuple):
 
     @property
     def length_m(self) -> float:
-        """Length of the way."""
+        """Length of the curve."""
         return sum(each.length_m for each in self.stretches)
 
     @property
@@ -83,39 +83,39 @@ def fly_by(corner: Corner, limits: TurnLimits, max_m: float) -> Joint | None:
 
 
 def distances_m(corner: Corner, joint: Joint) -> Array:
-    """Return the least distances of a corner's waypoints from the joint's way, m."""
-    way = places(joint.stretches, SAMPLES) * cmath.exp(1j * corner.course_rad)
+    """Return the least distances of a corner's waypoints from the joint's curve, m."""
+    curve = points(joint.stretches, SAMPLES) * cmath.exp(1j * corner.course_rad)
     begin = corner.waypoints[0] - joint.before_m * cmath.exp(1j * corner.course_rad)
-    off = np.array(corner.waypoints)[:, None] - begin - way
+    off = np.array(corner.waypoints)[:, None] - begin - curve
     return np.asarray(np.abs(off).min(axis=1))
 
 
 def off_legs_m(corner: Corner, joint: Joint) -> float:
-    """Return the greatest distance of a joint's way from a corner's legs, those between its waypoints among them, m."""
+    """Return the greatest distance of a joint's curve from a corner's legs, also those between its waypoints, m."""
     if not joint.stretches:
         return 0.0
     axis, following = cmath.exp(1j * corner.course_rad), cmath.exp(1j * corner.next_course_rad)
-    way = corner.waypoints[0] - joint.before_m * axis + axis * places(joint.stretches, OFF_SAMPLES)
+    curve = corner.waypoints[0] - joint.before_m * axis + axis * points(joint.stretches, OFF_SAMPLES)
     ends = [corner.waypoints[0] - FAR_M * axis, *corner.waypoints, corner.waypoints[-1] + FAR_M * following]
-    off_m = np.full(way.size, np.inf)
+    off_m = np.full(curve.size, np.inf)
     for begin, end in pairwise(ends):
         along = end - begin
-        share = np.clip(((way - begin) * np.conj(along)).real / abs(along) ** 2, 0.0, 1.0)
-        off_m = np.minimum(off_m, np.abs(way - begin - share * along))
+        share = np.clip(((curve - begin) * np.conj(along)).real / abs(along) ** 2, 0.0, 1.0)
+        off_m = np.minimum(off_m, np.abs(curve - begin - share * along))
     return float(off_m.max())
 
 
-def places(stretches: tuple[Stretch, ...], count: int) -> Complex:
-    """Return points (count + 1,) of a way, evenly along it, forward + i right of its begin, by the trapezium rule."""
+def points(stretches: tuple[Stretch, ...], count: int) -> Complex:
+    """Return points (count + 1,) of stretches, evenly along them, forward + i right of their begin, by trapezia."""
     courses = courses_rad(stretches, 4 * count)
     step_m = sum(each.length_m for each in stretches) / (4 * count)
     axes = np.exp(1j * courses)
-    way = np.concatenate((np.zeros(1), np.cumsum((axes[1:] + axes[:-1]) / 2.0))) * step_m
-    return np.asarray(way[::4], dtype=np.complex128)
+    curve = np.concatenate((np.zeros(1), np.cumsum((axes[1:] + axes[:-1]) / 2.0))) * step_m
+    return np.asarray(curve[::4], dtype=np.complex128)
 
 
 def courses_rad(stretches: tuple[Stretch, ...], count: int) -> Array:
-    """Return courses (count + 1,) of a way, evenly along it, relative to that of its begin."""
+    """Return courses (count + 1,) of stretches, evenly along them, relative to that of their begin."""
     lengths = np.array([each.length_m for each in stretches])
     ends = np.concatenate((np.zeros(1), np.cumsum(lengths)))
     turned = np.concatenate((np.zeros(1), np.cumsum([(a + b) / 2.0 * length for length, a, b in stretches])))
@@ -129,7 +129,7 @@ def courses_rad(stretches: tuple[Stretch, ...], count: int) -> Array:
 
 
 def fly_over(corner: Corner, limits: TurnLimits) -> Joint | None:
-    """Return the way over a waypoint that is soonest on the next leg: a turn beyond its course, and back onto it.
+    """Return the curve over a waypoint that is soonest on the next leg: a turn beyond its course, and back onto it.
 
     None for legs that go on straight, which need nothing.
     """

@@ -27,7 +27,7 @@ SHARPEST_RAD = math.radians(150.0)
 MIN_RAD = math.radians(1.0)
 KEPT = 4
 """Number of turns of either kind that are compared by their room to a fence, each with another begin."""
-PLACES = 9
+DECIMALS = 9
 
 
 class _Tried(NamedTuple):
@@ -54,7 +54,7 @@ class Overshoots:
 
         Of those that begin at the same distance before the waypoint, only the shortest.
         """
-        size = round(abs(angle_rad), PLACES)
+        size = round(abs(angle_rad), DECIMALS)
         if size < MIN_RAD:
             return []
         if size not in self._known:
@@ -74,8 +74,8 @@ class Overshoots:
             if fits[row, column]:
                 by = float(BACK_RAD[column])
                 parts = Part(0.0, angle_rad + by), Part(float(tried.straight_m[row, column]), -by)
-                way = Detour(0.0, parts).stretches(self._limits)
-                yield Joint(float(tried.begin_m[row, 0]), float(tried.end_m[row, column]), way, "overshoot")
+                stretches = Detour(0.0, parts).stretches(self._limits)
+                yield Joint(float(tried.begin_m[row, 0]), float(tried.end_m[row, column]), stretches, "overshoot")
 
     def _tried(self, angle_rad: float) -> _Tried:
         """Return turns to the right that cross the next leg and come back onto it."""
@@ -109,8 +109,8 @@ def _first_turns(angle_rad: float, limits: TurnLimits) -> Complex:
 
 def _backwards(joint: Joint) -> Joint:
     """Return the joint that is this one flown from its end, with left and right exchanged: at the same corner."""
-    way = tuple(Stretch(length_m, end, begin) for length_m, begin, end in reversed(joint.stretches))
-    return Joint(joint.after_m, joint.before_m, way, joint.kind)
+    stretches = tuple(Stretch(length_m, end, begin) for length_m, begin, end in reversed(joint.stretches))
+    return Joint(joint.after_m, joint.before_m, stretches, joint.kind)
 
 
 def _mirrored(joint: Joint) -> Joint:

@@ -14,7 +14,7 @@ from flight_model.arrays import TURN, Array, Indices
 from flight_model.legs.circling import Circles, Circling, Nodes, nodes
 from flight_model.legs.heights import Climbs, Heights, eased, profile
 from flight_model.legs.joining import Joiner, Placed, TurnRules
-from flight_model.legs.joint import SAMPLES, Joint, courses_rad, places
+from flight_model.legs.joint import SAMPLES, Joint, courses_rad, points
 from flight_model.legs.turn import NEGLIGIBLE_M, Stretch, TurnLimits, turn_length_m, turn_stretches, turned_m
 from flight_model.path import FlightPath, PathError, hermite_pieces
 
@@ -23,13 +23,13 @@ PIECE_RAD = 0.1
 """Largest angle of a curved piece; the error of its quintic is far below a millimetre."""
 PIECE_M = 2000.0
 MIN_CURVED = 4
-APART_M = 0.5
+SEPARATION_M = 0.5
 """Nodes for heights are moved to others that are nearer than this, so that no piece is tiny."""
 TINY_M = 1.0
 """Length of pieces below which they are cubics."""
 MAX_CIRCLES = 200
 BETWEEN_SHARE = 0.5
-"""Share of the leg between two waypoints by which the places are apart at least where one turn passes both."""
+"""Share of the leg between two waypoints by which their points on one turn that passes both are separated at least."""
 _ABSCISSAE, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
@@ -194,10 +194,10 @@ class _Line:
             return [joint.length_m / 2.0]
         axis = self._flat[first] - self._flat[first - 1]
         axis = axis / abs(axis)
-        way = self._flat[first] - joint.before_m * axis + axis * places(joint.stretches, SAMPLES)
-        nearest = np.abs(self._flat[first : last + 1, None] - way).argmin(axis=1)
+        curve = self._flat[first] - joint.before_m * axis + axis * points(joint.stretches, SAMPLES)
+        nearest = np.abs(self._flat[first : last + 1, None] - curve).argmin(axis=1)
         gaps_m = BETWEEN_SHARE * np.array(self._legs_m[first:last])
-        return _apart(joint.length_m * nearest / SAMPLES, gaps_m, joint.length_m)
+        return _separated(joint.length_m * nearest / SAMPLES, gaps_m, joint.length_m)
 
     def _due(self, waypoint: int, at_m: float) -> None:
         """Note a waypoint's height at a distance; the higher limit of slopes is that of the leg before it."""
@@ -270,14 +270,15 @@ class _Line:
         begin = self._flat[node] - leg / abs(leg) * (abs(leg) - after_m if after_m < 0.0 else 0.0)
         course = float(np.angle(leg))
         return min(
-            both, key=lambda way: lack(begin + np.exp(1j * course) * places(way, 100), course + courses_rad(way, 100))
+            both,
+            key=lambda each: lack(begin + np.exp(1j * course) * points(each, 100), course + courses_rad(each, 100)),
         )
 
 
-def _apart(at_m: Array, gaps_m: Array, length_m: float) -> list[float]:
-    """Return rising distances (n,) near to others along a way, with gaps (n - 1,) between them as far as it has room.
+def _separated(at_m: Array, gaps_m: Array, length_m: float) -> list[float]:
+    """Return rising distances (n,) near to others along a curve, with gaps (n - 1,) between them as far as it has room.
 
-    Each waypoint that one turn passes so has a place of its own, and so a height.
+    Each waypoint that one turn passes so has a position of its own, and so a height.
     """
     gaps_m = gaps_m * min(1.0, length_m / max(float(gaps_m.sum()), NEGLIGIBLE_M))
     before_m = np.concatenate((np.zeros(1), np.cumsum(gaps_m)))
@@ -313,15 +314,15 @@ def _curve(start: complex, course_rad: float, stretches: list[Stretch], heights:
     half = np.diff(nodes) / 2.0
     inner, _ = bearing(nodes[:-1, None] + half[:, None] * (1.0 + _ABSCISSAE), index[:, None])
     steps = half * (np.exp(1j * inner) @ _WEIGHTS)
-    place = start + np.concatenate((np.zeros(1), np.cumsum(steps)))
+    flat = start + np.concatenate((np.zeros(1), np.cumsum(steps)))
     course, curvature = bearing(nodes, np.append(index, lengths.size - 1))
     height, slope, slope_rate = heights.at(nodes)
     axis = np.exp(1j * course)
-    values = np.stack((place.real, place.imag, height), axis=1)
+    values = np.stack((flat.real, flat.imag, height), axis=1)
     first = np.stack((axis.real, axis.imag, slope), axis=1)
     second = np.stack((-curvature * axis.imag, curvature * axis.real, slope_rate), axis=1)
     coefficients, length = hermite_pieces(values, first, second, np.diff(nodes)), np.diff(nodes)[:, None]
-    # On tiny pieces the rounding of both places would be a large third derivative.
+    # On tiny pieces the rounding of both positions would be a large third derivative.
     tiny = length[:, 0] < TINY_M
     coefficients[tiny, :, 3] = (np.diff(second, axis=0) / (6.0 * length))[tiny]
     coefficients[tiny, :, 4:] = 0.0
@@ -334,7 +335,7 @@ def _with_nodes(nodes: Array, others: Array) -> Array:
     for each in others.tolist():
         at = int(np.searchsorted(nodes, each))
         near = nodes[max(at - 1, 0) : at + 1]
-        if np.abs(near - each).min() > APART_M:
+        if np.abs(near - each).min() > SEPARATION_M:
             found.append(each)
     merged = np.sort(np.array(found))
     return merged[np.concatenate(([True], np.diff(merged) > NEGLIGIBLE_M / 10.0))]

@@ -41,7 +41,7 @@ class SpeedChanges(NamedTuple):
     min_s: float
 
     def length_m(self, from_mps: float, to_mps: float) -> float:
-        """Return the length of the way that a change takes."""
+        """Return the distance that a change takes."""
         over_ground_mps = max(from_mps, to_mps) + self.wind_mps
         takes_s = max(STEEPEST * abs(to_mps - from_mps) / self.accel_mps2, self.min_s)
         return over_ground_mps * takes_s if to_mps != from_mps else 0.0
@@ -51,7 +51,7 @@ class SpeedProfile:
     """The airspeed by the distance along a path, m/s."""
 
     def __init__(self, begin_mps: float, changes: Sequence[Change] = ()) -> None:
-        """Take the speed at the path's begin, and its changes in the order of the way, which don't overlap."""
+        """Take the speed at the path's begin, and its changes in the order of the path, which don't overlap."""
         self.begin_mps = begin_mps
         self.changes = tuple(changes)
         self._begins_m = [each.begin_m for each in changes]

@@ -6,7 +6,7 @@ with the clothoid in W. Koc, Journal of Surveying Engineering 140, 2014). As wit
 "From Reeds and Shepp's to continuous-curvature paths", IEEE Transactions on Robotics 20, 2004) each transition turns by
 k L / 2; its steepest rate of curvature is 1.5 k / L. A turn too small for an arc has two transitions and a lower peak.
 
-Places are complex numbers here, north + i east, or forward + i right of a turn's beginning; angles are clockwise.
+Points are complex numbers here, north + i east, or forward + i right of a turn's beginning; angles are clockwise.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ NEGLIGIBLE_M = 1e-3
 
 
 class TurnLimits(NamedTuple):
-    """The tightest turn that all vehicles can fly: curvature per m, and its rate per m of the way."""
+    """The tightest turn that all vehicles can fly: curvature per m, and its rate per m of arc length."""
 
     curvature_1pm: float
     curvature_rate_1pm2: float
@@ -44,7 +44,7 @@ class TurnLimits(NamedTuple):
 
 
 class Stretch(NamedTuple):
-    """A piece of the way whose curvature changes from one value to another, by Bloss; straight if both are 0."""
+    """A piece of a path whose curvature changes from one value to another, by Bloss; straight if both are 0."""
 
     length_m: float
     from_1pm: float = 0.0

@@ -1,4 +1,4 @@
-"""Speeds along a way whose ends, corners and stops each allow one: changes between them are smooth and bounded.
+"""Speeds along a path whose ends, corners and stops each allow one: changes between them are smooth and bounded.
 
 A change follows Bloss's transition by the time, v(t) = v0 + (v1 - v0) (3 u^2 - 2 u^3), u = t / T: speed and
 acceleration are continuous, and a standstill is left in finite time, which a speed given by the distance can't.
@@ -28,7 +28,7 @@ class Rates(NamedTuple):
         return max(STEEPEST * by_mps / self.accel_mps2, self.min_s) if by_mps > NO_CHANGE_MPS else 0.0
 
     def length_m(self, from_mps: float, to_mps: float) -> float:
-        """Return the length of the way that a change takes: its mean speed is that of both ends."""
+        """Return the distance that a change takes: its mean speed is that of both ends."""
         return (from_mps + to_mps) / 2.0 * self.duration_s(from_mps, to_mps)
 
     def reached_mps(self, from_mps: float, to_mps: float, room_m: float) -> float:
@@ -44,7 +44,7 @@ class Rates(NamedTuple):
 
 
 def attainable(allowed_mps: Sequence[float], straights_m: Sequence[float], rates: Rates) -> list[float]:
-    """Return the highest speeds (n,) at places with straights (n - 1,) between them, m, that changes can connect.
+    """Return the highest speeds (n,) at points with straights (n - 1,) between them, m, that changes can connect.
 
     None is higher than allowed there (n,); the first one is as given, whatever can be reached from it.
     """

@@ -17,7 +17,7 @@ from flight_model.legs.speeds import Change, SpeedProfile
 from flight_model.stops.pacing import NO_CHANGE_MPS, Rates, attainable, between
 
 SETTLE_S = 2.0
-"""How long the leader is led to the point of a stop before it stands there."""
+"""How long the leader is led to the point of a stop before it hovers there."""
 NEWTON_STEPS = 30
 ALMOST_S = 1e-9
 MIN_S = 1e-6
@@ -27,13 +27,13 @@ HOVER_MPS = 1e-3
 
 
 class Passage(NamedTuple):
-    """How the leader passes a place of its path: between two distances at most at a speed; 0: it stops there."""
+    """How the leader passes a point of its path: between two distances at most at a speed; 0: it stops there."""
 
     begin_m: float
     end_m: float
     max_mps: float
     hold_s: float = 0.0
-    """Of a stop: how long it stands before it turns."""
+    """Of a stop: how long it hovers before it turns."""
     turn_s: float = 0.0
     """How long it turns in place."""
     from_rad: float = 0.0
@@ -70,7 +70,7 @@ class Piece(NamedTuple):
 
     @property
     def length_m(self) -> float:
-        """Length of its way."""
+        """Length of its part of the path."""
         return (self.from_mps + self.to_mps) / 2.0 * self.duration_s
 
 
@@ -93,7 +93,7 @@ class Timetable(SpeedProfile):
         Args:
             begin_mps: the speed at which the path is begun.
             legs_mps: wanted on the straights before, between and after the passages, one more than these.
-            passages: in the order of the way.
+            passages: in the order of the path.
             length_m: of the path.
             rates: of the changes.
         """

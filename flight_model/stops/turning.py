@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from flight_model.path_lift_and_displacement import PEAK_CHANGE, PEAK_RATE
+from flight_model.path_offsets import PEAK_CHANGE, PEAK_RATE
 
 SHARE: Final = 0.5
 """Share of the speed and acceleration limits that slots use in a turn in place; the rest is left to the law."""

@@ -10,11 +10,11 @@ from typing import Final
 from airlink.clock import Instant
 from flight_model.autopilot_model import AutopilotModel, rotated
 from flight_model.curve import PathPoint
-from flight_model.fence_geometry import LapFence
+from flight_model.fence_geometry import HoldingPatternFence
 from flight_model.flight_state import FlightState, Setpoint
 from flight_model.legs.speeds import SpeedProfile
 from flight_model.path import FlightPath, Route
-from flight_model.path_lift_and_displacement import DisplacedPath
+from flight_model.path_offsets import DisplacedPath
 from flight_model.stops.turning import MIN_S
 from gcs_formation.guidance.lateral import LateralGuidance, TurnBounds
 from gcs_formation.guidance.timed_progress import Due, TimedProgress
@@ -71,7 +71,7 @@ class LeaderGuidance:
     """Straight flight between a turn and the path; it is lengthened by as much with each holding pattern."""
     first_straight_s: float = FIRST_STRAIGHT_S
     """Shortest straight flight between the first turn and the path."""
-    fence: LapFence | None = None
+    fence: HoldingPatternFence | None = None
     """Fence that holding patterns are to fit into."""
     speeds: SpeedProfile | None = None
     """Planned airspeed along the path, until another speed is ordered; None: `speed_mps` all the way."""

@@ -18,13 +18,13 @@ from flight_model.arrays import Array, offset_points
 from flight_model.flight_state import FlightState
 from flight_model.offset_curve import STEP_M, OffsetCurve
 from flight_model.path import Route
-from flight_model.path_lift_and_displacement import (
+from flight_model.path_offsets import (
     SAMPLES,
     TRIFLE_M,
     Bounds,
     ClearanceOffset,
     min_offset,
-    sample_places,
+    sample_distances,
 )
 from flight_model.slot import Slot, Vector3
 from formation_scenario.fields import Frame
@@ -113,7 +113,7 @@ class SlotClearance:
         slope = self._bounds(outlook.along_mps).slope
         if steps < MIN_AHEAD_STEPS or abs(slope - self._slope) > SAME_BOUNDS * self._slope:
             return False
-        places = sample_places(first * STEP_M, steps)
+        places = sample_distances(first * STEP_M, steps)
         needed = self._needed(outlook, places, self._points(outlook.route, first, places))
         offsets_m = [ClearanceOffset(self._first * STEP_M, row).at(places)[0] for row in self._control_m]
         short = needed > np.stack(offsets_m) + TRIFLE_M
@@ -128,7 +128,7 @@ class SlotClearance:
             begun = list(self._control_m[:, first - self._first :][:, :kept])
         else:
             begun = self._as_they_were(outlook.leading, first, at_m)
-        places = sample_places(first * STEP_M, AHEAD_STEPS)
+        places = sample_distances(first * STEP_M, AHEAD_STEPS)
         points = self._points(outlook.route, first, places)
         needed = self._needed(outlook, places, points)
         needed[outlook.leading] = 0.0

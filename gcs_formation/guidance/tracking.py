@@ -11,7 +11,7 @@ from flight_model.autopilot_model import AutopilotModel, crab_rad, rotated, squa
 from flight_model.curve import PathPoint
 from flight_model.flight_state import FlightState
 from flight_model.path import Route
-from flight_model.path_lift_and_displacement import Rise
+from flight_model.path_offsets import Rise
 from flight_model.slot import LEADS_FROM_MPS
 
 MIN_MPS: Final = 1.0

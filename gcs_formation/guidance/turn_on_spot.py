@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from airlink.clock import Instant, seconds_between
-from flight_model.path_lift_and_displacement import minimum_jerk
+from flight_model.path_offsets import minimum_jerk
 from flight_model.stops.turning import MIN_S, turn_s
 
 NOSE_LAG_S: Final = 0.44

@@ -98,7 +98,7 @@ class Trajectory:
         """Return the flight along a path at a horizontal speed, with the heading along it and coordinated turns."""
         times_s = _knots(duration_s)
         points = path.at(speed_mps * times_s)
-        lat_rad, lon_rad = origin.places(points.north_m, points.east_m)
+        lat_rad, lon_rad = origin.positions(points.north_m, points.east_m)
         gravity = gravity_mps2(lat_rad, points.height_m)
         bank_rad = np.arctan(speed_mps**2 * points.curvature_1pm / gravity)
         height_m, heading_rad = origin.alt_m + points.height_m, np.unwrap(points.course_rad)

@@ -18,7 +18,7 @@ origins = st.builds(
     st.floats(-180, 180).map(math.radians),
     st.floats(-100, 4000),
 )
-places = st.tuples(st.floats(-20_000, 20_000), st.floats(-20_000, 20_000), st.floats(-1000, 100))
+positions = st.tuples(st.floats(-20_000, 20_000), st.floats(-20_000, 20_000), st.floats(-1000, 100))
 
 
 def earth_fixed(lat_rad, lon_rad, alt_m):
@@ -28,9 +28,9 @@ def earth_fixed(lat_rad, lon_rad, alt_m):
     return across * math.cos(lon_rad), across * math.sin(lon_rad), up
 
 
-@given(origins, places)
-def test_going_out_and_back_ends_within_a_micrometre(origin, place):
-    assert origin.to_ned(*origin.from_ned(*place)) == pytest.approx(place, abs=1e-6)
+@given(origins, positions)
+def test_going_out_and_back_ends_within_a_micrometre(origin, position):
+    assert origin.to_ned(*origin.from_ned(*position)) == pytest.approx(position, abs=1e-6)
 
 
 @given(origins)
@@ -41,8 +41,8 @@ def test_the_origin_maps_to_nothing(origin):
 @given(st.floats(-70, 70).map(math.radians), st.floats(0, math.tau), st.floats(10, 1000))
 def test_distances_from_the_origin_are_true_to_a_millimetre_a_kilometre(lat_rad, bearing, distance):
     origin = GeodeticOrigin(lat_rad, math.radians(125), 0.0)
-    place = origin.from_ned(distance * math.cos(bearing), distance * math.sin(bearing), 0.0)
-    true = math.dist(earth_fixed(origin.lat_rad, origin.lon_rad, 0.0), earth_fixed(*place))
+    position = origin.from_ned(distance * math.cos(bearing), distance * math.sin(bearing), 0.0)
+    true = math.dist(earth_fixed(origin.lat_rad, origin.lon_rad, 0.0), earth_fixed(*position))
     assert true == pytest.approx(distance, rel=1e-6)
 
 
@@ -62,10 +62,10 @@ def test_the_date_line_is_no_border():
     assert -math.pi <= origin.from_ned(0.0, 1000.0, 0.0)[1] < 0
 
 
-@given(origins, places)
-def test_many_places_are_mapped_as_each_by_itself(origin, place):
-    north_m, east_m, _ = place
+@given(origins, positions)
+def test_many_positions_are_mapped_as_each_by_itself(origin, position):
+    north_m, east_m, _ = position
     lat_rad, lon_rad, _ = origin.from_ned(north_m, east_m, 0.0)
-    lats_rad, lons_rad = origin.places(np.array([north_m, 0.0]), np.array([east_m, 0.0]))
+    lats_rad, lons_rad = origin.positions(np.array([north_m, 0.0]), np.array([east_m, 0.0]))
     assert lats_rad == pytest.approx([lat_rad, origin.lat_rad], abs=1e-12)
     assert math.remainder(lons_rad[0] - lon_rad, math.tau) == pytest.approx(0.0, abs=1e-12)

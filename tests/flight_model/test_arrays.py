@@ -1,4 +1,4 @@
-"""Columns from rows, independent of how rows are split into blocks; and places beside others."""
+"""Columns from rows, independent of how rows are split into blocks; and positions alongside others."""
 
 from __future__ import annotations
 

@@ -42,15 +42,15 @@ def fly(begin, commanded, seconds, steps=1, of=None):
     return end
 
 
-@pytest.mark.parametrize("lag", ["tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s"])
+@pytest.mark.parametrize("tau", ["tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s"])
 @pytest.mark.parametrize("moves", [advance, respond])
-def test_what_a_model_keeps_of_its_time_constants_ends_when_one_changes(lag, moves):
+def test_what_a_model_keeps_of_its_time_constants_ends_when_one_changes(tau, moves):
     kept = model()
     commands = {"speed_mps": 23.0, "heading_rad": 0.2, "height_m": 101.0, "time_s": 0.1}
     moves(state(), kept, **commands)
     fresh = AutopilotModel(*model().values())
     for each in (kept, fresh):
-        setattr(each, lag, 2.5)
+        setattr(each, tau, 2.5)
     one, other = state(), state()
     moves(one, kept, **commands)
     moves(other, fresh, **commands)
@@ -147,8 +147,8 @@ def test_no_limit_is_ever_passed(speed, heading, height):
         assert abs(now.height_m - before.height_m) <= CLIMB * dt + 1e-12
 
 
-def test_a_climb_beyond_its_limit_comes_down_to_it_by_the_faster_lag():
-    """9 m/s at first, 3 are allowed: 3 + 6 / e after the faster lag, and 3 + 6 (1 - 1 / e) m higher."""
+def test_a_climb_beyond_its_limit_comes_down_to_it_by_the_faster_time_constant():
+    """9 m/s at first, 3 are allowed: 3 + 6 / e after the faster time constant, and 3 + 6 (1 - 1 / e) m higher."""
     end = fly(state(climb_mps=9.0), command(height=200.0), 1.0)
     assert end.climb_mps == pytest.approx(3.0 + 6.0 / math.e)
     assert end.height_m == pytest.approx(100.0 + 3.0 + 6.0 * (1.0 - 1.0 / math.e))
@@ -197,7 +197,7 @@ def test_a_turn_of_100_s_at_50_hz_ends_within_a_millimetre_on_its_circle():
     assert now.east_m == pytest.approx(radius * (1 - math.cos(25.0)), abs=1e-3)
 
 
-def test_wind_is_added_to_the_way_over_ground():
+def test_wind_is_added_to_the_path_over_ground():
     still, carried = (
         fly(state(**wind), command(), 10.0) for wind in ({}, {"wind_north_mps": 0.6, "wind_east_mps": -0.3})
     )
@@ -228,7 +228,7 @@ def test_a_response_is_the_flight_without_its_change_of_position(
 
 @given(st.floats(0.02, 1.0), st.floats(-0.2, 0.2), st.floats(-4.0, 4.0))
 def test_a_zero_order_hold_equivalents_rates_are_the_means_while_a_setpoint_is_held(held_s, to_side, faster):
-    """Of the error at the beginning, and of the error at the end with lags that are shorter by the elapsed time."""
+    """Of the error at the beginning, and of the error at the end with time constants shorter by the elapsed time."""
     begin, held = state(heading_rad=1.0), model().held(held_s)
     end = fly(begin, command(speed=22.0 + faster, heading=1.0 + to_side), held_s)
     for value, less_s in ((begin, 0.0), (end, held_s)):
@@ -239,7 +239,7 @@ def test_a_zero_order_hold_equivalents_rates_are_the_means_while_a_setpoint_is_h
 
 
 @pytest.mark.parametrize(("error", "expected"), [(2.0, 0.5), (10.0, 1.5), (-12.0, -1.5), (math.nan, 0.0)])
-def test_a_rate_is_the_errors_share_of_the_lag_within_its_limit_and_none_without_a_setpoint(error, expected):
+def test_a_rate_is_the_error_by_the_time_constant_within_its_limit_and_none_without_a_setpoint(error, expected):
     assert rate(error, TAU_V, ACCEL) == expected
 
 

@@ -99,7 +99,7 @@ def test_a_large_gain_of_speed_is_paid_in_height_as_arduplane_does():
 
 
 def test_a_demand_that_is_swung_quickly_comes_back_larger():
-    """The demand's rate is fed forward: at 0.8 rad/s airspeed swings by more than the 0.3 of a lag of 4 s."""
+    """The demand's rate is fed forward: at 0.8 rad/s airspeed swings by more than the 0.3 of a time constant of 4 s."""
     one, parameters = aircraft()
     swung = []
     for cycle in range(3000):

@@ -18,18 +18,18 @@ SAMPLED_M = 2.0
 """Accuracy of distances to edges that are known by so many points, the very corners apart."""
 
 
-def winding(polygon: Array, places: Array) -> Array:
-    """Return how often (N,) a polygon winds around places (N, 2): the sum of the angles under which edges are seen."""
-    seen = polygon[None] - places[:, None]
+def winding(polygon: Array, points: Array) -> Array:
+    """Return how often (N,) a polygon winds around points (N, 2): the sum of the angles under which edges are seen."""
+    seen = polygon[None] - points[:, None]
     angle = np.arctan2(seen[..., 1], seen[..., 0])
     turn = np.roll(angle, -1, axis=1) - angle
     return np.abs(np.round(((turn + np.pi) % (2 * np.pi) - np.pi).sum(axis=1) / (2 * np.pi)))
 
 
-def inside(area: FenceArea, places: Array) -> Mask:
+def inside(area: FenceArea, points: Array) -> Mask:
     if isinstance(area.shape, Polygon):
-        return winding(area.shape.corners_m, places) > 0
-    return np.asarray(((places - area.shape.centre_m) ** 2).sum(axis=1) < area.shape.radius_m**2)
+        return winding(area.shape.corners_m, points) > 0
+    return np.asarray(((points - area.shape.centre_m) ** 2).sum(axis=1) < area.shape.radius_m**2)
 
 
 def edge(area: FenceArea) -> Array:
@@ -43,11 +43,11 @@ def edge(area: FenceArea) -> Array:
     return along.reshape(-1, 2)
 
 
-def allowed(fence: FenceAreas, places: Array) -> Mask:
-    """Return whether vehicles may be at places (N, 2)."""
-    within = [inside(each, places) for each in fence.areas if each.inclusion]
-    without = [~inside(each, places) for each in fence.areas if not each.inclusion]
-    into = (np.any if fence.any_inclusion else np.all)(within, axis=0) if within else np.ones(len(places), dtype=bool)
+def allowed(fence: FenceAreas, points: Array) -> Mask:
+    """Return whether vehicles may be at points (N, 2)."""
+    within = [inside(each, points) for each in fence.areas if each.inclusion]
+    without = [~inside(each, points) for each in fence.areas if not each.inclusion]
+    into = (np.any if fence.any_inclusion else np.all)(within, axis=0) if within else np.ones(len(points), dtype=bool)
     return np.asarray(into & np.all(without, axis=0)) if without else np.asarray(into)
 
 
@@ -70,14 +70,14 @@ FENCES = {
 
 @pytest.mark.parametrize("name", FENCES)
 def test_the_distance_is_that_to_the_nearest_edge_and_positive_where_vehicles_may_be(name: str) -> None:
-    found, places = FENCES[name], np.random.default_rng(4).uniform(-1500.0, 1500.0, (300, 2))
-    within_m, may = found.inside_m(places), allowed(found, places)
+    found, points = FENCES[name], np.random.default_rng(4).uniform(-1500.0, 1500.0, (300, 2))
+    within_m, may = found.inside_m(points), allowed(found, points)
     assert np.array_equal(within_m > 0.0, may)
     # The edge of what is allowed: those points of areas' edges next to which both is found.
     edges = np.concatenate([edge(each) for each in found.areas])
     beside = [allowed(found, edges + step) for step in 0.5 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1.0]])]
     border = edges[np.any(beside, axis=0) & ~np.all(beside, axis=0)]
-    true_m = np.sqrt(((places[:, None] - border[None]) ** 2).sum(axis=-1).min(axis=1))
+    true_m = np.sqrt(((points[:, None] - border[None]) ** 2).sum(axis=-1).min(axis=1))
     assert np.all(np.abs(within_m) <= true_m + 0.1)
     exact = (may & (not found.any_inclusion)) | (len(found.areas) == 1)
     assert exact.sum() > 5 or found.any_inclusion
@@ -87,8 +87,8 @@ def test_the_distance_is_that_to_the_nearest_edge_and_positive_where_vehicles_ma
 def test_the_area_named_is_the_one_whose_edge_is_nearest() -> None:
     found = FENCES["all of everything"]
     named = {(300.0, 200.0): "areas.2", (-400.0, -400.0): "areas.3", (2000.0, 0.0): "areas.1", (780.0, 0.0): "areas.1"}
-    for place, key in named.items():
-        assert found.nearest(np.array(place)).key == f"safety.fence.{key}", place
+    for point, key in named.items():
+        assert found.nearest(np.array(point)).key == f"safety.fence.{key}", point
 
 
 def test_of_inclusions_of_which_one_is_enough_the_nearer_one_is_named() -> None:
@@ -99,7 +99,7 @@ def test_of_inclusions_of_which_one_is_enough_the_nearer_one_is_named() -> None:
     assert [str(each) for each in FENCES["a circle in a polygon"].areas] == ["inclusion polygon", "exclusion circle"]
 
 
-def test_shapes_too_far_to_matter_change_nothing_and_unknown_places_stay_unknown() -> None:
+def test_shapes_too_far_to_matter_change_nothing_and_unknown_points_stay_unknown() -> None:
     rng = np.random.default_rng(9)
     lakes: list[Polygon | Circle] = [
         Circle(rng.uniform(-2000.0, 2000.0, 2), float(rng.uniform(20.0, 300.0))) for _ in range(30)
@@ -108,11 +108,11 @@ def test_shapes_too_far_to_matter_change_nothing_and_unknown_places_stay_unknown
         Polygon(rng.uniform(-2000.0, 2000.0, 2) + rng.uniform(-300.0, 300.0, (5, 2))) for _ in range(30)
     ]
     found = fence((Polygon(WIDE), True), *((shape, False) for shape in (*lakes, *woods)))
-    places = rng.uniform(-1500.0, 1500.0, (20, 10, 2))
-    places[3, 4] = np.nan
-    each = [area.allowed_m(places) for area in found.areas]
-    assert np.array_equal(found.inside_m(places), np.min(each, axis=0), equal_nan=True)
-    one_by_one = [[found.inside_m(place) for place in row] for row in places]
+    points = rng.uniform(-1500.0, 1500.0, (20, 10, 2))
+    points[3, 4] = np.nan
+    each = [area.allowed_m(points) for area in found.areas]
+    assert np.array_equal(found.inside_m(points), np.min(each, axis=0), equal_nan=True)
+    one_by_one = [[found.inside_m(point) for point in row] for row in points]
     assert np.array_equal(np.array(one_by_one), np.min(each, axis=0), equal_nan=True)
-    assert np.isnan(fence((lakes[0], False)).inside_m(places[3])[4])
+    assert np.isnan(fence((lakes[0], False)).inside_m(points[3])[4])
     assert found.inside_m(np.zeros((0, 2))).shape == (0,)

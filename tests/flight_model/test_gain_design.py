@@ -68,12 +68,12 @@ def test_an_aircrafts_response_is_what_a_small_sine_comes_back_as():
 
 
 def test_faster_swings_of_speed_than_half_a_radian_a_second_cost_height():
-    (matrix, inputs), place = linearised(AIRCRAFT, 22.0), energy.QUANTITIES.index("height_m")
+    (matrix, inputs), index = linearised(AIRCRAFT, 22.0), energy.QUANTITIES.index("height_m")
     by_speed = [
         np.linalg.solve(np.exp(1j * radps * energy.ENERGY_S) * np.eye(len(matrix)) - matrix, inputs[:, 0])
         for radps in (0.05, 0.8)
     ]
-    slow_m, fast_m = (abs(answer[place]) for answer in by_speed)
+    slow_m, fast_m = (abs(answer[index]) for answer in by_speed)
     assert slow_m < 0.3
     assert fast_m > 1.5
 
@@ -136,11 +136,13 @@ def test_the_winds_observer_leaves_85_percent_of_the_airspeeds_delay_margin(dela
     response = airframe_responses(FREQUENCIES, AIRCRAFT, 22.0)
     channels, (_, observer_radps, _) = design([response], 22.0, WEIGHTS, NOISY._replace(delay_s=delay_s))
     channel, s = channels["speed"], 1j * FREQUENCIES
-    plant = response.speed * np.exp(-s * (delay_s + 0.6))  # over 300 ms each way, which the design doesn't know
+    plant = response.speed * np.exp(
+        -s * (delay_s + 0.6)
+    )  # over 300 ms in each direction, which the design doesn't know
     alone = (channel.kp + channel.ki / s + channel.kd * s / (0.3 * s + 1)) / s * plant
 
     def margin_s(radps):
-        """Return the least further delay at which the loop comes to -1."""
+        """Return the smallest further delay at which the loop comes to -1."""
         loop = alone + radps / (s + radps) * plant
         (at,) = np.nonzero((np.abs(loop[:-1]) >= 1) != (np.abs(loop[1:]) >= 1))
         return np.min(np.mod(np.angle(-loop[at]), 2 * np.pi) / FREQUENCIES[at])
@@ -205,7 +207,7 @@ TAUS = axes(tau_responses(TAU_V_S, TAU_PSI_S, (1.0, 3.0)))
 def loop(gains, axis, mode):
     k1, k2, k3 = gains
     s = 1j * FREQUENCIES
-    return axis.lag_s * (mode * (k1 / s + k2) + k3 - 1.0 / axis.lag_s) * axis.response * delay_response(SAMPLING_S)
+    return axis.tau_s * (mode * (k1 / s + k2) + k3 - 1.0 / axis.tau_s) * axis.response * delay_response(SAMPLING_S)
 
 
 @pytest.mark.parametrize("links_s", [0.0, 0.6])
@@ -226,7 +228,7 @@ def test_the_papers_gains_are_unstable_around_an_aircraft_and_stable_around_its_
 
 def test_the_fastest_mode_is_as_fast_on_every_graph():
     (few, _, damping), (many, _, same) = (
-        consensus_gains([AXES], (0.0, 1.0, most), SENSOR_M, *NEAR) for most in (4.0, 10.0)
+        consensus_gains([AXES], (0.0, 1.0, largest), SENSOR_M, *NEAR) for largest in (4.0, 10.0)
     )
     assert 4.0 * few == pytest.approx(10.0 * many)
     assert damping == same == 1.0 / TAU_V_S

@@ -65,10 +65,10 @@ def test_the_tangents_of_a_turn_meet_equally_far_from_both_ends():
 def test_every_detour_ends_where_and_as_it_should_and_the_shortest_is_first(forward_m, right_m, angle_rad):
     options = Detours(LIMITS).between(forward_m, right_m, angle_rad)
     assert options
-    assert [way.length_m for way in options] == sorted(way.length_m for way in options)
-    for way in options:
+    assert [option.length_m for option in options] == sorted(option.length_m for option in options)
+    for option in options:
         end, course, length_m = 0j, 0.0, 0.0
-        for part in way.parts:
+        for part in option.parts:
             turn = turned_m(np.asarray(part.angle_rad), LIMITS.widened(part.widened))
             end += np.exp(1j * course) * (part.straight_m + turn)
             length_m += part.straight_m + part.widened * float(turn_length_m(np.asarray(part.angle_rad), LIMITS))
@@ -76,8 +76,8 @@ def test_every_detour_ends_where_and_as_it_should_and_the_shortest_is_first(forw
             assert part.widened >= 1.0
         assert abs(end - complex(forward_m, right_m)) < 1e-4
         assert abs(np.exp(1j * course) - np.exp(1j * angle_rad)) < 1e-6
-        assert way.length_m == pytest.approx(length_m)
-        assert way.length_m >= abs(end) - 1e-6
+        assert option.length_m == pytest.approx(length_m)
+        assert option.length_m >= abs(end) - 1e-6
 
 
 @pytest.mark.parametrize("spacing_m", [40.0, 60.0, 100.0, 200.0, 300.0, 350.0, 400.0])
@@ -145,8 +145,8 @@ def test_a_detour_is_the_shortest_one_that_has_room():
     shortest = legs(waypoints)
     farthest_m = shortest.at(np.linspace(0.0, shortest.length_m, 5000)).north_m.max()
 
-    def lack(way, course_rad):
-        return float(np.maximum(way.real - (farthest_m - 100.0), 0.0).sum())
+    def lack(points, course_rad):
+        return float(np.maximum(points.real - (farthest_m - 100.0), 0.0).sum())
 
     inside = legs(waypoints, lack=lack)
     assert inside.at(np.linspace(0.0, inside.length_m, 5000)).north_m.max() < farthest_m - 50.0
@@ -157,9 +157,9 @@ def test_a_detour_without_room_is_looked_for_near_its_legs_alone():
     # The lines of legs that are almost opposite meet 1,000 km away.
     waypoints = [[0, 0, 100], [1500, 0, 100], [1500, 200, 100], [0, 200.0003, 100]]
 
-    def lack(way, course_rad):
-        assert np.abs(way).max() < 10_000.0
-        return float(way.size)
+    def lack(points, course_rad):
+        assert np.abs(points).max() < 10_000.0
+        return float(points.size)
 
     assert legs(waypoints, lack=lack).length_m < 10_000.0
 
@@ -223,10 +223,10 @@ def test_what_is_straight_lies_on_a_leg_and_turns_pass_within_the_distance_allow
             assert math.hypot(point.north_m - north_m, point.east_m - east_m) <= MAX_M + between_m
     points = path.at(at_m[~joined])
     flat = np.array(waypoints)[:, :2] @ np.array([1.0, 1j])
-    begin, way = flat[:-1, None], np.diff(flat)[:, None]
-    place = points.north_m + 1j * points.east_m
-    share = np.clip(((place - begin) * np.conj(way)).real / np.abs(way) ** 2, 0.0, 1.0)
-    assert np.abs(place - begin - share * way).min(axis=0).max(initial=0.0) < 1e-3
+    begin, along = flat[:-1, None], np.diff(flat)[:, None]
+    point = points.north_m + 1j * points.east_m
+    share = np.clip(((point - begin) * np.conj(along)).real / np.abs(along) ** 2, 0.0, 1.0)
+    assert np.abs(point - begin - share * along).min(axis=0).max(initial=0.0) < 1e-3
     assert np.all(points.curvature_1pm == pytest.approx(0.0, abs=1e-9))
 
 
@@ -266,7 +266,7 @@ def test_a_leg_that_is_too_steep_is_named_or_ends_in_as_few_circles_as_do():
     assert circled.at(circled.length_m).north_m == pytest.approx(4500.0, abs=1e-3)
 
 
-def test_waypoints_at_one_place_have_no_leg_between_them():
+def test_waypoints_at_one_position_have_no_leg_between_them():
     with pytest.raises(PathError, match=r"0\.5 m from the one before it"):
         legs([[0, 0, 100], [1000, 0, 100], [1000.5, 0, 100]])
 

@@ -1,4 +1,4 @@
-"""Heights through dense points: a run of short ways is climbed as one, within a metre of all points."""
+"""Heights through dense points: a run of short sections is climbed as one, within a metre of all points."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flight_model.legs.heights import Climbs, profile
 CLIMBS = Climbs(slope=0.14, change_1pm=0.0005)
 
 
-def test_a_short_way_with_a_small_climb_among_others_is_no_reason_to_refuse() -> None:
+def test_a_short_section_with_a_small_climb_among_others_is_no_reason_to_refuse() -> None:
     at_m = np.arange(0.0, 2000.0, 18.0)
     heights_m = 100.0 + 0.02 * at_m + 0.1 * np.sin(at_m)  # digitised: centimetres of noise
     heights, steep = profile(at_m, heights_m, [CLIMBS] * (at_m.size - 1))

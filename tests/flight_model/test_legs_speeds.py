@@ -21,12 +21,12 @@ def test_each_leg_is_flown_at_its_speed_and_turns_at_that_of_the_leg_before() ->
 def test_the_acceleration_stays_inside_its_limit_and_neither_it_nor_the_speed_jumps() -> None:
     profile, _ = speed_profile(STRAIGHTS, [22.0, 18.0, 25.0], LIMITS)
     at_m = np.linspace(0.0, 3400.0, 34_001)
-    speed_mps, by_way = np.array([profile.at(each) for each in at_m.tolist()]).T
-    accel_mps2 = speed_mps * by_way
+    speed_mps, slope_1ps = np.array([profile.at(each) for each in at_m.tolist()]).T
+    accel_mps2 = speed_mps * slope_1ps
     assert 0.8 * 0.5 < np.abs(accel_mps2).max() <= 0.5 + 1e-9
     assert np.abs(np.diff(speed_mps)).max() < 0.005
     assert np.abs(np.diff(accel_mps2)).max() < 0.005
-    assert by_way == pytest.approx(np.gradient(speed_mps, at_m), abs=1e-4)
+    assert slope_1ps == pytest.approx(np.gradient(speed_mps, at_m), abs=1e-4)
     assert profile.at_each(at_m) == pytest.approx(speed_mps)
 
 
@@ -39,7 +39,7 @@ def test_a_leg_too_short_for_its_speed_is_left_at_what_it_has_room_for() -> None
     assert profile.at(3400.0)[0] == pytest.approx(18.0)
 
 
-def test_distances_by_time_are_those_of_the_speeds_along_the_way() -> None:
+def test_distances_by_time_are_those_of_the_speeds_along_the_path() -> None:
     profile, _ = speed_profile(STRAIGHTS, [22.0, 18.0, 25.0], LIMITS)
     at_m = np.linspace(0.0, 3400.0, 34_001)
     slowness = 1.0 / profile.at_each(at_m)

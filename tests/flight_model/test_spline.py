@@ -16,6 +16,6 @@ def test_values_and_derivatives_are_those_of_scipy(count: int, even: bool) -> No
     steps = np.full(count - 1, 700.0) if even else rng.uniform(1.0, 1000.0, count - 1)
     parameters, points = np.concatenate(([0.0], np.cumsum(steps))), rng.normal(0.0, 1000.0, (count, 3))
     own, peer = spline_through(parameters, points), make_interp_spline(parameters, points, k=3, bc_type="natural")
-    places = np.concatenate((parameters, rng.uniform(0.0, parameters[-1], 100))).reshape(-1, 1)
+    at = np.concatenate((parameters, rng.uniform(0.0, parameters[-1], 100))).reshape(-1, 1)
     for order in range(3):
-        np.testing.assert_allclose(own.at(places, order), peer(places, order), rtol=1e-9, atol=1e-9 / 10.0**order)
+        np.testing.assert_allclose(own.at(at, order), peer(at, order), rtol=1e-9, atol=1e-9 / 10.0**order)

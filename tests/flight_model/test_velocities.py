@@ -19,13 +19,13 @@ speeds, courses = st.floats(0.0, 9.0), st.floats(-3.1, 3.1)
 
 def integrated(state: FlightState, speed_mps: float, course_rad: float, over_s: float) -> np.ndarray:
     """Return north, east and the velocity after v' = (v_set - v) / tau, limited in acceleration, by small steps."""
-    v, place = np.array(state.ground_mps()), np.array((state.north_m, state.east_m))
+    v, position = np.array(state.ground_mps()), np.array((state.north_m, state.east_m))
     commanded = speed_mps * np.array((np.cos(course_rad), np.sin(course_rad)))
     for _ in range(round(over_s / STEP_S)):
         change = (commanded - v) / COPTER.tau_v_s[0]
         change *= min(1.0, COPTER.accel_max_mps2[0] / max(np.linalg.norm(change), 1e-9))
-        place, v = place + STEP_S * (v + STEP_S * change / 2), v + STEP_S * change
-    return np.array((*place, *v))
+        position, v = position + STEP_S * (v + STEP_S * change / 2), v + STEP_S * change
+    return np.array((*position, *v))
 
 
 @given(speeds, courses, speeds, courses, st.sampled_from((0.2, 0.5)))

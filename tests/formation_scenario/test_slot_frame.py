@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flight_model.fence_geometry import Drift, Flyers, places_along
+from flight_model.fence_geometry import Drift, Flyers, positions_along
 from flight_model.slot import Slot
 from flight_model.spline import SplinePath
 from formation_scenario.slot_frame import axis_rad
@@ -87,7 +87,7 @@ def test_slots_start_north_and_east_of_the_leader_whatever_its_course(load):
 def test_along_a_fence_slots_keep_their_direction():
     way = np.zeros(2), np.zeros(2), np.array([0.0, math.pi / 2])
     flyers = Flyers(np.array([-50.0]), np.array([20.0]), np.array([0.2]), slots_turn=False)
-    places = places_along(way, flyers, Drift(20.0, 0.0, 12.0, 32.0))
+    places = positions_along(way, flyers, Drift(20.0, 0.0, 12.0, 32.0))
     assert places[0] == pytest.approx(np.array([[-50.0, 20.0], [-50.0, 20.0]]))
 
 

@@ -113,7 +113,7 @@ def test_a_geotiff_in_another_projection_is_warped(tmp_path):
 
 def test_many_places_on_the_earth_are_those_of_one_by_one():
     north, east = np.array([0.0, 4000.0, -20_000.0]), np.array([0.0, -7000.0, 30_000.0])
-    for i, (lat, lon) in enumerate(zip(*ORIGIN.places(north, east), strict=True)):
+    for i, (lat, lon) in enumerate(zip(*ORIGIN.positions(north, east), strict=True)):
         assert (lat, lon) == pytest.approx(ORIGIN.from_ned(north[i], east[i], 0.0)[:2], abs=1e-14)
 
 

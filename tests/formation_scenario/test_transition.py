@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist, squareform
 
-from flight_model.path_lift_and_displacement import DisplacedPath, Rise
+from flight_model.path_offsets import DisplacedPath, Rise
 from flight_model.spline import SplinePath
 from formation_scenario import load_scenario
 from formation_scenario.fields import distinct_texts

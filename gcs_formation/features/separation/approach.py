@@ -19,7 +19,7 @@ from flight_model.vehicle_arrays import (
     advance,
     advance_hovering,
     air_errors,
-    lift_m,
+    updraught_offset_m,
     velocities,
     velocity_aimed_at,
 )
@@ -303,7 +303,7 @@ def _heights(model: AutopilotModels, state: FlightStates, target_m: Array, steps
     """Return (S, N) heights from `state` on."""
     steps, max_m = HeightSteps.of(model, steps_s[:, None]), reach_m(model)
     height = Height(state.height_m, state.climb_mps)
-    lifted_m = lift_m(state, model)
+    lifted_m = updraught_offset_m(state, model)
     target_m = steps.commanded_m(height, target_m, lifted_m) - trails_m
     heights = [height.height_m]
     for k in range(steps_s.size):

@@ -53,7 +53,7 @@ class Encounters:
         if not conflicts and not self._each:
             return
         state, vehicles = picture.traffic.state, picture.vehicles
-        where = dict(zip(reversed(vehicles.tolist()), state.place_m[:, ::-1].T, strict=True))
+        where = dict(zip(reversed(vehicles.tolist()), state.position_m[:, ::-1].T, strict=True))
         for conflict in conflicts:
             pair = int(vehicles[conflict.vehicle]), int(vehicles[conflict.other])
             if pair not in self._each:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flight_model.arrays import Array, Indices, Mask, all_of, within, wrap
-from flight_model.vehicle_arrays import FlightStates, Setpoints, lift_m, velocity_aimed_at
+from flight_model.vehicle_arrays import FlightStates, Setpoints, updraught_offset_m, velocity_aimed_at
 from gcs_formation.features.separation.approach import COARSE_S, JERK_MPS3, Manoeuvre, MinimumDistance, Traffic, reach_m
 from gcs_formation.features.separation.broad_phase import SLOT_SHARE, KeptDistance
 
@@ -211,7 +211,7 @@ def free_heights(picture: TrafficPicture, vehicle: int, others: Indices, ends_m:
     own_m = float(picture.traffic.state.height_m[vehicle])
     other_side = (sides != side) & (side != 0)
     far_m = np.round(np.abs(heights - own_m), 6)
-    lifted_m = lift_m(picture.traffic.state, picture.traffic.model)[vehicle]
+    lifted_m = updraught_offset_m(picture.traffic.state, picture.traffic.model)[vehicle]
     return heights[np.lexsort((-sides, far_m, other_side))] - lifted_m + picture.trails_m[vehicle]
 
 

@@ -43,7 +43,7 @@ def expected(state: FlightStates) -> Array:
     """Return the expected sample of vehicles in `state`, (8, N)."""
     ground_north = state.airspeed_mps * np.cos(state.heading_rad) + state.wind_north_mps
     ground_east = state.airspeed_mps * np.sin(state.heading_rad) + state.wind_east_mps
-    return np.array((*state.place_m, ground_north, ground_east, state.climb_mps, *state.air_motion))
+    return np.array((*state.position_m, ground_north, ground_east, state.climb_mps, *state.air_motion))
 
 
 def sensitivity(state: FlightStates) -> Array:

@@ -10,7 +10,7 @@ import scipy.optimize
 
 from flight_model.arrays import Array
 from flight_model.flight_state import FlightState
-from flight_model.path_lift_and_displacement import TRIFLE_M, Bounds
+from flight_model.path_offsets import TRIFLE_M, Bounds
 from flight_model.spline import SplinePath
 from formation_scenario import load_scenario
 from formation_scenario.surroundings import Hill

@@ -88,7 +88,7 @@ def test_whatever_heading_is_asked_for_no_vehicle_leaves(corners: Any, areas: An
         now = tick(state, Setpoints.of(np.array([speed, wanted, height])))
         turned |= minimum(limits, now)[:, 1]
         state = advance(state, Setpoints.from_each(now.setpoints).table, np.full(count, TICK_S), model)
-        assert inside_m(polygon, state.place_m[:2].T).min() > 0.0, f"after {step * TICK_S:.2f} s"
+        assert inside_m(polygon, state.position_m[:2].T).min() > 0.0, f"after {step * TICK_S:.2f} s"
         for area in areas:
             north_m, east_m = area["centre_m"]
             assert np.hypot(state.north_m - north_m, state.east_m - east_m).min() > area["radius_m"]

@@ -10,7 +10,7 @@ import pytest
 
 import gcs_formation
 from flight_model.arrays import Array, Complex, Indices
-from flight_model.fence_geometry import Flyers, places_along
+from flight_model.fence_geometry import Flyers, positions_along
 from flight_model.legs.path import LegsPath
 from formation_scenario import load_scenario
 from formation_scenario.slot_assignment import slot_schedule
@@ -88,5 +88,5 @@ def test_all_slots_of_a_planned_mission_are_inside_its_fence(name: str) -> None:
     assert scenario.fence.sides is not None
     forward_m, right_m, _ = slot_schedule(scenario)[0].places_m.T
     way = points.north_m, points.east_m, points.course_rad
-    places = places_along(way, Flyers(forward_m, right_m, np.ones(4)), drift(scenario))
+    places = positions_along(way, Flyers(forward_m, right_m, np.ones(4)), drift(scenario))
     assert scenario.fence.sides.inside_m(places).min() > 25.0

@@ -70,7 +70,7 @@ def flown(climb_mps: float, models: AutopilotModels) -> tuple[float, float]:
         given_way_s = np.where(side != 0.0, given_way_s + DT_S, 0.0)
         until_s = step * DT_S if side.any() else until_s
         state = advance(state, decided.setpoints.table, np.full(2, DT_S), true)
-        min_m = min(min_m, float(np.linalg.norm(np.diff(state.place_m))))
+        min_m = min(min_m, float(np.linalg.norm(np.diff(state.position_m))))
     assert np.abs(state.east_m - BESIDE_M).max() < 0.5
     return until_s, min_m
 

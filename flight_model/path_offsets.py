@@ -1,8 +1,8 @@
-"""Lifts that keep a path clear of the ground, and displacements that lead onto a path from beside it.
+"""Offsets that keep a path clear of the ground, and displacements that lead onto a path from alongside it.
 
-A lift is the smallest that does so: a uniform cubic B-spline (equations 35 and 36). Its slope and curvature are bounded
-by the differences of its control points, so limits on these hold everywhere, and a linear program over the control
-points finds it. A displacement fades out by the minimum-jerk step (Flash and Hogan, "The coordination of arm
+A clearance offset is the smallest that does so: a uniform cubic B-spline (equations 35 and 36). Its slope and curvature
+are bounded by the differences of its control points, so limits on these hold everywhere, and a linear program over the
+control points finds it. A displacement fades out by the minimum-jerk step (Flash and Hogan, "The coordination of arm
 movements", J. Neuroscience 5, 1985).
 """
 
@@ -25,9 +25,9 @@ SAMPLES = 4
 """Points per step at which the clearance is required."""
 SAMPLE_M = STEP_M / SAMPLES
 TRIFLE_M = 0.01
-"""Required lifts below this are ignored."""
+"""Required offsets below this are ignored."""
 SHORT_COST = 10.0
-"""Cost of a missing metre, in metres of lift over the whole length: high, so that shortfall is the last resort."""
+"""Cost of a missing metre, in metres of offset over the whole length: high, so that shortfall is the last resort."""
 PEAK_RATE = 1.875
 """Largest first derivative, at u = 1/2."""
 PEAK_CHANGE = 5.77
@@ -53,11 +53,11 @@ class ClearanceOffset:
     control_m: Array
     """(n,), for n - 3 steps from `start_m` on."""
     short_m: float = 0.0
-    """Largest shortfall: how much of the required lift the bounds don't allow."""
+    """Largest shortfall: how much of the required offset the bounds don't allow."""
 
     @cached_property
     def curve(self) -> OffsetCurve:
-        """The lift on plain numbers, which are faster one at a time."""
+        """The offset on plain numbers, which are faster one at a time."""
         return OffsetCurve(self.control_m.tolist())
 
     def at_one(self, distance_m: float) -> tuple[float, float, float]:
@@ -65,7 +65,7 @@ class ClearanceOffset:
         return self.curve.at((distance_m - self.start_m) / STEP_M)
 
     def at(self, distance_m: Array) -> tuple[Array, Array, Array]:
-        """Return the lift, its slope and its curvature at distances; constant beyond its ends."""
+        """Return the offset, its slope and its curvature at distances; constant beyond its ends."""
         steps = np.clip((distance_m - self.start_m) / STEP_M, 0.0, self.control_m.size - 3.0)
         index = np.minimum(steps.astype(np.intp), self.control_m.size - 4)
         return blend([self.control_m[index + i] for i in range(4)], steps - index)
@@ -82,21 +82,22 @@ def blend(control: Sequence[Array], u: Array) -> tuple[Array, Array, Array]:
     return (outer + inner) / 6.0, slope / STEP_M, second / STEP_M**2
 
 
-def sample_places(start_m: float, steps: int) -> Array:
-    """Return the distances at which the required lift must be given, for a lift of `steps` steps."""
+def sample_distances(start_m: float, steps: int) -> Array:
+    """Return the distances at which the required offset must be given, for an offset of `steps` steps."""
     return start_m + SAMPLE_M * np.arange(steps * SAMPLES + 1, dtype=np.float64)
 
 
 def min_offset(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, begun_m: Array) -> ClearanceOffset:
-    """Return the lift of the least area. It is never negative, unless it begins below 0 and rises from there.
+    """Return the offset of the least area. It is never negative, unless it begins below 0 and rises from there.
 
     Args:
         start_m: distance at which it starts.
-        needed_m: required lift at `sample_places`; negative or NaN where none is required.
-        slope: the path's own slope there. With the lift it stays within the bounds; where it exceeds them by itself,
-            the lift makes it no steeper.
-        bounds: of the slope of path and lift together, and of the lift's curvature.
-        begun_m: the first control points of a lift that is continued; it returns inside the bounds as soon as possible.
+        needed_m: required offset at `sample_distances`; negative or NaN where none is required.
+        slope: the path's own slope there. With the offset it stays within the bounds; where it exceeds them by itself,
+            the offset makes it no steeper.
+        bounds: of the slope of path and offset together, and of the offset's curvature.
+        begun_m: the first control points of an offset that is continued; it returns inside the bounds as soon
+            as possible.
     """
     count = (needed_m.size - 1) // SAMPLES + 3
     needed = np.flatnonzero(needed_m > TRIFLE_M)
@@ -104,13 +105,13 @@ def min_offset(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, be
         return ClearanceOffset(start_m, np.zeros(count))
     rows, limits = _programme(needed, needed_m, slope[SAMPLES // 2 :: SAMPLES], bounds, begun_m)
     below = count if begun_m.min(initial=0.0) < 0.0 else 0
-    if below:  # a depth below 0 costs as much as a lift above
+    if below:  # a depth below 0 costs as much as an offset above
         rows, limits = _with_depth(rows, count), np.concatenate((limits, np.zeros(count)))
     free = count - begun_m.size
-    least = np.concatenate((begun_m, np.full(free, -np.inf if below else 0.0), np.zeros(needed.size + below)))
-    most = np.concatenate((begun_m, np.full(free + needed.size + below, np.inf)))
+    lower = np.concatenate((begun_m, np.full(free, -np.inf if below else 0.0), np.zeros(needed.size + below)))
+    upper = np.concatenate((begun_m, np.full(free + needed.size + below, np.inf)))
     cost = np.concatenate((np.ones(count), np.full(needed.size, SHORT_COST * count), np.full(below, 2.0)))
-    found = _minimum(cost, rows, limits, least, most)
+    found = _minimum(cost, rows, limits, lower, upper)
     if found is None:
         # No continuation is within the bounds: hold the last value, and report all that is missing.
         held = np.concatenate((begun_m, np.full(free, begun_m[-1])))
@@ -119,7 +120,7 @@ def min_offset(start_m: float, needed_m: Array, slope: Array, bounds: Bounds, be
     return ClearanceOffset(start_m, control_m, float(short_m.max(initial=0.0)))
 
 
-def _minimum(cost: Array, rows: Any, limits: Array, least: Array, most: Array) -> Array | None:  # noqa: ANN401 - see `_sparse`
+def _minimum(cost: Array, rows: Any, limits: Array, lower: Array, upper: Array) -> Array | None:  # noqa: ANN401 - see `_sparse`
     """Return the x of the least cost @ x with rows @ x <= limits, within its bounds; None if there is none.
 
     `milp` without integers: the same solver as `linprog`, which takes a fifth longer to prepare and to explain it.
@@ -128,7 +129,7 @@ def _minimum(cost: Array, rows: Any, limits: Array, least: Array, most: Array) -
 
     optimize: Any = scipy.optimize
     limited = optimize.LinearConstraint(rows, -np.inf, limits)
-    found: Array | None = optimize.milp(cost, bounds=optimize.Bounds(least, most), constraints=limited).x
+    found: Array | None = optimize.milp(cost, bounds=optimize.Bounds(lower, upper), constraints=limited).x
     return found
 
 
@@ -172,7 +173,7 @@ def _differences(count: int) -> tuple[Array, Indices, Indices]:
 
 
 def _begun(begun_m: Array, up: Array, down: Array, curved: Array) -> tuple[Array, Array, Array, Array]:
-    """Return limits that admit the lift as begun; slopes beyond them decrease as fast as the curvature allows."""
+    """Return limits that admit the offset as begun; slopes beyond them decrease as fast as the curvature allows."""
     widened: list[Array] = []
     for sign, limit in ((1.0, up), (-1.0, down)):
         rises, wide = sign * np.diff(begun_m), limit.copy()
@@ -217,10 +218,10 @@ class Rise(NamedTuple):
 class DisplacedPath:
     """A path with a displacement that fades out from `from_m` on, over `over_m`, as a minimum-jerk step.
 
-    An initial slope of the displacement, to the right or upwards, is continued by a quintic that ends at rest. A lift
-    can be added to clear the ground. Distances are along the path itself. A curve of curvature k that is displaced by o
-    along its normal n has the tangent (1 - k o) t + o' n; the rate of its curvature is approximated by the derivatives
-    of o.
+    An initial slope of the displacement, to the right or upwards, is continued by a quintic that ends at rest. An
+    offset can be added to clear the ground. Distances are along the path itself. A curve of curvature k that is
+    displaced by o along its normal n has the tangent (1 - k o) t + o' n; the rate of its curvature is approximated by
+    the derivatives of o.
     """
 
     def __init__(
@@ -247,10 +248,10 @@ class DisplacedPath:
 
     def at(self, distance_m: float) -> PathPoint:
         """Return the point at a distance along the path."""
-        point = self._beside(distance_m)
+        point = self._displaced(distance_m)
         return point if self._offset is None else point.raised(*self._offset.at_one(distance_m))
 
-    def _beside(self, distance_m: float) -> PathPoint:
+    def _displaced(self, distance_m: float) -> PathPoint:
         point = self.path.at(distance_m)
         if distance_m >= self._from_m + self._over_m:
             return point
