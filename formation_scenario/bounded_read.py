@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 from typing import Final
 
-from formation_scenario.named_files import place_of
+from formation_scenario.named_files import read_path
 
 WAIT_S: Final = 8.0
 """How long to wait for what is written to a pipe, from its first byte to its end."""
@@ -28,7 +28,7 @@ def read_bounded(path: Path, max_bytes: int) -> bytes:
     Raises:
         OSError: it can't be read, is a device, is longer than `max_bytes`, or is a pipe in which nothing comes.
     """
-    handle = os.open(place_of(path), os.O_RDONLY | os.O_NONBLOCK)
+    handle = os.open(read_path(path), os.O_RDONLY | os.O_NONBLOCK)
     try:
         return _read(handle, max_bytes)
     finally:
@@ -41,7 +41,7 @@ def require_file(path: Path) -> None:
     Raises:
         OSError: it doesn't exist, or is a directory, a device or a pipe.
     """
-    mode = place_of(path).stat().st_mode
+    mode = read_path(path).stat().st_mode
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     if not stat.S_ISREG(mode):

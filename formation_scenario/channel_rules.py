@@ -24,8 +24,8 @@ def channels(scenario: Scenario) -> Iterator[Finding]:
             found = f"found {channel.mean_burst:g} with a loss of {channel.loss:g}"
             yield (*key, "mean_burst"), found, allowed
         if not isinstance(channel.vehicles, str):
-            for place, ref in enumerate(channel.vehicles):
-                yield from one_vehicle(ref, scenario.vehicles, (*key, "vehicles", place))
+            for row, ref in enumerate(channel.vehicles):
+                yield from one_vehicle(ref, scenario.vehicles, (*key, "vehicles", row))
     yield from _shared(scenario)
 
 

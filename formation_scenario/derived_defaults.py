@@ -75,7 +75,7 @@ def resolve(source: Source) -> Source:
     data |= _with_absolute_files(data, source.directory)
     to: dict[Key, Plain] = {"to_s": usable(data.get("duration_s"), DURATION_S)}
     data["expect"] = each_changed(data.get("expect", []), lambda expectation: filled(expectation, to))
-    return Source(source.file, with_brought_defaults(data), source.places)
+    return Source(source.file, with_brought_defaults(data), source.positions)
 
 
 def standalone(source: Source, registry: Registry | None = None) -> Source:

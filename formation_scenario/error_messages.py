@@ -72,7 +72,7 @@ def _problem(error: str, loc: tuple[Key, ...], model: type[BaseModel], source: S
     named = [choice for item in expected.constraints if isinstance(item, Allowed) for choice in item.choices]
     choices = named or [str(each) for each in get_args(expected.type) if get_origin(expected.type) is Literal]
     near = did_you_mean(value, choices) if isinstance(value, str) else ""
-    return Problem(*source.place((*path, *expected.rest)), dotted(path), found, allowed + near)
+    return Problem(*source.position((*path, *expected.rest)), dotted(path), found, allowed + near)
 
 
 def _keys(model: type[BaseModel]) -> list[str]:

@@ -58,9 +58,9 @@ class Named(NamedTuple):
 
 
 EACH = "*"
-_WAYS: tuple[KeyPath, ...] = ((), ("uplink",), ("downlink",))
+_DIRECTIONS: tuple[KeyPath, ...] = ((), ("uplink",), ("downlink",))
 IN_ACTS = (
-    *(Named(("link", *way), "process", (LINK,)) for way in _WAYS),
+    *(Named(("link", *direction), "process", (LINK,)) for direction in _DIRECTIONS),
     Named(("fault",), "kind", (FAULT,)),
     Named(("disturbance",), "kind", (DISTURBANCE,), DISTURBANCES[0]),
 )
@@ -74,10 +74,10 @@ IN_SCENARIOS = (
     Named(("formation",), "shape", (SHAPE,), "diamond", "a shape"),
     Named(("formation", "changes", EACH), "shape", (SHAPE,), None, "a shape", inherits=True),
     *(
-        Named((*group, *way), "process", (LINK,))
+        Named((*group, *direction), "process", (LINK,))
         for group in (("links", "default"), ("links",), ("links", "changes", EACH))
-        for way in _WAYS
-        if group != ("links",) or way
+        for direction in _DIRECTIONS
+        if group != ("links",) or direction
     ),
     Named(("faults", EACH), "kind", (FAULT,)),
     Named(("disturbances", EACH), "kind", (DISTURBANCE,), DISTURBANCES[0]),
@@ -114,7 +114,7 @@ def with_parameters(source: Source, registry: Registry, named: Iterable[Named]) 
 
 
 def _inside(value: Plain, at: KeyPath, path: KeyPath, changed: Callable[[dict[Key, Plain], KeyPath], Plain]) -> Plain:
-    """Return a value with the groups at a path in it changed; the function gets each with its place."""
+    """Return a value with the groups at a path in it changed; the function gets each with its key path."""
     if not path:
         return changed(value, at) if isinstance(value, dict) else value
     step, rest = path[0], path[1:]

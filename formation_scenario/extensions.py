@@ -185,10 +185,10 @@ class Registry:
         ours = {**OURS, AIRCRAFT: shipped_names()}
         taken = {(_namespace(kind), name): "gcs_formation itself" for kind, names in ours.items() for name in names}
         for one in self._each:
-            place = _namespace(one.kind), one.name
-            if place in taken:
-                raise refused(f"{one}", f"found twice: {taken[place]} and {one.where}", "each name once")
-            taken[place] = one.where
+            namespaced = _namespace(one.kind), one.name
+            if namespaced in taken:
+                raise refused(f"{one}", f"found twice: {taken[namespaced]} and {one.where}", "each name once")
+            taken[namespaced] = one.where
         for one in self._each:
             if one.kind == METRIC and (FILTER, one.name) in taken:
                 raise refused(f"{one}", f"found twice: {taken[FILTER, one.name]} and {one.where}", "each name once")

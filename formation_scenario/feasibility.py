@@ -16,7 +16,7 @@ from formation_scenario.ground_limits import check_terrain
 from formation_scenario.model import Scenario
 from formation_scenario.orders import Order, not_standing, read_order, why_not_set_out
 from formation_scenario.path_limits import TOLERANCE, excesses
-from formation_scenario.sampled_path import SAME_PLACE_M, SampledPath
+from formation_scenario.sampled_path import SAME_POSITION_M, SampledPath
 from formation_scenario.slot_assignment import (
     Arrangement,
     SlotStep,
@@ -35,7 +35,7 @@ from formation_scenario.violations import Violation
 
 
 def check(scenario: Scenario) -> list[Violation]:
-    """Return all that can't be flown, of every kind at once: each place of the path, each formation, each change."""
+    """Return all that can't be flown, of every kind at once: each position on the path, each formation, each change."""
     over_ground = check_terrain(scenario)
     unknown = any(each.kind == "ground" for each in over_ground)
     path, steps = scenario.written_path if unknown else scenario.leader_path, slot_schedule(scenario)
@@ -47,8 +47,8 @@ def check(scenario: Scenario) -> list[Violation]:
 
 
 def _within(at_m: float, violations: Sequence[Violation]) -> bool:
-    """Return whether a place of the path is one of violations, so that a change there can't be judged yet."""
-    return any(abs(each.at_m - at_m) < SAME_PLACE_M for each in violations)
+    """Return whether a position on the path is one of violations, so that a change there can't be judged yet."""
+    return any(abs(each.at_m - at_m) < SAME_POSITION_M for each in violations)
 
 
 def check_ahead(scenario: Scenario, step: SlotStep, path: FlightPath, from_m: float) -> list[str]:
@@ -106,7 +106,7 @@ def refused_orders(scenario: Scenario, why_not_land: str | None = None) -> Itera
 
 
 def _why_refused(flown: _Flown, order: Order, path: FlightPath, at_s: float, at_m: float) -> str | None:
-    """Return why an order will be refused at a time and a place of the path; None if it won't."""
+    """Return why an order will be refused at a time and a position on the path; None if it won't."""
     if order.heading_rad is not None:
         speed_mps, _ = flown.scenario.speeds.at(at_m)
         return not_standing(speed_mps) if speed_mps > 0.0 else None
@@ -116,8 +116,8 @@ def _why_refused(flown: _Flown, order: Order, path: FlightPath, at_s: float, at_
             return reason
     after = flown.after(order)
     try:
-        places_m = assigned(flown.scenario, after.arrangement, np.zeros((len(vehicles_by_index(flown.scenario)), 3)))
-        reasons = check_ahead(after.scenario, SlotStep(at_s, after.arrangement, places_m), path, at_m)
+        positions_m = assigned(flown.scenario, after.arrangement, np.zeros((len(vehicles_by_index(flown.scenario)), 3)))
+        reasons = check_ahead(after.scenario, SlotStep(at_s, after.arrangement, positions_m), path, at_m)
     except ValueError as error:  # a custom shape without slots
         reasons = [str(error)]
     return reasons[0] if reasons else None
@@ -139,39 +139,42 @@ def _standing(
 
 def _transitions(scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...]) -> list[Violation]:
     """Return the first change that can't be flown; those after it would start from an unknown formation."""
-    for key, at_m, way in _ways(scenario, path, steps):
-        if isinstance(way, NotFlyableError):
-            missed_m = scenario.speeds.later_m(at_m, way.elapsed_s)
-            place = path.at(missed_m)
-            where = f"north {place.north_m:.0f}, east {place.east_m:.0f}, height {place.height_m:.0f}"
-            found = f"path at {missed_m:.0f} m ({where}): {way.found}"
-            return [Violation(key, found, way.allowed, "change", at_m=missed_m)]
+    for key, at_m, transition in _planned(scenario, path, steps):
+        if isinstance(transition, NotFlyableError):
+            missed_m = scenario.speeds.later_m(at_m, transition.elapsed_s)
+            point = path.at(missed_m)
+            where = f"north {point.north_m:.0f}, east {point.east_m:.0f}, height {point.height_m:.0f}"
+            found = f"path at {missed_m:.0f} m ({where}): {transition.found}"
+            return [Violation(key, found, transition.allowed, "change", at_m=missed_m)]
     return []
 
 
 def unfinished_change(scenario: Scenario, end_s: float) -> str | None:
     """Return the last change if it is still in progress at the flight's end, `end_s`, and since when; else None."""
     warning = None
-    for key, _, way in _ways(scenario, scenario.leader_path, slot_schedule(scenario)):
-        if isinstance(way, Transition) and way.at_s < end_s:
-            takes = f"it takes {way.duration_s:.3g} s from {way.at_s:g} s on, and the flight is over at {end_s:.4g} s"
-            warning = None if way.over(end_s) else f"{dotted(key)}: {takes}"
+    for key, _, transition in _planned(scenario, scenario.leader_path, slot_schedule(scenario)):
+        if isinstance(transition, Transition) and transition.at_s < end_s:
+            takes = (
+                f"it takes {transition.duration_s:.3g} s from {transition.at_s:g} s on, "
+                f"and the flight is over at {end_s:.4g} s"
+            )
+            warning = None if transition.over(end_s) else f"{dotted(key)}: {takes}"
     return warning
 
 
-def _ways(
+def _planned(
     scenario: Scenario, path: FlightPath, steps: tuple[SlotStep, ...]
 ) -> Iterator[tuple[KeyPath, float, Transition | NotFlyableError]]:
     """Yield the changes that begin on the path, where on it, m, and how they're flown, up to one that can't be.
 
     A change that begins during another one starts from there.
     """
-    way, leader = Transition.standing(steps[0].places_m), 0
+    transition, leader = Transition.standing(steps[0].positions_m), 0
     for key, step in zip(_keys(scenario)[1:], steps[1:], strict=True):
         at_m = scenario.speeds.later_m(0.0, step.at_s)
         if at_m > path.length_m or step.at_s > scenario.duration_s:
             return
-        slots = way.at(step.at_s)
+        slots = transition.at(step.at_s)
         flown: Route = path
         speed, _ = scenario.speeds.at(at_m)
         now = scenario.at_speed(speed)
@@ -181,22 +184,22 @@ def _ways(
             at_m, slots = at_m + forward_m, slots.seen_from(leader)
             flown = take_over(now, path, at_m, right_m, Rise(up_m), slots.reach_m)
         try:
-            way = plan_change(now, slots, step.arrangement, step.at_s, ahead(flown, speed, at_m))
+            transition = plan_change(now, slots, step.arrangement, step.at_s, ahead(flown, speed, at_m))
         except NotFlyableError as error:
             yield key, at_m, error
             return
-        yield key, at_m, way
+        yield key, at_m, transition
 
 
 def _near(
     scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequence[KeyPath], min_m: float
 ) -> Iterator[tuple[KeyPath, str]]:
-    """Yield the two nearest slots of each step if they are nearer than `min_m`, with the key that places them."""
+    """Yield the two nearest slots of each step if they are nearer than `min_m`, with the key that positions them."""
     everyone = names_by_index(scenario)
     for path, step in zip(keys, steps, strict=True):
-        places = step.places_m
-        distances = np.linalg.norm(places[:, None] - places[None, :], axis=-1)
-        distances[np.tril_indices(len(places))] = np.inf
+        positions = step.positions_m
+        distances = np.linalg.norm(positions[:, None] - positions[None, :], axis=-1)
+        distances[np.tril_indices(len(positions))] = np.inf
         one, other = np.unravel_index(int(np.argmin(distances)), distances.shape)
         nearest = float(distances[one, other])
         if nearest < min_m:
@@ -210,9 +213,9 @@ def _ahead_of_leader(scenario: Scenario, steps: tuple[SlotStep, ...], keys: Sequ
     if scenario.formation.frame != "follower_heading":
         return
     for path, step in zip(keys, steps, strict=True):
-        before = np.flatnonzero(step.places_m[:, 0] > TOLERANCE)
+        before = np.flatnonzero(step.positions_m[:, 0] > TOLERANCE)
         if before.size:
-            forward = step.places_m[before[0], 0]
+            forward = step.positions_m[before[0], 0]
             found = (
                 f"found shape {step.shape} with {names_by_index(scenario)[before[0]]}'s slot {forward:.3g} m ahead of "
                 "the leader, unstable in follower_heading"

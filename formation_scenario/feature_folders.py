@@ -38,9 +38,9 @@ def brought(module: str) -> tuple[ModuleType, ...]:
 def brought_texts(file: str) -> Iterator[str]:
     """Yield the texts of the files of a name that features have."""
     for name in feature_names():
-        place = files(f"{PACKAGE}.{name}") / file
-        if place.is_file():
-            yield place.read_text(encoding="utf-8")
+        path = files(f"{PACKAGE}.{name}") / file
+        if path.is_file():
+            yield path.read_text(encoding="utf-8")
 
 
 def absent_features(home: Path | None) -> list[str]:
@@ -57,8 +57,8 @@ def _modules() -> dict[str, frozenset[str]]:
     """Return the names of each feature's modules, compiled or not, by the feature's name."""
     package = find_spec(PACKAGE)
     found = dict[str, frozenset[str]]()
-    for place in [] if package is None else package.submodule_search_locations or ():
-        for folder in Path(place).iterdir():
+    for directory in [] if package is None else package.submodule_search_locations or ():
+        for folder in Path(directory).iterdir():
             if folder.is_dir() and not folder.name.startswith("__"):
                 names = frozenset(each.name.partition(".")[0] for each in folder.iterdir())
                 found |= {folder.name: names} if "__init__" in names else {}

@@ -55,7 +55,7 @@ def fence_distances(scenario: Scenario) -> list[FenceDistance]:
             within_m = fence.sides.inside_m(positions_m[row])
             index = int(within_m.argmin())
             north_m, east_m = positions_m[row, index].tolist()
-            minimum = float(within_m[index]), float(sampled.places_m[index]), north_m, east_m
+            minimum = float(within_m[index]), float(sampled.at_m[index]), north_m, east_m
             area = fence.sides.nearest(positions_m[row, index]).key
         room_m = float(min(height_m.min() - lowest_m, highest_m - height_m.max()))
         found.append(FenceDistance(who, *minimum, room_m, area))

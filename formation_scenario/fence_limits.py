@@ -44,7 +44,7 @@ def slot_flyers(scenario: Scenario, steps: tuple[SlotStep, ...]) -> VehiclesBySl
             if vehicle is not None:
                 leads = index == step.arrangement.leader
                 who = "the leader" if leads else f"vehicle {vehicle.vehicle_id}'s slot in shape {step.shape}"
-                forward, right, up = step.places_m[index].tolist()
+                forward, right, up = step.positions_m[index].tolist()
                 found.setdefault((forward, right, up), (who, vehicle))
     return found
 

@@ -93,7 +93,7 @@ class Open(Allowed):
 class _HashedKeys(dict[str, Any]):
     """Own keys of an extension or an autopilot that have been checked; a group of keys with them can be in a set.
 
-    Nobody changes it once it is read, so that its hash holds, which a dict's type says it hasn't.
+    Nothing changes it once it is read, so that its hash holds, which a dict's type says it hasn't.
     """
 
     def __hash__(self) -> int:  # type: ignore[override]
@@ -305,10 +305,10 @@ class Problem:
 
     def __str__(self) -> str:
         """Return `file:line:column: key: found; allowed: ...; would do: ...`, without the parts that aren't known."""
-        place = ":".join(str(part) for part in (self.file, self.line, self.column) if part is not None)
+        position = ":".join(str(part) for part in (self.file, self.line, self.column) if part is not None)
         what = f"{self.found}; allowed: {self.allowed}" if self.allowed else self.found
         what += f"; would do: {self.would_do}" if self.would_do else ""
-        return ": ".join(part for part in (place, self.key, what) if part)
+        return ": ".join(part for part in (position, self.key, what) if part)
 
 
 class ScenarioError(Exception):

@@ -32,8 +32,8 @@ from formation_scenario.transition_plan import (
     Conditions,
     Limits,
     NotFlyableError,
+    paths_meet,
     plan_transition,
-    ways_meet,
 )
 
 TURN_SHARE = 0.5
@@ -42,14 +42,14 @@ ACCELERATION_SHARE = 0.5
 """Share of the acceleration limit that the outermost slots may need at the beginning of such a turn; a new leader often
 changes its speed too."""
 CLIMB_SHARE = 0.3
-"""Share of the climb limit that a new leader uses on its way up or down to the path."""
+"""Share of the climb limit that a new leader uses on its climb or descent to the path."""
 MIN_S, MIN_MPS = 10.0, 1.0
 WORTH_WAITING = 1.25
 """Joining up waits for the leader's straight and level flight if it is this many times as fast there."""
 NEAR_M = 20.0
 """A vehicle within this distance of its slot needs no planned transition, unless it would meet another vehicle."""
 LEVEL_OUT_STEPS = 50
-"""Number of steps by which a lift extends beyond that route: a kilometre for the descent."""
+"""Number of steps by which a clearance offset extends beyond that route: a kilometre for the descent."""
 
 
 def plan_change(
@@ -92,7 +92,7 @@ def plan_joining_up(
 ) -> Transition | None:
     """Return the transition of vehicles from where they are to their slots; None if all are near.
 
-    All are near if each is within `NEAR_M` of its slot and their straight ways there keep the separation rule's
+    All are near if each is within `NEAR_M` of its slot and their straight paths there keep the separation rule's
     distance. Arguments as of `plan_change`, but `goal_m`: (C, 3) the slots.
 
     Raises:
@@ -100,19 +100,19 @@ def plan_joining_up(
     """
     kept_m = scenario.safety.kept_m
     conditions = _conditions(scenario, leader, flight, present)
-    conditions = replace(conditions, separation_m=kept_m, spacing_share=0.0, lift_m=kept_m + MARGIN_M)
+    conditions = replace(conditions, separation_m=kept_m, spacing_share=0.0, height_offset_m=kept_m + MARGIN_M)
     begin = start.standing(~present, goal_m)
     farthest_m = float(np.linalg.norm(begin.position_m - goal_m, axis=1).max())
-    if farthest_m < NEAR_M and not ways_meet(begin.position_m, goal_m, conditions):
+    if farthest_m < NEAR_M and not paths_meet(begin.position_m, goal_m, conditions):
         return None
     at_rest = SlotMotion.at_rest(begin.position_m)
     level = plan_transition(at_rest, goal_m, at_s, replace(conditions, flight=_level(flight)))
-    way = plan_transition(begin, goal_m, at_s, conditions)
-    if way.duration_s > WORTH_WAITING * level.duration_s:
+    transition = plan_transition(begin, goal_m, at_s, conditions)
+    if transition.duration_s > WORTH_WAITING * level.duration_s:
         raise NotFlyableError(
-            f"{way.duration_s:.0f} s to gather", f"up to {WORTH_WAITING * level.duration_s:.0f} s", 0.0
+            f"{transition.duration_s:.0f} s to gather", f"up to {WORTH_WAITING * level.duration_s:.0f} s", 0.0
         )
-    return way
+    return transition
 
 
 def _level(flight: Callable[[Array], LeaderFlight]) -> Callable[[Array], LeaderFlight]:
@@ -152,7 +152,7 @@ def take_over(
     """Return the route onto the path of a new leader that is abreast of `from_m`, `right_m` to the right and above.
 
     Its turns are gentle enough for slots up to `reach_m` away to keep up. It continues the vehicle's climb, and its
-    lateral motion: `right_slope` to the right for each metre along the path. A given ground is cleared by a lift.
+    lateral motion: `right_slope` to the right for each metre along the path. A given ground is cleared by an offset.
     """
     speed, models = max(scenario.path.begin_mps, MIN_MPS), models_by_index(scenario)
     reach_m = reach_m if scenario.formation.slots_turn else 0.0
@@ -168,11 +168,11 @@ def take_over(
         PEAK_RATE * abs(above.height_m) / climb_mps,
     )
     begin = path, from_m, over_s * speed, right_m, above
-    way = DisplacedPath(*begin, right_slope=right_slope)
+    displaced = DisplacedPath(*begin, right_slope=right_slope)
     if scenario.terrain is None or ground is None:
-        return way
-    places = sample_distances(from_m, ceil(over_s * speed / STEP_M) + LEVEL_OUT_STEPS)
-    points = PathPoints(*np.array([way.at(distance).values() for distance in places.tolist()]).T)
+        return displaced
+    distances_m = sample_distances(from_m, ceil(over_s * speed / STEP_M) + LEVEL_OUT_STEPS)
+    points = PathPoints(*np.array([displaced.at(distance).values() for distance in distances_m.tolist()]).T)
     needed_m = ground.height(points.north_m, points.east_m) + scenario.terrain.clearance_m - points.height_m
     bounds = scenario.rise_bounds(LEADER_SHARE)
     clearance_offset = min_offset(from_m, needed_m, points.slope, bounds, np.zeros(3))

@@ -107,7 +107,7 @@ def _protocol_gains(scenario: Scenario) -> dict[str, float]:
 
 
 def redesigned(scenario: Scenario, delay_s: float) -> Scenario:
-    """Return a scenario with its gains by design for links that take `delay_s` each way.
+    """Return a scenario with its gains by design for links that take `delay_s` in each direction.
 
     Gains that differ from the design for the previous delay were given, and are kept.
     """
@@ -166,14 +166,14 @@ def _delay_and_noise(scenario: Scenario) -> DelayAndNoise:
 
 
 def design_delay_s(scenario: Scenario) -> float:
-    """Return the links' delay each way that gains are designed for, s: half the longest configured round trip.
+    """Return the links' delay in each direction that gains are designed for, s: half the longest configured round trip.
 
     Of several links of a vehicle the quickest counts, which it flies by.
     """
     round_trips_ms = (
         min(
-            max(step.uplink.delay_ms + step.downlink.delay_ms for step in scenario.link_steps(vehicle, 1 + place))
-            for place in range(len(vehicle.endpoints))
+            max(step.uplink.delay_ms + step.downlink.delay_ms for step in scenario.link_steps(vehicle, 1 + index))
+            for index in range(len(vehicle.endpoints))
         )
         for vehicle in scenario.vehicles
     )
@@ -185,10 +185,10 @@ def _filtered_noise(
 ) -> tuple[float, float, float]:
     """Return the noise that remains of the declared noise after the station's filter, in the order of `SENSORS`."""
     round_rad = max(math.radians(keys.heading_sigma_deg), MINIMUM)
-    place_m, velocity_mps = max(keys.position_sigma_m, MINIMUM), max(keys.velocity_sigma_mps, MINIMUM)
+    position_m, velocity_mps = max(keys.position_sigma_m, MINIMUM), max(keys.velocity_sigma_mps, MINIMUM)
     _, speed_walk, heading_walk = UNMODELLED
-    along = place_m, velocity_mps, max(keys.airspeed_sigma_mps, MINIMUM)
-    across = place_m, velocity_mps, speed_mps * round_rad
+    along = position_m, velocity_mps, max(keys.airspeed_sigma_mps, MINIMUM)
+    across = position_m, velocity_mps, speed_mps * round_rad
     along_m, airspeed_mps = left_by_filter(along, speed_walk, model.tau_v_s, sample_s)
     across_m, swing_mps = left_by_filter(across, speed_mps * heading_walk, model.tau_psi_s, sample_s)
     return max(along_m, across_m), airspeed_mps, swing_mps / speed_mps

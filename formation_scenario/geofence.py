@@ -29,12 +29,12 @@ class Geofence:
         raise NotImplementedError
 
     @property
-    def rally_places_m(self) -> tuple[tuple[float, float, float], ...]:
+    def rally_positions_m(self) -> tuple[tuple[float, float, float], ...]:
         """Rally points: north, east and height above the origin, m."""
         raise NotImplementedError
 
     def outside_m(self, north_m: float, east_m: float, height_m: float) -> float:
-        """Return how far outside a place is, m; 0 inside."""
+        """Return how far outside a position is, m; 0 inside."""
         (lowest_m, highest_m), lateral_m = self.heights_m, 0.0
         if self.sides is not None:
             lateral_m = max(0.0, -float(self.sides.inside_m(np.array((north_m, east_m)))))

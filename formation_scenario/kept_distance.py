@@ -11,7 +11,7 @@ BUFFER_M: Final = 5.0
 
 
 class KeepsDistance:
-    """Keys of what keeps vehicles farther apart in flight than they must be."""
+    """Keys of what keeps vehicles at a larger separation in flight than they must have."""
 
     @property
     def kept_m(self) -> float:

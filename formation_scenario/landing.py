@@ -9,7 +9,7 @@ from pydantic import Field
 from formation_scenario.fields import Keys, Number, Positive, key
 
 Course = Annotated[Number, Field(ge=0.0, lt=360.0)]
-Place = tuple[Number, Number]
+Position = tuple[Number, Number]
 
 
 class StoredLanding(Keys):
@@ -18,7 +18,7 @@ class StoredLanding(Keys):
     course_deg: Course | None = key(
         None, "course of its approach, degrees", 90, derived="its heading on the ground at the start"
     )
-    touchdown_m: Place | None = key(
+    touchdown_m: Position | None = key(
         None, "where it lands, north and east of the origin, m", [0, 50], derived="where it stands at the start"
     )
     approach_m: Annotated[Positive, Field(ge=100.0, le=5000.0)] = key(400.0, "length of its approach, m", 600)

@@ -59,7 +59,7 @@ def _unreadable(scenario: Scenario, trace: Trace) -> str | None:
 
 
 def _link_groups(scenario: Scenario) -> Iterator[tuple[KeyPath, Impairment | ImpairmentPatch]]:
-    """Yield every group of keys with properties of links, and its place."""
+    """Yield every group of keys with properties of links, and its key path."""
     links = scenario.links
     groups: dict[KeyPath, DefaultLink | Links | LinkChange] = {("links", "default"): links.default, ("links",): links}
     groups |= {("links", "changes", index): change for index, change in enumerate(links.changes)}
@@ -73,12 +73,12 @@ def bursts(scenario: Scenario) -> Iterator[Finding]:
     refused: set[KeyPath] = set()
     for vehicle, number in scenario.each_link():
         steps = scenario.own_link_steps(vehicle, number)
-        for path, step in zip(_step_places(scenario, vehicle, number), steps, strict=True):
-            for way, link in (("uplink", step.uplink), ("downlink", step.downlink)):
+        for path, step in zip(_step_paths(scenario, vehicle, number), steps, strict=True):
+            for direction, link in (("uplink", step.uplink), ("downlink", step.downlink)):
                 minimum = min_mean_burst(link.loss)
                 if link.mean_burst is not None and link.mean_burst < minimum and path not in refused:
                     refused.add(path)
-                    whose = f"{way} of vehicle {vehicle.vehicle_id}"
+                    whose = f"{direction} of vehicle {vehicle.vehicle_id}"
                     found = f"found {link.mean_burst:g} with a loss of {link.loss:g} ({whose})"
                     allowed = (
                         f"{minimum:g} or more with that loss" if minimum < math.inf else "a loss below 1 beside it"
@@ -86,14 +86,14 @@ def bursts(scenario: Scenario) -> Iterator[Finding]:
                     yield (*path, "mean_burst"), found, allowed
 
 
-def _step_places(scenario: Scenario, vehicle: Vehicle, number: int) -> list[KeyPath]:
+def _step_paths(scenario: Scenario, vehicle: Vehicle, number: int) -> list[KeyPath]:
     """Return where each step of a vehicle's link is written; the last of several changes at the same time."""
-    places: dict[float, KeyPath] = {0.0: ("links", "default")}
+    paths: dict[float, KeyPath] = {0.0: ("links", "default")}
     for index, change in enumerate(scenario.links.changes):
         whose = change.vehicles == "all" or any(ref in change.vehicles for ref in vehicle.refs)
         if whose and change.link in (None, number):
-            places[change.at_s] = ("links", "changes", index)
-    return [places[at_s] for at_s in sorted(places)]
+            paths[change.at_s] = ("links", "changes", index)
+    return [paths[at_s] for at_s in sorted(paths)]
 
 
 def link_changes(scenario: Scenario) -> Iterator[Finding]:

@@ -211,16 +211,16 @@ def link_steps(links: Links, changes: Iterable[LinkChange]) -> tuple[LinkStep, .
 
 
 def through_air(steps: tuple[LinkStep, ...], channel: Channel) -> tuple[LinkStep, ...]:
-    """Return a link's states with the delay, jitter and loss of a channel's air added, both ways."""
+    """Return a link's states with the delay, jitter and loss of a channel's air added, in both directions."""
     air = channel.air
 
-    def together(way: Impairment) -> Impairment:
-        return way.model_copy(
+    def together(impairment: Impairment) -> Impairment:
+        return impairment.model_copy(
             update={
-                "delay_ms": way.delay_ms + air.delay_ms,
-                "jitter_ms": math.hypot(way.jitter_ms, air.jitter_ms),
-                "loss": 1.0 - (1.0 - way.loss) * (1.0 - air.loss),
-                "mean_burst": way.mean_burst or air.mean_burst,
+                "delay_ms": impairment.delay_ms + air.delay_ms,
+                "jitter_ms": math.hypot(impairment.jitter_ms, air.jitter_ms),
+                "loss": 1.0 - (1.0 - impairment.loss) * (1.0 - air.loss),
+                "mean_burst": impairment.mean_burst or air.mean_burst,
             }
         )
 

@@ -6,13 +6,13 @@ from formation_scenario.links import Impairment, LinkStep
 from formation_scenario.model import Scenario
 
 
-def ways_s(scenario: Scenario, step: LinkStep) -> tuple[float, float]:
+def mean_delays_s(scenario: Scenario, step: LinkStep) -> tuple[float, float]:
     """Return the mean delays up and down, s; recorded delays are added to the constant one."""
 
-    def mean_s(way: Impairment) -> float:
-        trace = way.recording
+    def mean_s(impairment: Impairment) -> float:
+        trace = impairment.recording
         recorded_ms = 0.0 if trace is None else scenario.recorded_delays(trace).mean_ms
-        return (way.delay_ms + recorded_ms) / 1e3
+        return (impairment.delay_ms + recorded_ms) / 1e3
 
     return mean_s(step.uplink), mean_s(step.downlink)
 

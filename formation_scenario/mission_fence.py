@@ -22,7 +22,7 @@ def file_fence(fence: Geofence | None, origin: GeodeticOrigin) -> FileFence:
         else:
             corners = tuple(_lat_lon(origin, north_m, east_m) for north_m, east_m in each.shape.corners_m.tolist())
             areas.append(FencePolygon(corners, each.inclusion))
-    rally = tuple[RallyPoint, ...]((*_lat_lon(origin, each[0], each[1]), each[2]) for each in fence.rally_places_m)
+    rally = tuple[RallyPoint, ...]((*_lat_lon(origin, each[0], each[1]), each[2]) for each in fence.rally_positions_m)
     any_inclusion = fence.sides is not None and fence.sides.any_inclusion
     return FileFence(tuple(areas), rally, any_inclusion and sum(each.inclusion for each in areas) > 1)
 

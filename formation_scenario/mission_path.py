@@ -95,10 +95,10 @@ class _FromFile:
     def scenario(self) -> Source:
         origin = self._origin()
         geodetic, points = _geodetic(origin), self._route.points
-        places = np.array([_north_east(geodetic, each.lat_deg, each.lon_deg) for each in points])
-        self._refuse_far(points, places)
-        heights = self._heights(points, places, origin)
-        waypoints = np.column_stack((places, heights))
+        positions = np.array([_north_east(geodetic, each.lat_deg, each.lon_deg) for each in points])
+        self._refuse_far(points, positions)
+        heights = self._heights(points, positions, origin)
+        waypoints = np.column_stack((positions, heights))
         path = self._speed()
         if self._path.get("kind", "legs") == "legs":
             path |= self._circles(path) | self._stops()
@@ -113,9 +113,9 @@ class _FromFile:
         path |= {"read_from": self._mission.file, "not_flown": list[Plain](self._not_flown)}
         return _changed(self._source, path, "file", waypoints.tolist(), more)
 
-    def _refuse_far(self, points: Sequence[RoutePoint], places: Array) -> None:
+    def _refuse_far(self, points: Sequence[RoutePoint], positions: Array) -> None:
         """Refuse points too far from the origin, before a path is planned through them."""
-        away_m = np.hypot(places[:, 0], places[:, 1])
+        away_m = np.hypot(positions[:, 0], positions[:, 1])
         far = int(away_m.argmax())
         if away_m[far] > MAX_DISTANCE_M:
             found = f"found {points[far].where} {away_m[far]:.3g} m from the origin"
@@ -147,13 +147,13 @@ class _FromFile:
         found = f"found heights above sea level in {self._mission.file}, which says nothing of the ground's"
         raise self._refused(found, "with `origin: {alt_m: …}`, the ground's height above sea level at its first point")
 
-    def _heights(self, points: Sequence[RoutePoint], places: Array, origin: dict[Key, Plain]) -> Array:
+    def _heights(self, points: Sequence[RoutePoint], positions: Array, origin: dict[Key, Plain]) -> Array:
         """Return heights above the origin, (N,) m."""
         above = {"sea level": -float(str(origin["alt_m"])), "home": self._home_m(origin), "ground": 0.0}
         heights = np.array([each.height_m + above[each.datum] for each in points])
         on_ground = np.array([each.datum == "ground" for each in points])
         if on_ground.any():
-            heights[on_ground] += self._ground(places[on_ground], origin)
+            heights[on_ground] += self._ground(positions[on_ground], origin)
         unknown = np.isnan(heights)
         if unknown.any():
             instead = self._path.get("height_m")
@@ -168,8 +168,8 @@ class _FromFile:
         home = self._mission.home
         return home[2] - float(str(origin["alt_m"])) if home is not None and math.isfinite(home[2]) else 0.0
 
-    def _ground(self, places: Array, origin: dict[Key, Plain]) -> Array:
-        """Return the ground's heights above the origin at places (N, 2); a plain without terrain, as everywhere."""
+    def _ground(self, positions: Array, origin: dict[Key, Plain]) -> Array:
+        """Return the ground's heights above the origin at positions (N, 2); a plain without terrain, as everywhere."""
         terrain = self._source.data.get("terrain")
         if terrain is None:
             self._not_flown.append(
@@ -177,9 +177,9 @@ class _FromFile:
             )
         try:
             typed = None if terrain is None else Terrain.model_validate(terrain)
-            return ground_of(typed, _geodetic(origin), places).height(places[:, 0], places[:, 1])
+            return ground_of(typed, _geodetic(origin), positions).height(positions[:, 0], positions[:, 1])
         except ValidationError:
-            return np.zeros(len(places))  # its keys are refused when the scenario is typed
+            return np.zeros(len(positions))  # its keys are refused when the scenario is typed
         except FileError as error:
             raise self._refused(str(error), "a terrain file that can be read") from error
 
@@ -248,8 +248,8 @@ def _changed(
     return replace(source, data=source.data | plain_mapping(more | {"path": kept}))
 
 
-def _north_east(origin: GeodeticOrigin, *place: float) -> tuple[float, float]:
-    lat_deg, lon_deg = place
+def _north_east(origin: GeodeticOrigin, *position: float) -> tuple[float, float]:
+    lat_deg, lon_deg = position
     north_m, east_m, _ = origin.to_ned(math.radians(lat_deg), math.radians(lon_deg), 0.0)
     return north_m, east_m
 

@@ -53,7 +53,7 @@ from formation_scenario.start import Start
 from formation_scenario.station import StationId
 from formation_scenario.surroundings import Disturbance, Fault, Terrain
 from formation_scenario.telemetry import Telemetry
-from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, lifted
+from formation_scenario.terrain import LEADER_SHARE, Ground, ground_of, with_clearance
 from formation_scenario.traces.keys import Trace
 from formation_scenario.traces.reading import read_trace
 from formation_scenario.traces.recorded import RecordedDelays
@@ -190,7 +190,7 @@ class Scenario(Keys):
 
     @cached_property
     def written_path(self) -> FlightPath:
-        """The path through the waypoints, without any lift.
+        """The path through the waypoints, without any clearance offset.
 
         Raises:
             PathError: no such path leads through them.
@@ -223,14 +223,14 @@ class Scenario(Keys):
 
     @cached_property
     def leader_path(self) -> FlightPath:
-        """The path that the leader flies: lifted if the scenario has terrain, as written otherwise.
+        """The path that the leader flies: raised if the scenario has terrain, as written otherwise.
 
         Raises:
             FileError: the elevation file can't be read.
         """
         if self.terrain is None:
             return self.written_path
-        return lifted(self.written_path, self.ground, self.terrain.clearance_m, self.rise_bounds(LEADER_SHARE))
+        return with_clearance(self.written_path, self.ground, self.terrain.clearance_m, self.rise_bounds(LEADER_SHARE))
 
     def rise_bounds(self, share: float) -> Bounds:
         """Return the bounds of a path that every vehicle can follow with a share of its climb limit, in calm air.
@@ -240,14 +240,15 @@ class Scenario(Keys):
         """
         models = [vehicle.model for vehicle in self.vehicles]
         climb_mps = min(model.climb_max_mps for model in models)
-        lag_s = max(model.tau_ha_s + model.tau_hb_s for model in models)
+        tau_s = max(model.tau_ha_s + model.tau_hb_s for model in models)
         speed_mps = self.path.fastest_mps
-        return Bounds(share * climb_mps / speed_mps, climb_mps / (2.0 * lag_s) / speed_mps**2)
+        return Bounds(share * climb_mps / speed_mps, climb_mps / (2.0 * tau_s) / speed_mps**2)
 
     def speeds_mps(self, vehicle: Vehicle) -> tuple[float, float]:
         """Return the lowest and highest true airspeed of a vehicle at the field.
 
-        The model's limits are sensor readings if the vehicle flies by them: in thin air its stall speed is higher.
+        The model's limits are EAS if the vehicle flies by them: at a high density altitude its stall speed is a higher
+        TAS.
         """
         model = vehicle.model
         thin = true_by_equivalent_airspeed(self.origin.alt_m) if reads_equivalent_airspeed(vehicle) else 1.0
@@ -405,4 +406,4 @@ class Scenario(Keys):
         for indexes in map(tuple, changes.values()):
             if indexes not in found:
                 found[indexes] = link_steps(self.links, (self.links.changes[each] for each in indexes))
-        return {place: found[tuple(indexes)] for place, indexes in changes.items()}
+        return {link: found[tuple(indexes)] for link, indexes in changes.items()}

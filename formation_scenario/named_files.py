@@ -39,7 +39,7 @@ def files_read() -> Generator[set[Path]]:
         _READ.reset(token)
 
 
-def place_of(path: Path) -> Path:
+def read_path(path: Path) -> Path:
     """Return where a named file is read: at its copy if there is one, else at its own path."""
     whole = Path(os.path.normpath(path.absolute()))
     if (found := _READ.get()) is not None:

@@ -9,9 +9,9 @@ from dataclasses import replace
 from formation_scenario.fields import Problem, ScenarioError, refused
 from formation_scenario.source import (
     MAX_DIGITS,
+    FilePosition,
     Key,
     KeyPath,
-    Place,
     Plain,
     Source,
     dotted,
@@ -46,7 +46,7 @@ def apply_overrides(source: Source, overrides: Sequence[str], option: str = OPTI
     Raises:
         ScenarioError: an override lacks `=`, has broken YAML, or names an item that doesn't exist.
     """
-    data, places = deepcopy(source.data), dict(source.places)
+    data, positions = deepcopy(source.data), dict(source.positions)
     problems: list[Problem] = []
     for override in overrides:
         try:
@@ -55,11 +55,11 @@ def apply_overrides(source: Source, overrides: Sequence[str], option: str = OPTI
             problems.extend(replace(each, file=f"{option}{override}") for each in error.problems)
             continue
         path = made[-1]
-        places = {known: place for known, place in places.items() if known[: len(path)] != path}
-        places |= dict.fromkeys(made, Place(f"{option}{override}"))
+        positions = {known: position for known, position in positions.items() if known[: len(path)] != path}
+        positions |= dict.fromkeys(made, FilePosition(f"{option}{override}"))
     if problems:
         raise ScenarioError(problems)
-    return Source(source.file, data, places)
+    return Source(source.file, data, positions)
 
 
 def _apply(data: dict[Key, Plain], override: str) -> list[KeyPath]:

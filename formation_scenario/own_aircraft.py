@@ -19,7 +19,7 @@ def with_own_aircraft(model: Plain, registry: Registry, at: Source, path: KeyPat
     Args:
         model: as written, or the contents of a vehicle file.
         registry: what extensions register.
-        at: the scenario, for the place of problems.
+        at: the scenario, for the position of problems in its file.
         path: the model's.
 
     Raises:

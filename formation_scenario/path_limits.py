@@ -14,7 +14,7 @@ from flight_model.legs.path import LegsPath
 from flight_model.stops.timetable import Timetable
 from formation_scenario.fields import distinct_texts
 from formation_scenario.model import Scenario
-from formation_scenario.sampled_path import SAME_PLACE_M, WAYPOINTS, SampledPath
+from formation_scenario.sampled_path import SAME_POSITION_M, WAYPOINTS, SampledPath
 from formation_scenario.slot_assignment import SlotStep, vehicles_by_index
 from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
 from formation_scenario.turn_limits import climb_limits
@@ -59,7 +59,7 @@ class _Demand(NamedTuple):
 
 
 def excesses(scenario: Scenario, sampled: SampledPath, steps: tuple[SlotStep, ...]) -> list[Violation]:
-    """Return violations of vehicles' limits: the path's speed, also in the wind, and each place's worst."""
+    """Return violations of vehicles' limits: the path's speed, also in the wind, and each position's worst."""
     found = [*_crowded(scenario), *_sudden(scenario), *climbs(scenario, sampled)]
     for flown, part in _by_speed(scenario, sampled):
         speed = list(_speed(flown))
@@ -74,7 +74,7 @@ def _by_speed(scenario: Scenario, sampled: SampledPath) -> Iterator[tuple[Scenar
         yield scenario, sampled
         return
     for speed_mps in speeds.speeds_mps:
-        flown = speeds.near(sampled.places_m, speed_mps)
+        flown = speeds.near(sampled.at_m, speed_mps)
         if flown.any():
             yield scenario.at_speed(speed_mps), sampled.only(flown)
 
@@ -86,15 +86,15 @@ def climbs(scenario: Scenario, sampled: SampledPath) -> Iterator[Violation]:
     yield from _steep_legs(scenario, steep)
     weakest = min(scenario.vehicles, key=lambda vehicle: vehicle.model.climb_max_mps)
     max_mps = weakest.model.climb_max_mps
-    climb_mps = over_ground_mps(scenario, sampled.points.course_rad, scenario.speeds.at_each(sampled.places_m))
+    climb_mps = over_ground_mps(scenario, sampled.points.course_rad, scenario.speeds.at_each(sampled.at_m))
     climb_mps = climb_mps * sampled.points.slope
-    leg = np.searchsorted(written.waypoints_at_m, sampled.places_m)
+    leg = np.searchsorted(written.waypoints_at_m, sampled.at_m)
     over = (np.abs(climb_mps) > max_mps * (1.0 + TOLERANCE)) & ~np.isin(leg, list(steep))
     for stretch in sampled.stretches(over):
         index = stretch.start + int(np.argmax(np.abs(climb_mps[stretch])))
-        figure, most = distinct_texts(abs(float(climb_mps[index])), max_mps)
+        figure, maximum = distinct_texts(abs(float(climb_mps[index])), max_mps)
         found = f"{'climbs' if climb_mps[index] > 0 else 'descends'} {figure} m/s"
-        allowed = f"up to {most} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
+        allowed = f"up to {maximum} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
         yield sampled.violation(index, found, allowed, "climb", abs(float(climb_mps[index])) / max_mps - 1.0)
 
 
@@ -129,12 +129,12 @@ def _steep_legs(scenario: Scenario, steep: Mapping[int, Steep]) -> Iterator[Viol
         rise_m, leg_m = to[2] - from_m, math.hypot(to[0] - north_m, to[1] - east_m)
         straight_m, rounding_m = abs(rise_m) / limits.slope, limits.shortest_rounding_m
         found = f"found a leg of {leg_m:.0f} m that {'climbs' if rise_m > 0 else 'descends'} {abs(rise_m):.1f} m"
-        most = f"{weakest.model.climb_max_mps:g} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
+        maximum = f"{weakest.model.climb_max_mps:g} m/s, vehicle {weakest.vehicle_id}'s climb_max_mps"
         needed = f"{straight_m + rounding_m:.0f} m or more for that height"
         if straight_m > leg_m:
-            found, allowed = f"{found}, {abs(rise_m) / leg_m * speed_mps:.3g} m/s", f"up to {most}: {needed}"
+            found, allowed = f"{found}, {abs(rise_m) / leg_m * speed_mps:.3g} m/s", f"up to {maximum}: {needed}"
         else:  # steep enough only for want of room to change the slope
-            allowed = f"{needed}: {straight_m:.0f} m at {most}, and {rounding_m:.0f} m to round its ends"
+            allowed = f"{needed}: {straight_m:.0f} m at {maximum}, and {rounding_m:.0f} m to round its ends"
         allowed += ", or path.climb: circle"
         before_m, at_m = scenario.written_path.waypoints_at_m[waypoint - 1 : waypoint + 1].tolist()
         if leg_m >= straight_m + rounding_m > at_m - before_m:
@@ -154,15 +154,15 @@ def _speed(scenario: Scenario) -> Iterator[Violation]:
                 ", in air of the density at origin.alt_m" if slowest > vehicle.model.speed_min_mps else ""
             )
             found, lowest = distinct_texts(speed, slowest, 4)
-            found, most = distinct_texts(speed, fastest, 4) if speed > fastest else (found, f"{fastest:.4g}")
-            allowed = f"{lowest} to {most} m/s, {who} {vehicle.vehicle_id}'s limits{density_altitude}"
+            found, maximum = distinct_texts(speed, fastest, 4) if speed > fastest else (found, f"{fastest:.4g}")
+            allowed = f"{lowest} to {maximum} m/s, {who} {vehicle.vehicle_id}'s limits{density_altitude}"
             excess = max(slowest / speed, speed / fastest) - 1.0 if speed > 0.0 else 1.0
             yield Violation(("path", "speed_mps"), f"found {found} m/s", allowed, "path speed", excess)
             return
 
 
 def _into_wind(scenario: Scenario, sampled: SampledPath) -> Iterator[Violation]:
-    """Yield the place where the wind leaves a leading fixed wing too little ground speed along the path."""
+    """Yield the position where the wind leaves a leading fixed wing too little ground speed along the path."""
     if scenario.hovers:
         return
     speed, course_rad = scenario.path.begin_mps, sampled.points.course_rad
@@ -190,9 +190,9 @@ def _bends(
     leading = _leaders(scenario, sampled, everyone, steps)
     turns = list(_worst(scenario, sampled, everyone, [leading]))
     yield from turns
-    back_m = sampled.places_m[(leading.share > BACK).any(axis=1)]
-    gentle = sampled.only(np.abs(sampled.places_m - _nearest(back_m, sampled.places_m)) > ROUND_M)
-    if gentle.places_m.size:
+    back_m = sampled.at_m[(leading.share > BACK).any(axis=1)]
+    gentle = sampled.only(np.abs(sampled.at_m - _nearest(back_m, sampled.at_m)) > ROUND_M)
+    if gentle.at_m.size:
         of_steps = (list(_followers(scenario, gentle, everyone, step)) for step in steps)
         # Of hundreds of steps only those that are too tight somewhere are kept.
         following = [demand for demands in of_steps if _over(demands).any() for demand in demands]
@@ -214,8 +214,8 @@ def _nearest(known_m: Array, to_m: Array) -> Array:
 
 
 def _elsewhere(violations: Iterable[Violation], others: Sequence[Violation]) -> Iterator[Violation]:
-    """Yield the violations that are at other places than some others."""
-    yield from (each for each in violations if all(abs(each.at_m - other.at_m) > SAME_PLACE_M for other in others))
+    """Yield the violations that are at other positions than some others."""
+    yield from (each for each in violations if all(abs(each.at_m - other.at_m) > SAME_POSITION_M for other in others))
 
 
 def _worst(
@@ -270,9 +270,9 @@ def _leaders(
     models = [
         None if who is None or vehicle_index not in leads else who.model for vehicle_index, who in enumerate(everyone)
     ]
-    most = np.array([np.inf if each is None else each.turn_rate_max_rps for each in models])
+    maximum = np.array([np.inf if each is None else each.turn_rate_max_rps for each in models])
     turn = np.abs(scenario.path.begin_mps * sampled.points.curvature_1pm)[:, None] * np.ones(len(everyone))
-    return _Demand("turn", "rad/s of turn", turn, most, None)
+    return _Demand("turn", "rad/s of turn", turn, maximum, None)
 
 
 def _followers(
@@ -280,7 +280,7 @@ def _followers(
 ) -> Iterator[_Demand]:
     """Yield a formation's demand on each limit."""
     flight = LeaderFlight.along(sampled.points, scenario.path.begin_mps)
-    needs = slot_needs(flight, SlotMotion.at_rest(step.places_m), scenario.formation.frame)
+    needs = slot_needs(flight, SlotMotion.at_rest(step.positions_m), scenario.formation.frame)
     speed, turn, accel = needs.speed_mps, np.abs(needs.turn_rate_rps), np.abs(needs.accel_mps2)
     leader, at_mps = step.arrangement.leader, scenario.path.begin_mps
     models = [

@@ -113,18 +113,18 @@ def _lack(
     drift_mps: tuple[float, float],
     fence: Geofence | None,
 ) -> Lack | None:
-    """Return the measure of the room that a way lacks: the sum over its points of what the worst slot lacks there."""
+    """Return the measure of the room that a curve lacks: the sum over its points of what the worst slot lacks there."""
     sides = None if fence is None else fence.sides
     if sides is None:
         return None
     first = 0 if members.leader else 1
-    places = np.concatenate([step.places_m[first:] for step in steps])
+    positions = np.concatenate([step.positions_m[first:] for step in steps])
     turn_rps = np.array([each.turn_rate_max_rps for each in models_by_index(members)[first:]] * len(steps))
-    flyers = Flyers(places[:, 0], places[:, 1], turn_rps, members.formation.slots_turn)
+    flyers = Flyers(positions[:, 0], positions[:, 1], turn_rps, members.formation.slots_turn)
     drift = Drift(speed_mps, *drift_mps, speed_mps + math.hypot(*drift_mps))
 
-    def lack(way: Complex, course_rad: Array) -> float:
-        _, room = room_along_m(sides, (way.real, way.imag, course_rad), flyers, drift)
+    def lack(points: Complex, course_rad: Array) -> float:
+        _, room = room_along_m(sides, (points.real, points.imag, course_rad), flyers, drift)
         return float(np.maximum(CHECKED_M - room, 0.0).max(axis=0).sum())
 
     return lack

@@ -27,7 +27,7 @@ from formation_scenario.fields import (
 from formation_scenario.formation import Step
 
 TOLERANCE_M = 10.0
-"""Distance within which a recorded track is followed unless the scenario says otherwise: GNSS scatters by metres."""
+"""Distance within which a recorded track is followed unless the scenario says otherwise: GNSS has errors of metres."""
 MAX_WAYPOINTS: Final = 5000
 Speeds: TypeAlias = Annotated[
     Speed | Annotated[tuple[Speed, ...], Field(min_length=1)],

@@ -22,7 +22,7 @@ MAX_LATITUDE_DEG = 89.0
 MAX_HEIGHT_M = 30_000.0
 
 
-def places(scenario: Scenario) -> Iterator[Finding]:
+def waypoint_positions(scenario: Scenario) -> Iterator[Finding]:
     """Yield the first waypoint too far from the origin, too near to a pole, or too high."""
     origin = scenario.origin
     for index, (north_m, east_m, height_m) in enumerate(scenario.path.waypoints_m):

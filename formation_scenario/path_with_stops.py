@@ -110,7 +110,7 @@ def _turn_s(members: Members, by_rad: float) -> float:
         return 0.0
     reach_m = 0.0
     if members.formation.slots_turn:
-        reach_m = max(float(np.hypot(*step.places_m[:, :2].T).max()) for step in slot_schedule(members))
+        reach_m = max(float(np.hypot(*step.positions_m[:, :2].T).max()) for step in slot_schedule(members))
     models = [each.model for each in members.vehicles]
     speed_mps, accel_mps2 = min(each.speed_max_mps for each in models), min(each.accel_max_mps2 for each in models)
     return turn_s(by_rad, reach_m, speed_mps, accel_mps2) + MIN_S

@@ -94,8 +94,8 @@ def latest_end_s(scenario: Scenario) -> float:
         PathError: no path leads through the waypoints.
     """
     led_by_others = any(change.leader is not None for change in scenario.formation.changes)
-    ways = [way for change in scenario.links.changes for way in (change, change.uplink, change.downlink)]
-    cut_off = any(way is not None and way.outage for way in ways)
+    patches = [patch for change in scenario.links.changes for patch in (change, change.uplink, change.downlink)]
+    cut_off = any(patch is not None and patch.outage for patch in patches)
     if led_by_others or cut_off or scenario.faults or scenario.disturbances:
         return scenario.duration_s
     return min(scenario.duration_s, planned_end_s(scenario) + SLACK_S)

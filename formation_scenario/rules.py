@@ -146,7 +146,7 @@ def acts(scenario: Scenario) -> Iterator[Finding]:
 
 
 def refused_act(scenario: Scenario, act: ScriptedOrder) -> list[Finding]:
-    """Return what is wrong with something that a program does to a scenario's flight; the index in its places is 0."""
+    """Return what is wrong with something that a program does to a scenario's flight; the index in its keys is 0."""
     alone = scenario.model_copy(update={"orders": (act,)})
     rules = (references, disturbances, faults, acts)
     return [found for rule in rules for found in rule(alone) if found[0][0] == "orders"]
@@ -180,7 +180,7 @@ RULES = (
     path_rules.stops,
     row,
     path_rules.path,
-    path_rules.places,
+    path_rules.waypoint_positions,
     wind,
     terrain,
 )

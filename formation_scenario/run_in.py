@@ -27,10 +27,10 @@ def run_in_inside_fence_s(scenario: Scenario, path: FlightPath) -> float | None:
     if fence is None or fence.sides is None:
         return None
     before_m = np.arange(0.0, scenario.run_in_m + BETWEEN_M, BETWEEN_M)
-    points, (forward_m, right_m, _) = path.at(-before_m), slot_schedule(scenario)[0].places_m.T
+    points, (forward_m, right_m, _) = path.at(-before_m), slot_schedule(scenario)[0].positions_m.T
     flyers = Flyers(forward_m, right_m, np.array([each.turn_rate_max_rps for each in models_by_index(scenario)]))
-    way = points.north_m, points.east_m, points.course_rad
-    _, room_m = room_along_m(fence.sides, way, flyers, drift(scenario))
+    line = points.north_m, points.east_m, points.course_rad
+    _, room_m = room_along_m(fence.sides, line, flyers, drift(scenario))
     cramped = room_m.min(axis=0) < CHECKED_M
     if not cramped.any():
         return None

@@ -15,8 +15,8 @@ from formation_scenario.violations import NOWHERE, Kind, Move, Violation
 BETWEEN_SAMPLES_M = 5.0
 TURN_SAMPLES = 19
 """Samples of a turn in place."""
-SAME_PLACE_M = 250.0
-"""Longest gap between two violations that count as one place, such as the two ends of a bend."""
+SAME_POSITION_M = 250.0
+"""Longest gap between two violations that count as one position, such as the two ends of a bend."""
 WAYPOINTS: KeyPath = ("path", "waypoints_m")
 
 
@@ -39,7 +39,7 @@ def with_turns(path: FlightPath, at_m: Array) -> tuple[Array, PathPoints]:
 class SampledPath(NamedTuple):
     """Samples of a path: arc lengths (K,), points, and the index of the nearest waypoint to each."""
 
-    places_m: Array
+    at_m: Array
     points: PathPoints
     waypoints: Array
 
@@ -47,19 +47,19 @@ class SampledPath(NamedTuple):
     def along(cls, path: FlightPath, from_m: float = 0.0) -> SampledPath:
         """Sample a path from `from_m` to its end."""
         uniform = np.linspace(from_m, path.length_m, int((path.length_m - from_m) / BETWEEN_SAMPLES_M) + 2)
-        places = np.array(sorted({*uniform.tolist(), *path.nodes_m[path.nodes_m >= from_m].tolist()}))
+        distances_m = np.array(sorted({*uniform.tolist(), *path.nodes_m[path.nodes_m >= from_m].tolist()}))
         middles = (path.waypoints_at_m[1:] + path.waypoints_at_m[:-1]) / 2.0
-        at_m, points = with_turns(path, places)
+        at_m, points = with_turns(path, distances_m)
         return cls(at_m, points, np.searchsorted(middles, at_m).astype(np.float64))
 
     def only(self, which: Mask) -> SampledPath:
         """Return the samples in a mask (K,)."""
-        return SampledPath(self.places_m[which], self.points.only(which), self.waypoints[which])
+        return SampledPath(self.at_m[which], self.points.only(which), self.waypoints[which])
 
     def stretches(self, over: Mask) -> Iterator[slice]:
-        """Yield the stretches of the path where `over` (K,) holds, with gaps of up to `SAME_PLACE_M`."""
+        """Yield the stretches of the path where `over` (K,) holds, with gaps of up to `SAME_POSITION_M`."""
         indices = np.flatnonzero(over)
-        breaks = np.flatnonzero(np.diff(self.places_m[indices]) > SAME_PLACE_M) + 1
+        breaks = np.flatnonzero(np.diff(self.at_m[indices]) > SAME_POSITION_M) + 1
         for run in np.split(indices, breaks) if indices.size else []:
             yield slice(int(run[0]), int(run[-1]) + 1)
 
@@ -73,8 +73,8 @@ class SampledPath(NamedTuple):
         moves: Mapping[int, Move] = NOWHERE,
     ) -> Violation:
         """Return what was found at a sample, with the nearest waypoint as its key."""
-        at_m, waypoint = float(self.places_m[index]), int(self.waypoints[index])
-        where = f"path at {at_m:.0f} m ({place_of(self.points, index)})"
+        at_m, waypoint = float(self.at_m[index]), int(self.waypoints[index])
+        where = f"path at {at_m:.0f} m ({position_text(self.points, index)})"
         return Violation((*WAYPOINTS, waypoint), f"{where}: {found}", allowed, kind, excess, at_m, waypoint, moves)
 
     def raised(self, stretch: slice, lack_m: Array) -> dict[int, Move]:
@@ -87,7 +87,7 @@ class SampledPath(NamedTuple):
         return moves
 
 
-def place_of(points: PathPoints, index: int) -> str:
+def position_text(points: PathPoints, index: int) -> str:
     """Return a point of the path in words, its height to a decimetre."""
     north_m, east_m, height_m = points.north_m[index], points.east_m[index], round(points.height_m[index], 1)
     return f"north {north_m:.0f}, east {east_m:.0f}, height {height_m:g}"

@@ -10,7 +10,7 @@ from math import cos, pi, sin, sqrt
 from formation_scenario.register import Decorator, Extension, decorator
 
 SHAPE = "shape"
-Place = tuple[float, float]
+Offset = tuple[float, float]
 """Forward and right of the leader, in units of the spacing."""
 ROW_OF_TRIANGLE = sqrt(3.0) / 2.0
 
@@ -43,11 +43,11 @@ class Rings(Shape):
     """A shape that is filled ring by ring, nearest to the leader first; further vehicles don't move its slots."""
 
     @abstractmethod
-    def ring(self, k: int) -> Iterable[Place]:
-        """Return the k-th places, k from 1, in units of the spacing."""
+    def ring(self, k: int) -> Iterable[Offset]:
+        """Return the k-th slots, k from 1, in units of the spacing."""
 
-    def slots(self, followers: int, spacing_m: float) -> Iterator[Place]:
-        """Yield the first places."""
+    def slots(self, followers: int, spacing_m: float) -> Iterator[Offset]:
+        """Yield the first slots."""
         for forward, right in islice(chain.from_iterable(map(self.ring, count(1))), followers):
             yield spacing_m * forward, spacing_m * right
 
@@ -56,8 +56,8 @@ class Rings(Shape):
 class Follower(Rings):
     """One behind another."""
 
-    def ring(self, k: int) -> Iterable[Place]:
-        """Return the k-th place."""
+    def ring(self, k: int) -> Iterable[Offset]:
+        """Return the k-th slot."""
         return [(-k, 0.0)]
 
 
@@ -65,8 +65,8 @@ class Follower(Rings):
 class Diamond(Rings):
     """A square lattice on its corner, (i, j) at (-(i + j), i - j), grown by whole diamonds of (k + 1)²."""
 
-    def ring(self, k: int) -> Iterator[Place]:
-        """Yield the places that make it larger."""
+    def ring(self, k: int) -> Iterator[Offset]:
+        """Yield the slots that make it larger."""
         for i in range(k):
             yield from ((-(i + k), i - k), (-(i + k), k - i))
         yield -2 * k, 0.0
@@ -74,9 +74,9 @@ class Diamond(Rings):
 
 @register_shape("triangle")
 class Triangle(Rings):
-    """Equilateral triangle: row k has k + 1 places, the middle ones first."""
+    """Equilateral triangle: row k has k + 1 slots, the middle ones first."""
 
-    def ring(self, k: int) -> Iterator[Place]:
+    def ring(self, k: int) -> Iterator[Offset]:
         """Yield a row."""
         for right in sorted((j - k / 2.0 for j in range(k + 1)), key=lambda right: (abs(right), right)):
             yield -k * ROW_OF_TRIANGLE, right
@@ -86,7 +86,7 @@ class Triangle(Rings):
 class Square(Rings):
     """Columns are added right and left in turn, with a row at the back each time."""
 
-    def ring(self, k: int) -> Iterator[Place]:
+    def ring(self, k: int) -> Iterator[Offset]:
         """Yield a column and a row."""
         left, right = -(k // 2), (k + 1) // 2
         side = right if k % 2 else left
@@ -98,8 +98,8 @@ class Square(Rings):
 class Plus(Rings):
     """Four arms, the leader in their middle."""
 
-    def ring(self, k: int) -> Iterable[Place]:
-        """Return a place of each arm."""
+    def ring(self, k: int) -> Iterable[Offset]:
+        """Return a slot of each arm."""
         return [(-k, 0.0), (0.0, -k), (0.0, k), (k, 0.0)]
 
 
@@ -107,8 +107,8 @@ class Plus(Rings):
 class Arrow(Rings):
     """Two arms, back left and back right."""
 
-    def ring(self, k: int) -> Iterable[Place]:
-        """Return a place of each arm."""
+    def ring(self, k: int) -> Iterable[Offset]:
+        """Return a slot of each arm."""
         return [(-k, -k), (-k, k)]
 
 
@@ -116,8 +116,8 @@ class Arrow(Rings):
 class Line(Rings):
     """Side by side."""
 
-    def ring(self, k: int) -> Iterable[Place]:
-        """Return a place left and one right."""
+    def ring(self, k: int) -> Iterable[Offset]:
+        """Return a slot left and one right."""
         return [(0.0, -k), (0.0, k)]
 
 
@@ -125,8 +125,8 @@ class Line(Rings):
 class Echelon(Rings):
     """One arm, back right."""
 
-    def ring(self, k: int) -> Iterable[Place]:
-        """Return the k-th place."""
+    def ring(self, k: int) -> Iterable[Offset]:
+        """Return the k-th slot."""
         return [(-k, k)]
 
 
@@ -134,8 +134,8 @@ class Echelon(Rings):
 class Circle(Shape):
     """A circle around the leader."""
 
-    def slots(self, followers: int, spacing_m: float) -> Iterator[Place]:
-        """Yield its places, equally far from one another."""
+    def slots(self, followers: int, spacing_m: float) -> Iterator[Offset]:
+        """Yield its slots, equally far from one another."""
         radius = max(1.0, 0.5 / sin(pi / followers)) if followers > 1 else 1.0
         for k in range(followers):
             angle = pi + 2.0 * pi * k / followers

@@ -17,7 +17,7 @@ from formation_scenario.register import Decorator, Extension, decorator
 
 
 class Place(NamedTuple):
-    """A place: north and east of the origin, and height above it, m; NaN where it isn't known."""
+    """A position: north and east of the origin, and height above it, m; NaN where it isn't known."""
 
     north_m: float
     east_m: float
@@ -33,7 +33,7 @@ class Carried(NamedTuple):
     station: Place
     """The ground station's antenna, the scenario's `links.station_m`."""
     vehicle: Place
-    """The vehicle: its true place where it is emulated, else the one that it reported last."""
+    """The vehicle: its true position where it is emulated, else the one that it reported last."""
 
 
 class LinkProcess(Extension, ABC):
@@ -49,7 +49,7 @@ class LinkProcess(Extension, ABC):
     random: np.random.Generator
     """Random numbers of this direction of this link alone, by the scenario's seed."""
     ground_m: Callable[[float, float], float]
-    """Returns the height of the ground above the origin, m, at a place north and east of it, m."""
+    """Returns the height of the ground above the origin, m, at a position north and east of it, m."""
 
     @abstractmethod
     def delay_s(self, carried: Carried) -> float | None:

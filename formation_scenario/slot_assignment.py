@@ -68,8 +68,8 @@ def slots(shape: str, followers: int, spacing_m: float, own: Shape | None = None
     """
     made = OURS[shape].instance({}) if own is None else own
     found = np.zeros((followers, 3))
-    for row, place in zip(found, made.slots(followers, spacing_m) if followers else (), strict=True):
-        row[: len(place)] = place
+    for row, slot in zip(found, made.slots(followers, spacing_m) if followers else (), strict=True):
+        row[: len(slot)] = slot
     return found
 
 
@@ -103,11 +103,11 @@ class Arrangement(NamedTuple):
 
 
 class SlotStep(NamedTuple):
-    """The formation from `at_s` on: places (C, 3) of all vehicles, m forward, right and up of the leader."""
+    """The formation from `at_s` on: positions (C, 3) of all vehicles, m forward, right and up of the leader."""
 
     at_s: float
     arrangement: Arrangement
-    places_m: Array
+    positions_m: Array
 
     @property
     def shape(self) -> str:
@@ -173,9 +173,9 @@ def slot_schedule(scenario: Members) -> tuple[SlotStep, ...]:
     steps = [SlotStep(0.0, arrangement, _in_order(scenario, arrangement))]
     for change in sorted(scenario.formation.changes, key=lambda change: change.at_s):
         arrangement = arrangement.changed(change, scenario)
-        before = steps[-1].places_m
-        places = assigned(scenario, arrangement, before - before[arrangement.leader])
-        steps.append(SlotStep(change.at_s, arrangement, places))
+        before = steps[-1].positions_m
+        positions = assigned(scenario, arrangement, before - before[arrangement.leader])
+        steps.append(SlotStep(change.at_s, arrangement, positions))
     return tuple(steps)
 
 
@@ -186,14 +186,14 @@ def planned_slots(scenario: Members) -> dict[VehicleId, Array]:
     """
     steps, planned = slot_schedule(scenario), dict[VehicleId, Array]()
     for index, vehicle in enumerate(vehicles_by_index(scenario)):
-        slots_m = [step.places_m[index] for step in steps if step.arrangement.leader != index]
+        slots_m = [step.positions_m[index] for step in steps if step.arrangement.leader != index]
         if vehicle is not None and slots_m:
             planned[vehicle.vehicle_id] = np.array(slots_m)
     return planned
 
 
 def assigned(scenario: Members, arrangement: Arrangement, now_m: Array, present: Mask | None = None) -> Array:
-    """Return the places (C, 3) of an arrangement, assigned with the least sum of squared distances from `now_m` (C, 3).
+    """Return the positions (C, 3) of an arrangement, by the least sum of squared distances from `now_m` (C, 3).
 
     Vehicles that aren't `present` (C,) are assigned the last slots, which are kept free for them; by default all are
     present. The slots of a custom shape are assigned by the scenario; if another vehicle leads, its slot goes to the
@@ -202,33 +202,33 @@ def assigned(scenario: Members, arrangement: Arrangement, now_m: Array, present:
     Raises:
         ValueError: a custom shape has no slot for one of the vehicles.
     """
-    places = _in_order(scenario, arrangement)
+    positions = _in_order(scenario, arrangement)
     if arrangement.shape == "custom":
-        return places
-    following = np.flatnonzero(np.arange(len(places)) != arrangement.leader)
-    seen = np.ones(len(places), dtype=np.bool_) if present is None else present
+        return positions
+    following = np.flatnonzero(np.arange(len(positions)) != arrangement.leader)
+    seen = np.ones(len(positions), dtype=np.bool_) if present is None else present
     there, away = following[seen[following]], following[~seen[following]]
-    free = places[following]
-    import scipy  # noqa: PLC0415 - only changes of the formation assign places again
+    free = positions[following]
+    import scipy  # noqa: PLC0415 - only changes of the formation assign slots again
 
     cost = np.square(now_m[there, None] - free[None, : there.size]).sum(axis=2)
     _, chosen = scipy.optimize.linear_sum_assignment(cost)
-    given = np.zeros_like(places)
+    given = np.zeros_like(positions)
     given[there], given[away] = free[chosen], free[there.size :]
     return given
 
 
 def _in_order(scenario: Members, arrangement: Arrangement) -> Array:
-    """Return the places (C, 3) with the shape's slots in the order of the indices, 0 for the leader."""
+    """Return the positions (C, 3) with the shape's slots in the order of the indices, 0 for the leader."""
     followers, leader = len(scenario.followers), arrangement.leader
-    places = np.zeros((1 + followers, 3))
+    positions = np.zeros((1 + followers, 3))
     if arrangement.shape != "custom":
-        places[np.arange(1 + followers) != leader] = shape_slots(scenario, arrangement, followers)
-        return places
+        positions[np.arange(1 + followers) != leader] = shape_slots(scenario, arrangement, followers)
+        return positions
     table = arrangement.slots_m or {}
-    places[1:] = np.array([_own(table, follower) for follower in scenario.followers]).reshape(followers, 3)
-    places[0], places[leader] = places[leader].copy(), 0.0
-    return places
+    positions[1:] = np.array([_own(table, follower) for follower in scenario.followers]).reshape(followers, 3)
+    positions[0], positions[leader] = positions[leader].copy(), 0.0
+    return positions
 
 
 def shape_slots(scenario: Members, arrangement: Arrangement, followers: int) -> Array:

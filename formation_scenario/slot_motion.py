@@ -36,12 +36,12 @@ class SlotMotion:
     @cached_property
     def each(self) -> list[Slot]:
         """The N slots of arrays (N, 3) one by one."""
-        places, velocities = self.position_m.tolist(), self.velocity_mps.tolist()
-        return list(map(Slot, places, velocities, self.acceleration_mps2.tolist()))
+        positions, velocities = self.position_m.tolist(), self.velocity_mps.tolist()
+        return list(map(Slot, positions, velocities, self.acceleration_mps2.tolist()))
 
-    def standing(self, which: Mask, place_m: Array) -> SlotMotion:
-        """Return these slots (N, 3), with those in the mask `which` (N,) at rest at `place_m` (N, 3)."""
-        moving = ((place_m, self.position_m), (0.0, self.velocity_mps), (0.0, self.acceleration_mps2))
+    def standing(self, which: Mask, position_m: Array) -> SlotMotion:
+        """Return these slots (N, 3), with those in the mask `which` (N,) at rest at `position_m` (N, 3)."""
+        moving = ((position_m, self.position_m), (0.0, self.velocity_mps), (0.0, self.acceleration_mps2))
         return SlotMotion(*(np.where(which[:, None], still, each) for still, each in moving))
 
     def after(self, seconds: Array) -> SlotMotion:
@@ -154,12 +154,12 @@ class Transition:
     duration_s: float
     start: SlotMotion
     goal_m: Array
-    lift_m: Array
-    """(N,) height by which each is lifted meanwhile."""
+    height_offset_m: Array
+    """(N,) height by which each is raised meanwhile."""
     rise_s: float
     """Duration of the rise, and again of the descent at the end."""
-    apart_m: Array | None = None
-    """(N, N) least distance of each two on their ways, as planned; infinite if not planned."""
+    separation_m: Array | None = None
+    """(N, N) least distance of each two on their paths, as planned; infinite if not planned."""
 
     @classmethod
     def standing(cls, slots_m: Array) -> Transition:
@@ -185,13 +185,13 @@ class Transition:
     def seen_from(self, leader: int, swing_rad: float = 0.0) -> Transition:
         """Return the transition relative to another leader, whose heading is `swing_rad` clockwise of the present.
 
-        This is exact, because slots are linear in start, goals and lifts at every moment.
+        This is exact, because slots are linear in start, goals and height offsets at every moment.
         """
         return replace(
             self,
             start=self.start.seen_from(leader, swing_rad),
             goal_m=self._over.seen_from(leader, swing_rad).position_m,
-            lift_m=self.lift_m - self.lift_m[leader],
+            height_offset_m=self.height_offset_m - self.height_offset_m[leader],
         )
 
     def sample(self, elapsed_s: Array) -> SlotMotion:
@@ -202,39 +202,39 @@ class Transition:
         """
         left_m, *coming = self._braking(elapsed_s)
         share, rate, change = _share(elapsed_s, self.duration_s)
-        way_m = self.goal_m - self.start.position_m - left_m
+        displacement_m = self.goal_m - self.start.position_m - left_m
         position, velocity, acceleration = (
-            each[..., None] * way_m + from_before
+            each[..., None] * displacement_m + from_before
             for each, from_before in zip((share, rate, change), coming, strict=True)
         )
-        if self.lift_m.any():
-            for into, each in zip((position, velocity, acceleration), self._lifted(elapsed_s), strict=True):
-                into[..., 2] += each * self.lift_m
+        if self.height_offset_m.any():
+            for into, each in zip((position, velocity, acceleration), self._height_offset(elapsed_s), strict=True):
+                into[..., 2] += each * self.height_offset_m
         return SlotMotion(self.start.position_m + position, velocity, acceleration)
 
     def _braking(self, elapsed_s: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the displacement (N, 3) in which the initial motion comes to rest, and its course over time.
+        """Return the displacement (N, 3) in which the initial motion comes to rest, and its development over time.
 
-        The course is displacement, velocity and acceleration (K, N, 3), of the quartic that comes to rest with the
+        The development is displacement, velocity and acceleration (K, N, 3), of the quartic that comes to rest with the
         least jerk.
         """
         t = self.duration_s / 2
         v, a = self.start.velocity_mps * t, self.start.acceleration_mps2 * t**2
         u = np.clip(elapsed_s / t, 0.0, 1.0)[:, None, None]
         c3, c4 = -v - 2 * a / 3, v / 2 + a / 4
-        place = u * (v + u * (a / 2 + u * (c3 + u * c4)))
+        position = u * (v + u * (a / 2 + u * (c3 + u * c4)))
         velocity = v + u * (a + u * (3 * c3 + u * 4 * c4))
-        return v / 2 + a / 12, place, velocity / t, (a + u * (6 * c3 + u * 12 * c4)) * (u < 1.0) / t**2
+        return v / 2 + a / 12, position, velocity / t, (a + u * (6 * c3 + u * 12 * c4)) * (u < 1.0) / t**2
 
-    def _lifted(self, elapsed_s: Array) -> tuple[Array, Array, Array]:
-        """Return the share of the lift (K, 1) and its first two derivatives: up at the start, down at the end."""
+    def _height_offset(self, elapsed_s: Array) -> tuple[Array, Array, Array]:
+        """Return the share of the height offset (K, 1) and its first two derivatives: up at first, down at the end."""
         up = _smooth_step(elapsed_s[:, None], self.rise_s)
         down = _smooth_step(elapsed_s[:, None] - (self.duration_s - self.rise_s), self.rise_s)
         return up[0] - down[0], up[1] - down[1], up[2] - down[2]
 
 
 def _share(elapsed_s: Array, duration_s: float) -> tuple[Array, Array, Array]:
-    """Return the share of the way covered after `elapsed_s` (K,), (K, 1), and its first two derivatives by time.
+    """Return the share of the path covered after `elapsed_s` (K,), (K, 1), and its first two derivatives by time.
 
     The speed rises and falls over `RAMP` of the time, as a minimum-jerk step, and is constant between.
     """

@@ -1,4 +1,4 @@
-"""Reads scenario text into plain values, and keeps the place in the file that each key came from."""
+"""Reads scenario text into plain values, and keeps the position in the file that each key came from."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ Finding: TypeAlias = tuple[KeyPath, str, str]
 """A problem in a scenario: the key, what was found, and what is allowed instead."""
 
 
-class Place(NamedTuple):
+class FilePosition(NamedTuple):
     """Where a value came from; `line` and `column` count from 1."""
 
     file: str | None
@@ -55,16 +55,16 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A scenario as plain values, and the place of each key path in its file."""
+    """A scenario as plain values, and the position of each key path in its file."""
 
     file: str | None
     data: dict[Key, Plain]
-    places: Mapping[KeyPath, Place] = field(default_factory=dict[KeyPath, Place])
+    positions: Mapping[KeyPath, FilePosition] = field(default_factory=dict[KeyPath, FilePosition])
 
-    def place(self, path: KeyPath) -> Place:
-        """Return the place of a key, or else of the nearest enclosing key that has one."""
-        enclosing = (self.places.get(path[:length]) for length in range(len(path), 0, -1))
-        return next(filter(None, enclosing), Place(self.file))
+    def position(self, path: KeyPath) -> FilePosition:
+        """Return the position of a key, or else of the nearest enclosing key that has one."""
+        enclosing = (self.positions.get(path[:length]) for length in range(len(path), 0, -1))
+        return next(filter(None, enclosing), FilePosition(self.file))
 
     @property
     def home(self) -> Path | None:
@@ -77,8 +77,8 @@ class Source:
         return Path(self.file).parent if self.file else Path()
 
     def problem(self, path: KeyPath, found: str, allowed: str = "", would_do: str = "") -> Problem:
-        """Return a problem at a key's place."""
-        return Problem(*self.place(path), dotted(path), found, allowed, would_do)
+        """Return a problem at a key's position."""
+        return Problem(*self.position(path), dotted(path), found, allowed, would_do)
 
 
 def _numbers_of_yaml_1_2(
@@ -153,10 +153,10 @@ def read_text(text: str, file: str | None = None, of: str = "scenario") -> Sourc
     Raises:
         ScenarioError: broken YAML, a key given twice, or no mapping at the top.
     """
-    data, places = _read(text, file)
+    data, positions = _read(text, file)
     if not isinstance(data, dict):
         raise ScenarioError([Problem(file, 1, 1, "", f"found {kind(data)}", f"a mapping of {of} keys")])
-    return Source(file, data, places)
+    return Source(file, data, positions)
 
 
 def plain_mapping(mapping: Mapping[Any, object], above: KeyPath = ()) -> dict[Key, Plain]:
@@ -215,8 +215,8 @@ def _plain(value: object, path: KeyPath) -> Plain:
     raise refused(dotted(path), f"found a {type(value).__name__}", "number, text, list, mapping")
 
 
-def _read(text: str, file: str | None, path: KeyPath = ()) -> tuple[Plain, dict[KeyPath, Place]]:
-    """Return YAML's values and their places, by libyaml where it reads the text as PyYAML does.
+def _read(text: str, file: str | None, path: KeyPath = ()) -> tuple[Plain, dict[KeyPath, FilePosition]]:
+    """Return YAML's values and their positions, by libyaml where it reads the text as PyYAML does.
 
     PyYAML reads again what libyaml refuses, because it says more; and tabs, about which the two differ.
     """
@@ -236,13 +236,13 @@ class _Reader:
     def __init__(self, text: str, file: str | None) -> None:
         self._text = text
         self._file = file
-        self._places: dict[KeyPath, Place] = {}
+        self._positions: dict[KeyPath, FilePosition] = {}
         self._problems: list[Problem] = []
         self._count = 0
         self._within = list[yaml.Node]()
         """The lists and mappings around the present value."""
 
-    def read(self, by: type[AnyLoader], path: KeyPath) -> tuple[Plain, dict[KeyPath, Place]]:
+    def read(self, by: type[AnyLoader], path: KeyPath) -> tuple[Plain, dict[KeyPath, FilePosition]]:
         try:
             loader = by(self._text)
             node: yaml.Node | None = loader.get_single_node()
@@ -254,7 +254,7 @@ class _Reader:
             raise refused("", "found lists or mappings nested too deeply", file=self._file) from error
         if self._problems:
             raise ScenarioError(self._problems)
-        return data, self._places
+        return data, self._positions
 
     def _value(self, loader: AnyLoader, node: yaml.Node, path: KeyPath) -> Plain:
         self._count += 1
@@ -278,13 +278,13 @@ class _Reader:
         if value is None or isinstance(value, bool | int | float | str):
             return value
         found = f"found {show(cast('str', node.value))}"
-        self._problems.append(Problem(*self._place(node), dotted(path), found, ALLOWED_VALUES))
+        self._problems.append(Problem(*self._position(node), dotted(path), found, ALLOWED_VALUES))
         return None
 
     def _list(self, loader: AnyLoader, node: yaml.SequenceNode, path: KeyPath) -> list[Plain]:
         items = cast("list[yaml.Node]", node.value)
         for index, item in enumerate(items):
-            self._places[(*path, index)] = self._place(item)
+            self._positions[(*path, index)] = self._position(item)
         return [self._value(loader, item, (*path, index)) for index, item in enumerate(items)]
 
     def _mapping(self, loader: AnyLoader, node: yaml.MappingNode, path: KeyPath) -> dict[Key, Plain]:
@@ -293,23 +293,23 @@ class _Reader:
         result: dict[Key, Plain] = {}
         for key_node, value_node in cast("list[tuple[yaml.Node, yaml.Node]]", node.value):
             key = _key(key_node)
-            self._places[(*path, key)] = self._place(key_node)
+            self._positions[(*path, key)] = self._position(key_node)
             result[key] = self._value(loader, value_node, (*path, key))
         return result
 
     def _refuse_duplicates(self, node: yaml.MappingNode, path: KeyPath) -> None:
-        first: dict[Key, Place] = {}
+        first: dict[Key, FilePosition] = {}
         for key_node, _ in cast("list[tuple[yaml.Node, yaml.Node]]", node.value):
-            key, place = _key(key_node), self._place(key_node)
+            key, position = _key(key_node), self._position(key_node)
             if key in first and key_node.tag != _MERGE_TAG:
                 found = "found a second time"
                 if "\n" in self._text or self._file is not None:
                     found += f", first on line {first[key].line}"
-                self._problems.append(Problem(*place, dotted((*path, key)), found, "each key once"))
-            first.setdefault(key, place)
+                self._problems.append(Problem(*position, dotted((*path, key)), found, "each key once"))
+            first.setdefault(key, position)
 
-    def _place(self, node: yaml.Node) -> Place:
-        return Place(self._file, node.start_mark.line + 1, node.start_mark.column + 1)
+    def _position(self, node: yaml.Node) -> FilePosition:
+        return FilePosition(self._file, node.start_mark.line + 1, node.start_mark.column + 1)
 
     def _broken(self, error: yaml.YAMLError) -> Problem:
         if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:

@@ -11,7 +11,7 @@ from formation_scenario.formation import added
 from formation_scenario.model import Scenario
 from formation_scenario.path_limits import TOLERANCE
 from formation_scenario.planned_progress import planned_end_s, planned_m
-from formation_scenario.sampled_path import place_of
+from formation_scenario.sampled_path import position_text
 from formation_scenario.slot_assignment import slot_schedule
 from formation_scenario.source import KeyPath
 from formation_scenario.violations import HEIGHT_TOLERANCE_M, Violation
@@ -41,15 +41,16 @@ def check_steps(scenario: Scenario) -> Iterator[Violation]:
         if room_m[worst] < -HEIGHT_TOLERANCE_M:
             slot = "the leader" if up_m == 0.0 else f"the {'lowest' if sign > 0.0 else 'highest'} slot"
             found = (
-                f"at {times_s[worst]:.4g} s ({place_of(points, worst)}) {slot} is {flown_m[worst] + up_m:.1f} {what}"
+                f"at {times_s[worst]:.4g} s ({position_text(points, worst)}) "
+                f"{slot} is {flown_m[worst] + up_m:.1f} {what}"
             )
             allowed = f"{limit_m:g} m or {'more' if sign > 0.0 else 'less'} ({key})"
             yield Violation(_step_at(scenario, times_s[worst], sign), found, allowed, "step")
 
 
 def _lowest_and_highest_m(scenario: Scenario) -> tuple[float, float]:
-    """Return how far others fly below and above the leader; over terrain those below are lifted clear of it."""
-    up_m = [float(up_m) for step in slot_schedule(scenario) for up_m in step.places_m[:, 2]]
+    """Return how far others fly below and above the leader; over terrain those below are raised clear of it."""
+    up_m = [float(up_m) for step in slot_schedule(scenario) for up_m in step.positions_m[:, 2]]
     return min(0.0, *up_m) if scenario.terrain is None else 0.0, max(0.0, *up_m)
 
 

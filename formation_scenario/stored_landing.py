@@ -18,7 +18,7 @@ LEADS_M = 400.0
 """The waypoint before that one is this far back, so that the turn to the approach is over by then."""
 
 
-class LandingPlace(NamedTuple):
+class LandingPosition(NamedTuple):
     """Where it lands, north and east of the origin, m; its approach's course, rad, length and height, m."""
 
     north_m: float
@@ -32,7 +32,7 @@ class LandingItem(NamedTuple):
     """An item of the mission."""
 
     command: int
-    place_e7: tuple[int, int] | None = None
+    position_e7: tuple[int, int] | None = None
     """Latitude and longitude, 1e-7 degrees; None for a command without a position."""
     height_m: float = 0.0
     """Above home."""
@@ -40,14 +40,14 @@ class LandingItem(NamedTuple):
     """Acceptance radius."""
 
 
-def place_of(keys: StoredLanding, start: StartState) -> LandingPlace:
+def landing_position(keys: StoredLanding, start: StartState) -> LandingPosition:
     """Return where a vehicle lands by its keys, and otherwise where and as it stands at the start."""
     north_m, east_m = keys.touchdown_m or (start.north_m, start.east_m)
     course_rad = start.heading_rad if keys.course_deg is None else math.radians(keys.course_deg)
-    return LandingPlace(north_m, east_m, course_rad, keys.approach_m, keys.height_m)
+    return LandingPosition(north_m, east_m, course_rad, keys.approach_m, keys.height_m)
 
 
-def items_of(landing: LandingPlace, origin: GeodeticOrigin) -> tuple[LandingItem, ...]:
+def items_of(landing: LandingPosition, origin: GeodeticOrigin) -> tuple[LandingItem, ...]:
     """Return DO_LAND_START, two waypoints in line with the runway, and NAV_LAND."""
 
     def item(command: int, back_m: float, height_m: float, reached_m: float = 0.0) -> LandingItem:

@@ -1,4 +1,4 @@
-"""The height of the ground, from files or hills, and the leader's path lifted clear of it."""
+"""The height of the ground, from files or hills, and the leader's path raised clear of it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flight_model.path import FlightPath, PathPoints
 from flight_model.path_offsets import Bounds, ClearanceOffset, min_offset, sample_distances
 from formation_scenario.bounded_read import read_bounded, require_file
 from formation_scenario.fields import FileError
-from formation_scenario.named_files import place_of
+from formation_scenario.named_files import read_path
 from formation_scenario.surroundings import Hill, Terrain
 
 HGT_NAME = re.compile(r"^([NS])(\d{2})([EW])(\d{3})$", re.IGNORECASE)
@@ -31,11 +31,11 @@ MARGIN_M = 10_000.0
 WGS_84 = "EPSG:4326"
 ALLOWED = "a .hgt tile (N35E125.hgt), or a GeoTIFF with a coordinate system"
 LEADER_SHARE = 0.7
-"""Share of the climb limit that the lifted path uses; followers and disturbances need the rest."""
+"""Share of the climb limit that the raised path uses; followers and disturbances need the rest."""
 ROUNDING_M = 1e-6
 """Allowance for rounding in upper bounds."""
 FOLLOWER_SHARE = 0.85
-"""Share of the climb limit that the path and a follower's own lift use together."""
+"""Share of the climb limit that the path and a follower's own offset use together."""
 
 
 class ElevationGrid(NamedTuple):
@@ -60,7 +60,7 @@ class ElevationGrid(NamedTuple):
         return upper + down * (lower - upper) - self.origin.alt_m
 
     def bound_m(self, north_m: Array, east_m: Array, around_m: float) -> Array:
-        """Return an upper bound of the heights within `around_m` of each place (n,): the highest value there."""
+        """Return an upper bound of the heights within `around_m` of each point (n,): the highest value there."""
         rows, columns = self.elevation_m.shape
         up, left = self._at(north_m + around_m, east_m - around_m)
         down, right = self._at(north_m - around_m, east_m + around_m)
@@ -137,9 +137,9 @@ def _read_geotiff(path: Path, bounds_deg: tuple[float, float, float, float], ori
         found = f"found {path.name}, and rasterio isn't installed: pip install 'gcs-formation[terrain]'"
         raise FileError(found) from error
     try:
-        with rasterio.open(place_of(path)) as file:
+        with rasterio.open(read_path(path)) as file:
             for part in file.files:  # a file beside it with its scale, or those that a .vrt joins
-                place_of(Path(part))
+                read_path(Path(part))
             if file.crs is None:
                 raise FileError(f"found {path.name} without a coordinate system")
             with vrt.WarpedVRT(file, crs=WGS_84, resampling=rasterio.enums.Resampling.bilinear) as warped:
@@ -148,12 +148,14 @@ def _read_geotiff(path: Path, bounds_deg: tuple[float, float, float, float], ori
                 wanted = windows.from_bounds(*bounds_deg, dataset.transform).round_offsets().round_lengths()
                 window = wanted.intersection(whole)
                 values = dataset.read(1, window=window, masked=True).astype(np.float64).filled(np.nan)
-                place: Any = dataset.window_transform(window)
+                transform: Any = dataset.window_transform(window)
     except (rasterio.errors.RasterioError, windows.WindowError) as error:
         raise FileError(f"found {path}: {error}") from error
-    if min(values.shape) < 2 or place.b or place.d or place.e >= 0:
+    if min(values.shape) < 2 or transform.b or transform.d or transform.e >= 0:
         raise FileError(f"found {path.name} without values in rows from north to south there")
-    return ElevationGrid(values, place.f + place.e / 2, place.c + place.a / 2, -place.e, place.a, origin)
+    return ElevationGrid(
+        values, transform.f + transform.e / 2, transform.c + transform.a / 2, -transform.e, transform.a, origin
+    )
 
 
 class Hills:
@@ -174,7 +176,7 @@ class Hills:
         return self._base_m + self._share(self._squared_m2(north_m, east_m) / self._radius_m**2) @ self._height_m
 
     def bound_m(self, north_m: Array, east_m: Array, around_m: float) -> Array:
-        """Return an upper bound of the heights within `around_m` of each place (n,), which is fast to compute.
+        """Return an upper bound of the heights within `around_m` of each point (n,), which is fast to compute.
 
         As heights decrease with the distance from crest lines, each hill is taken at its nearest possible distance and
         each hollow at its farthest.
@@ -216,10 +218,10 @@ def ground_of(terrain: Terrain | None, origin: GeodeticOrigin, waypoints_m: Arra
 
 
 class ClearPath(FlightPath):
-    """A path with a lift, which is 0 at the path's start; the straight run-in before it is level."""
+    """A path with a clearance offset, which is 0 at the path's start; the straight run-in before it is level."""
 
     def __init__(self, written: FlightPath, clearance_offset: ClearanceOffset) -> None:
-        """Take the path as written, and the lift from 0 to its length."""
+        """Take the path as written, and the offset from 0 to its length."""
         vars(self).update(vars(written))  # the same curve, without fitting it again
         self.clearance_offset = clearance_offset
 
@@ -228,23 +230,23 @@ class ClearPath(FlightPath):
     @overload
     def at(self, s: Array) -> PathPoints: ...
     def at(self, s: float | Array) -> PathPoint | PathPoints:
-        """Return the lifted path at an arc length in m, or at an array of them."""
+        """Return the raised path at an arc length in m, or at an array of them."""
         if not isinstance(s, np.ndarray):
             up_m, *changes = self.clearance_offset.at_one(min(max(s, 0.0), self.length_m))
             return super().at(s).raised(up_m, *(changes if 0.0 <= s <= self.length_m else (0.0, 0.0)))
         inside, points = np.clip(s, 0.0, self.length_m), super().at(s)
-        lift_m, slope, curvature = self.clearance_offset.at(inside)
+        offset_m, slope, curvature = self.clearance_offset.at(inside)
         on_path = s == inside
         return points._replace(
-            height_m=points.height_m + lift_m,
+            height_m=points.height_m + offset_m,
             slope=points.slope + np.where(on_path, slope, 0.0),
             slope_rate_1pm=points.slope_rate_1pm + np.where(on_path, curvature, 0.0),
         )
 
 
-def lifted(written: FlightPath, ground: Ground, clearance_m: float, bounds: Bounds) -> ClearPath:
-    """Return a path lifted to `clearance_m` above the ground, as far as `bounds` allow."""
-    places = sample_distances(0.0, max(1, int(np.ceil(written.length_m / STEP_M))))
-    points = written.at(places)
+def with_clearance(written: FlightPath, ground: Ground, clearance_m: float, bounds: Bounds) -> ClearPath:
+    """Return a path raised to `clearance_m` above the ground, as far as `bounds` allow."""
+    distances_m = sample_distances(0.0, max(1, int(np.ceil(written.length_m / STEP_M))))
+    points = written.at(distances_m)
     needed = ground.height(points.north_m, points.east_m) + clearance_m - points.height_m
     return ClearPath(written, min_offset(0.0, needed, points.slope, bounds, np.zeros(3)))

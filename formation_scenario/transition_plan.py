@@ -1,10 +1,10 @@
 """Planning of transitions: the shortest that keeps vehicles separated and within their limits.
 
-All vehicles cover the same share of a straight way at the same moment. If places are 2√2 R apart and goals are assigned
-with the least sum of squared distances, no two vehicles come within 2 R of each other (Turpin, Michael, Kumar,
-"CAPT: Concurrent assignment and planning of trajectories for multiple robots", IJRR 33(1), 2014). The theorem covers
-neither the leader nor slots that already move or are assigned by hand; if vehicles would come too near to each other
-there, they are separated in height.
+All vehicles cover the same share of a straight path at the same moment. If positions have a separation of 2√2 R and
+goals are assigned with the least sum of squared distances, no two vehicles come within 2 R of each other (Turpin,
+Michael, Kumar, "CAPT: Concurrent assignment and planning of trajectories for multiple robots", IJRR 33(1), 2014). The
+theorem covers neither the leader nor slots that already move or are assigned by hand; if vehicles would come too near
+to each other there, they are separated in height.
 """
 
 from __future__ import annotations
@@ -77,18 +77,18 @@ class Conditions:
     separation_m: float
     leader: int
     present: Mask
-    """(N,) which vehicles are present, and so must be kept apart."""
+    """(N,) which vehicles are present, and so must be separated."""
     names: tuple[str, ...]
     spacing_share: float = SPACING_SHARE
-    lift_m: float = 0.0
-    """Least lift of vehicles that would come too near."""
+    height_offset_m: float = 0.0
+    """Least height offset of vehicles that would come too near."""
 
 
-def ways_meet(start_m: Array, goal_m: Array, conditions: Conditions) -> bool:
-    """Return whether straight ways from `start_m` to `goal_m` (N, 3) come too near, whenever each is flown."""
-    begin, way = start_m[conditions.present], (goal_m - start_m)[conditions.present]
-    apart_m = _apart_m(start_m, goal_m, conditions)
-    return bool((segment_distances_m(begin, way) < apart_m).any())
+def paths_meet(start_m: Array, goal_m: Array, conditions: Conditions) -> bool:
+    """Return whether straight paths from `start_m` to `goal_m` (N, 3) come too near, whenever each is flown."""
+    begin, displacement = start_m[conditions.present], (goal_m - start_m)[conditions.present]
+    separation_m = _min_separation_m(start_m, goal_m, conditions)
+    return bool((segment_distances_m(begin, displacement) < separation_m).any())
 
 
 def plan_transition(start: SlotMotion, goal_m: Array, at_s: float, conditions: Conditions) -> Transition:
@@ -99,47 +99,47 @@ def plan_transition(start: SlotMotion, goal_m: Array, at_s: float, conditions: C
     """
     farthest_m = float(np.linalg.norm(goal_m - start.position_m, axis=1)[conditions.present].max(initial=0.0))
     duration_s = min(max(farthest_m / MEAN_SPEED_MPS, MIN_S), USUAL_S)
-    apart_m = _apart_m(start.position_m, goal_m, conditions)
+    separation_m = _min_separation_m(start.position_m, goal_m, conditions)
     while True:
         level = Transition(at_s, duration_s, start, goal_m, np.zeros(len(goal_m)), 0.0)
         try:
-            return _checked(level, apart_m, conditions)
+            return _checked(level, separation_m, conditions)
         except NotFlyableError:
             duration_s *= STRETCH
             if duration_s > MAX_S:
                 raise
 
 
-def _apart_m(start_m: Array, goal_m: Array, conditions: Conditions) -> float:
+def _min_separation_m(start_m: Array, goal_m: Array, conditions: Conditions) -> float:
     """Return the distance to keep during the transition, at most that at its beginning and at its end."""
     if conditions.present.sum() < 2:
         return 0.0
-    begin, end = (float(_pair_distances_m(places[conditions.present]).min()) for places in (start_m, goal_m))
+    begin, end = (float(_pair_distances_m(positions[conditions.present]).min()) for positions in (start_m, goal_m))
     wanted_m = max(conditions.separation_m + MARGIN_M, conditions.spacing_share * end)
     return min(wanted_m, begin * 0.99, end * 0.99)
 
 
-def _checked(level: Transition, apart_m: float, conditions: Conditions) -> Transition:
-    """Return the transition, with lifts if vehicles would come too near to each other.
+def _checked(level: Transition, separation_m: float, conditions: Conditions) -> Transition:
+    """Return the transition, with height offsets if vehicles would come too near to each other.
 
     Raises:
         NotFlyableError: it can't be flown in this duration.
     """
     moments_s = np.linspace(0.0, level.duration_s, SAMPLES)
     flight = conditions.flight(moments_s)
-    apart = _distances_m(level, flight, moments_s, conditions)
-    near = np.flatnonzero(apart.min(axis=0) < apart_m)
+    distances_m = _distances_m(level, flight, moments_s, conditions)
+    near = np.flatnonzero(distances_m.min(axis=0) < separation_m)
     if not near.size:
-        return replace(level, apart_m=_by_columns(apart.min(axis=0), conditions))
-    lift_m = _lifts_m(level, _levels(near, conditions), max(apart_m, conditions.lift_m))
-    raised = _lift(level, lift_m, flight, conditions)
-    apart = _distances_m(raised, flight, moments_s, conditions)
-    _refuse_near(apart, apart_m, moments_s, conditions)
-    return replace(raised, apart_m=_by_columns(apart.min(axis=0), conditions))
+        return replace(level, separation_m=_by_columns(distances_m.min(axis=0), conditions))
+    height_offset_m = _height_offsets_m(level, _levels(near, conditions), max(separation_m, conditions.height_offset_m))
+    raised = _with_offsets(level, height_offset_m, flight, conditions)
+    distances_m = _distances_m(raised, flight, moments_s, conditions)
+    _refuse_near(distances_m, separation_m, moments_s, conditions)
+    return replace(raised, separation_m=_by_columns(distances_m.min(axis=0), conditions))
 
 
 def _refuse_beyond(
-    way: Transition, needs: SlotNeeds, flight: LeaderFlight, moments_s: Array, conditions: Conditions
+    transition: Transition, needs: SlotNeeds, flight: LeaderFlight, moments_s: Array, conditions: Conditions
 ) -> None:
     """Raise `NotFlyableError` if the slots require more than the limits.
 
@@ -147,8 +147,8 @@ def _refuse_beyond(
     at rest already requires more than a transition may use, that much is allowed.
     """
     still = [
-        slot_needs(flight, SlotMotion.at_rest(places), conditions.frame)
-        for places in (way.start.position_m, way.goal_m)
+        slot_needs(flight, SlotMotion.at_rest(positions), conditions.frame)
+        for positions in (transition.start.position_m, transition.goal_m)
     ]
     flies = conditions.present.copy()
     flies[conditions.leader] = False
@@ -162,10 +162,10 @@ def _refuse_beyond(
         excess = np.where(flies, found - np.maximum(limit, np.maximum(*allowed)) - 1e-6, -1.0)
         if excess.max() > 0.0:
             moment, who = np.unravel_index(int(excess.argmax()), excess.shape)
-            needed, most = distinct_texts(abs(found[moment, who]), abs(limit[who]))
+            needed, maximum = distinct_texts(abs(found[moment, who]), abs(limit[who]))
             figure = f"{conditions.names[who]}'s slot would need {needed} {unit} on the way"
             bound = "at least" if limit[who] < 0 else "up to"
-            raise NotFlyableError(figure, f"{bound} {most} {unit}", float(moments_s[moment]))
+            raise NotFlyableError(figure, f"{bound} {maximum} {unit}", float(moments_s[moment]))
 
 
 def _demands(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:
@@ -175,35 +175,35 @@ def _demands(needs: SlotNeeds, limits: Limits) -> tuple[Array, ...]:
     return speed, -speed, np.abs(needs.accel_mps2), np.abs(needs.turn_rate_rps), climb
 
 
-def _distances_m(way: Transition, flight: LeaderFlight, moments_s: Array, conditions: Conditions) -> Array:
+def _distances_m(transition: Transition, flight: LeaderFlight, moments_s: Array, conditions: Conditions) -> Array:
     """Return the distances (K, pairs) of all vehicles that are present; raise if they exceed the limits."""
-    slots = way.sample(moments_s)
-    needs, places = slot_needs(flight, slots, conditions.frame), slots.position_m
-    _refuse_beyond(way, needs, flight, moments_s, conditions)
+    slots = transition.sample(moments_s)
+    needs, positions = slot_needs(flight, slots, conditions.frame), slots.position_m
+    _refuse_beyond(transition, needs, flight, moments_s, conditions)
     if conditions.frame == "follower_heading":
         cos, sin = np.cos(needs.relative_heading_rad), np.sin(needs.relative_heading_rad)
-        forward, right = places[..., 0], places[..., 1]
-        places = np.stack((forward * cos - right * sin, forward * sin + right * cos, places[..., 2]), axis=-1)
-    return _pair_distances_m(places[:, conditions.present])
+        forward, right = positions[..., 0], positions[..., 1]
+        positions = np.stack((forward * cos - right * sin, forward * sin + right * cos, positions[..., 2]), axis=-1)
+    return _pair_distances_m(positions[:, conditions.present])
 
 
-def _pair_distances_m(places_m: Array) -> Array:
-    """Return the distance of each pair (..., pairs) of places (..., N, 3)."""
-    one, other = np.triu_indices(places_m.shape[-2], 1)
-    return np.linalg.norm(places_m[..., one, :] - places_m[..., other, :], axis=-1)
+def _pair_distances_m(positions_m: Array) -> Array:
+    """Return the distance of each pair (..., pairs) of positions (..., N, 3)."""
+    one, other = np.triu_indices(positions_m.shape[-2], 1)
+    return np.linalg.norm(positions_m[..., one, :] - positions_m[..., other, :], axis=-1)
 
 
-def segment_distances_m(begin_m: Array, way_m: Array) -> Array:
-    """Return the least distance (pairs,) of each two of N segments, each from `begin_m` along `way_m` (N, 3)."""
+def segment_distances_m(begin_m: Array, displacement_m: Array) -> Array:
+    """Return the least distance (pairs,) of each two of N segments, from `begin_m` along `displacement_m` (N, 3)."""
     one, other = np.triu_indices(len(begin_m), 1)
-    d, e, apart = way_m[one], way_m[other], begin_m[one] - begin_m[other]
+    d, e, between = displacement_m[one], displacement_m[other], begin_m[one] - begin_m[other]
     dd, ee, de = (np.einsum("pi,pi->p", *pair) for pair in ((d, d), (e, e), (d, e)))
-    da, ea = (np.einsum("pi,pi->p", each, apart) for each in (d, e))
+    da, ea = (np.einsum("pi,pi->p", each, between) for each in (d, e))
     # The point of the first that is nearest to the second's line, then the second's nearest to that, and the first's.
     along = np.clip(_ratio(de * ea - ee * da, dd * ee - de * de), 0.0, 1.0)
     along_other = np.clip(_ratio(de * along + ea, ee), 0.0, 1.0)
     along = np.clip(_ratio(de * along_other - da, dd), 0.0, 1.0)
-    return np.linalg.norm(apart + along[:, None] * d - along_other[:, None] * e, axis=1)
+    return np.linalg.norm(between + along[:, None] * d - along_other[:, None] * e, axis=1)
 
 
 def _ratio(over: Array, under: Array) -> Array:
@@ -234,36 +234,38 @@ def _levels(near: Indices, conditions: Conditions) -> Array:
     return np.array([float(levels.get(index, 0)) for index in range(conditions.present.size)])
 
 
-def _lifts_m(way: Transition, levels: Array, apart_m: float) -> Array:
-    """Return the lift of each vehicle, (N,): its levels above the highest start or goal of all on lower levels.
+def _height_offsets_m(transition: Transition, levels: Array, separation_m: float) -> Array:
+    """Return each vehicle's height offset, (N,): its levels above the highest start or goal of all on lower levels.
 
-    A vehicle that starts or ends lower is lifted by that much more; one that is already high by less.
+    A vehicle that starts or ends lower is raised by that much more; one that is already high by less.
     """
-    ends_m = np.stack((way.start.position_m[:, 2], way.goal_m[:, 2]))
+    ends_m = np.stack((transition.start.position_m[:, 2], transition.goal_m[:, 2]))
     below = levels < levels[:, None]
     highest_m = np.where(below, ends_m.max(axis=0), -np.inf).max(axis=1)
-    return np.where(levels > 0, np.maximum(levels * apart_m + highest_m - ends_m.min(axis=0), 0.0), 0.0)
+    return np.where(levels > 0, np.maximum(levels * separation_m + highest_m - ends_m.min(axis=0), 0.0), 0.0)
 
 
-def _lift(level: Transition, lift_m: Array, flight: LeaderFlight, conditions: Conditions) -> Transition:
-    """Return the transition with lifts, as fast as the climb limits allow in addition to the leader's climb."""
+def _with_offsets(
+    level: Transition, height_offset_m: Array, flight: LeaderFlight, conditions: Conditions
+) -> Transition:
+    """Return the transition with height offsets, as fast as the climb limits allow besides the leader's climb."""
     room_mps = conditions.limits.ceilings[4] - float(np.abs(flight.climb_mps).max())
-    rises = lift_m > 0
+    rises = height_offset_m > 0
     if (room_mps[rises] <= 0).any():
         raise NotFlyableError("no climb is left for some to pass over others", "a path less steep there", 0.0)
     # Setpoints also lead the change of climb, so their peak is higher than PEAK_RATE.
-    rise_s = 1.3 * PEAK_RATE * float((lift_m[rises] / room_mps[rises]).max())
+    rise_s = 1.3 * PEAK_RATE * float((height_offset_m[rises] / room_mps[rises]).max())
     if rise_s > level.duration_s / 2:
         allowed = "slots less far apart in height, or a path less steep there"
         raise NotFlyableError("no time is left for some to pass over others", allowed, 0.0)
-    return replace(level, lift_m=lift_m, rise_s=rise_s)
+    return replace(level, height_offset_m=height_offset_m, rise_s=rise_s)
 
 
-def _refuse_near(distances: Array, apart_m: float, moments_s: Array, conditions: Conditions) -> None:
+def _refuse_near(distances: Array, separation_m: float, moments_s: Array, conditions: Conditions) -> None:
     moment, pair = np.unravel_index(int(distances.argmin()), distances.shape)
     nearest_m = float(distances[moment, pair])
-    if nearest_m < apart_m * 0.999:
+    if nearest_m < separation_m * 0.999:
         pairs: list[list[int]] = _pairs(conditions).tolist()
         one, other = (conditions.names[index] for index in pairs[int(pair)])
         found = f"{one} and {other} would come within {nearest_m:.3g} m on the way"
-        raise NotFlyableError(found, f"{apart_m:.3g} m or more", float(moments_s[moment]))
+        raise NotFlyableError(found, f"{separation_m:.3g} m or more", float(moments_s[moment]))

@@ -26,7 +26,7 @@ airspeed cost metres of height."""
 SETPOINT_SHARE = 0.9
 """Share of the speed range that a setpoint uses, which leads a change of speed by its time constant."""
 ACCELERATION_SHARE = 0.7
-"""Share of the acceleration: along the slots' way, and of multirotors also towards the turn's middle."""
+"""Share of the acceleration: along the slots' path, and of multirotors also towards the turn's middle."""
 GENTLEST = 0.02
 """Share of the turn rate below which turns aren't planned: feasibility says then which slot has no speed left."""
 SHORTEST_S, LONGEST_S = 1.0, 60.0
@@ -78,7 +78,9 @@ def _begins_s(
     rates, changes = turn_rps * share**2 * (3.0 - 2.0 * share), turn_rps * 6.0 * share * (1.0 - share)
     for begins_s in np.geomspace(shortest_s, max(LONGEST_S, shortest_s), 80).tolist():
         flights = [
-            _flight(speed_mps, side * rates, way * changes / begins_s) for side in (1.0, -1.0) for way in (1.0, -1.0)
+            _flight(speed_mps, side * rates, direction * changes / begins_s)
+            for side in (1.0, -1.0)
+            for direction in (1.0, -1.0)
         ]
         if all(_kept(models, step, frame, flight).all() for step in steps for flight in flights):
             return float(begins_s)
@@ -95,7 +97,7 @@ def _kept(models: tuple[VehicleModel, ...], step: SlotStep, frame: Frame, flight
     following = [column for column in range(len(models)) if column != step.arrangement.leader]
     if not following:
         return np.ones(flight.turn_rate_rps.shape, dtype=np.bool_)
-    needs = slot_needs(flight, SlotMotion.at_rest(step.places_m[following]), frame)
+    needs = slot_needs(flight, SlotMotion.at_rest(step.positions_m[following]), frame)
     each = [models[column] for column in following]
     share = np.array([SPEED_SHARE if model.airframe is None else ENERGY_SPEED_SHARE for model in each])
     low, high = np.array([model.soon_mps(flight.speed_mps) for model in each]).T
@@ -107,7 +109,7 @@ def _kept(models: tuple[VehicleModel, ...], step: SlotStep, frame: Frame, flight
     kept &= (setpoint <= SETPOINT_SHARE * room_up) & (-setpoint <= SETPOINT_SHARE * room_down)
     kept &= (np.abs(needs.turn_rate_rps) <= (1.0 + TURN_SHARE) / 2.0 * turn) & (np.abs(needs.accel_mps2) <= accel)
     hovers = np.array([model.hovers for model in each])
-    if hovers.any():  # their acceleration is one vector, also across the slots' way
+    if hovers.any():  # their acceleration is one vector, also across the slots' path
         total_mps2 = np.hypot(needs.accel_mps2, needs.speed_mps * needs.turn_rate_rps)
         kept &= (total_mps2 <= accel) | ~hovers
     return np.asarray(kept.all(axis=1))
@@ -120,5 +122,5 @@ def climb_limits(members: Members, speed_mps: float, wind_mps: float) -> Climbs:
     """
     models, speed_mps = [vehicle.model for vehicle in members.vehicles], max(speed_mps, MIN_MPS)
     climb_mps = min(model.climb_max_mps for model in models)
-    lag_s = max(model.tau_ha_s + model.tau_hb_s for model in models)
-    return Climbs(climb_mps / speed_mps, climb_mps / (2.0 * lag_s) / (speed_mps + wind_mps) ** 2)
+    tau_s = max(model.tau_ha_s + model.tau_hb_s for model in models)
+    return Climbs(climb_mps / speed_mps, climb_mps / (2.0 * tau_s) / (speed_mps + wind_mps) ** 2)

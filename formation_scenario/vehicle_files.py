@@ -65,7 +65,7 @@ def with_models(source: Source, registry: Registry | None = None) -> Source:
     other = models != models_of(vehicles) or any("airframe" in each or each.get("hovers") is True for each in written)
     if other and isinstance(law, dict):
         changed["law"] = law | {"gains": law.get("gains") or AUTO}
-    return Source(source.file, source.data | changed, source.places)
+    return Source(source.file, source.data | changed, source.positions)
 
 
 class _Models:
@@ -141,7 +141,7 @@ def read_model(name: str, directory: Path, at: Source, path: KeyPath, own: Seque
     Args:
         name: a shipped name, or a file relative to `directory`.
         directory: directory of the scenario.
-        at: the scenario, for the place of problems.
+        at: the scenario, for the position of problems in its file.
         path: the key that names the file.
         own: names of aircraft that extensions register, for messages.
 

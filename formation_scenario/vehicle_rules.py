@@ -73,18 +73,18 @@ def endpoints(scenario: Scenario) -> Iterator[Finding]:
 
 
 def _each_link(scenario: Scenario) -> Iterator[tuple[KeyPath, Vehicle, str]]:
-    """Yield the place, the vehicle and the endpoint of each link."""
+    """Yield the key path, the vehicle and the endpoint of each link."""
     for index, vehicle in enumerate(scenario.vehicles):
-        for place, text in enumerate(vehicle.endpoints):
+        for number, text in enumerate(vehicle.endpoints):
             path: KeyPath = ("vehicles", index, "endpoint")
-            yield path if isinstance(vehicle.endpoint, str) else (*path, place), vehicle, text
+            yield path if isinstance(vehicle.endpoint, str) else (*path, number), vehicle, text
 
 
 def several_links(scenario: Scenario) -> Iterator[Finding]:
     """Yield endpoints that a vehicle has twice, and changes of links that none of their vehicles has."""
     for path, vehicle, text in _each_link(scenario):
-        place = path[-1]
-        if isinstance(place, int) and text in vehicle.endpoints[:place]:
+        number = path[-1]
+        if isinstance(number, int) and text in vehicle.endpoints[:number]:
             yield path, f"found {text} twice", "another endpoint for each link of a vehicle"
     for index, change in enumerate(scenario.links.changes):
         maximum = max((len(each.endpoints) for each in scenario.selected(change.vehicles)), default=1)

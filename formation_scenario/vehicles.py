@@ -187,7 +187,7 @@ class VehicleModel(Keys):
     def soon_mps(self, speed_mps: float) -> tuple[float, float]:
         """Return the lowest and the highest airspeed that a vehicle at `speed_mps` can reach within its time constant.
 
-        The share of a fixed wing's integrator isn't counted: it takes longer than bends and ways to slots.
+        The share of a fixed wing's integrator isn't counted: it takes longer than bends and transitions to slots.
         """
         if self.hovers or self.prompt_share == 1.0:
             return self.speed_min_mps, self.speed_max_mps

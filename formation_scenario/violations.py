@@ -35,8 +35,8 @@ Kind: TypeAlias = Literal[
     "change",
 ]
 """What limits: the kinds of violations that `check` tells apart."""
-MAX_PLACES = 10
-"""Largest number of places of one kind that are reported individually."""
+MAX_REPORTED = 10
+"""Largest number of violations of one kind that are reported individually."""
 HEIGHT_TOLERANCE_M = 0.01
 """Tolerance of heights and clearances, m."""
 Move: TypeAlias = tuple[float, float, float]
@@ -45,10 +45,10 @@ NOWHERE: Mapping[int, Move] = MappingProxyType({})
 
 
 class Violation(NamedTuple):
-    """One limit that isn't kept at one place.
+    """One limit that isn't kept at one position.
 
     `found` says where and what; `excess` is by which share of the limit, or by which tens of metres, it isn't kept;
-    `waypoint` the nearest, if it is a matter of place; `moves` those of waypoints that would do, as far as is known.
+    `waypoint` the nearest, if it is a matter of position; `moves` those of waypoints that would do, as far as is known.
     """
 
     key: KeyPath
@@ -69,7 +69,7 @@ class Violation(NamedTuple):
 def reported(
     violations: Iterable[Violation], would_do: Callable[[Violation], str] = lambda _: ""
 ) -> Iterator[tuple[KeyPath, str, str, str]]:
-    """Yield what is said of violations: of each kind up to `MAX_PLACES` places, and how many more there are.
+    """Yield what is said of violations: of each kind up to `MAX_REPORTED`, and how many more there are.
 
     The key, what was found, what is allowed, and what would do.
     """
@@ -77,6 +77,6 @@ def reported(
     for violation in violations:
         kinds.setdefault(violation.kind, []).append(violation)
     for kind, each in kinds.items():
-        yield from ((*violation.finding, would_do(violation)) for violation in each[:MAX_PLACES])
-        if len(each) > MAX_PLACES:
-            yield each[0].key[:2], f"found {len(each) - MAX_PLACES} more places like these ({kind})", "", ""
+        yield from ((*violation.finding, would_do(violation)) for violation in each[:MAX_REPORTED])
+        if len(each) > MAX_REPORTED:
+            yield each[0].key[:2], f"found {len(each) - MAX_REPORTED} more places like these ({kind})", "", ""

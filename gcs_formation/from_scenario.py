@@ -212,7 +212,7 @@ def first_straight_s(scenario: Scenario) -> float:
     """
     if scenario.formation.frame != "follower_heading" or scenario.hovers:
         return FIRST_STRAIGHT_S
-    right_m = float(np.nanmax(np.abs(slot_schedule(scenario)[0].places_m[:, 1])))
+    right_m = float(np.nanmax(np.abs(slot_schedule(scenario)[0].positions_m[:, 1])))
     return FIRST_STRAIGHT_S / swing_share(right_m, scenario.path.begin_mps)
 
 
@@ -222,7 +222,7 @@ def _pattern_fence(scenario: Scenario) -> HoldingPatternFence | None:
     if sides is None:
         return None
     first = 0 if scenario.leader else 1
-    forward_m, right_m, _ = slot_schedule(scenario)[0].places_m[first:].T
+    forward_m, right_m, _ = slot_schedule(scenario)[0].positions_m[first:].T
     turn_rps = np.array([each.turn_rate_max_rps for each in models_by_index(scenario)[first:]])
     start = scenario.leader_path.at(0.0)
     return HoldingPatternFence(sides, start, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn))

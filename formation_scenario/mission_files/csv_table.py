@@ -51,8 +51,8 @@ def read_csv(text: str, file: str) -> Mission:
         if len(row) != len(header):
             raise MissionFileError(f"{where}: found {len(row)} columns; allowed: {len(header)}, as in its header")
         height_m = math.nan if height is None or not row[height].strip() else number(row[height], where, "height")
-        place = degrees(row[lat], where, "latitude"), degrees(row[lon], where, "longitude")
-        items.append(waypoint(where, *place, height_m, datum))
+        position = degrees(row[lat], where, "latitude"), degrees(row[lon], where, "longitude")
+        items.append(waypoint(where, *position, height_m, datum))
     return Mission(file, tuple(items), tuple(range(1, 1 + len(items))))
 
 

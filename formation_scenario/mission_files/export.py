@@ -41,7 +41,7 @@ class NamedPath:
 
 
 @dataclass(frozen=True)
-class _Place:
+class _Point:
     lat_deg: float
     lon_deg: float
     above_sea_m: float
@@ -53,7 +53,7 @@ class _Place:
 class _Content:
     """What is written: lines by their names, and what missions have beside theirs."""
 
-    lines: Mapping[str, Sequence[_Place]]
+    lines: Mapping[str, Sequence[_Point]]
     origin: GeodeticOrigin
     fence: FileFence
     hovering: bool = False
@@ -141,25 +141,25 @@ def _distances_m(points_m: Array, begin_m: Array, end_m: Array) -> Array:
     return distances
 
 
-def _line(path: NamedPath, origin: GeodeticOrigin) -> list[_Place]:
+def _line(path: NamedPath, origin: GeodeticOrigin) -> list[_Point]:
     """Return the points of a path that a line needs, and those at which a vehicle hovers."""
     ends = sorted({0, *path.holds_s, len(path.points_m) - 1})
     needed = np.zeros(len(path.points_m), dtype=np.bool_)
     for begin, end in pairwise(ends):
         needed[begin : end + 1] |= kept(path.points_m[begin : end + 1], TOLERANCE_M)
     return [
-        _place(path.points_m[each], origin, path.holds_s.get(each, 0.0)) for each in np.flatnonzero(needed).tolist()
+        _point(path.points_m[each], origin, path.holds_s.get(each, 0.0)) for each in np.flatnonzero(needed).tolist()
     ]
 
 
-def _place(point: Array, origin: GeodeticOrigin, hold_s: float = 0.0) -> _Place:
+def _point(point: Array, origin: GeodeticOrigin, hold_s: float = 0.0) -> _Point:
     north_m, east_m, height_m = point.tolist()
     lat_rad, lon_rad, above_sea_m = origin.from_ned(north_m, east_m, -height_m)
-    return _Place(math.degrees(lat_rad), math.degrees(lon_rad), above_sea_m, height_m, hold_s)
+    return _Point(math.degrees(lat_rad), math.degrees(lon_rad), above_sea_m, height_m, hold_s)
 
 
-def _home(origin: GeodeticOrigin) -> _Place:
-    return _Place(math.degrees(origin.lat_rad), math.degrees(origin.lon_rad), origin.alt_m, 0.0)
+def _home(origin: GeodeticOrigin) -> _Point:
+    return _Point(math.degrees(origin.lat_rad), math.degrees(origin.lon_rad), origin.alt_m, 0.0)
 
 
 def _plan(content: _Content) -> str:
@@ -263,13 +263,13 @@ def _csv(content: _Content) -> str:
     return written.getvalue()
 
 
-def _degrees(place: _Place) -> LatLon:
+def _degrees(point: _Point) -> LatLon:
     """Return latitude and longitude to 1e-8 degrees, 1 mm."""
-    return _rounded((place.lat_deg, place.lon_deg))
+    return _rounded((point.lat_deg, point.lon_deg))
 
 
-def _rounded(place: LatLon) -> LatLon:
-    return round(place[0], 8), round(place[1], 8)
+def _rounded(point: LatLon) -> LatLon:
+    return round(point[0], 8), round(point[1], 8)
 
 
 def _xml(root: ET.Element) -> str:

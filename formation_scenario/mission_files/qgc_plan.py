@@ -53,7 +53,7 @@ def read_plan(text: str, file: str) -> Mission:
         file,
         tuple(reader.items),
         tuple(reader.jump_targets),
-        None if home is None else _place(home, f"{file}: plannedHomePosition"),
+        None if home is None else _position(home, f"{file}: plannedHomePosition"),
         FileFence(
             tuple(_fence(fence, file)),
             tuple(_rally(plan.get("rallyPoints"), file)),
@@ -84,7 +84,7 @@ class _Items:
 
     def _simple(self, entry: JsonObject, where: str) -> None:
         params = _list(entry, "params", where)
-        if len(params) == 4:  # plans of 2017 have the position apart
+        if len(params) == 4:  # plans of 2017 have the position separately
             params = [*params, *_list(entry, "coordinate", where)]
         if len(params) != 7:
             raise MissionFileError(f"{where}: found {len(params)} params; allowed: 7")
@@ -173,13 +173,13 @@ def _rally(rally: object, file: str) -> Iterator[RallyPoint]:
     if isinstance(rally, dict):
         for index, point in enumerate(_list(rally, "points", file, optional=True), 1):
             where = f"{file}: rally point {index}"
-            lat, lon, height_m = _place(point, where)
+            lat, lon, height_m = _position(point, where)
             if math.isnan(height_m):
                 raise MissionFileError(f"{where}: found no height; allowed: [latitude, longitude, height above home]")
             yield lat, lon, height_m
 
 
-def _place(point: object, where: str) -> tuple[float, float, float]:
+def _position(point: object, where: str) -> tuple[float, float, float]:
     """Return latitude, longitude and height; the height is NaN where there is none."""
     height = point[2] if isinstance(point, list) and len(point) > 2 else None
     return (*_lat_lon(point, where), math.nan if height is None else number(height, where, "height"))

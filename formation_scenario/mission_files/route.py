@@ -18,7 +18,7 @@ from formation_scenario.mission_files.mission import FRAME_MISSION, Datum, Missi
 
 MAX_POINTS: Final = 20_000
 """Limit of a route with its jumps unrolled."""
-SAME_PLACE_M: Final = 1.0
+SAME_POSITION_M: Final = 1.0
 """Points nearer than this to the one before are at its position: no leg leads from one to the other."""
 SAME_HEIGHT_M: Final = 0.1
 METRES_PER_DEGREE: Final = 111_320.0
@@ -144,7 +144,7 @@ class _Executor:
         else:
             raise MissionFileError(f"{item.where}: found no position in the first waypoint")
         point = replace(point, speed_mps=self._speed_mps, circles=_circles(item), hold_s=_hold_s(item))
-        if before is not None and _same_place(before, point):
+        if before is not None and _same_position(before, point):
             self._again(before, point)
         else:
             self._points.append(point)
@@ -221,10 +221,10 @@ def _radius(radius_m: float) -> float:
     return DEFAULT_RADIUS_M if math.isnan(radius_m) or radius_m == 0.0 else radius_m
 
 
-def _same_place(one: RoutePoint, other: RoutePoint) -> bool:
+def _same_position(one: RoutePoint, other: RoutePoint) -> bool:
     north_m = METRES_PER_DEGREE * (one.lat_deg - other.lat_deg)
     east_m = METRES_PER_DEGREE * (one.lon_deg - other.lon_deg) * math.cos(math.radians(one.lat_deg))
-    return math.hypot(north_m, east_m) < SAME_PLACE_M
+    return math.hypot(north_m, east_m) < SAME_POSITION_M
 
 
 def _same_height(one: RoutePoint, other: RoutePoint) -> bool:

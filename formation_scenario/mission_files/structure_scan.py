@@ -76,5 +76,5 @@ def _normal(one: tuple[float, float], other: tuple[float, float], outward: float
     return -outward * east / length, outward * north / length
 
 
-def _waypoint(where: str, place: LatLon, height_m: float) -> MissionItem:
-    return MissionItem(where, 16, 3, (math.nan,) * 4, *place, height_m)
+def _waypoint(where: str, position: LatLon, height_m: float) -> MissionItem:
+    return MissionItem(where, 16, 3, (math.nan,) * 4, *position, height_m)

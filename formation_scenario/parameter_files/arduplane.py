@@ -67,7 +67,9 @@ MIN_RANGE_MPS: Final = 1.0
 
 
 def arduplane_model(take: Taking, aircraft: Mapping[str, float]) -> dict[Key, Plain]:
-    """Return the model; `aircraft` has the keys of the airframe that is made larger. Lags are those of slow changes.
+    """Return the model; `aircraft` has the keys of the airframe that is made larger.
+
+    Time constants are those of slow changes.
 
     Raises:
         ParameterFileError: a value is out of range, or the airspeeds contradict each other.
@@ -124,10 +126,10 @@ def _as_large(cruise: float, fastest: float, climb: float, shipped: Mapping[str,
     """Return thrust, drag and lift of the shipped aircraft, made to cruise at another airspeed."""
     scale = (cruise / REFERENCE_MPS) ** 2
     drag, induced = shipped["drag_mps2"] / scale, shipped["induced_drag_mps2"] * scale
-    at_most = drag * (fastest / REFERENCE_MPS) ** 2 + induced * (REFERENCE_MPS / fastest) ** 2
+    max_drag = drag * (fastest / REFERENCE_MPS) ** 2 + induced * (REFERENCE_MPS / fastest) ** 2
     climbs = shipped["drag_mps2"] + shipped["induced_drag_mps2"] + GRAVITY_MPS2 * climb / cruise
     return {
-        "thrust_mps2": max(shipped["thrust_mps2"], THRUST_SHARE * at_most, THRUST_SHARE * climbs),
+        "thrust_mps2": max(shipped["thrust_mps2"], THRUST_SHARE * max_drag, THRUST_SHARE * climbs),
         "drag_mps2": drag,
         "induced_drag_mps2": induced,
         "lift_mps2_per_rad": shipped["lift_mps2_per_rad"] / scale,

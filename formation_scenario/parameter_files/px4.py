@@ -1,7 +1,7 @@
 """A vehicle's model from a fixed-wing PX4's parameters: the time constants and limits of equation (7).
 
-Lags are the shipped PX4's, in proportion to the time constants of its controllers. Names since 1.14, and older ones.
-Source: PX4 user guide, "Parameter Reference" of 1.15 and 1.10.
+Time constants are the shipped PX4's, in proportion to the time constants of its controllers. Names since 1.14, and
+older ones. Source: PX4 user guide, "Parameter Reference" of 1.15 and 1.10.
 """
 
 from __future__ import annotations

@@ -38,8 +38,8 @@ def min_changes(wanted_m: Array, within_m: tuple[Array, Array], rises_m: Array) 
         csr_array((np.concatenate((-one, one, one, -one, sign * one)), (rows, columns)), shape=(legs.size, size))
         for sign in (1.0, -1.0)
     )
-    places = np.concatenate((every, every)), np.concatenate((every, every + count))
-    each = csr_array((np.concatenate((unit, -unit)), places), shape=(count, size))
+    indices = np.concatenate((every, every)), np.concatenate((every, every + count))
+    each = csr_array((np.concatenate((unit, -unit)), indices), shape=(count, size))
     rise_m, max_m = np.diff(wanted_m)[legs], rises_m[legs]
     bounds = [
         LinearConstraint(falls, -max_m - rise_m, np.inf),

@@ -182,7 +182,7 @@ class Points:
 
 
 def _flown_m(scenario: Scenario, waypoint: int, length_m: float) -> float:
-    """Return the most by which the way to a waypoint may rise, with its rounding."""
+    """Return the most by which the leg to a waypoint may rise, with its rounding."""
     limits = climb_limits(scenario, scenario.path.legs_mps[waypoint - 1], math.hypot(*scenario.drift_mps))
     return max(limits.slope * (length_m - limits.shortest_rounding_m), 0.0)
 

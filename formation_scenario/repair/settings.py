@@ -135,8 +135,8 @@ def _scaled(draft: Draft, key: KeyPath, scale: float, default: float | None) -> 
     spacing, slots = draft.value((*key, "spacing_m")), draft.value((*key, "slots_m"))
     if isinstance(slots, dict):
         scaled: Plain = {
-            who: [round(scale * float(str(each)), 2) for each in place] if isinstance(place, list) else place
-            for who, place in slots.items()
+            who: [round(scale * float(str(each)), 2) for each in slot] if isinstance(slot, list) else slot
+            for who, slot in slots.items()
         }
         draft = draft.changed((*key, "slots_m"), scaled)
     if spacing is None and (default is None or key != ("formation",) or isinstance(slots, dict)):

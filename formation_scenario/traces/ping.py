@@ -33,7 +33,7 @@ def read_ping(lines: Sequence[str], period_s: float | None) -> list[Sample]:
 
     `period_s`: time between two requests; None: by the time stamps of -D, else by the summary, else 1 s.
     """
-    delays_ms, stamps_s, places = dict[int, float](), dict[int, float](), dict[int, int]()
+    delays_ms, stamps_s, line_of = dict[int, float](), dict[int, float](), dict[int, int]()
     summary: tuple[int, float] | None = None
     number = -1
     for line, text in enumerate(lines, start=1):
@@ -44,7 +44,7 @@ def read_ping(lines: Sequence[str], period_s: float | None) -> list[Sample]:
             continue
         given = re.search(NUMBER, text, re.IGNORECASE)
         number = number + 1 if given is None else _unwrapped(int(given[1]), number)
-        places.setdefault(number, line)
+        line_of.setdefault(number, line)
         if answer is not None and math.isnan(delays_ms.get(number, math.nan)):
             delays_ms[number] = float(answer[2]) / (2.0 if answer[1] == "<" else 1.0)
             stamp = re.match(STAMP, text)
@@ -52,7 +52,7 @@ def read_ping(lines: Sequence[str], period_s: float | None) -> list[Sample]:
                 stamps_s[number] = float(stamp[1]) - delays_ms[number] / 1e3
         else:
             delays_ms.setdefault(number, math.nan)
-    return _numbered(delays_ms, places, period_s or _period_s(stamps_s, summary))
+    return _numbered(delays_ms, line_of, period_s or _period_s(stamps_s, summary))
 
 
 def _unwrapped(number: int, last: int) -> int:
@@ -62,12 +62,12 @@ def _unwrapped(number: int, last: int) -> int:
     return found + WRAP if last - found > WRAP // 2 else found
 
 
-def _numbered(delays_ms: dict[int, float], places: dict[int, int], period_s: float) -> list[Sample]:
+def _numbered(delays_ms: dict[int, float], line_of: dict[int, int], period_s: float) -> list[Sample]:
     if not delays_ms:
         return []
     first, found = min(delays_ms), list[Sample]()
     for number in range(first, max(delays_ms) + 1):
-        line = places.get(number, 0)
+        line = line_of.get(number, 0)
         found.append(Sample(line, (number - first) * period_s, delays_ms.get(number, math.nan)))
     return found
 

@@ -20,7 +20,7 @@ ALLOWED: Final = (
 
 
 def read_trace(trace: Trace) -> RecordedDelays:
-    """Return the delays in a file, one way.
+    """Return the delays in a file, one-way.
 
     Raises:
         FileError: the file can't be read or isn't what the keys say; the message says what was found, and where.

@@ -26,7 +26,7 @@ class Sample(NamedTuple):
 
 
 class RecordedDelays(NamedTuple):
-    """A record, from its beginning; one way."""
+    """A record, from its beginning; in one direction."""
 
     times_s: tuple[float, ...]
     delays_ms: tuple[float, ...]
@@ -65,7 +65,7 @@ def recorded(name: str, samples: list[Sample], *, round_trip: bool, period_s: fl
     Args:
         name: of the file.
         samples: in the file's order; either all have a time or none.
-        round_trip: whether their delays are of both ways together.
+        round_trip: whether their delays are of both directions together.
         period_s: time between two where they have none; None: not known.
 
     Raises:

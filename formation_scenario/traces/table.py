@@ -36,15 +36,15 @@ def read_table(
     rows = [(n, _cells(line)) for n, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
     head = [each.strip() for each in rows[0][1]]
     chosen = column if column is not None else _only(name, head, time)
-    place, scale_s = _place(name, head, chosen), UNITS_S[_unit(name, chosen, unit, "unit")]
-    when = None if time is None else _place(name, head, time)
+    index, scale_s = _index(name, head, chosen), UNITS_S[_unit(name, chosen, unit, "unit")]
+    when = None if time is None else _index(name, head, time)
     clock_s = 1.0 if time is None else UNITS_S[_unit(name, time, time_unit, None)]
     found = list[Sample]()
     for line, cells in rows[1:]:
         if when is not None and not _cell(cells, when):
             continue  # of another column's samples
         at_s = math.nan if when is None else _time_s(name, line, _cell(cells, when), clock_s)
-        delay_of_cell = delay(name, line, _cell(cells, place))
+        delay_of_cell = delay(name, line, _cell(cells, index))
         found.append(Sample(line, at_s, math.nan if delay_of_cell == NO_DELAY else 1e3 * scale_s * delay_of_cell))
     if not found:
         raise FileError(f"found {name} without a line below its columns' names")
@@ -56,8 +56,8 @@ def _cells(line: str) -> list[str]:
     return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
 
 
-def _cell(cells: list[str], place: int) -> str:
-    return cells[place].strip() if place < len(cells) else ""
+def _cell(cells: list[str], index: int) -> str:
+    return cells[index].strip() if index < len(cells) else ""
 
 
 def _only(name: str, head: list[str], time: str | None) -> str:
@@ -69,7 +69,7 @@ def _only(name: str, head: list[str], time: str | None) -> str:
     return columns[0]
 
 
-def _place(name: str, head: list[str], column: str) -> int:
+def _index(name: str, head: list[str], column: str) -> int:
     if column not in head:
         columns = f"its columns are {', '.join(head)}"
         raise FileError(f"found {name} without a column '{column}'{did_you_mean(column, head)}: {columns}")

@@ -13,7 +13,7 @@ from flight_model.frequency_response import FREQUENCIES
 from formation_scenario import Scenario
 from formation_scenario.gains import AUTO, by_design, design_delay_s, designed
 from formation_scenario.links import Impairment, LinkStep
-from formation_scenario.mean_delays import since, ways_s
+from formation_scenario.mean_delays import mean_delays_s, since
 from formation_scenario.planned_progress import planned_end_s
 from gcs_formation.app.check_links import MIN_M, PLANES_MAX_HZ
 from gcs_formation.app.loop_delays import message_age
@@ -37,7 +37,7 @@ def ahead_of_virtual(scenario: Scenario) -> str | None:
     if scenario.leader is not None or scenario.law.delay_compensation or law_kind(scenario).mutual:
         return None
     steps = [
-        (ways_s(scenario, step)[1], step.at_s, each)
+        (mean_delays_s(scenario, step)[1], step.at_s, each)
         for each in scenario.followers
         for step in scenario.link_steps(each)
     ]

@@ -19,7 +19,7 @@ from airlink import mavlink as m
 from airlink.messages import KINDS
 from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario import Scenario, Vehicle
-from formation_scenario.mean_delays import since, ways_s
+from formation_scenario.mean_delays import mean_delays_s, since
 from formation_scenario.wind_triangle import drift
 from gcs_formation.fleet.heartbeats import PROBE_S
 from gcs_formation.from_scenario import autopilot_for, leader_guidance
@@ -69,7 +69,7 @@ def _by_utc(scenario: Scenario, vehicle: Vehicle) -> bool:
 
     Nothing arrives before it was sent, over the link as it is when the flight begins.
     """
-    up_s, down_s = ways_s(scenario, scenario.link_steps(vehicle)[0])
+    up_s, down_s = mean_delays_s(scenario, scenario.link_steps(vehicle)[0])
     known = vehicle.clock.utc and -up_s - UTC_SLACK_S <= vehicle.clock.utc_error_s <= down_s + UTC_SLACK_S
     return scenario.telemetry.by_utc and known
 
@@ -119,14 +119,14 @@ def _early_s(scenario: Scenario, vehicle: Vehicle | None, times_s: list[float]) 
     if vehicle is None or _by_utc(scenario, vehicle):
         return [0.0] * len(times_s)
     steps = scenario.link_steps(vehicle)
-    begins_s, ways = [step.at_s for step in steps], [ways_s(scenario, step) for step in steps]
+    begins_s, ways = [step.at_s for step in steps], [mean_delays_s(scenario, step) for step in steps]
     found = (ways[bisect_right(begins_s, at_s) - 1] for at_s in times_s)
     return [(up_s - down_s) / 2 for up_s, down_s in found]
 
 
 def _ways_at_s(scenario: Scenario, vehicle: Vehicle, at_s: float) -> tuple[float, float]:
     """Return the mean delays of a vehicle's link at a time."""
-    return ways_s(scenario, [step for step in scenario.link_steps(vehicle) if step.at_s <= at_s][-1])
+    return mean_delays_s(scenario, [step for step in scenario.link_steps(vehicle) if step.at_s <= at_s][-1])
 
 
 def _split(scenario: Scenario, vehicle: Vehicle, at_s: float) -> str:
@@ -210,7 +210,7 @@ def too_old(scenario: Scenario) -> str | None:
     """Return whose telemetry exceeds `law.max_age_s` before the next comes, even without loss; None if none does."""
     max_s, between_s = scenario.law.max_age_s, 1.0 / scenario.telemetry.rate_hz
     ages_s = [
-        (ways_s(scenario, step)[1] + between_s, step.at_s, vehicle)
+        (mean_delays_s(scenario, step)[1] + between_s, step.at_s, vehicle)
         for vehicle in scenario.vehicles
         for step in scenario.link_steps(vehicle)
     ]
@@ -234,10 +234,10 @@ def too_old_after_a_loss(scenario: Scenario) -> str | None:
     """
     max_s, rate_hz = scenario.law.max_age_s, scenario.telemetry.rate_hz
     lossy = [
-        (vehicle, step.downlink.loss, ways_s(scenario, step)[1])
+        (vehicle, step.downlink.loss, mean_delays_s(scenario, step)[1])
         for vehicle in scenario.vehicles
         for step in scenario.link_steps(vehicle)
-        if step.downlink.loss > 0.0 and ways_s(scenario, step)[1] + GAP / rate_hz > max_s
+        if step.downlink.loss > 0.0 and mean_delays_s(scenario, step)[1] + GAP / rate_hz > max_s
     ]
     if not lossy or too_old(scenario) is not None:
         return None

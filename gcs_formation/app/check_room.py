@@ -31,7 +31,7 @@ def little_left(scenario: Scenario) -> Iterator[str]:
     if scenario.hovers:
         return
     sampled, steps = SampledPath.along(scenario.leader_path), slot_schedule(scenario)
-    at_m, points = sampled.places_m, sampled.points
+    at_m, points = sampled.at_m, sampled.points
     wanted_mps = gusts_mps(scenario)
     orders = {f"orders.{i}": read_order(order.order).speed_mps for i, order in scenario.timed_orders}
     speeds = scenario.path.speed_mps
@@ -76,7 +76,7 @@ def _left(
     """
     flight, windy = LeaderFlight.along(points, speed_mps), 1.0 + scenario.wind.speed_mps / speed_mps
     flight = flight._replace(turn_rate_rps=windy * flight.turn_rate_rps)
-    needs_mps = slot_needs(flight, SlotMotion.at_rest(step.places_m), scenario.formation.frame).speed_mps
+    needs_mps = slot_needs(flight, SlotMotion.at_rest(step.positions_m), scenario.formation.frame).speed_mps
     below, above = list[tuple[float, str]](), list[tuple[float, str]]()
     for index, vehicle in enumerate(vehicles_by_index(scenario)):
         if vehicle is None or index == step.arrangement.leader:

@@ -66,7 +66,9 @@ def first_setpoints(scenario: Scenario) -> dict[str, tuple[Setpoint, FlightState
     """Return each vehicle's setpoint when the leader is at the path's start, and its state in its slot there."""
     start, found = scenario.leader_path.at(0.0), dict[str, tuple[Setpoint, FlightState]]()
     axis = axis_rad(scenario.formation.frame, start.course_rad, start.course_rad)
-    for vehicle, place_m in zip(vehicles_by_index(scenario), slot_schedule(scenario)[0].places_m.tolist(), strict=True):
+    for vehicle, place_m in zip(
+        vehicles_by_index(scenario), slot_schedule(scenario)[0].positions_m.tolist(), strict=True
+    ):
         if vehicle is not None:
             forward_m, right_m, up_m = place_m
             north_m, east_m = offset_points(start.north_m, start.east_m, axis, forward_m, right_m)

@@ -68,7 +68,7 @@ def _paths(scenario: Scenario) -> dict[str, Array]:
     _, points = with_turns(scenario.leader_path, _sampled_m(scenario))
     axis = axis_rad(scenario.formation.frame, points.course_rad, points.course_rad)
     paths = dict[str, Array]()
-    for vehicle, place in zip(vehicles_by_index(scenario), slot_schedule(scenario)[0].places_m, strict=True):
+    for vehicle, place in zip(vehicles_by_index(scenario), slot_schedule(scenario)[0].positions_m, strict=True):
         forward_m, right_m, up_m = place.tolist()
         north_m, east_m = offset_points(points.north_m, points.east_m, axis, forward_m, right_m)
         name = "leader" if vehicle is None else str(vehicle.vehicle_id)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from formation_scenario import Scenario
 from formation_scenario.links import Impairment, LinkStep
-from formation_scenario.mean_delays import ways_s
+from formation_scenario.mean_delays import mean_delays_s
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.control.laws import law_kind
 
@@ -56,7 +56,7 @@ def configured_loop_delay_s(scenario: Scenario, *, lossy: bool = False) -> float
     sample_s, tick_s = 1.0 / scenario.telemetry.rate_hz, 1.0 / scenario.law.rate_hz
     ways = [(NO_LOSS * tick_s, NO_LOSS * sample_s)]
     for step in commanded_steps(scenario):
-        (up_s, down_s), (held, age) = ways_s(scenario, step), _mean_ages(step) if lossy else (NO_LOSS, NO_LOSS)
+        (up_s, down_s), (held, age) = mean_delays_s(scenario, step), _mean_ages(step) if lossy else (NO_LOSS, NO_LOSS)
         if math.isfinite(held + age):
             ways.append((up_s + held * tick_s, down_s + age * sample_s))
     if law_kind(scenario).mutual:

@@ -32,24 +32,24 @@ class FormationPlan:
         self.arrangement = first.arrangement
         self.scheduled: deque[FormationChange] = deque(sorted(scenario.formation.changes, key=lambda each: each.at_s))
         """The scenario's changes that haven't begun yet."""
-        self._transition = transition = Transition.standing(first.places_m)
+        self._transition = transition = Transition.standing(first.positions_m)
         self._over_s: float = transition.at_s + transition.duration_s
         """Time from which all slots are at rest."""
         self._rest: SlotMotion | None = None
         """The resting slots returned last, and whether the path had begun then."""
         self._rest_begun = False
-        self.goal_m = first.places_m
+        self.goal_m = first.positions_m
         """(C, 3) the slots of the arrangement, where all come to rest."""
-        self.offset_m = np.tile(scenario.start.offset_m, (len(first.places_m), 1))
+        self.offset_m = np.tile(scenario.start.offset_m, (len(first.positions_m), 1))
         self.offset_m[0] = 0.0
         self.kept_m = scenario.safety.kept_m
         """Distance that slots are planned to keep from each other while they move."""
-        self.alongside: Mask = np.zeros(len(first.places_m), dtype=np.bool_)
+        self.alongside: Mask = np.zeros(len(first.positions_m), dtype=np.bool_)
         """(C,) which vehicles fly alongside the turning leader at its speed and heading: slots far to the side can't be
         held."""
         self._any_alongside = False
         self._slots_turn = scenario.formation.frame != "north"
-        self._alongside_m, self._alongside_s, self._turn_rps = first.places_m, 0.0, 0.0
+        self._alongside_m, self._alongside_s, self._turn_rps = first.positions_m, 0.0, 0.0
         """Their positions, (C, 3), at a time of the station's clock, and the leader's turn rate since then."""
         self._separation_m: Array | None = None
         self._planned_m: Array | None = None
@@ -183,7 +183,7 @@ class FormationPlan:
         """
         if self.settled(now_s):
             return None
-        planned_m = self._transition.apart_m if now_s < self._over_s else None
+        planned_m = self._transition.separation_m if now_s < self._over_s else None
         if self._separation_m is None or planned_m is not self._planned_m or self._separation_of is not self.goal_m:
             self._planned_m, self._separation_of = planned_m, self.goal_m
             apart_m = np.linalg.norm(self.goal_m[:, None] - self.goal_m, axis=-1)

@@ -17,7 +17,7 @@ from airlink.installed import installed_version
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, METRICS, Expectation
 from formation_scenario.extensions import Registry
-from formation_scenario.named_files import place_of
+from formation_scenario.named_files import read_path
 from formation_scenario.overrides import settings
 from gcs_formation.app.operator_at_terminal import Interrupts, Record, RunOptions
 from gcs_formation.app.progress import Progress
@@ -96,7 +96,7 @@ def alike(task: Task) -> Scenario:
 
 def _state_of(file: Path) -> tuple[Path, int, int]:
     """Return where a named file is read, when it was changed and its size; 0 where it isn't there."""
-    place = place_of(file)
+    place = read_path(file)
     found = place.stat() if place.exists() else None
     return (place, 0, 0) if found is None else (place, found.st_mtime_ns, found.st_size)
 

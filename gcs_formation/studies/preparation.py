@@ -314,10 +314,10 @@ class _Trial:
             set_by |= dict.fromkeys(cases[case], ("parameters", name, "cases", case))
         name = (problem.file or "").partition("=")[0]
         if name in set_by:
-            return replace(problem, **self._read.place(set_by[name])._asdict())
+            return replace(problem, **self._read.position(set_by[name])._asdict())
         if not tried:
             return problem
-        place = self._read.place(set_by[next(iter(tried))])
+        place = self._read.position(set_by[next(iter(tried))])
         with_it = ", ".join(f"{name} = {value}" for name, value in tried.items())
         return replace(problem, **place._asdict(), found=f"{problem.found} (with {with_it})")
 

@@ -18,7 +18,7 @@ from airlink.endpoint import Address
 from airlink.messages import Message
 from airlink.messages.command import SetPositionTargetGlobalInt, SetPositionTargetLocalNed
 from airlink.messages.system import Statustext
-from formation_scenario.stored_landing import items_of, place_of
+from formation_scenario.stored_landing import items_of, landing_position
 from sim_vehicles.airframe.battery import Battery, throttle_of
 from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
@@ -136,7 +136,7 @@ class Autopilot(ABC):
         self.pilot = self.make_pilot()
         self.link = Link(fleet.sockets_of(index), self.config, fleet.utc_at_0_us, locks=self.locks)
         start, origin = self.config.start, self.origin
-        landing = None if self.config.landing is None else place_of(self.config.landing, start)
+        landing = None if self.config.landing is None else landing_position(self.config.landing, start)
         self.missions = self.make_missions(home_of(start, origin))
         self.missions.items += () if landing is None else tuple(map(of_landing, items_of(landing, origin)))
         self.sender: Address = self.config.endpoint.address

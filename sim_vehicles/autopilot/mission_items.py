@@ -153,8 +153,8 @@ def from_message(message: MissionItem | MissionItemInt) -> Item | int:
 
 def of_landing(item: LandingItem) -> Item:
     """Return the stored item of a landing's."""
-    lat_e7, lon_e7 = item.place_e7 or (0, 0)
-    frame = m.MAV_FRAME_MISSION if item.place_e7 is None else m.MAV_FRAME_GLOBAL_RELATIVE_ALT
+    lat_e7, lon_e7 = item.position_e7 or (0, 0)
+    frame = m.MAV_FRAME_MISSION if item.position_e7 is None else m.MAV_FRAME_GLOBAL_RELATIVE_ALT
     return Item(item.command, frame, (0.0, item.reached_m, 0.0, 0.0), lat_e7, lon_e7, item.height_m)
 
 

@@ -40,7 +40,7 @@ def test_changes_have_their_own_keys_or_the_formations():
     changes = [{"at_s": 1, "shape": "line"}, {"at_s": 5, "shape": "vee"}]
     changes.append({"at_s": 9, "shape": "vee", "parameters": {"half_deg": 70}})
     formation = {"shape": "vee", "spacing_m": 40, "parameters": {"half_deg": 60}, "changes": changes}
-    behind_m = [float(step.places_m[1, 0]) for step in slot_schedule(loaded(formation))]
+    behind_m = [float(step.positions_m[1, 0]) for step in slot_schedule(loaded(formation))]
     assert behind_m == pytest.approx([-20, 0, -20, -40 * math.cos(math.radians(70))])
 
 

@@ -49,7 +49,7 @@ def test_keys_stand_behind_all_that_they_name_and_that_are_there() -> None:
 
 
 @pytest.mark.parametrize("wrong", [[First, Again], [Lost]])
-def test_keys_without_a_place_of_their_own_are_refused(wrong: list[type[BroughtKeys]]) -> None:
+def test_keys_without_a_position_of_their_own_are_refused(wrong: list[type[BroughtKeys]]) -> None:
     with pytest.raises(ValueError, match=r"twice|behind no key"):
         in_order(["one", "two"], wrong)
 

@@ -79,6 +79,6 @@ def test_a_vehicles_whole_link_has_its_channels_air_and_its_own_link_has_not(loa
     assert scenario.link_steps(one) == scenario.own_link_steps(one)
     (step,), (own,) = scenario.link_steps(two), scenario.own_link_steps(two)
     assert own.uplink.delay_ms == 10.0
-    for way in (step.uplink, step.downlink):
-        assert (way.delay_ms, way.jitter_ms, way.mean_burst) == (110.0, 50.0, 2.0)
-        assert way.loss == pytest.approx(0.6)
+    for direction in (step.uplink, step.downlink):
+        assert (direction.delay_ms, direction.jitter_ms, direction.mean_burst) == (110.0, 50.0, 2.0)
+        assert direction.loss == pytest.approx(0.6)

@@ -16,7 +16,7 @@ def circle(radius: float, north: float = 0.0) -> list[list[float]]:
 
 
 def with_path(waypoints) -> str:
-    return f"path.waypoints_m={[[round(float(x), 3) for x in place] for place in waypoints]}"
+    return f"path.waypoints_m={[[round(float(x), 3) for x in waypoint] for waypoint in waypoints]}"
 
 
 def test_a_straight_path_is_flown_by_every_shape(load):
@@ -24,7 +24,7 @@ def test_a_straight_path_is_flown_by_every_shape(load):
         assert load("vehicles={count: 60}", f"formation.shape={shape}").path.begin_mps == 22.0
 
 
-def test_a_turn_tighter_than_the_leader_can_fly_names_place_figure_and_limit(refusal):
+def test_a_turn_tighter_than_the_leader_can_fly_names_position_figure_and_limit(refusal):
     leader, *slots = refusal(with_path(circle(80.0)))
     assert leader.startswith("path.waypoints_m.2: path at 10")  # the half circle begins at waypoint 1, after 1000 m
     assert "leader 1 would need" in leader
@@ -44,9 +44,9 @@ def test_the_outer_slot_must_hurry_and_the_inner_one_must_not_stall(refusal, loa
     turn = 22.0 * path.at(np.linspace(0.0, path.length_m, 20_000)).curvature_1pm.max()
     wide = "formation={shape: custom, slots_m: {2: [0, %d, 0], 3: [-60, 0, 0], 4: [-30, 0, 0]}}"
     generous = [f"vehicles.{n}.model.{key}" for n in range(4) for key in ("accel_max_mps2=50", "tau_v_s=0.05")]
-    for aside_m in (-120, 120):  # a right-hand bend
-        (line,) = refusal(with_path(circle(400.0)), wide % aside_m, *generous)
-        assert f"vehicle 2's slot in shape custom would need {22.0 - aside_m * turn:.3g} m/s" in line
+    for lateral_m in (-120, 120):  # a right-hand bend
+        (line,) = refusal(with_path(circle(400.0)), wide % lateral_m, *generous)
+        assert f"vehicle 2's slot in shape custom would need {22.0 - lateral_m * turn:.3g} m/s" in line
         assert line.endswith("m/s; 16 to 28 m/s")
     wide = "formation={shape: custom, slots_m: {2: [0, -120, 0], 3: [0, 120, 0], 4: [-30, 0, 0]}}"
     assert "m/s, the worst of 2 slots there; 16 to 28 m/s" in refusal(with_path(circle(400.0)), wide, *generous)[0]
@@ -54,8 +54,8 @@ def test_the_outer_slot_must_hurry_and_the_inner_one_must_not_stall(refusal, loa
     assert load(with_path(circle(400.0)), wide, *generous, *faster)
 
 
-def test_a_setpoint_leads_the_speed_by_its_lag_and_keeps_to_the_same_limits(refusal, load):
-    """120 m inside a bend of 400 m: 16 m/s or so, but on the way into it 4 s times the deceleration less."""
+def test_a_setpoint_leads_the_speed_by_its_time_constant_and_keeps_to_the_same_limits(refusal, load):
+    """120 m inside a bend of 400 m: 16 m/s or so, but on entering it 4 s times the deceleration less."""
     inside = "formation={shape: custom, slots_m: {2: [0, 75, 0], 3: [-60, 0, 0], 4: [-30, 0, 0]}}"
     generous = [f"vehicles.{n}.model.accel_max_mps2=50" for n in range(4)]
     line = refusal(with_path(circle(400.0)), inside, *generous)[0]
@@ -67,21 +67,21 @@ def test_a_setpoint_leads_the_speed_by_its_lag_and_keeps_to_the_same_limits(refu
 def test_a_leader_that_is_to_follow_has_a_slot_too(refusal, load):
     column = "formation={shape: custom, slots_m: {2: [-30, 0, 0], 3: [-60, 0, 0], 4: [-90, 0, 0]}, changes: [%s]}"
     assert load(with_path(circle(400.0)), column % "{at_s: 20, leader: 2}")
-    aside = "{at_s: 20, leader: 2, slots_m: {2: [0, -150, 0], 3: [-60, 0, 0], 4: [-90, 0, 0]}}"
-    lines = refusal(with_path(circle(400.0)), column % aside)
+    lateral = "{at_s: 20, leader: 2, slots_m: {2: [0, -150, 0], 3: [-60, 0, 0], 4: [-90, 0, 0]}}"
+    lines = refusal(with_path(circle(400.0)), column % lateral)
     assert any("vehicle 1's slot in shape custom would need" in line for line in lines)
 
 
-def test_each_place_is_reported_once_with_its_worst_figure(refusal):
+def test_each_position_is_reported_once_with_its_worst_figure(refusal):
     """Two turns are too tight for all four; the second, of 70 m, is the tighter one."""
     twice = [*circle(80.0)[:-1], *([n - 2000.0, e + 4000.0, 100.0] for n, e, _ in circle(70.0))]
-    places = [line for line in refusal(with_path(twice)) if "leader 1 would need" in line]
-    lines = [line.partition("leader 1 would need ")[2].partition(" ")[0] for line in places]
+    found = [line for line in refusal(with_path(twice)) if "leader 1 would need" in line]
+    lines = [line.partition("leader 1 would need ")[2].partition(" ")[0] for line in found]
     assert len(lines) == 2
     assert 22.0 / 80.0 < float(lines[0]) < float(lines[1]) < 1.5 * 22.0 / 70.0
 
 
-def test_many_places_are_counted_from_the_eleventh_on(refusal):
+def test_many_positions_are_counted_from_the_eleventh_on(refusal):
     bends = [[500.0 * n, 60.0 * (n % 2) * (-1) ** (n // 2), 100.0] for n in range(60)]
     tight = [f"vehicles.{n}.model.turn_rate_max_rps=0.005" for n in range(4)]
     lines = refusal(with_path(bends), *tight)
@@ -240,15 +240,15 @@ def test_slots_ahead_of_the_leader_are_refused_in_the_followers_frame_only(refus
 
 
 @given(st.floats(-200, 200), st.floats(-200, 200), st.floats(0.1, 0.9))
-def test_a_slot_moves_as_its_place_on_the_path_does(forward, right, share):
+def test_a_slot_moves_as_its_position_on_the_path_does(forward, right, share):
     """The closed form against differences of the slot's position, in the leader's frame."""
     path = SplinePath([[0, 0, 100], [1500, 0, 100], [3000, 900, 100], [3500, 2400, 100]])
     s = float(path.nodes_m[int(share * 192)] + path.nodes_m[int(share * 192) + 1]) / 2
     speed, step = 22.0, 0.01
     points = path.at(s + speed * step * np.arange(-2.0, 3.0))
     heading = np.exp(1j * points.course_rad)
-    place = points.north_m + 1j * points.east_m + heading * (forward + 1j * right)
-    velocity = np.gradient(place, step)[1:-1]
+    position = points.north_m + 1j * points.east_m + heading * (forward + 1j * right)
+    velocity = np.gradient(position, step)[1:-1]
     slot = SlotMotion.at_rest(np.array([[forward, right, 0.0]]))
     motion = slot_needs(LeaderFlight.along(points, speed), slot, "leader_heading")
     assert abs(velocity[1]) == pytest.approx(motion.speed_mps[2, 0], rel=1e-5)

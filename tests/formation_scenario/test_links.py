@@ -161,7 +161,7 @@ def test_a_file_that_holds_no_delays_is_refused_at_its_key(traced, content, foun
     assert problem.allowed.endswith("or a number on each line: delays from 0 to 600000 ms")
 
 
-def test_a_trace_file_that_is_not_there_is_refused_with_the_place_looked_at(traced, tmp_path):
+def test_a_trace_file_that_is_not_there_is_refused_with_the_path_looked_at(traced, tmp_path):
     path = traced()
     (tmp_path / "delays" / "modem.txt").unlink()
     with pytest.raises(ScenarioError) as refused:

@@ -246,7 +246,7 @@ def test_those_that_hover_and_those_that_dont_make_no_formation(refusal):
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "expected"),
     [
         ("vehicles.0.model={}", "vehicles.0.model.hovers: found false of arducopter; true"),
         (
@@ -260,13 +260,13 @@ def test_those_that_hover_and_those_that_dont_make_no_formation(refusal):
         ("law.type=consensus", "law.type: found consensus of vehicles that hover; fuzzy_pid, pid"),
     ],
 )
-def test_keys_that_do_not_suit_vehicles_that_hover_are_refused(refusal, change, told):
+def test_keys_that_do_not_suit_vehicles_that_hover_are_refused(refusal, change, expected):
     group = "vehicles=[{id: 1, role: leader, autopilot: arducopter}, {id: 2, model: arducopter}]"
-    assert told in refusal(group, "path.speed_mps=5", change)
+    assert expected in refusal(group, "path.speed_mps=5", change)
 
 
 @pytest.mark.parametrize(
-    ("true_model", "told"),
+    ("true_model", "expected"),
     [
         ("{hovers: true}", "hovers: found true beside a model with false; false"),
         ("{speed_min_mps: 0}", "speed_min_mps: found 0 of a vehicle that doesn't hover; 0.001 m/s or more"),
@@ -277,25 +277,25 @@ def test_keys_that_do_not_suit_vehicles_that_hover_are_refused(refusal, change, 
         ),
     ],
 )
-def test_impossible_true_models_are_refused(refusal, true_model, told):
-    assert f"vehicles.1.true_model.{told}" in refusal(
+def test_impossible_true_models_are_refused(refusal, true_model, expected):
+    assert f"vehicles.1.true_model.{expected}" in refusal(
         f"vehicles=[{{id: 1, role: leader}}, {{id: 2, true_model: {true_model}}}]"
     )
 
 
 def test_a_least_speed_of_0_is_refused_of_vehicles_that_do_not_hover(refusal):
-    told = "vehicles.0.model.speed_min_mps: found 0 of a vehicle that doesn't hover"
-    assert refusal("vehicles={count: 2, model: {speed_min_mps: 0}}")[0].startswith(told)
+    expected = "vehicles.0.model.speed_min_mps: found 0 of a vehicle that doesn't hover"
+    assert refusal("vehicles={count: 2, model: {speed_min_mps: 0}}")[0].startswith(expected)
 
 
 @pytest.mark.parametrize(("model", "speed"), [("{hovers: true}", "16"), ("{hovers: true, speed_min_mps: 3}", "3")])
 def test_a_least_speed_above_0_is_refused_of_vehicles_that_hover(refusal, model, speed):
-    told = f"vehicles.0.model.speed_min_mps: found {speed} of a vehicle that hovers; 0: it can hover"
-    assert told in refusal(f"vehicles={{count: 2, model: {model}}}", "path.speed_mps=20")
+    expected = f"vehicles.0.model.speed_min_mps: found {speed} of a vehicle that hovers; 0: it can hover"
+    assert expected in refusal(f"vehicles={{count: 2, model: {model}}}", "path.speed_mps=20")
 
 
 @pytest.mark.parametrize(
-    ("model", "told"),
+    ("model", "expected"),
     [
         ("{prompt_share: 0.5}", "prompt_share: found 0.5 of an ArduPlane; 1; less of what hovers, and of a PX4"),
         (
@@ -304,8 +304,8 @@ def test_a_least_speed_above_0_is_refused_of_vehicles_that_hover(refusal, model,
         ),
     ],
 )
-def test_a_prompt_share_below_1_is_refused_of_vehicles_without_an_integrator(refusal, load, model, told):
-    assert f"vehicles.0.model.{told}" in refusal(f"vehicles={{count: 2, model: {model}}}")
+def test_a_prompt_share_below_1_is_refused_of_vehicles_without_an_integrator(refusal, load, model, expected):
+    assert f"vehicles.0.model.{expected}" in refusal(f"vehicles={{count: 2, model: {model}}}")
     assert load("vehicles={count: 2, model: {firmware: px4, prompt_share: 0.5}}").vehicles[1].model.prompt_share == 0.5
 
 

@@ -77,4 +77,4 @@ def test_long_text_is_read_like_short_text() -> None:
     text = "a: [1e3, 0x10, 1:30, 010, 2024-01-01, .nan, yes, 'x', null]\nb: {c: &c [1, 2], d: *c}\n"
     short, long = read_text(text), read_text(text + "#" * LONG_TEXT + "\n")
     assert str(long.data) == str(short.data)
-    assert long.places == short.places
+    assert long.positions == short.positions

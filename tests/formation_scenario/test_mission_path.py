@@ -14,7 +14,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario import Scenario, ScenarioError, dump_scenario, load_scenario
 
 HOME = (47.4, 8.54, 488.0)
-PLACES_M = [[0.0, 0.0, 100.0], [2500.0, 0.0, 100.0], [2500.0, 1800.0, 110.0]]
+WAYPOINTS_M = [[0.0, 0.0, 100.0], [2500.0, 0.0, 100.0], [2500.0, 1800.0, 110.0]]
 ORIGIN = GeodeticOrigin(math.radians(HOME[0]), math.radians(HOME[1]), HOME[2])
 
 
@@ -23,16 +23,16 @@ def lat_lon(north_m: float, east_m: float) -> list[float]:
     return [math.degrees(lat_rad), math.degrees(lon_rad)]
 
 
-def item(number: int, place_m: list[float], frame: int = 3, command: int = 16, *params: float) -> dict[str, Any]:
+def item(number: int, waypoint_m: list[float], frame: int = 3, command: int = 16, *params: float) -> dict[str, Any]:
     first = [*params, 0, 0, 0, 0][:4]
     return {
         "type": "SimpleItem", "command": command, "frame": frame, "doJumpId": number,
-        "params": [*first, *lat_lon(*place_m[:2]), place_m[2]],
+        "params": [*first, *lat_lon(*waypoint_m[:2]), waypoint_m[2]],
     }  # fmt: skip
 
 
 def plan(tmp_path: Path, frame: int = 3, up_m: float = 0.0, more: list[Any] | None = None, **parts: Any) -> Path:
-    items = [item(number, [*place[:2], place[2] + up_m], frame) for number, place in enumerate(PLACES_M, 1)]
+    items = [item(number, [*waypoint[:2], waypoint[2] + up_m], frame) for number, waypoint in enumerate(WAYPOINTS_M, 1)]
     mission = {"items": items + (more or []), "plannedHomePosition": list(HOME)}
     (tmp_path / "tour.plan").write_text(json.dumps({"fileType": "Plan", "mission": mission, **parts}))
     return tmp_path
@@ -53,7 +53,7 @@ def refusal(directory: Path, path: dict[str, Any] | None = None, **keys: Any) ->
 def test_a_plan_becomes_legs_from_its_home(tmp_path: Path) -> None:
     scenario = load(plan(tmp_path))
     assert scenario.path.kind == "legs"
-    assert scenario.path.waypoints_m == pytest.approx(np.array(PLACES_M), abs=1e-3)
+    assert scenario.path.waypoints_m == pytest.approx(np.array(WAYPOINTS_M), abs=1e-3)
     origin = scenario.origin
     assert (origin.lat_deg, origin.lon_deg, origin.alt_m) == HOME
     assert scenario.path.read_from == "tour.plan"
@@ -116,8 +116,8 @@ def test_a_return_point_of_the_fence_is_said_to_be_unused(tmp_path: Path) -> Non
 
 def test_speeds_of_the_file_are_the_legs(tmp_path: Path) -> None:
     fast = {"type": "SimpleItem", "command": 178, "frame": 2, "params": [0, 24, -1, 0, 0, 0, 0]}
-    first = item(0, PLACES_M[0])
-    items = [fast, first, *[item(number, place) for number, place in enumerate(PLACES_M[1:], 2)]]
+    first = item(0, WAYPOINTS_M[0])
+    items = [fast, first, *[item(number, waypoint) for number, waypoint in enumerate(WAYPOINTS_M[1:], 2)]]
     mission = {"items": items, "plannedHomePosition": list(HOME)}
     (tmp_path / "tour.plan").write_text(json.dumps({"fileType": "Plan", "mission": mission}))
     assert load(tmp_path).path.begin_mps == 24.0
@@ -139,7 +139,7 @@ def table(tmp_path: Path, header: str, rows: list[list[float]]) -> Path:
 
 
 def test_points_without_heights_take_the_paths(tmp_path: Path) -> None:
-    rows = [lat_lon(*place[:2]) for place in PLACES_M]
+    rows = [lat_lon(*waypoint[:2]) for waypoint in WAYPOINTS_M]
     directory = table(tmp_path, "lat,lon", rows)
     assert "found no height at tour.csv: line 2" in refusal(directory, {"file": "tour.csv"})
     scenario = load(directory, {"file": "tour.csv", "height_m": 130})
@@ -148,22 +148,22 @@ def test_points_without_heights_take_the_paths(tmp_path: Path) -> None:
 
 
 def test_heights_above_sea_level_need_the_grounds(tmp_path: Path) -> None:
-    rows = [[*lat_lon(*place[:2]), HOME[2] + place[2]] for place in PLACES_M]
+    rows = [[*lat_lon(*waypoint[:2]), HOME[2] + waypoint[2]] for waypoint in WAYPOINTS_M]
     directory = table(tmp_path, "lat,lon,alt_m", rows)
     words = refusal(directory, {"file": "tour.csv"})
     assert "found heights above sea level in tour.csv, which says nothing of the ground's" in words
     assert "origin: {alt_m: …}" in words
     scenario = load(directory, {"file": "tour.csv"}, origin={"lat_deg": HOME[0], "lon_deg": HOME[1], "alt_m": HOME[2]})
-    assert scenario.path.waypoints_m == pytest.approx(np.array(PLACES_M), abs=1e-3)
+    assert scenario.path.waypoints_m == pytest.approx(np.array(WAYPOINTS_M), abs=1e-3)
 
 
 def test_a_recorded_track_is_followed_within_its_tolerance(tmp_path: Path) -> None:
     s = np.linspace(0.0, 6000.0, 601)
     north, east = s, 400.0 * np.sin(s / 1500.0)
-    scatter = 2.0 * np.sin(s * 7.0)
+    deviation = 2.0 * np.sin(s * 7.0)
     points = "".join(
         f'<trkpt lat="{lat}" lon="{lon}"><ele>600</ele></trkpt>'
-        for lat, lon in (lat_lon(n + w, e - w) for n, e, w in zip(north, east, scatter, strict=True))
+        for lat, lon in (lat_lon(n + w, e - w) for n, e, w in zip(north, east, deviation, strict=True))
     )
     (tmp_path / "tour.gpx").write_text(f"<gpx><trk><trkseg>{points}</trkseg></trk></gpx>")
     keys = {"origin": {"lat_deg": HOME[0], "lon_deg": HOME[1], "alt_m": 480.0}}
@@ -175,9 +175,9 @@ def test_a_recorded_track_is_followed_within_its_tolerance(tmp_path: Path) -> No
 
 
 def test_degrees_are_metres_from_the_first_or_from_the_origin(tmp_path: Path) -> None:
-    degrees = [[*lat_lon(*place[:2]), place[2]] for place in PLACES_M]
+    degrees = [[*lat_lon(*waypoint[:2]), waypoint[2]] for waypoint in WAYPOINTS_M]
     scenario = load_scenario({"vehicles": {"count": 2}, "path": {"waypoints_deg": degrees}})
-    assert scenario.path.waypoints_m == pytest.approx(np.array(PLACES_M), abs=1e-3)
+    assert scenario.path.waypoints_m == pytest.approx(np.array(WAYPOINTS_M), abs=1e-3)
     assert scenario.path.kind == "legs"
     assert scenario.origin.lat_deg == HOME[0]
     with_origin = {
@@ -191,7 +191,7 @@ def test_degrees_are_metres_from_the_first_or_from_the_origin(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("path", "words"),
     [
-        ({"waypoints_m": PLACES_M, "file": "tour.plan"}, "path.file: found waypoints_m and file; allowed: one of"),
+        ({"waypoints_m": WAYPOINTS_M, "file": "tour.plan"}, "path.file: found waypoints_m and file; allowed: one of"),
         ({"waypoints_deg": [[1, 2, 3]]}, "path.waypoints_deg: found a list; allowed: a list of 2 or more"),
         ({"waypoints_deg": [[1, 2, 3], [1, 2]]}, "path.waypoints_deg.1: found [1, 2]; allowed"),
         ({"waypoints_deg": [[1, 2, 3], [91, 2, 3]]}, "path.waypoints_deg.1: found [91, 2, 3]; allowed"),
@@ -213,8 +213,8 @@ def test_what_cannot_be_a_path_is_refused_at_its_key(tmp_path: Path, path: dict[
 
 def test_loiter_turns_time_and_height_of_a_file_are_circles_of_its_path(tmp_path: Path) -> None:
     commands = (16, [0.0] * 4), (18, [2.0, 0.0, -90.0, 0.0]), (19, [60.0, 0.0, 100.0, 0.0]), (31, [0.0, 80.0, 0.0, 0.0])
-    places = [*PLACES_M[:3], [PLACES_M[2][0] + 3000.0, PLACES_M[2][1], PLACES_M[2][2]]]
-    items = [item(number, place) for number, place in enumerate(places, 1)]
+    waypoints = [*WAYPOINTS_M[:3], [WAYPOINTS_M[2][0] + 3000.0, WAYPOINTS_M[2][1], WAYPOINTS_M[2][2]]]
+    items = [item(number, waypoint) for number, waypoint in enumerate(waypoints, 1)]
     for each, (command, params) in zip(items, commands, strict=True):
         each["command"], each["params"] = command, [*params, *each["params"][4:]]
     mission = {"items": items, "plannedHomePosition": list(HOME)}

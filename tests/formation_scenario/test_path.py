@@ -13,12 +13,12 @@ legs = st.tuples(st.floats(-1.2, 1.2), st.floats(30.0, 3000.0), st.floats(-30.0,
 @st.composite
 def waypoint_lists(draw):
     course = draw(st.floats(-np.pi, np.pi))
-    places = [(0.0, 0.0, 100.0)]
+    waypoints = [(0.0, 0.0, 100.0)]
     for turn, length, climb in draw(st.lists(legs, min_size=1, max_size=8)):
         course += turn
-        north, east, height = places[-1]
-        places.append((north + length * np.cos(course), east + length * np.sin(course), height + climb))
-    return places
+        north, east, height = waypoints[-1]
+        waypoints.append((north + length * np.cos(course), east + length * np.sin(course), height + climb))
+    return waypoints
 
 
 def sampled(path: SplinePath, count: int = 400):
@@ -141,7 +141,7 @@ def test_an_array_gives_what_its_elements_give(waypoints, shares):
         ([[0, 0, 0], [9, 0, 0], [0, 0, 0]], 1),
     ],
 )
-def test_waypoints_without_a_way_between_them_are_refused(waypoints, waypoint):
+def test_waypoints_without_a_leg_between_them_are_refused(waypoints, waypoint):
     with pytest.raises(PathError) as refused:
         SplinePath(waypoints)
     assert refused.value.waypoint == waypoint

@@ -44,7 +44,7 @@ def test_every_slot_keeps_its_limits_in_every_turn(load, shape, frame):
     scenario = load(CORNER, LEGS, f"formation.shape={shape}", f"formation.frame={frame}", "path.turn=fly_over")
     flight = LeaderFlight.along(SampledPath.along(scenario.leader_path).points, 22.0)
     (step,) = slot_schedule(scenario)
-    needs = slot_needs(flight, SlotMotion.at_rest(step.places_m[1:]), frame)
+    needs = slot_needs(flight, SlotMotion.at_rest(step.positions_m[1:]), frame)
     assert np.abs(needs.speed_mps - 22.0).max() <= SPEED_SHARE * 6.0 + 1e-6
     assert np.abs(needs.accel_mps2).max() <= 1.5
     assert np.abs(needs.turn_rate_rps).max() <= 0.25
@@ -150,9 +150,9 @@ def test_turns_after_short_legs_are_planned_for_the_speed_that_is_reached():
     assert 17.0 < scenario.short_legs[1] < 24.0
 
 
-@pytest.mark.parametrize("apart_m", [40, 100, 300])
-def test_a_detour_between_near_lanes_may_stay_half_as_far_off_them(load, apart_m):
-    lanes = f"path.waypoints_m=[[0, 0, 100], [1500, 0, 100], [1500, {apart_m}, 100], [0, {apart_m}, 100]]"
+@pytest.mark.parametrize("separation_m", [40, 100, 300])
+def test_a_detour_between_near_lanes_may_stay_half_as_far_off_them(load, separation_m):
+    lanes = f"path.waypoints_m=[[0, 0, 100], [1500, 0, 100], [1500, {separation_m}, 100], [0, {separation_m}, 100]]"
     shortest, nearest = (load(lanes, LEGS, f"path.detour={which}") for which in ("shortest", "nearest"))
     off_m = [deviation(each.written_path, each.path.waypoints_m).off_legs_m for each in (shortest, nearest)]
     assert off_m[1] < 0.65 * off_m[0]

@@ -29,20 +29,20 @@ def hovering(waypoints=SQUARE, spacing_m=12, vehicles=None, more=None, **path):
     )
 
 
-def lanes(apart_m):
+def lanes(separation_m):
     ends = [[0.0, 150.0], [150.0, 0.0]]
-    return [[north, lane * apart_m, 30.0] for lane in range(3) for north in ends[lane % 2]]
+    return [[north, lane * separation_m, 30.0] for lane in range(3) for north in ends[lane % 2]]
 
 
-@pytest.mark.parametrize("apart_m", [10, 20, 40])
+@pytest.mark.parametrize("separation_m", [10, 20, 40])
 @pytest.mark.parametrize("speed_mps", [5, 9])
-def test_lanes_nearer_than_two_radii_are_flown_whole_and_without_loops(apart_m, speed_mps):
+def test_lanes_nearer_than_two_radii_are_flown_whole_and_without_loops(separation_m, speed_mps):
     fast = {"hovers": True, "speed_min_mps": 0, "speed_max_mps": 15, "accel_max_mps2": 2.5, "tau_v_s": 0.6}
     model = fast | {"tau_psi_s": 0.6, "tau_ha_s": 0.7, "tau_hb_s": 0.7, "turn_rate_max_rps": 0.4, "climb_max_mps": 1.5}
     vehicles = {"count": 4, "model": model, "autopilot": "arducopter"}
-    scenario = hovering(lanes(apart_m), vehicles=vehicles, speed_mps=speed_mps)
-    assert deviation(scenario.written_path, lanes(apart_m)).off_legs_m < 1e-6
-    assert scenario.written_path.length_m == pytest.approx(3 * 150 + 2 * apart_m)
+    scenario = hovering(lanes(separation_m), vehicles=vehicles, speed_mps=speed_mps)
+    assert deviation(scenario.written_path, lanes(separation_m)).off_legs_m < 1e-6
+    assert scenario.written_path.length_m == pytest.approx(3 * 150 + 2 * separation_m)
 
 
 def test_corners_with_room_are_flown_through_within_what_the_farthest_slot_can_accelerate():

@@ -39,7 +39,7 @@ def test_in_the_air_followers_are_offset_from_their_slots_in_the_leaders_heading
     ],
 )
 def test_a_start_in_the_air_keeps_what_safety_asks_for(load, refusal, offset_m, line):
-    """Slots of the diamond are 30 m behind and 30 m aside, and 60 m behind; vehicle 3 flies on the right."""
+    """Slots of the diamond are 30 m behind and 30 m lateral, and 60 m behind; vehicle 3 flies on the right."""
     for in_air in ("true", "false"):  # not in the air they assemble after a take-off
         start = f"start={{in_air: {in_air}, offset_m: {offset_m}, run_in_s: 10}}"
         assert refusal(start) == [f"start.offset_m: {line}"]
@@ -61,12 +61,12 @@ def test_on_the_ground_they_stand_in_a_row_to_the_leaders_right(load):
     np.testing.assert_allclose(start.north_m, [0, -9, -18, -27], atol=1e-9)
 
 
-def test_a_virtual_leader_takes_no_place(load):
+def test_a_virtual_leader_takes_no_slot(load):
     start = started(load(EAST, "vehicles=[{id: 2}, {id: 3}]", "formation.shape=follower"))
     np.testing.assert_allclose(start.east_m, [-1350, -1380], atol=1e-9)
 
 
-def test_slots_above_each_other_stand_apart_on_the_ground(load):
+def test_slots_above_each_other_stand_separated_on_the_ground(load):
     stacked = "formation={shape: custom, slots_m: {2: [0, 0, 20], 3: [0, 0, 40], 4: [-30, 0, 0]}}"
     start = started(load(EAST, stacked))
     np.testing.assert_allclose(start.east_m + 1320, [0, -10, -20, -30], atol=1e-9)
@@ -76,11 +76,11 @@ def test_slots_above_each_other_stand_apart_on_the_ground(load):
     st.lists(st.tuples(st.integers(-4, 0), st.integers(-2, 2)), min_size=1, max_size=12),
     st.floats(0.1, 20.0),
 )
-def test_vehicles_on_the_ground_keep_the_safe_separation(places, separation):
-    levels = {index + 2: [3.0 * f, 3.0 * r, 30.0 * (index + 1)] for index, (f, r) in enumerate(places)}
+def test_vehicles_on_the_ground_keep_the_safe_separation(positions, separation):
+    levels = {index + 2: [3.0 * f, 3.0 * r, 30.0 * (index + 1)] for index, (f, r) in enumerate(positions)}
     scenario = load_scenario(
         {
-            "vehicles": {"count": len(places) + 1},
+            "vehicles": {"count": len(positions) + 1},
             "path": {"waypoints_m": [[0, 0, 100], [4000, 1000, 100]]},
             "formation": {"shape": "custom", "slots_m": levels},
             "safety": {"separation_m": separation},

@@ -215,8 +215,8 @@ def test_a_weight_of_a_vehicle_on_itself_is_refused(refusal):
 
 
 def test_a_graph_in_which_none_is_heard_by_all_is_refused(load, refusal):
-    apart = [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1], [0, 0, 1, 0]]
-    assert refusal(f"law.consensus.graph={apart}") == [
+    disconnected = [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1], [0, 0, 1, 0]]
+    assert refusal(f"law.consensus.graph={disconnected}") == [
         "law.consensus.graph: found none from which all receive; a vehicle from which all receive, directly or through "
         "others (a spanning tree)"
     ]

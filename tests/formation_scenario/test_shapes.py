@@ -12,9 +12,9 @@ counts = st.integers(1, 60)
 
 
 def nearest(table: np.ndarray) -> float:
-    places = np.vstack((np.zeros(3), table))
-    distances = np.linalg.norm(places[:, None] - places[None], axis=-1)
-    return float(np.min(distances + np.diag(np.full(len(places), np.inf))))
+    positions = np.vstack((np.zeros(3), table))
+    distances = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
+    return float(np.min(distances + np.diag(np.full(len(positions), np.inf))))
 
 
 @given(shapes, counts, st.floats(0.5, 1000))
@@ -61,20 +61,20 @@ def test_diamond_of_four():
 
 @pytest.mark.parametrize("side", [2, 3, 4, 7])
 def test_full_diamonds_are_symmetric_fore_and_aft(side):
-    places = np.vstack((np.zeros(3), slots("diamond", side * side - 1, 1.0)))
+    positions = np.vstack((np.zeros(3), slots("diamond", side * side - 1, 1.0)))
     length = 2 * (side - 1)
-    rows = [int(np.sum(places[:, 0] == -row)) for row in range(length + 1)]
+    rows = [int(np.sum(positions[:, 0] == -row)) for row in range(length + 1)]
     assert rows == [min(row, length - row) + 1 for row in range(length + 1)]
 
 
 @pytest.mark.parametrize("side", [3, 5, 7])
 def test_full_odd_squares_have_the_leader_in_the_middle_of_the_front_row(side):
-    places = {tuple(place) for place in np.vstack((np.zeros(3), slots("square", side * side - 1, 1.0)))}
+    positions = {tuple(position) for position in np.vstack((np.zeros(3), slots("square", side * side - 1, 1.0)))}
     half = side // 2
-    assert places == {(-row, column, 0) for row in range(side) for column in range(-half, half + 1)}
+    assert positions == {(-row, column, 0) for row in range(side) for column in range(-half, half + 1)}
 
 
-def test_golden_places_of_the_small_formations():
+def test_golden_slots_of_the_small_formations():
     np.testing.assert_array_equal(slots("follower", 2, 20.0), [[-20, 0, 0], [-40, 0, 0]])
     np.testing.assert_array_equal(slots("line", 3, 20.0), [[0, -20, 0], [0, 20, 0], [0, -40, 0]])
     np.testing.assert_array_equal(slots("echelon", 2, 20.0), [[-20, 20, 0], [-40, 40, 0]])
@@ -112,6 +112,6 @@ def test_the_schedule_has_each_change_with_its_own_spacing_and_slots(load):
         (70.0, "line"),
         (90.0, "custom"),
     ]
-    assert steps[1].places_m[1:, 0].tolist() == [-50.0, -100.0, -150.0]
-    assert steps[2].places_m[1:, 1].tolist() == [-30.0, 30.0, -60.0]
-    assert steps[3].places_m[1:, 0].tolist() == [-10.0, -20.0, -30.0]
+    assert steps[1].positions_m[1:, 0].tolist() == [-50.0, -100.0, -150.0]
+    assert steps[2].positions_m[1:, 1].tolist() == [-30.0, 30.0, -60.0]
+    assert steps[3].positions_m[1:, 0].tolist() == [-10.0, -20.0, -30.0]

@@ -41,18 +41,18 @@ def test_a_slot_at_rest_is_flown_as_the_leader_flies_wherever_it_lies(forward, r
 
 
 @given(st.tuples(offsets, offsets), st.tuples(st.floats(-5, 5), st.floats(-5, 5)), st.floats(-0.2, 0.2))
-def test_a_moving_slot_needs_what_its_place_over_ground_does(place, velocity, acceleration):
+def test_a_moving_slot_needs_what_its_position_over_ground_does(position, velocity, acceleration):
     """Against differences of the slot's position: the leader's and a parabola that doesn't turn."""
     path = SplinePath([[0, 0, 100], [1500, 0, 100], [3000, 900, 100], [3500, 2400, 100]])
     s, speed = float(path.nodes_m[100] + path.nodes_m[101]) / 2, 22.0
     times_s = STEP_S * np.arange(-2.0, 3.0)
     points = path.at(s + speed * times_s)
-    start, mps = complex(*place), complex(*velocity)
+    start, mps = complex(*position), complex(*velocity)
     own = start + times_s * mps + times_s**2 / 2 * acceleration
     over = np.gradient(points.north_m + 1j * points.east_m + own, STEP_S)[1:-1]
     rows = np.array([[*velocity, 0.0]]), np.array([[acceleration, 0.0, 0.0]])
     needs = slot_needs(
-        LeaderFlight.along(path.at(np.array([s])), speed), SlotMotion(np.array([[*place, 0.0]]), *rows), "north"
+        LeaderFlight.along(path.at(np.array([s])), speed), SlotMotion(np.array([[*position, 0.0]]), *rows), "north"
     )
     assert abs(over[1]) == pytest.approx(needs.speed_mps[0, 0], rel=1e-4)
     assert np.angle(over[2] / over[0]) / (2 * STEP_S) == pytest.approx(needs.turn_rate_rps[0, 0], abs=1e-4)
@@ -60,9 +60,9 @@ def test_a_moving_slot_needs_what_its_place_over_ground_does(place, velocity, ac
 
 
 @given(st.tuples(offsets, offsets), st.tuples(st.floats(-5, 5), st.floats(-5, 5)), st.floats(-3, 3), st.floats(-1, 1))
-def test_one_slot_turns_as_arrays_of_them_do(place, velocity, axis, turn):
-    slot = Slot([*place, 3.0], [*velocity, 1.0], [0.1, -0.2, 0.3]).turned(axis, turn, 0.05)
-    arrays = SlotMotion(*(np.array([row]) for row in ([*place, 3.0], [*velocity, 1.0], [0.1, -0.2, 0.3])))
+def test_one_slot_turns_as_arrays_of_them_do(position, velocity, axis, turn):
+    slot = Slot([*position, 3.0], [*velocity, 1.0], [0.1, -0.2, 0.3]).turned(axis, turn, 0.05)
+    arrays = SlotMotion(*(np.array([row]) for row in ([*position, 3.0], [*velocity, 1.0], [0.1, -0.2, 0.3])))
     each = arrays.turned(np.array([axis]), np.array([turn]), np.array([0.05]))
     assert [slot.forward_m, slot.right_m, slot.up_m] == pytest.approx(each.position_m[0, 0], abs=1e-9)
     assert [slot.forward_mps, slot.right_mps, slot.up_mps] == pytest.approx(each.velocity_mps[0, 0], abs=1e-9)
@@ -79,16 +79,16 @@ def test_a_turn_too_tight_for_slots_that_swing_is_flown_by_slots_that_do_not(loa
 def test_slots_start_north_and_east_of_the_leader_whatever_its_course(load):
     east = "path.waypoints_m=[[0, 0, 100], [0, 4000, 100]]"
     states = start_states(load(east, NORTH, "start={in_air: true, run_in_s: 10, offset_m: [1, 2, 3]}"))
-    places = [(each.north_m - states[0].north_m, each.east_m - states[0].east_m) for each in states[1:]]
-    assert places == [pytest.approx((north + 1, east + 2)) for north, east in ((-30, -30), (-30, 30), (-60, 0))]
+    positions = [(each.north_m - states[0].north_m, each.east_m - states[0].east_m) for each in states[1:]]
+    assert positions == [pytest.approx((north + 1, east + 2)) for north, east in ((-30, -30), (-30, 30), (-60, 0))]
     assert [each.heading_rad for each in states] == pytest.approx([math.pi / 2] * 4)
 
 
 def test_along_a_fence_slots_keep_their_direction():
-    way = np.zeros(2), np.zeros(2), np.array([0.0, math.pi / 2])
+    path = np.zeros(2), np.zeros(2), np.array([0.0, math.pi / 2])
     flyers = Flyers(np.array([-50.0]), np.array([20.0]), np.array([0.2]), slots_turn=False)
-    places = positions_along(way, flyers, Drift(20.0, 0.0, 12.0, 32.0))
-    assert places[0] == pytest.approx(np.array([[-50.0, 20.0], [-50.0, 20.0]]))
+    positions = positions_along(path, flyers, Drift(20.0, 0.0, 12.0, 32.0))
+    assert positions[0] == pytest.approx(np.array([[-50.0, 20.0], [-50.0, 20.0]]))
 
 
 def test_vehicles_that_hover_fly_it_too(load):

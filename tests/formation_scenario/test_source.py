@@ -19,15 +19,15 @@ def problem_lines(text: str) -> list[str]:
 
 def test_each_key_has_its_line_and_column_from_1():
     source = read_text("name: x\nformation:\n  shape: diamond\nlist:\n  - 3\n  - {a: 4}\n", "a.yaml")
-    assert source.place(("formation", "shape")) == ("a.yaml", 3, 3)
-    assert source.place(("list", 0)) == ("a.yaml", 5, 5)
-    assert source.place(("list", 1, "a")) == ("a.yaml", 6, 6)
+    assert source.position(("formation", "shape")) == ("a.yaml", 3, 3)
+    assert source.position(("list", 0)) == ("a.yaml", 5, 5)
+    assert source.position(("list", 1, "a")) == ("a.yaml", 6, 6)
 
 
 def test_a_key_that_is_not_in_the_file_is_placed_at_the_group_around_it():
     source = read_text("formation:\n  shape: diamond\n", "a.yaml")
-    assert source.place(("formation", "changes", 0)) == ("a.yaml", 1, 1)
-    assert source.place(("law", "type")) == ("a.yaml", None, None)
+    assert source.position(("formation", "changes", 0)) == ("a.yaml", 1, 1)
+    assert source.position(("law", "type")) == ("a.yaml", None, None)
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_a_key_that_is_not_in_the_file_is_placed_at_the_group_around_it():
         ("a: &x [*x]", "a.yaml:1:4: broken YAML: a.0 is an alias of what begins here, which it is part of itself"),
     ],
 )
-def test_broken_text_names_its_place(text: str, message: str):
+def test_broken_text_names_its_position(text: str, message: str):
     assert problem_lines(text)[0].startswith(message)
 
 
@@ -92,7 +92,7 @@ def test_aliases_of_aliases_end_before_the_memory_does():
 @pytest.mark.parametrize(
     "text", ["a: 1\nb: &b\n  c: *b\n", "a: 1\nb: {c: &b [*b]}\n", "a: 1\nb: &b\n  d: 2\n  c: [[*b]]\n"]
 )
-def test_an_alias_of_what_it_is_in_is_refused_with_its_place(text):
+def test_an_alias_of_what_it_is_in_is_refused_with_its_position(text):
     (line,) = problem_lines(text)
     assert re.fullmatch(r"a\.yaml:[23]:\d+: broken YAML: b\.c[.0]* is an alias of what begins here, .*", line)
 
@@ -171,14 +171,14 @@ def test_overrides_reach_into_lists_and_make_missing_groups():
 
 def test_groups_that_an_override_makes_are_placed_at_it():
     source = apply_overrides(read_text("law: {type: pid}\n", "a.yaml"), ["formation.changes.0.at_s=3", "law.rate_hz=5"])
-    assert source.place(("formation", "changes")).file == "--set formation.changes.0.at_s=3"
-    assert source.place(("law",)).file == "a.yaml"
+    assert source.position(("formation", "changes")).file == "--set formation.changes.0.at_s=3"
+    assert source.position(("law",)).file == "a.yaml"
 
 
-def test_a_later_override_wins_and_is_the_place_of_its_value():
+def test_a_later_override_wins_and_is_the_position_of_its_value():
     source = apply_overrides(read_text("seed: 1\n", "a.yaml"), ["seed=2", "seed=3"])
     assert source.data["seed"] == 3
-    assert source.place(("seed",)).file == "--set seed=3"
+    assert source.position(("seed",)).file == "--set seed=3"
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ def step(**keys: float) -> str:
         ([step(height_m=50, speed_mps=2)], ""),
     ],
 )
-def test_steps_that_lead_into_the_ground_are_refused_with_time_and_place(load, refusal, steps, found):
+def test_steps_that_lead_into_the_ground_are_refused_with_time_and_position(load, refusal, steps, found):
     """The leader flies 40 m high over a plain at 22 m/s; 5 m are asked for. Nothing after the end counts."""
     given = f"path.steps=[{', '.join(f'{{{each}}}' for each in steps)}]"
     if found:

@@ -68,7 +68,7 @@ def test_an_hgt_tile_is_placed_by_its_name_and_its_voids_are_unknown(tmp_path):
 
 
 @pytest.mark.parametrize(("name", "count", "said"), [("tile.hgt", 9, "where the tile lies"), ("N35E125.hgt", 8, "8")])
-def test_a_tile_without_a_place_or_that_is_no_square_is_refused(tmp_path, name, count, said):
+def test_a_tile_without_a_position_or_that_is_no_square_is_refused(tmp_path, name, count, said):
     np.zeros(count, dtype=">i2").tofile(tmp_path / name)
     with pytest.raises(FileError, match=said):
         read_elevation(tmp_path / name, ORIGIN, NEAR)
@@ -105,13 +105,13 @@ def test_a_geotiff_in_another_projection_is_warped(tmp_path):
     corner = affine.Affine(10.0, 0.0, east - 2005.0, 0.0, -10.0, north + 2005.0)
     write_geotiff(tmp_path / "utm.tif", values, "EPSG:32651", corner)
     ground = read_elevation(tmp_path / "utm.tif", ORIGIN, NEAR)
-    for place in (0.0, 1000.0):
-        lat, lon, _ = ORIGIN.from_ned(300.0, place, 0.0)
+    for east_m in (0.0, 1000.0):
+        lat, lon, _ = ORIGIN.from_ned(300.0, east_m, 0.0)
         (column,), _ = warp.transform("EPSG:4326", "EPSG:32651", [math.degrees(lon)], [math.degrees(lat)])
-        assert height(ground, 300.0, place) == pytest.approx(80.0 + 200.0 + 0.1 * (column - east), abs=0.5)
+        assert height(ground, 300.0, east_m) == pytest.approx(80.0 + 200.0 + 0.1 * (column - east), abs=0.5)
 
 
-def test_many_places_on_the_earth_are_those_of_one_by_one():
+def test_many_positions_on_the_earth_are_those_of_one_by_one():
     north, east = np.array([0.0, 4000.0, -20_000.0]), np.array([0.0, -7000.0, 30_000.0])
     for i, (lat, lon) in enumerate(zip(*ORIGIN.positions(north, east), strict=True)):
         assert (lat, lon) == pytest.approx(ORIGIN.from_ned(north[i], east[i], 0.0)[:2], abs=1e-14)

@@ -76,7 +76,7 @@ def _left_between_m(scenario: Scenario) -> float:
     """Return by how much the distance of the nearest two slots exceeds the required separation, m."""
     first, nearest_m = 0 if scenario.leader else 1, math.inf
     for step in slot_schedule(scenario):
-        places_m = step.places_m[first:]
+        places_m = step.positions_m[first:]
         away_m = np.linalg.norm(places_m[:, None] - places_m, axis=2) + np.diag(np.full(len(places_m), np.inf))
         nearest_m = min(nearest_m, float(away_m.min(initial=math.inf)))
     return nearest_m - scenario.safety.separation_m

@@ -10,7 +10,7 @@ import numpy as np
 from flight_model.path import FlightPath
 from formation_scenario import Scenario
 from formation_scenario.formation import Formation
-from formation_scenario.mean_delays import ways_s
+from formation_scenario.mean_delays import mean_delays_s
 from formation_scenario.planned_progress import planned_end_s, planned_m
 from formation_scenario.surroundings import DrydenTurbulence
 
@@ -51,7 +51,7 @@ def _severity(scenario: Scenario, at_s: float) -> Severity:
     height_m = np.array([min(height_m for _, _, height_m in scenario.path.waypoints_m)])
     gusts_mps = sum(float(each.scales(height_m)[0][0, 0]) for _, each in gusting(scenario, at_s))
     steps = [[step for step in scenario.link_steps(vehicle) if step.at_s <= at_s][-1] for vehicle in scenario.vehicles]
-    delay_s = max(sum(ways_s(scenario, step)) for step in steps)
+    delay_s = max(sum(mean_delays_s(scenario, step)) for step in steps)
     loss = max(way.loss for step in steps for way in step[1:])
     return Severity(gusts_mps * (delay_s + 1.0 / scenario.law.rate_hz), delay_s, loss)
 

@@ -17,7 +17,7 @@ from airlink.endpoint import VehicleId, parse_endpoint
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.fields import refused
 from formation_scenario.start_states import StartState, start_states
-from formation_scenario.stored_landing import items_of, place_of
+from formation_scenario.stored_landing import items_of, landing_position
 from gcs_formation.app.sitl import families
 from gcs_formation.app.sitl.simulator import Craft, Home, Simulator, kept
 
@@ -99,7 +99,7 @@ def _one(
         vehicle.model.hovers,
         speedup,
         kept(simulator.of_scenario(vehicle, scenario), vehicle.autopilot_parameters),
-        () if vehicle.landing is None else items_of(place_of(vehicle.landing, start), scenario.origin.geodetic),
+        () if vehicle.landing is None else items_of(landing_position(vehicle.landing, start), scenario.origin.geodetic),
     )
     if len(vehicle.endpoints) > 1 or not simulator.reaches(craft):
         found = f"found {', '.join(vehicle.endpoints)} of a simulated {name}"

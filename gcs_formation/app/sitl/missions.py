@@ -33,9 +33,9 @@ def mission_of(system: int, landing: Sequence[LandingItem]) -> tuple[MissionItem
 
 def _message(system: int, seq: int, item: LandingItem) -> MissionItemInt:
     # PX4 takes commands without a position in the frame MISSION alone.
-    frame = m.MAV_FRAME_MISSION if item.place_e7 is None else m.MAV_FRAME_GLOBAL_RELATIVE_ALT
+    frame = m.MAV_FRAME_MISSION if item.position_e7 is None else m.MAV_FRAME_GLOBAL_RELATIVE_ALT
     given = 0.0, item.reached_m, 0.0, 0.0
-    fields = frame, item.command, 0, 1, *given, *(item.place_e7 or (0, 0)), item.height_m
+    fields = frame, item.command, 0, 1, *given, *(item.position_e7 or (0, 0)), item.height_m
     return MissionItemInt(system, m.MAV_COMP_ID_AUTOPILOT1, seq, *fields)
 
 

@@ -83,7 +83,7 @@ class Fence(Keys, Geofence):
         return lowest, np.inf if self.height_max_m is None else self.height_max_m
 
     @property
-    def rally_places_m(self) -> tuple[tuple[float, float, float], ...]:
+    def rally_positions_m(self) -> tuple[tuple[float, float, float], ...]:
         """Rally points: north, east and height above the origin, m."""
         return self.rally_m
 

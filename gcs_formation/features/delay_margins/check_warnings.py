@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 from airlink.endpoint import VehicleId
 from formation_scenario.links import LinkStep
-from formation_scenario.mean_delays import since, ways_s
+from formation_scenario.mean_delays import mean_delays_s, since
 from formation_scenario.model import Scenario
 from formation_scenario.slot_assignment import planned_slots
 from gcs_formation.control.laws import law_kind
@@ -76,7 +76,7 @@ def _uses(scenario: Scenario) -> Iterator[_Held]:
         for loop, loops in law_loops(scenario).get(vehicle.vehicle_id, {}).items():
             usage = Usage(loops, predicted=predicted)
             for step in scenario.all_link_steps(vehicle):
-                delay = LoopDelay(loop_delay_s(*ways_s(scenario, step), *rates_hz), _scatter_s(step))
+                delay = LoopDelay(loop_delay_s(*mean_delays_s(scenario, step), *rates_hz), _scatter_s(step))
                 margin_s = usage.margin_s(delay.mean_s)
                 each = vehicle.vehicle_id, step.at_s, loop, delay.scatter_s, margin_s, delay.mean_s
                 yield _Held(usage.of(delay), *each)

@@ -53,7 +53,7 @@ class _Climb:
         self._ground, self._floor, self._clearance_m = scenario.ground, GroundFloor(scenario), clearance_m
         first = 1 if scenario.leader is None else 0
         self._models = autopilot_models(scenario)[first:]
-        self._slots_m = slot_schedule(scenario)[-1].places_m[first:]
+        self._slots_m = slot_schedule(scenario)[-1].positions_m[first:]
         self._frame = scenario.formation.frame
         self._end = self._path.at(self._end_m)
         north_m, east_m = self._places(np.zeros(1))

@@ -69,7 +69,7 @@ class OwnFences:
         scenario = self._scenario
         path = scenario.leader_path
         at = path.at(np.linspace(0.0, path.length_m, 2 + int(path.length_m / EVERY_M)))
-        slots_m = np.concatenate([each.places_m for each in slot_schedule(scenario)])
+        slots_m = np.concatenate([each.positions_m for each in slot_schedule(scenario)])
         up_m = slots_m[:, 2]
         stack_m = 0.0 if scenario.hovers else STACK_M * (len(scenario.vehicles) - 1)
         lowest_m = float(np.min(at.height_m)) + min(0.0, float(up_m.min()))

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from formation_scenario.mean_delays import ways_s
+from formation_scenario.mean_delays import mean_delays_s
 from formation_scenario.model import Scenario
 from formation_scenario.orders import read_order
 from formation_scenario.slot_assignment import slot_schedule
@@ -31,11 +31,11 @@ def no_room_to_stop(scenario: Scenario) -> Iterator[str]:
     told_mps = [read_order(each.order).speed_mps or 0.0 for _, each in scenario.timed_orders]
     speed_mps, first = max(scenario.path.fastest_mps, *told_mps, 0.0), 1 if scenario.leader is None else 0
     round_trips_s = (
-        sum(ways_s(scenario, step)) for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)
+        sum(mean_delays_s(scenario, step)) for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)
     )
     enough_m = min_m + speed_mps * (max(round_trips_s) + SEEN_S)
     for step in slot_schedule(scenario):
-        forward_m, right_m, up_m = np.moveaxis(step.places_m[first:, None] - step.places_m[first:], -1, 0)
+        forward_m, right_m, up_m = np.moveaxis(step.positions_m[first:, None] - step.positions_m[first:], -1, 0)
         if not scenario.formation.slots_turn:  # on some course they are behind each other
             forward_m, right_m = np.hypot(forward_m, right_m), np.zeros_like(right_m)
         behind = (forward_m > 0.0) & (np.hypot(right_m, up_m) < min_m)

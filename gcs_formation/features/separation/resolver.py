@@ -68,7 +68,9 @@ class ConflictResolver:
         self._broad_phase = BroadPhase(models[self._first :], *until_s, hovers=self._hovers)
         count, schedule = len(models), slot_schedule(scenario)
         self._side, self._manoeuvring_s = [0.0] * count, [0.0] * count
-        self._slots: list[Vector3] = [(forward_m, right_m, up_m) for forward_m, right_m, up_m in schedule[0].places_m]
+        self._slots: list[Vector3] = [
+            (forward_m, right_m, up_m) for forward_m, right_m, up_m in schedule[0].positions_m
+        ]
         """All vehicles' slots at the last tick that had any: there are none at the end of a flight."""
         self._afar = [False] * count
         self._slots_known: list[Vector3] | None = None

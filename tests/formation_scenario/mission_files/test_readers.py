@@ -214,7 +214,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("name", "text", "words"), REFUSED)
-def test_what_cannot_be_read_is_named_with_its_place_and_what_is_allowed(tmp_path, name, text, words):
+def test_what_cannot_be_read_is_named_with_its_position_and_what_is_allowed(tmp_path, name, text, words):
     with pytest.raises(MissionFileError) as refused:
         read(tmp_path, name, text)
     assert words in str(refused.value)

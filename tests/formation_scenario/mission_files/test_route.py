@@ -126,7 +126,7 @@ def test_frames_say_from_where_heights_are_measured(frame, datum):
     assert {point.datum for point in route(waypoint(47.0, frame=frame), waypoint(47.01, frame=frame)).points} == {datum}
 
 
-def test_a_waypoint_in_a_frame_without_a_place_is_refused():
+def test_a_waypoint_in_a_frame_without_a_position_is_refused():
     with pytest.raises(MissionFileError, match="found NAV_WAYPOINT in frame 1; allowed: 0, 3, 10"):
         route(waypoint(47.0, frame=1), waypoint(47.01))
 

@@ -1,4 +1,4 @@
-"""What becomes of a parameter file: limits and lags of a vehicle, by old names and new ones, and what is refused."""
+"""What becomes of a parameter file: limits and time constants, by old and new names, and what is refused."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ def test_times_that_were_rounded_are_spread(read: Any) -> None:
     assert record.times_s == pytest.approx((0.0, 0.5, 1.0, 1.5, 2.0, 2.5))
 
 
-def test_numbers_alone_are_milliseconds_of_one_way_a_second_apart_unless_the_keys_say(read: Any) -> None:
+def test_numbers_alone_are_milliseconds_of_one_direction_a_second_apart_unless_the_keys_say(read: Any) -> None:
     record = read("40 # ms\n\n# slower\n55.5\nlost\n")
     assert shown(record) == [(0.0, 40.0), (1.0, 55.5), (2.0, None)]
     assert not record.timed

@@ -147,7 +147,7 @@ def flown_columns(scenario: Scenario, mission_s: np.ndarray, *, truth: bool, cra
 def slots_over_time(scenario: Scenario, mission_s: np.ndarray) -> np.ndarray:
     steps = slot_schedule(scenario)
     index = np.searchsorted([step.at_s for step in steps], mission_s, side="right") - 1
-    return np.stack([step.places_m[1:] for step in steps])[np.maximum(index, 0)]
+    return np.stack([step.positions_m[1:] for step in steps])[np.maximum(index, 0)]
 
 
 def errors_over_time(mission_s: np.ndarray, follower: int, random: np.random.Generator) -> np.ndarray:

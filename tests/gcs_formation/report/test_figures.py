@@ -203,7 +203,7 @@ def test_names_of_marks_are_at_their_lines_and_none_lies_on_another():
 
 
 def test_snapshots_show_the_commanded_slots(eventful):
-    before, after = [step.places_m[1:] for step in slot_schedule(eventful.scenario)]
+    before, after = [step.positions_m[1:] for step in slot_schedule(eventful.scenario)]
     for tick in snapshot_ticks(eventful):
         expected = before if float(eventful.time_s[tick]) < 60.0 else after
         np.testing.assert_allclose(snapshot(eventful, tick).slots_m, expected[:, [1, 0]], atol=1e-6)

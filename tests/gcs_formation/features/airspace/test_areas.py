@@ -103,7 +103,7 @@ def test_a_start_in_an_exclusion_is_refused() -> None:
 def test_check_says_for_every_slot_how_near_to_which_area_it_comes_and_where() -> None:
     planned = load_scenario(keys(circle("exclusion", 1500, 330, 150), rally_m=[[0, 800, 50], [0, 0, 50]]))
     slots = {each["who"]: each for each in path_figures(planned)["fence"]}
-    places = dict(zip(names_by_index(planned), slot_schedule(planned)[0].places_m.tolist(), strict=True))
+    places = dict(zip(names_by_index(planned), slot_schedule(planned)[0].positions_m.tolist(), strict=True))
     assert len(slots) == len(places) == 3
     for who, place in places.items():
         (told,) = [each for name, each in slots.items() if name.startswith(who) or who == "vehicle 1"][:1]
@@ -160,7 +160,7 @@ def test_every_slot_of_a_plan_stays_inside_its_polygon_and_outside_its_circle_at
     corners, (lake,) = np.array(fence.corners_m), fence.areas
     at_m = planned_m(planned, np.arange(0.0, planned_end_s(planned), 0.04))
     points = planned.leader_path.at(np.concatenate((np.arange(-planned.run_in_m, 0.0, 0.9), at_m)))
-    for forward_m, right_m, _ in slot_schedule(planned)[0].places_m.tolist():
+    for forward_m, right_m, _ in slot_schedule(planned)[0].positions_m.tolist():
         north_m, east_m = offset_points(points.north_m, points.east_m, points.course_rad, forward_m, right_m)
         assert (north_m > corners[:, 0].min()).all()
         assert (north_m < corners[:, 0].max()).all()

@@ -44,7 +44,7 @@ def test_a_fence_to_stay_in_is_the_scenarios_unless_it_has_one(tmp_path: Path) -
     rally = {"points": [[*lat_lon(-100.0, 50.0), 40]]}
     own = load(plan(tmp_path, geoFence={"polygons": areas}, rallyPoints=rally), safety={"fence": {"height_max_m": 200}})
     assert own.fence is not None
-    assert (own.fence.sides, own.fence.rally_places_m) == (None, ())
+    assert (own.fence.sides, own.fence.rally_positions_m) == (None, ())
     said = "2 areas of a fence and 1 rally points aren't used: the scenario has its safety.fence"
     assert any(said in each for each in own.path.not_flown)
 

@@ -86,7 +86,7 @@ def test_all_slots_of_a_planned_mission_are_inside_its_fence(name: str) -> None:
     points = path.at(at_m)
     assert scenario.fence is not None
     assert scenario.fence.sides is not None
-    forward_m, right_m, _ = slot_schedule(scenario)[0].places_m.T
+    forward_m, right_m, _ = slot_schedule(scenario)[0].positions_m.T
     way = points.north_m, points.east_m, points.course_rad
     places = positions_along(way, Flyers(forward_m, right_m, np.ones(4)), drift(scenario))
     assert scenario.fence.sides.inside_m(places).min() > 25.0

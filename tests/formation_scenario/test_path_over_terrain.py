@@ -10,11 +10,11 @@ HILL = "terrain={clearance_m: 60, hills: [{north_m: 2000, east_m: 0, height_m: 6
 LOW = "path.waypoints_m=[[0, 0, 80], [4000, 0, 80]]"
 
 
-def test_the_path_is_lifted_over_the_hill_and_nowhere_else(load):
+def test_the_path_is_raised_over_the_hill_and_nowhere_else(load):
     scenario = load(HILL, LOW)
     path, ground = scenario.leader_path, scenario.ground
-    places = np.arange(0.0, path.length_m, 2.0)
-    points = path.at(places)
+    at_m = np.arange(0.0, path.length_m, 2.0)
+    points = path.at(at_m)
     clearance = points.height_m - ground.height(points.north_m, points.east_m)
     assert clearance.min() == pytest.approx(60.0, abs=0.05)
     assert 120.0 <= points.height_m.max() < 121.0
@@ -23,27 +23,27 @@ def test_the_path_is_lifted_over_the_hill_and_nowhere_else(load):
     assert path.at(-500.0).height_m == 80.0
 
 
-def test_one_place_is_the_same_as_among_many(load):
+def test_one_position_is_the_same_as_among_many(load):
     path = load(HILL, LOW).leader_path
-    places = np.array([-10.0, 0.0, 1234.5, 2000.0, 3999.0, 5000.0])
-    for i, s in enumerate(places.tolist()):
-        assert path.at(s).values() == pytest.approx([column[i] for column in path.at(places)])
+    at_m = np.array([-10.0, 0.0, 1234.5, 2000.0, 3999.0, 5000.0])
+    for i, s in enumerate(at_m.tolist()):
+        assert path.at(s).values() == pytest.approx([column[i] for column in path.at(at_m)])
 
 
 def test_a_path_clear_of_the_ground_stays_as_written(load):
     scenario = load(HILL, "path.waypoints_m=[[0, 0, 150], [2000, 300, 170], [4000, 0, 150]]")
-    places = np.arange(-100.0, 4200.0, 7.0)
-    as_written = SplinePath(scenario.path.waypoints_m).at(places)
-    np.testing.assert_array_equal(scenario.leader_path.at(places), as_written)
+    at_m = np.arange(-100.0, 4200.0, 7.0)
+    as_written = SplinePath(scenario.path.waypoints_m).at(at_m)
+    np.testing.assert_array_equal(scenario.leader_path.at(at_m), as_written)
 
 
-def test_a_hill_too_steep_from_the_start_is_refused_with_its_place_and_figure(refusal):
+def test_a_hill_too_steep_from_the_start_is_refused_with_its_position_and_figure(refusal):
     (line,) = refusal(LOW, HILL.replace("height_m: 60", "height_m: 300"))
     assert line.startswith("path.waypoints_m: path at 19")
     assert "m too low, with climbs of 2.1 m/s from its start on; 60 m or more (terrain.clearance_m)" in line
 
 
-def test_a_start_or_a_way_to_it_too_near_the_ground_is_refused(refusal):
+def test_a_start_or_a_path_to_it_too_near_the_ground_is_refused(refusal):
     assert refusal(HILL, "path.waypoints_m=[[0, 0, 50], [4000, 0, 80]]") == [
         "path.waypoints_m.0: north 0, east 0, height 50: 50.0 m above the ground at the path's start; "
         "60 m or more (terrain.clearance_m)"
@@ -120,8 +120,8 @@ def test_the_first_leader_needs_elevations_under_the_slot_it_has_behind_another(
 
 
 def test_followers_in_the_air_begin_clear_of_the_ground(load):
-    beside = "terrain={clearance_m: 60, hills: [{north_m: -220, east_m: 150, height_m: 80, radius_m: 60}]}"
-    scenario = load(beside, LOW, "start={in_air: true, run_in_s: 10}", "formation={shape: line, spacing_m: 100}")
+    alongside = "terrain={clearance_m: 60, hills: [{north_m: -220, east_m: 150, height_m: 80, radius_m: 60}]}"
+    scenario = load(alongside, LOW, "start={in_air: true, run_in_s: 10}", "formation={shape: line, spacing_m: 100}")
     start = start_states(scenario)
     north_m, east_m, height_m = np.array([(each.north_m, each.east_m, each.height_m) for each in start]).T
     assert height_m[0] == 80.0
