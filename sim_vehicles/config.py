@@ -37,15 +37,15 @@ class Pitot:
     field_m: float
     """Height of the origin above sea level."""
     scale: float = 1.0
-    """Ratio of reading to equivalent airspeed."""
+    """Ratio of indicated to equivalent airspeed."""
 
-    def reading(self, true_mps: float, height_m: float) -> float:
-        """Return the reading at a true airspeed, at a height above the origin."""
+    def indicated(self, true_mps: float, height_m: float) -> float:
+        """Return the indicated airspeed (IAS) at a true airspeed, at a height above the origin."""
         return self.scale * true_mps / true_by_equivalent_airspeed(self.field_m + height_m)
 
-    def true(self, reading_mps: float, height_m: float) -> float:
-        """Return the true airspeed of a reading, at a height above the origin."""
-        return reading_mps * true_by_equivalent_airspeed(self.field_m + height_m) / self.scale
+    def true(self, indicated_mps: float, height_m: float) -> float:
+        """Return the true airspeed (TAS) at an indicated one, at a height above the origin."""
+        return indicated_mps * true_by_equivalent_airspeed(self.field_m + height_m) / self.scale
 
 
 @dataclass(frozen=True)

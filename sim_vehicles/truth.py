@@ -106,7 +106,7 @@ class TruthRecord:
         self._path, self._width = path, 1 + len(QUANTITIES) * self._vehicles
         self.rows: int = (path.stat().st_size - HEADER.size) // (NUMBER_BYTES * self._width)
 
-    def place_of(self, column: int) -> tuple[float, float, float]:
+    def position_of(self, column: int) -> tuple[float, float, float]:
         """Return a vehicle's newest north, east and height, m; there must be a row."""
         first = 1 + column * len(QUANTITIES)
         north_m, east_m, height_m = self._mapped()[-1, first : first + 3].tolist()

@@ -276,7 +276,7 @@ def _recorded_place(session: Session, vehicle: VehicleId) -> Place:
     """Return where a vehicle is by the newest ground truth that its emulator has written."""
     truth = recorded_truth(session.recorder.path)
     columns = [each.vehicle_id for each in session.scenario.vehicles]
-    return UNKNOWN if truth is None else Place(*truth.place_of(columns.index(vehicle)))
+    return UNKNOWN if truth is None else Place(*truth.position_of(columns.index(vehicle)))
 
 
 def over(session: Session, emulators: subprocess.Popen[bytes], process_output: _ProcessOutput | None = None) -> bool:

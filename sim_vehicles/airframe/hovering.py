@@ -1,4 +1,4 @@
-"""Motion of multirotors: they follow commanded ground velocities with a lag and limited acceleration and jerk.
+"""Motion of multirotors: they follow ground velocities with a time constant and limited acceleration and jerk.
 
 Part of a velocity change may be left to an integrator that compensates drag. Fitted to steps of ArduCopter's and PX4's
 simulators (docs/real-autopilots.md). A multirotor holds its ground velocity, so wind doesn't carry it away: a change of
@@ -32,7 +32,7 @@ CLIMB_DEAD_CYCLES: Final = 7
 CLIMB_ACCEL_MPS2: Final = 1.2
 """WPNAV_ACCEL_Z, nominally 1.0, as observed."""
 CLIMB_TAU_S: Final = 0.15
-"""Lag of the vertical speed behind a reference with that acceleration."""
+"""Time constant of the vertical speed behind a reference with that acceleration."""
 YAW_DEAD_CYCLES: Final = 10
 YAW_TAU_S: Final = 0.12
 """Each of two time constants of the yaw behind a reference that turns at `YAW_RATE_RPS`."""

@@ -21,7 +21,7 @@ CIRCLE: Final = 2
 CAPTURE: Final = 2.0
 """Gain of the approach to a circle: radians off the tangent per radius of distance from it."""
 ON_CIRCLE_RAD: Final = 1.0
-"""Angle off the tangent below which the heading setpoint leads by the heading's lag in the turn."""
+"""Angle off the tangent below which the heading setpoint leads by the heading's delay in the turn."""
 MIN_SPEED_MPS: Final = 1.0
 """Lower bound of airspeed in divisions, for vehicles at rest."""
 LIFT_OFF_SHARE: Final = 0.7
@@ -37,7 +37,7 @@ AT_HEIGHT_M: Final = 3.0
 LOOK_AHEAD_M: Final = 60.0
 """Look-ahead distance along the approach line, from abreast of the vehicle."""
 BELOW_GROUND_M: Final = 3.0
-"""Depth below the ground to which the glide slope is continued, because the height lags."""
+"""Depth below the ground to which the glide slope is continued, because the height is delayed."""
 Vector = tuple[float, float, float]
 PX4S_ACCEL_MPS2, PX4S_TAU_S, PX4S_CLIMB_MPS = 8.0, 0.5, 4.9
 
@@ -177,7 +177,7 @@ class Steering:
         """Yaw setpoint; NaN: keep the present one."""
 
     def heading_rad(self, state: FlightState, tau_psi_s: float) -> float:
-        """Return the heading to fly now in the wind of `state`; `tau_psi_s` is the heading's lag and dead time."""
+        """Return the heading to fly now in the wind of `state`; `tau_psi_s`: its time constant and dead time."""
         if self.kind == HEADING:
             return self.direction_rad
         course_rad = self._circle_course(state, tau_psi_s) if self.kind == CIRCLE else self.direction_rad
@@ -207,8 +207,8 @@ class Approach(NamedTuple):
     """Airspeed at which it touches down."""
     brakes_mps2: float
     """Deceleration on the ground."""
-    lag_s: float
-    """Time by which the height lags behind its setpoint."""
+    height_delay_s: float
+    """Delay of the height behind a setpoint on a ramp."""
 
     @property
     def begin_m(self) -> tuple[float, float]:
@@ -238,7 +238,7 @@ class Approach(NamedTuple):
         return course_rad, max(share * self.height_m, -BELOW_GROUND_M)
 
     def _lead_m(self, motion: Motion) -> float:
-        """Return by how much the glide slope ends before home, m: where braking ends, and for the height's lag.
+        """Return by how much the glide slope ends before home, m: where braking ends, and for the height's delay.
 
         It brakes from its speed over ground on the approach's course, in the wind that carries it now.
         """
@@ -247,7 +247,7 @@ class Approach(NamedTuple):
         carried_mps, across_mps = rotated(self.direction_rad, wind_north_mps, wind_east_mps)
         through_mps = math.sqrt(max(self.speed_mps**2 - across_mps**2, 0.0))
         ground_mps = max(through_mps + carried_mps, 0.0)
-        return ground_mps**2 / (2.0 * self.brakes_mps2) + ground_mps * self.lag_s
+        return ground_mps**2 / (2.0 * self.brakes_mps2) + ground_mps * self.height_delay_s
 
     def _to_go_m(self, motion: Motion) -> float:
         north_m, east_m = self.north_m - motion.north_m, self.east_m - motion.east_m

@@ -257,7 +257,7 @@ class Autopilot(ABC):
         return motion if self.distort is None else self.distort(motion, self.now)
 
     def wander(self, now: Instant) -> None:
-        """Fly by its estimate: its true velocity is off by as much as that is wrong, the other way."""
+        """Fly by its estimate: its true velocity is off by as much as that is wrong, in the opposite direction."""
         if isinstance(self._sensors, StateEstimator):
             self.body.unknown_mps = self._sensors.unknown_mps(now)
 
@@ -319,11 +319,11 @@ class Autopilot(ABC):
 
     @abstractmethod
     def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
-        """Fly to a place, whose height is above the fleet's origin, and stay there or circle it."""
+        """Fly to a position, whose height is above the fleet's origin, and stay there or circle it."""
 
     @abstractmethod
     def take_setpoint(self, setpoint: Setpoint) -> None:
-        """Fly by a setpoint of place or velocity, as far as the mode allows."""
+        """Fly by a setpoint of position or velocity, as far as the mode allows."""
 
     @abstractmethod
     def follow_time(self) -> None:
@@ -373,10 +373,10 @@ class Autopilot(ABC):
         """Forget, at boot, the state that only the family has."""
         return
 
-    def ask_circle(self, radius_m: float, side: float) -> None:  # noqa: ARG002 - what stands flies none
+    def ask_circle(self, radius_m: float, side: float) -> None:  # noqa: ARG002 - what hovers flies none
         """Take the radius, m, and the side of the circles that it is commanded next."""
         return
 
-    def climb_to(self, height_m: float) -> None:  # noqa: ARG002 - what stands keeps its own
-        """Take a height above the origin that was commanded without a place."""
+    def climb_to(self, height_m: float) -> None:  # noqa: ARG002 - what hovers keeps its own
+        """Take a height above the origin that was commanded without a position."""
         return

@@ -40,15 +40,15 @@ FULL_TURN_DEG: Final = 360.0
 POLE_DEG: Final = 90.0
 HIGHEST_M: Final = 2**31 / 100
 """ArduPlane stores heights as 32-bit integers of centimetres."""
-HIGHEST_PLACE_M: Final = 83000.0
+MAX_POSITION_HEIGHT_M: Final = 83000.0
 HIGHEST_MESSAGE_ID: Final = 2**16 - 1
 UNAVAILABLE: Final = 0
 """MESSAGE_INTERVAL of a message that can't be sent."""
-PLACE_NOW: Final = 2
+POSITION_NOW: Final = 2
 HEIGHT_NOW: Final = 3
-AT_ONCE: Final = (PLACE_NOW, HEIGHT_NOW)
+AT_ONCE: Final = (POSITION_NOW, HEIGHT_NOW)
 """Values of `current` for an item to be flown at once instead of stored: a position, or only a height."""
-PLACE_IGNORED: Final = (
+POSITION_IGNORED: Final = (
     m.POSITION_TARGET_TYPEMASK_X_IGNORE | m.POSITION_TARGET_TYPEMASK_Y_IGNORE | m.POSITION_TARGET_TYPEMASK_Z_IGNORE
 )
 VELOCITY_IGNORED: Final = (
@@ -64,11 +64,13 @@ def received(message: CommandInt | CommandLong) -> GivenCommand:
     """Return the command in a message. COMMAND_LONG has heights above home, and degrees as floats."""
     params = (message.param1, message.param2, message.param3, message.param4)
     if isinstance(message, CommandInt):
-        place = message.x * DEGE7, message.y * DEGE7
-        return GivenCommand(message.command, message.frame, params, place[0], place[1], message.z, in_integers=True)
-    place = math.radians(message.param5), math.radians(message.param6)
+        position = message.x * DEGE7, message.y * DEGE7
+        return GivenCommand(
+            message.command, message.frame, params, position[0], position[1], message.z, in_integers=True
+        )
+    position = math.radians(message.param5), math.radians(message.param6)
     frame, z = m.MAV_FRAME_GLOBAL_RELATIVE_ALT, message.param7
-    return GivenCommand(message.command, frame, params, place[0], place[1], z, in_integers=False)
+    return GivenCommand(message.command, frame, params, position[0], position[1], z, in_integers=False)
 
 
 def height_of(vehicle: Autopilot, z: float, frame: float) -> float | None:
@@ -118,7 +120,7 @@ def _reposition(vehicle: Autopilot, given: GivenCommand) -> int:
     """Fly to a position and stay there; ArduPilot accepts this only as COMMAND_INT."""
     if not given.in_integers:
         return UNSUPPORTED
-    height_m = height_of(vehicle, given.z, given.frame) if abs(given.z) <= HIGHEST_PLACE_M else None
+    height_m = height_of(vehicle, given.z, given.frame) if abs(given.z) <= MAX_POSITION_HEIGHT_M else None
     on_earth = abs(given.lat_rad) <= math.radians(POLE_DEG) and abs(given.lon_rad) <= math.pi
     if height_m is None or not on_earth or (given.lat_rad, given.lon_rad) == (0.0, 0.0):
         return DENIED
@@ -138,9 +140,9 @@ def fly_to(vehicle: Autopilot, item: MissionItem | MissionItemInt) -> int:
     if isinstance(found, int):
         return found
     height_m = height_of(vehicle, found.z, found.frame)
-    if height_m is None or (item.current == PLACE_NOW and vehicle.pilot.mode is not vehicle.guided_mode):
+    if height_m is None or (item.current == POSITION_NOW and vehicle.pilot.mode is not vehicle.guided_mode):
         return m.MAV_MISSION_ERROR
-    if item.current == PLACE_NOW:
+    if item.current == POSITION_NOW:
         vehicle.ask_circle(0.0, 0.0)
         vehicle.go_to(found.x * DEGE7, found.y * DEGE7, height_m)
     else:
@@ -186,9 +188,9 @@ def _send(vehicle: Autopilot, message_id: float) -> int:
     return ACCEPTED
 
 
-def place_of(vehicle: Autopilot, setpoint: Setpoint) -> Vector | None:
+def position_of(vehicle: Autopilot, setpoint: Setpoint) -> Vector | None:
     """Return the position, m north, east and above the fleet's origin; None without a valid one."""
-    if setpoint.type_mask & PLACE_IGNORED:
+    if setpoint.type_mask & POSITION_IGNORED:
         return None
     start, origin = vehicle.config.start, vehicle.origin
     if isinstance(setpoint, SetPositionTargetGlobalInt):
@@ -209,7 +211,7 @@ def velocity_of(vehicle: Autopilot, setpoint: Setpoint) -> Vector | None:
     velocity_mps = setpoint.vx_mps, setpoint.vy_mps, setpoint.vz_mps
     if (
         setpoint.type_mask & VELOCITY_IGNORED
-        or not setpoint.type_mask & PLACE_IGNORED
+        or not setpoint.type_mask & POSITION_IGNORED
         or not all(map(math.isfinite, velocity_mps))
     ):
         return None

@@ -54,7 +54,7 @@ class CopterPilot(Pilot):
         self._home_over = False
         self._waits_s = 0.0
         """Remaining time above home before it lands."""
-        self.place_m: Vector | None = None
+        self.target_m: Vector | None = None
         """Position to fly to and hold: north, east and above the origin."""
         self._circle: Circle | None = None
         self._nose_rad = AS_IT_IS
@@ -71,7 +71,7 @@ class CopterPilot(Pilot):
     @property
     def under_way(self) -> bool:
         """Whether it takes off, flies to a position or home, circles, lands, descends or turns, and is airborne."""
-        goes = self.takeoff_m is not None or self.place_m is not None or self._circle is not None
+        goes = self.takeoff_m is not None or self.target_m is not None or self._circle is not None
         turns = self._turn_rad != 0.0 or self._seen_m is not None
         return (goes or turns or self.mode in SEEING) and self.airborne
 
@@ -105,26 +105,26 @@ class CopterPilot(Pilot):
 
     def stop(self) -> None:
         """Drop all targets and hover."""
-        self.silent_at, self.place_m, self._circle = NEVER, None, None
+        self.silent_at, self.target_m, self._circle = NEVER, None, None
         self._point(AS_IT_IS)
-        self.stand()
+        self.hover()
 
-    def stand(self) -> None:
+    def hover(self) -> None:
         """Hover, keeping the targets."""
         self._fly(0.0, 0.0, 0.0)
 
-    def go_to(self, place_m: Vector, yaw_rad: float | None) -> None:
+    def go_to(self, position_m: Vector, yaw_rad: float | None) -> None:
         """Fly to a position and hold it; `yaw_rad` None: keep the yaw."""
-        self.silent_at, self.place_m, self._circle = NEVER, place_m, None
+        self.silent_at, self.target_m, self._circle = NEVER, position_m, None
         self._point(AS_IT_IS if yaw_rad is None else yaw_rad)
 
     def go_round(self, circle: Circle) -> None:
         """Circle a position with the nose towards it."""
-        self.silent_at, self.place_m, self._circle = NEVER, None, circle
+        self.silent_at, self.target_m, self._circle = NEVER, None, circle
 
     def obey(self, velocity_mps: Vector, yaw_rad: float | None, now: Instant) -> None:
         """Fly a velocity, north, east and down, until GUID_TIMEOUT; `yaw_rad` None: keep the yaw."""
-        self.place_m = self._circle = None
+        self.target_m = self._circle = None
         north, east, down = velocity_mps
         max_mps, speed = CM * self._parameters["WPNAV_SPEED"], math.hypot(north, east)
         share = min(1.0, max_mps / speed) if speed > 0.0 else 0.0
@@ -141,9 +141,9 @@ class CopterPilot(Pilot):
         """Turn the yaw at a rate, clockwise, until GUID_TIMEOUT."""
         self.turn(nose_rad, rate_rps * self._parameters["GUID_TIMEOUT"], abs(rate_rps))
 
-    def look_at(self, place_m: tuple[float, float] | None) -> None:
+    def look_at(self, position_m: tuple[float, float] | None) -> None:
         """Keep the nose pointed at a position, north and east, m; None: stop doing so."""
-        self._turn_rad, self._seen_m = 0.0, place_m
+        self._turn_rad, self._seen_m = 0.0, position_m
 
     def commanded_nose(self, shown_rad: float) -> float:
         """Return the yaw setpoint, or the present yaw `shown_rad` if there is none."""
@@ -161,8 +161,8 @@ class CopterPilot(Pilot):
         self._follow_nose(motion)
         if self.takeoff_m is not None:
             self._climb(motion, self.takeoff_m)
-        elif self.place_m is not None:
-            self._fly_towards(motion, *self.place_m)
+        elif self.target_m is not None:
+            self._fly_towards(motion, *self.target_m)
         elif self._circle is not None:
             self._fly_round(motion, self._circle)
         elif self.mode in HOMEWARD and (not self._home_over or self._waits_s > 0.0):
@@ -207,7 +207,7 @@ class CopterPilot(Pilot):
         return CM * self._parameters["WPNAV_SPEED_UP"]
 
     def _cruise_mps(self) -> float:
-        """Return the highest speed on the way to a position."""
+        """Return the highest speed towards a position."""
         return self._max_mps("WPNAV_SPEED")
 
     def _go_home(self, motion: Motion) -> None:

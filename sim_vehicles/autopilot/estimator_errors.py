@@ -1,7 +1,7 @@
 """Errors of an autopilot's own state estimate, which its telemetry has, and by which its control loops fly.
 
 An autopilot holds the velocity that it takes to be its own. Where the estimate is wrong, the aircraft truly flies the
-other way by as much: its telemetry shows the commanded velocity, and its position wanders.
+opposite direction by as much: its telemetry shows the commanded velocity, and its position wanders.
 
 The numbers of each family are those of its simulator, `ESTIMATES`.
 """

@@ -106,7 +106,7 @@ class MissionFlight:
         height_m = item.z - (self._origin.alt_m if item.frame == m.MAV_FRAME_GLOBAL else 0.0)
         if item.z == 0.0 and item.frame != m.MAV_FRAME_GLOBAL:
             height_m = motion.height_m
-        self._leg = leg = Leg(seq, item, here, self._place(item) if item.x or item.y else here, height_m)
+        self._leg = leg = Leg(seq, item, here, self._position(item) if item.x or item.y else here, height_m)
         self._circling_since, pilot.final = None, None
         if item.command in RADIUS_IN:
             pilot.circle(*leg.to_m, height_m, self._radius_m(item))
@@ -179,6 +179,6 @@ class MissionFlight:
         tags = ((each.command, each.params[0]) for each in self._missions.items)
         return next((seq for seq, found in enumerate(tags) if found == (m.MAV_CMD_JUMP_TAG, tag)), 0)
 
-    def _place(self, item: Item) -> tuple[float, float]:
+    def _position(self, item: Item) -> tuple[float, float]:
         lat_rad, lon_rad = math.radians(item.x / E7), math.radians(item.y / E7)
         return self._origin.to_ned(lat_rad, lon_rad, self._origin.alt_m)[:2]

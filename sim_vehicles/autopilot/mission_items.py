@@ -54,7 +54,7 @@ FORMS: dict[str, Callable[[float], float]] = {
     "r": _radius,
 }
 """What is stored of a parameter: nothing, a float, an integer, a byte, a sign, a flag, turns, a radius."""
-PLACED = {
+WITH_POSITION = {
     m.MAV_CMD_NAV_WAYPOINT: ".bb.",
     m.MAV_CMD_NAV_LOITER_UNLIM: "..i.",
     m.MAV_CMD_NAV_LOITER_TURNS: "t.r+",
@@ -74,7 +74,7 @@ PLACED = {
     m.MAV_CMD_DO_SET_ROI: "i...",
 }
 """Accepted commands with a position, and the forms in which their four parameters are stored (`FORMS`)."""
-PLACELESS = {
+WITHOUT_POSITION = {
     m.MAV_CMD_NAV_RETURN_TO_LAUNCH: "....",
     m.MAV_CMD_NAV_ALTITUDE_WAIT: "fff.",
     m.MAV_CMD_NAV_DELAY: "ffff",
@@ -109,7 +109,7 @@ PLACELESS = {
     m.MAV_CMD_VIDEO_STOP_CAPTURE: "i...",
 }
 """The same for commands without a position: they are read back with position and frame 0."""
-HELD = PLACED | PLACELESS
+HELD = WITH_POSITION | WITHOUT_POSITION
 YAW_MAY_BE_NAN = frozenset(
     {
         m.MAV_CMD_NAV_WAYPOINT,
@@ -139,15 +139,15 @@ def from_message(message: MissionItem | MissionItemInt) -> Item | int:
     if held is None:
         return m.MAV_MISSION_UNSUPPORTED
     given = message.param1, message.param2, message.param3, message.param4
-    for place, value in enumerate(given):
-        yaw = place == 3 and message.command in YAW_MAY_BE_NAN
+    for index, value in enumerate(given):
+        yaw = index == 3 and message.command in YAW_MAY_BE_NAN
         if not (math.isfinite(value) or (yaw and math.isnan(value))):
-            return m.MAV_MISSION_INVALID_PARAM1 + place
+            return m.MAV_MISSION_INVALID_PARAM1 + index
     first, second, third, fourth = (FORMS[form](value) for form, value in zip(held, given, strict=True))
     params = first, second, third, fourth
-    if message.command not in PLACED:
+    if message.command not in WITH_POSITION:
         return Item(message.command, m.MAV_FRAME_GLOBAL, params, 0, 0, 0.0)
-    where = _place(message)
+    where = _position(message)
     return where if isinstance(where, int) else Item(message.command, FRAMES[message.frame], params, *where)
 
 
@@ -170,7 +170,7 @@ def in_degrees(message: MissionItemInt) -> MissionItem:
     return MissionItem(**fields)
 
 
-def _place(message: MissionItem | MissionItemInt) -> tuple[int, int, float] | int:
+def _position(message: MissionItem | MissionItemInt) -> tuple[int, int, float] | int:
     """Return latitude, longitude in 1e-7 degrees and height, or the MAV_MISSION_RESULT that refuses them."""
     if message.frame not in FRAMES:
         return m.MAV_MISSION_UNSUPPORTED_FRAME

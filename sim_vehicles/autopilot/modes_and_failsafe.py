@@ -227,7 +227,7 @@ class FailsafeKeys(NamedTuple):
 
 LONG_FAILSAFE = FailsafeKeys("FS_GCS_ENABL", "FS_LONG_TIMEOUT", "FS_LONG_ACTN", ACTIONS)
 COPTER_ACTIONS = dict.fromkeys((1, 2, 3, 4, 6), CopterMode.RTL) | {5: CopterMode.LAND, 7: CopterMode.BRAKE}
-"""FS_GCS_ENABLE: RTL, also in place of SmartRTL and AUTO, which lack a recorded way or mission; LAND; BRAKE."""
+"""FS_GCS_ENABLE: RTL, also in place of SmartRTL and AUTO, which lack a recorded path or mission; LAND; BRAKE."""
 COPTER_FAILSAFE = FailsafeKeys("FS_GCS_ENABLE", "FS_GCS_TIMEOUT", "FS_GCS_ENABLE", COPTER_ACTIONS)
 STALE: Final = -1
 """Change count for which the deadline hasn't been computed."""

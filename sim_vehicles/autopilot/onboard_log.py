@@ -88,13 +88,13 @@ class OnboardLog:
         self,
         time_us: int,
         attitude_rad: tuple[float, float, float],
-        place: tuple[float, float, float, float],
+        position: tuple[float, float, float, float],
         airspeed_mps: float,
     ) -> None:
         """Write bank, pitch and yaw, latitude and longitude, rad, heights above sea level and home, m, and airspeed."""
         bank, pitch, yaw = (each / DEG for each in attitude_rad)
         self.put("ATT", time_us, bank, pitch, yaw % 360.0)
-        lat, lon, alt_m, above_m = place
+        lat, lon, alt_m, above_m = position
         self.put("POS", time_us, round(lat / DEG * 1e7), round(lon / DEG * 1e7), alt_m, above_m)
         self.put("ARSP", time_us, 0, airspeed_mps)
 

@@ -17,7 +17,7 @@ from sim_vehicles.autopilot.parameters import ParameterServer
 from sim_vehicles.config import VehicleConfig
 
 TAKEOFF_DONE_M: Final = 2.0
-NO_WAY_M: Final = 1e-3
+MIN_LEG_M: Final = 1e-3
 """Length below which a leg has no direction."""
 TOUCH_DOWN_M: Final = 0.1
 AUTOLAND: Final = Mode.AUTOLAND
@@ -216,7 +216,7 @@ class PlanePilot(Pilot):
             return bearing_rad, distance_m, distance_m - self.radius_m
         along_north_m, along_east_m = target.north_m - target.begin_m[0], target.east_m - target.begin_m[1]
         area_m2 = along_north_m * east_m - along_east_m * north_m
-        return bearing_rad, distance_m, area_m2 / max(math.hypot(along_north_m, along_east_m), NO_WAY_M)
+        return bearing_rad, distance_m, area_m2 / max(math.hypot(along_north_m, along_east_m), MIN_LEG_M)
 
     def circle(self, north_m: float, east_m: float, height_m: float, radius_m: float = 0.0) -> None:
         """Circle a position; `radius_m`: negative for an anticlockwise circle, 0 for WP_LOITER_RAD."""
@@ -338,8 +338,8 @@ class PlanePilot(Pilot):
     ) -> Approach:
         """Return an approach to a position of this aircraft."""
         model = self._config.model
-        brakes_mps2, lag_s = model.accel_max_mps2, model.tau_ha_s + model.tau_hb_s
-        return Approach(north_m, east_m, direction_rad, length_m, height_m, speed_mps, brakes_mps2, lag_s)
+        brakes_mps2, height_delay_s = model.accel_max_mps2, model.tau_ha_s + model.tau_hb_s
+        return Approach(north_m, east_m, direction_rad, length_m, height_m, speed_mps, brakes_mps2, height_delay_s)
 
     def _touch_down_mps(self, airspeed_mps: float = 0.0) -> float:
         """Return the airspeed at which it touches down, from its present one.

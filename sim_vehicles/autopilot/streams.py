@@ -67,7 +67,7 @@ class Streams(Generic[V]):
         """When each is due next, in an array of its own, because most cycles read nothing else."""
         self.next_due = now
         """When the next message is due; `NEVER` if none is."""
-        self._place: i64 = 0
+        self._index: i64 = 0
         """Where the search for this cycle's due messages continues."""
         self._plan()
 
@@ -107,23 +107,23 @@ class Streams(Generic[V]):
     def send_next(self, vehicle: V, link: Link, now: Instant) -> bool:
         """Send the next message that is due, in order of ids; return whether another is in this cycle."""
         at: i64 = now
-        place = self._due_from(self._place, at)
-        if place < len(self._due):
-            stream = self._streams[place]
+        index = self._due_from(self._index, at)
+        if index < len(self._due):
+            stream = self._streams[index]
             link.broadcast(stream.build(vehicle), now)
-            self._due[place] = self._due[place] + stream.interval_ns
-            self._place = self._due_from(place + 1, at)
-            if self._place < len(self._due):
+            self._due[index] = self._due[index] + stream.interval_ns
+            self._index = self._due_from(index + 1, at)
+            if self._index < len(self._due):
                 return True
-        self._place = 0
+        self._index = 0
         self._plan()
         return False
 
-    def _due_from(self, place: i64, at: i64) -> i64:
-        """Return the first message from a place on that is due at an instant; their number if there is none."""
-        while place < len(self._due) and self._due[place] > at:
-            place += 1
-        return place
+    def _due_from(self, index: i64, at: i64) -> i64:
+        """Return the first message from an index on that is due at an instant; their number if there is none."""
+        while index < len(self._due) and self._due[index] > at:
+            index += 1
+        return index
 
     def _set(self, message_id: int, interval_ns: int | None, now: Instant) -> None:
         known, planned = message_id in self._known, list(zip(self._streams, self._due, strict=True))

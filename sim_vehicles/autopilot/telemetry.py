@@ -192,9 +192,9 @@ def nav_controller_output(v: Autopilot) -> Message:
 
 
 def _read(v: Autopilot, true_mps: float) -> float:
-    """Return the sensor's reading at an airspeed."""
+    """Return the indicated airspeed (IAS) at a true airspeed."""
     pitot = v.body.pitot
-    return true_mps if pitot is None else pitot.reading(true_mps, v.sensed.height_m)
+    return true_mps if pitot is None else pitot.indicated(true_mps, v.sensed.height_m)
 
 
 def vfr_hud(v: Autopilot) -> VfrHud:

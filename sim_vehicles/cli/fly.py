@@ -43,7 +43,7 @@ from sim_vehicles.fleet import Fleet
 from sim_vehicles.truth import TruthWriter
 from sim_vehicles.vehicle import Vehicle
 
-APART_M = 20.0
+SEPARATION_M = 20.0
 MAX_BYTES = 65536
 PREPARED = {
     "FS_GCS_ENABL": 1.0,
@@ -295,7 +295,7 @@ def _plain(count: int, base_port: int, *, one_port: bool) -> FleetConfig:
         VehicleConfig(
             VehicleId(1, 1 + i),
             Endpoint("udpout", Address(LOOPBACK, base_port if one_port else base_port + i)),
-            StartState(0.0, i * APART_M),
+            StartState(0.0, i * SEPARATION_M),
         )
         for i in range(count)
     )

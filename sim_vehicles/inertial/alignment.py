@@ -80,24 +80,24 @@ def coarse(rate_radps: Array, force_mps2: Array) -> Array:
     return np.stack((east, np.cross(up, east), up))
 
 
-def limits(sensors: InertialSensors, place: GeodeticOrigin) -> Array:
+def limits(sensors: InertialSensors, position: GeodeticOrigin) -> Array:
     """Return the limits of any alignment, rad, (3,) about east, north and up: b / g, b / g, epsilon / (Omega cos L)."""
-    tilt = sensors.accel_bias_sigma / gravity_mps2(place.lat_rad, place.alt_m)
-    return np.array((tilt, tilt, sensors.gyro_bias_sigma / (RATE_RADPS * math.cos(place.lat_rad))))
+    tilt = sensors.accel_bias_sigma / gravity_mps2(position.lat_rad, position.alt_m)
+    return np.array((tilt, tilt, sensors.gyro_bias_sigma / (RATE_RADPS * math.cos(position.lat_rad))))
 
 
 class FineAlignment:
     """The filter of ten states, for a vehicle at rest at a known position."""
 
-    def __init__(self, place: GeodeticOrigin, sensors: InertialSensors) -> None:
+    def __init__(self, position: GeodeticOrigin, sensors: InertialSensors) -> None:
         """Start after a coarse alignment; `sensors` are those that the filter assumes."""
-        self.place = place
-        force = np.array((0.0, 0.0, gravity_mps2(place.lat_rad, place.alt_m)))
-        model = dynamics(place.lat_rad, place.alt_m, np.zeros(3), force, np.eye(3))
+        self.position = position
+        force = np.array((0.0, 0.0, gravity_mps2(position.lat_rad, position.alt_m)))
+        model = dynamics(position.lat_rad, position.alt_m, np.zeros(3), force, np.eye(3))
         self._dynamics = model[np.ix_(STATES, STATES)]
         self._density = noise_density(sensors)[STATES]
         self._accel_bias_sigma = accel = sensors.accel_bias_sigma
-        tilts = np.maximum(FIRST_SIGMA, FIRST_SHARE * limits(sensors, place))
+        tilts = np.maximum(FIRST_SIGMA, FIRST_SHARE * limits(sensors, position))
         sigmas = np.concatenate(((VELOCITY_SIGMA_MPS,) * 2, tilts, (accel,) * 2, (sensors.gyro_bias_sigma,) * 3))
         self._filter = ErrorFilter(np.diag(sigmas**2))
 
@@ -137,7 +137,7 @@ def align(
 ) -> Alignment:
     """Align a level vehicle at rest at the filter's position, with sensors that give `rate_hz` increments a second."""
     period_s, each = 1.0 / rate_hz, round(rate_hz * UPDATE_S)
-    rest = Trajectory.at_rest(fine.place, heading_rad, UPDATE_S)
+    rest = Trajectory.at_rest(fine.position, heading_rad, UPDATE_S)
     ideal = rest.increments(period_s, 0, each)
     repeated = Increments(*(np.tile(part, (duration_s, 1)) for part in ideal))
     samples = measured(repeated, sensors, period_s, random)

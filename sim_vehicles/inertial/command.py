@@ -116,7 +116,7 @@ def _navigation(done: Experiment) -> Figure:
 def _track(done: Experiment) -> Figure:
     """Draw the true and the computed track: plan view, and height over time."""
     figure, flight = _figure(8.0), done.flight
-    lat_rad, lon_rad, height_m = flight.place.T
+    lat_rad, lon_rad, height_m = flight.position.T
     meridian_m, across_m = radii_m(float(lat_rad[0]))
     north_m = (lat_rad - lat_rad[0]) * meridian_m
     east_m = (lon_rad - lon_rad[0]) * across_m * np.cos(lat_rad)
@@ -162,12 +162,12 @@ def _alignment(done: Experiment) -> dict[str, Array]:
 def _flight(done: Experiment) -> dict[str, Array]:
     """Return true positions, and errors and standard deviations of position, velocity and attitude."""
     flight, names = done.flight, (*LENGTHS, *ANGLES)
-    lat_rad, lon_rad, height_m = flight.place.T
-    place = {"true_lat_deg": np.degrees(lat_rad), "true_lon_deg": np.degrees(lon_rad), "true_height_m": height_m}
+    lat_rad, lon_rad, height_m = flight.position.T
+    position = {"true_lat_deg": np.degrees(lat_rad), "true_lon_deg": np.degrees(lon_rad), "true_height_m": height_m}
     units = np.concatenate((np.ones(len(LENGTHS)), UNITS))
     tables = {"error": flight.errors / units, "sigma": flight.sigmas / units}
     columns = {f"{what}_{name}": table[:, i] for what, table in tables.items() for i, name in enumerate(names)}
-    return {"t_s": flight.times_s} | place | columns
+    return {"t_s": flight.times_s} | position | columns
 
 
 @click.command(epilog=EXAMPLES)

@@ -19,7 +19,7 @@ from formation_scenario.navigation import InertialNavigation
 from sim_vehicles.airframe.motion import InnovationRatios
 from sim_vehicles.inertial.imu import InertialSensors
 
-PLACE, VELOCITY, TILT, ACCEL_BIAS, GYRO_BIAS = (slice(3 * i, 3 * i + 3) for i in range(5))
+POSITION, VELOCITY, TILT, ACCEL_BIAS, GYRO_BIAS = (slice(3 * i, 3 * i + 3) for i in range(5))
 SIZE = 15
 EAST, NORTH, UP = range(3)
 RECEIVED = 6
@@ -43,21 +43,21 @@ def dynamics(lat_rad: float, height_m: float, velocity_mps: Array, force_mps2: A
     east, north, _ = velocity_mps
     transport = np.array((-north / meridian_m, east / across_m, east / across_m * tangent))
     of_velocity = np.array(((0.0, -1.0 / meridian_m, 0.0), (1.0 / across_m, 0.0, 0.0), (tangent / across_m, 0.0, 0.0)))
-    earth_of_place, transport_of_place = np.zeros((3, 3)), np.zeros((3, 3))
-    earth_of_place[:, NORTH] = RATE_RADPS / meridian_m * np.array((0.0, -sine, cosine))
-    transport_of_place[UP, NORTH] = east / (across_m * cosine**2 * meridian_m)
+    earth_by_position, transport_by_position = np.zeros((3, 3)), np.zeros((3, 3))
+    earth_by_position[:, NORTH] = RATE_RADPS / meridian_m * np.array((0.0, -sine, cosine))
+    transport_by_position[UP, NORTH] = east / (across_m * cosine**2 * meridian_m)
     moving = _skew(velocity_mps)
     f = np.zeros((SIZE, SIZE))
-    f[PLACE, VELOCITY] = np.eye(3)
+    f[POSITION, VELOCITY] = np.eye(3)
     f[EAST, EAST] = -north * tangent / meridian_m
     f[EAST, NORTH] = east * tangent / across_m
     f[EAST, UP], f[NORTH, UP] = -east / across_m, -north / meridian_m
-    f[VELOCITY, PLACE] = moving @ (2.0 * earth_of_place + transport_of_place)
+    f[VELOCITY, POSITION] = moving @ (2.0 * earth_by_position + transport_by_position)
     f[VELOCITY.start + UP, UP] += 2.0 * gravity_mps2(lat_rad, height_m) / math.sqrt(meridian_m * across_m)
     f[VELOCITY, VELOCITY] = moving @ of_velocity - _skew(2.0 * earth + transport)
     f[VELOCITY, TILT] = _skew(force_mps2)
     f[VELOCITY, ACCEL_BIAS] = attitude
-    f[TILT, PLACE] = earth_of_place + transport_of_place
+    f[TILT, POSITION] = earth_by_position + transport_by_position
     f[TILT, VELOCITY] = of_velocity
     f[TILT, TILT] = -_skew(earth + transport)
     f[TILT, GYRO_BIAS] = -attitude
@@ -114,7 +114,7 @@ def gnss(rate_hz: float, position_sigma_m: float, height_sigma_m: float, velocit
 
 def barometer(rate_hz: float, height_sigma_m: float) -> Aid:
     """Return a barometric altimeter: only the height."""
-    return Aid(rate_hz, np.eye(SIZE)[PLACE][[UP]], np.array((height_sigma_m,)))
+    return Aid(rate_hz, np.eye(SIZE)[POSITION][[UP]], np.array((height_sigma_m,)))
 
 
 def aid(keys: InertialNavigation) -> Aid | None:

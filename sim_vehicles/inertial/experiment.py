@@ -18,7 +18,7 @@ from sim_vehicles.inertial.alignment import Alignment, FineAlignment, align, lim
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
     GYRO_BIAS,
-    PLACE,
+    POSITION,
     SIZE,
     TILT,
     VELOCITY,
@@ -77,7 +77,7 @@ class NavigationRecord:
     """(K, 9) computed minus true: position east, north and up in m, velocity in m/s, misalignment in rad."""
     sigmas: Array
     """(K, 9) standard deviations from the filter's covariance."""
-    place: Array
+    position: Array
     """(K, 3) true latitude and longitude in rad, height in m."""
 
 
@@ -114,8 +114,8 @@ def navigate(
                 raise DivergedError(float(times_s[step]), computer.height_m)
             rows.append(np.concatenate((computer.errors(now), computer.sigmas)))
     table, kept = np.array(rows).reshape(-1, 2, 9), slice(EACH - 1, None, EACH)
-    place = np.stack((truth.lat_rad, truth.lon_rad, truth.height_m), axis=1)
-    return NavigationRecord(times_s[kept], table[:, 0], table[:, 1], place[kept])
+    position = np.stack((truth.lat_rad, truth.lon_rad, truth.height_m), axis=1)
+    return NavigationRecord(times_s[kept], table[:, 0], table[:, 1], position[kept])
 
 
 def _samples(
@@ -164,9 +164,9 @@ class _Computer:
         found = self._navigator.state()
         meridian_m, across_m = (radius + float(true.height_m) for radius in radii_m(float(true.lat_rad)))
         east = (found.lon_rad - true.lon_rad) * across_m * np.cos(true.lat_rad)
-        place = np.stack((east, (found.lat_rad - true.lat_rad) * meridian_m, found.height_m - true.height_m))
+        position = np.stack((east, (found.lat_rad - true.lat_rad) * meridian_m, found.height_m - true.height_m))
         return np.concatenate(
-            (place, found.velocity_mps - true.velocity_mps, misalignment(found.attitude, true.attitude))
+            (position, found.velocity_mps - true.velocity_mps, misalignment(found.attitude, true.attitude))
         )
 
     def process(self, samples: Increments, period_s: float, true: NavigationState) -> None:
@@ -187,7 +187,7 @@ class _Computer:
         errors[:9] = self.errors(true)
         noise = aid.sigmas * self._random.standard_normal(aid.sigmas.size)
         estimate, _ = self._filter.update(aid.seen, aid.seen @ errors - noise, aid.sigmas)
-        self._navigator.correct(estimate[PLACE], estimate[VELOCITY], estimate[TILT])
+        self._navigator.correct(estimate[POSITION], estimate[VELOCITY], estimate[TILT])
         self._bias += np.concatenate((estimate[ACCEL_BIAS], estimate[GYRO_BIAS]))
         self._navigator.set_biases(self._bias)
 

@@ -10,7 +10,7 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from flight_model.earth import gravity_mps2
 from formation_scenario.navigation import InertialNavigation
-from sim_vehicles.inertial.error_model import PLACE, UP, ErrorFilter, bias_covariance, dynamics, noise_density
+from sim_vehicles.inertial.error_model import POSITION, UP, ErrorFilter, bias_covariance, dynamics, noise_density
 from sim_vehicles.inertial.imu import attitude, inertial_sensors
 
 STEP_S, STEPS = 1.0, 1000
@@ -53,5 +53,5 @@ def growth(
     steps = min(STEPS, max(1, round(after_s / STEP_S)))
     for _ in range(steps):
         grown.predict(model, density, after_s / steps)
-    sigmas: Array = np.sqrt(np.diag(grown.covariance)[PLACE])
+    sigmas: Array = np.sqrt(np.diag(grown.covariance)[POSITION])
     return Growth(float(sigmas[:UP].max()), float(sigmas[UP]))

@@ -24,7 +24,7 @@ from sim_vehicles.inertial.alignment import UPDATE_S, FineAlignment
 from sim_vehicles.inertial.error_model import (
     ACCEL_BIAS,
     GYRO_BIAS,
-    PLACE,
+    POSITION,
     SIZE,
     TILT,
     UP,
@@ -84,7 +84,7 @@ class InertialNavigator:
 
     def _unknown(self) -> int:
         """Return the bits of EKF_STATUS_FLAGS whose estimates have become too uncertain."""
-        east_m, north_m, up_m = np.sqrt(np.diag(self._filter.covariance)[PLACE]).tolist()
+        east_m, north_m, up_m = np.sqrt(np.diag(self._filter.covariance)[POSITION]).tolist()
         level = ABSOLUTE if math.hypot(east_m, north_m) > USEFUL_M else 0
         return level | (m.EKF_POS_VERT_ABS if up_m > USEFUL_M else 0)
 
@@ -141,7 +141,7 @@ def _displaced(true: Motion, errors: Array) -> Motion:
 def _start(
     keys: InertialNavigation,
     sensors: InertialSensors,
-    place: GeodeticOrigin,
+    position: GeodeticOrigin,
     heading_rad: float,
     random: np.random.Generator,
 ) -> tuple[Array, Array]:
@@ -150,7 +150,7 @@ def _start(
         errors = np.zeros(SIZE)
         errors[ACCEL_BIAS], errors[GYRO_BIAS] = sensors.accel_bias_mps2, sensors.gyro_bias_radps
         return bias_covariance(sensors), errors
-    fine = FineAlignment(place, sensors)
+    fine = FineAlignment(position, sensors)
     for _ in range(round(keys.alignment_s / UPDATE_S)):
         fine.update(np.zeros(2))
     level = attitude(*(np.array(angle) for angle in (heading_rad, 0.0, 0.0)))

@@ -36,8 +36,8 @@ class Strapdown:
     def at(cls, state: NavigationState) -> Self:
         """Return a computer that starts from a state at a single instant."""
         east, north, up = state.velocity_mps.tolist()
-        place = float(state.lat_rad), float(state.lon_rad), float(state.height_m)
-        return cls(*place, (east, north, up), to_quaternion(state.attitude))
+        position = float(state.lat_rad), float(state.lon_rad), float(state.height_m)
+        return cls(*position, (east, north, up), to_quaternion(state.attitude))
 
     def run(self, samples: Increments, period_s: float) -> None:
         """Integrate an even number of samples of `period_s` each."""
@@ -69,10 +69,10 @@ class Strapdown:
         back = of_vector((-rotation[0], -rotation[1], -rotation[2]))
         self.attitude = normalised(product(back, product(self.attitude, of_vector(turn))))
 
-    def correct(self, place_m: Array, velocity_mps: Array, misalignment_rad: Array) -> None:
+    def correct(self, position_m: Array, velocity_mps: Array, misalignment_rad: Array) -> None:
         """Subtract estimated errors (3,) of position in m and velocity, east, north and up, and of the attitude."""
         meridian_m, across_m = radii_m(self.lat_rad)
-        east, north, up = place_m.tolist()
+        east, north, up = position_m.tolist()
         self.lon_rad -= east / ((across_m + self.height_m) * math.cos(self.lat_rad))
         self.lat_rad -= north / (meridian_m + self.height_m)
         self.height_m -= up

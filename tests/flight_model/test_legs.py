@@ -224,9 +224,9 @@ def test_what_is_straight_lies_on_a_leg_and_turns_pass_within_the_distance_allow
     points = path.at(at_m[~joined])
     flat = np.array(waypoints)[:, :2] @ np.array([1.0, 1j])
     begin, along = flat[:-1, None], np.diff(flat)[:, None]
-    point = points.north_m + 1j * points.east_m
-    share = np.clip(((point - begin) * np.conj(along)).real / np.abs(along) ** 2, 0.0, 1.0)
-    assert np.abs(point - begin - share * along).min(axis=0).max(initial=0.0) < 1e-3
+    position = points.north_m + 1j * points.east_m
+    share = np.clip(((position - begin) * np.conj(along)).real / np.abs(along) ** 2, 0.0, 1.0)
+    assert np.abs(position - begin - share * along).min(axis=0).max(initial=0.0) < 1e-3
     assert np.all(points.curvature_1pm == pytest.approx(0.0, abs=1e-9))
 
 

@@ -76,7 +76,7 @@ class Air:
             assert self.seconds < limit_s
             self.run(LOOP_S)
 
-    def tell_mission_time(self, seconds, vehicle=0):
+    def send_mission_time(self, seconds, vehicle=0):
         self.ground.send(self.ground.dialect.named_value_float_encode(0, b"MISSION_T", seconds), vehicle)
 
     def command_int(self, command, *params, frame=3, x=0, y=0, z=0.0, target=1, component=1, vehicle=0, peer=None):
@@ -107,7 +107,7 @@ class Air:
         return getattr(self.fleet.bodies[vehicle].state, name)
 
 
-def fleet_config(count=1, *, in_air=True, endpoint="udpout:127.0.0.1:14550", apart_m=100.0, **changes):
+def fleet_config(count=1, *, in_air=True, endpoint="udpout:127.0.0.1:14550", separation_m=100.0, **changes):
     """Return vehicles abreast, heading north, 100 m up at 22 m/s or standing on the ground."""
     vehicle_keys: dict[str, Any] = {key: changes.pop(key) for key in ("model", "clock", "navigation") if key in changes}
     if "model" in vehicle_keys:
@@ -116,7 +116,7 @@ def fleet_config(count=1, *, in_air=True, endpoint="udpout:127.0.0.1:14550", apa
         VehicleConfig(
             VehicleId(1, 1 + i),
             parse_endpoint(endpoint),
-            StartState(0.0, apart_m * i, 100.0 if in_air else 0.0, 0.0, 22.0 if in_air else 0.0, in_air),
+            StartState(0.0, separation_m * i, 100.0 if in_air else 0.0, 0.0, 22.0 if in_air else 0.0, in_air),
             **vehicle_keys,
         )
         for i in range(count)

@@ -42,7 +42,7 @@ def test_throttle_grows_with_airspeed_and_climb() -> None:
     assert throttle_of(motion, 22.0, 3.0, hovers=True) == 0.0
 
 
-def test_it_is_told_in_both_messages() -> None:
+def test_it_is_reported_in_both_messages() -> None:
     world = World(vehicles=[{"id": 1, "role": "leader", "battery": {"capacity_mah": 500, "charged_percent": 50}}])
     world.run(10.0)
     vehicle = world.vehicle(1)

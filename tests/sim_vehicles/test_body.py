@@ -56,7 +56,7 @@ def test_without_an_airframe_a_vehicle_flies_by_equation_7():
     [((0.0, 0.0), 12.0), ((-4.0, 0.0), 8.0), ((4.0, 0.0), 16.0), ((0.0, 7.2), 9.6), ((-15.0, 0.0), 0.0)],
 )
 def test_a_glide_slope_ends_before_home_by_what_the_speed_over_ground_takes_to_brake(wind_mps, ground_mps):
-    """v^2 / 2a and v times the height's lag, of v over ground: in 7.2 m/s across, (12^2 - 7.2^2)^1/2 = 9.6 m/s."""
+    """v^2 / 2a and v times the height's delay, of v over ground: in 7.2 m/s across, (12^2 - 7.2^2)^1/2 = 9.6 m/s."""
     crab_rad = -math.asin(wind_mps[1] / 12.0)
     over_mps = 12.0 * math.cos(crab_rad) + wind_mps[0], 12.0 * math.sin(crab_rad) + wind_mps[1]
     made = reported(body())
@@ -106,7 +106,7 @@ def test_what_flies_by_its_sensor_flies_faster_in_thin_air_and_where_the_sensor_
         made.steering.stopped, made.steering.airborne = False, True
         fly(reported(made, speed=22.0), 60.0)
         assert made.state.airspeed_mps == pytest.approx(expected_mps, rel=1e-3)
-        assert pitot.reading(made.state.airspeed_mps, 100.0) == pytest.approx(22.0, rel=1e-3)
+        assert pitot.indicated(made.state.airspeed_mps, 100.0) == pytest.approx(22.0, rel=1e-3)
 
 
 def test_the_velocity_over_ground_is_through_the_air_plus_what_carries_it():
@@ -164,7 +164,7 @@ def steered(keys, kind=Body):
     [({}, Body), ({"prompt_share": 0.6}, Body), ({"airframe": STILL}, Body), (HOVERS, HoveringBody)],
 )
 def test_a_vehicle_with_a_dead_time_flies_as_without_exactly_as_much_later(keys, kind):
-    """0.3 s are 15 cycles. Place differs, since it flies straight on meanwhile."""
+    """0.3 s are 15 cycles. The position differs, since it flies straight on meanwhile."""
     prompt, late = steered(keys, kind), steered(keys | {"dead_time_s": 0.3}, kind)
     moved = [2, 3, 4] if kind is HoveringBody else [2, 3, 4, 5]
     assert np.abs(late[15:, moved] - prompt[:-15, moved]).max() < 1e-9

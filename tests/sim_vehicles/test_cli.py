@@ -115,7 +115,7 @@ def test_help_shows_its_examples_a_line_each():
     assert sum(line.lstrip().startswith("sim-vehicles ") for line in answer.stdout.splitlines()) == 6
 
 
-def test_a_bad_scenario_exits_2_and_names_the_place(tmp_path):
+def test_a_bad_scenario_exits_2_and_names_the_position(tmp_path):
     path = tmp_path / "bad.yaml"
     path.write_text("schema: 1\nname: bad\nduration_s: never\n")
     answer = call(path)

@@ -222,11 +222,11 @@ def test_the_old_speed_command_takes_airspeeds_within_limits_and_any_ground_spee
     assert flying.fleet.bodies[0].steering.speed_mps == flown_mps
 
 
-def test_reposition_changes_the_mode_when_asked_and_circles_the_place(flying):
+def test_reposition_changes_the_mode_when_asked_and_circles_the_position(flying):
     flying.set_mode(LOITER)
-    place = {"x": round(35.005e7), "y": round(125.005e7), "z": 120.0, "frame": 3}
-    assert flying.command_int(192, -1, 0, 0, 0, **place) in {DENIED, FAILED}
-    assert flying.command_int(192, -1, 1, 0, 0, **place) == ACCEPTED
+    position = {"x": round(35.005e7), "y": round(125.005e7), "z": 120.0, "frame": 3}
+    assert flying.command_int(192, -1, 0, 0, 0, **position) in {DENIED, FAILED}
+    assert flying.command_int(192, -1, 1, 0, 0, **position) == ACCEPTED
     assert flying.ground.of("HEARTBEAT")[-1].custom_mode == GUIDED
     flying.run(150.0)
     north, east, _ = flying.fleet.origin.to_ned(math.radians(35.005), math.radians(125.005), 0.0)
@@ -236,7 +236,7 @@ def test_reposition_changes_the_mode_when_asked_and_circles_the_place(flying):
 
 
 def test_reposition_has_a_radius_that_stays_until_the_mode_changes_and_a_side(flying):
-    place = {"x": round(35.005e7), "y": round(125e7), "z": 120.0, "frame": 3}
+    position = {"x": round(35.005e7), "y": round(125e7), "z": 120.0, "frame": 3}
     for radius_m, side, flown_m in (
         (0, 0, 115.0),
         (150, math.nan, 150.0),
@@ -245,14 +245,14 @@ def test_reposition_has_a_radius_that_stays_until_the_mode_changes_and_a_side(fl
         (0, 1, -150.0),
         (180, 0, 180.0),
     ):
-        assert flying.command_int(192, -1, 1, radius_m, side, **place) == ACCEPTED
+        assert flying.command_int(192, -1, 1, radius_m, side, **position) == ACCEPTED
         assert flying.fleet.bodies[0].steering.radius_m == flown_m
     flying.set_mode(LOITER)
-    flying.command_int(192, -1, 1, 0, 0, **place)
+    flying.command_int(192, -1, 1, 0, 0, **position)
     assert flying.fleet.bodies[0].steering.radius_m == 115.0
 
 
-def test_the_arrival_at_a_place_is_reported_once(flying):
+def test_the_arrival_at_a_position_is_reported_once(flying):
     flying.command_int(192, -1, 1, 0, 0, x=round(35.005e7), y=round(125e7), z=100.0, frame=3)
     flying.run(5.0)
     assert flying.ground.of("MISSION_ITEM_REACHED") == []
@@ -260,40 +260,40 @@ def test_the_arrival_at_a_place_is_reported_once(flying):
     assert [each.seq for each in flying.ground.of("MISSION_ITEM_REACHED")] == [0]
 
 
-def test_of_setpoints_of_place_the_height_alone_is_flown_and_only_in_guided(flying):
+def test_of_setpoints_of_position_the_height_alone_is_flown_and_only_in_guided(flying):
     steering, dialect = flying.fleet.bodies[0].steering, flying.ground.dialect
     centre = steering.centre_north_m, steering.centre_east_m
 
-    def tell_global(frame, mask, alt):
-        place = round(35.01e7), round(125.01e7), alt
+    def command_global(frame, mask, alt):
+        position = round(35.01e7), round(125.01e7), alt
         flying.ground.send(
-            dialect.set_position_target_global_int_encode(0, 1, 1, frame, mask, *place, 0, 0, 0, 0, 0, 0, 0, 0)
+            dialect.set_position_target_global_int_encode(0, 1, 1, frame, mask, *position, 0, 0, 0, 0, 0, 0, 0, 0)
         )
         flying.run(0.1)
         return steering.height_m
 
-    def tell_local(frame, down):
-        place = 500.0, 500.0, down
+    def command_local(frame, down):
+        position = 500.0, 500.0, down
         flying.ground.send(
-            dialect.set_position_target_local_ned_encode(0, 1, 1, frame, 0xDF8, *place, 0, 0, 0, 0, 0, 0, 0, 0)
+            dialect.set_position_target_local_ned_encode(0, 1, 1, frame, 0xDF8, *position, 0, 0, 0, 0, 0, 0, 0, 0)
         )
         flying.run(0.1)
         return steering.height_m
 
-    assert tell_global(6, 0xFFFB, 90.0) == 90.0
-    assert tell_global(6, 0xDF8, 70.0) == 70.0
-    assert tell_global(6, 0xFFFF, 50.0) == 70.0
-    assert tell_global(1, 0xFFFB, 50.0) == 70.0
+    assert command_global(6, 0xFFFB, 90.0) == 90.0
+    assert command_global(6, 0xDF8, 70.0) == 70.0
+    assert command_global(6, 0xFFFF, 50.0) == 70.0
+    assert command_global(1, 0xFFFB, 50.0) == 70.0
     assert flying.ground.of("STATUSTEXT")[-1].text.startswith("Invalid coord frame in SET_POSTION_TARGET")
-    assert tell_local(1, -130.0) == 70.0
-    assert tell_local(7, -20.0) == 90.0
+    assert command_local(1, -130.0) == 70.0
+    assert command_local(7, -20.0) == 90.0
     assert flying.ground.of("STATUSTEXT")[-1].text == "Change alt to 90.0"
     assert (steering.centre_north_m, steering.centre_east_m) == centre
     flying.command_int(ALTITUDE, z=110.0, frame=3)
-    assert tell_global(6, 0xFFFB, 60.0) == 110.0
+    assert command_global(6, 0xFFFB, 60.0) == 110.0
     flying.set_mode(LOITER)
     height_m = steering.height_m
-    assert tell_global(6, 0xFFFB, 60.0) == height_m
+    assert command_global(6, 0xFFFB, 60.0) == height_m
 
 
 @pytest.mark.parametrize(
@@ -370,7 +370,7 @@ def test_ping_is_never_answered(flying):
     assert not flying.ground.of("PING")
 
 
-def test_a_place_of_zeros_is_denied(flying):
+def test_a_position_of_zeros_is_denied(flying):
     assert flying.command_int(192, -1, 1, 0, 0, x=0, y=0, z=100.0) == DENIED
 
 
@@ -382,7 +382,7 @@ def test_heights_that_centimetres_of_32_bits_do_not_hold_are_denied(flying):
 
 
 @pytest.mark.parametrize(("z", "result"), [(83000.0, ACCEPTED), (83001.0, DENIED), (1e6, DENIED), (math.nan, DENIED)])
-def test_a_place_is_at_most_83_km_high(flying, z, result):
+def test_a_position_is_at_most_83_km_high(flying, z, result):
     assert flying.command_int(192, -1, 1, 0, 0, x=round(35.005e7), y=round(125e7), z=z) == result
 
 

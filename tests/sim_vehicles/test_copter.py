@@ -18,7 +18,7 @@ ACRO, CIRCLE, DRIFT, GUIDED_NOGPS, SMART_RTL, ZIGZAG = 1, 7, 11, 20, 21, 24
 CONDITION_YAW, CHANGE_SPEED, PAUSE, CHOOSE_ITEM, ROI, ROI_NONE = 115, 178, 193, 224, 195, 197
 PATH = {"speed_mps": 5, "waypoints_m": [[0, 0, 30], [500, 0, 30]]}
 VELOCITY_AND_YAW, VELOCITY_ALONE, VELOCITY_ONLY, HEIGHT_TOO = 0x9C7, 0x5C7, 0xDC7, 0x9C3
-PLACE_ALONE = 0xDF8
+POSITION_ALONE = 0xDF8
 MODEL = load_scenario({"vehicles": {"count": 1, "autopilot": "arducopter"}, "path": PATH}).vehicles[0].model
 
 
@@ -28,12 +28,12 @@ class Pilot:
     def __init__(self, air):
         self.air = air
 
-    def tell(self, north, east=0.0, down=0.0, yaw=0.0, mask=VELOCITY_AND_YAW, target=1, rate=0.0):
+    def command(self, north, east=0.0, down=0.0, yaw=0.0, mask=VELOCITY_AND_YAW, target=1, rate=0.0):
         fields = (0, target, 1, 1, mask, 0, 0, -40.0, north, east, down, 0, 0, 0, yaw, rate)
         self.air.ground.send(mavlink.MAVLink_set_position_target_local_ned_message(*fields))
 
     def send_to(self, north_m, east_m, height_m):
-        fields = (0, 1, 1, 1, PLACE_ALONE, north_m, east_m, -height_m, 0, 0, 0, 0, 0, 0, 0, 0)
+        fields = (0, 1, 1, 1, POSITION_ALONE, north_m, east_m, -height_m, 0, 0, 0, 0, 0, 0, 0, 0)
         self.air.ground.send(mavlink.MAVLink_set_position_target_local_ned_message(*fields))
 
     def turned(self, seconds):
@@ -46,7 +46,7 @@ class Pilot:
         """Return the ground velocities (north, east) after each 0.02 s."""
         seen = []
         for _ in range(round(seconds * 10)):
-            self.tell(*velocity, **keys)
+            self.command(*velocity, **keys)
             for _ in range(5):
                 self.air.run(0.02)
                 seen.append((self.motion.velocity_north_mps, self.motion.velocity_east_mps))
@@ -102,10 +102,10 @@ def test_steps_of_velocity_take_as_long_as_measured(standing, before, after, t63
 )
 def test_steps_of_climb_take_as_long_as_measured(standing, climb_mps, t63_s, t90_s):
     """A step to a climb, and a step back to level flight."""
-    for reported in (climb_mps, 0.0):
+    for commanded in (climb_mps, 0.0):
         climbs = []
         for _ in range(25):
-            standing.tell(0.0, 0.0, -reported)
+            standing.command(0.0, 0.0, -commanded)
             for _ in range(5):
                 standing.air.run(0.02)
                 climbs.append(standing.motion.climb_mps)
@@ -116,10 +116,10 @@ def test_steps_of_climb_take_as_long_as_measured(standing, climb_mps, t63_s, t90
 @pytest.mark.parametrize(("turn_rad", "t63_s", "t90_s"), [(math.pi / 2, 1.26, 1.65), (0.35, 0.6, 0.78)])
 def test_steps_of_the_nose_take_as_long_as_measured(standing, turn_rad, t63_s, t90_s):
     standing.fly(5.0, 0.0)
-    for reported in (turn_rad, 0.0):
+    for commanded in (turn_rad, 0.0):
         noses = []
         for _ in range(30):
-            standing.tell(0.0, yaw=reported)
+            standing.command(0.0, yaw=commanded)
             for _ in range(5):
                 standing.air.run(0.02)
                 noses.append(math.remainder(standing.shown.heading_rad, math.tau))
@@ -132,7 +132,7 @@ def test_it_flies_in_any_direction(standing):
     assert (north, east) == pytest.approx((-1.0, 2.0), abs=0.02)
 
 
-def test_it_stands_some_seconds_after_the_last_velocity_still_in_guided(standing):
+def test_it_hovers_some_seconds_after_the_last_velocity_still_in_guided(standing):
     standing.fly(6.0, 3.0)
     standing.air.run(2.8)
     assert standing.motion.velocity_north_mps == pytest.approx(3.0, abs=0.05)
@@ -154,7 +154,7 @@ def test_a_height_beside_a_velocity_isnt_followed(standing):
     assert standing.motion.height_m == pytest.approx(height_m, abs=0.1)
 
 
-def test_the_nose_turns_as_reported_and_stays_where_it_is_not(standing):
+def test_the_nose_turns_as_commanded_and_stays_where_it_is_not(standing):
     standing.fly(5.0, 1.0, yaw=math.pi / 2)
     assert standing.shown.heading_rad == pytest.approx(math.pi / 2, abs=0.05)
     standing.fly(4.0, -2.0, mask=VELOCITY_ALONE)
@@ -165,15 +165,15 @@ def test_the_nose_turns_as_reported_and_stays_where_it_is_not(standing):
 
 def test_the_yaw_rate_it_tells_is_its_noses_whatever_its_course_does(standing):
     standing.fly(3, 1.0, 0.0)
-    told_rps, turned_rad, yaw_rad = [], 0.0, standing.shown.heading_rad
+    reported_rps, turned_rad, yaw_rad = [], 0.0, standing.shown.heading_rad
     for tick in range(40):
         if tick % 5 == 0:
-            standing.tell(-1.0, 0.02, yaw=0.3 if tick < 20 else 0.0)
+            standing.command(-1.0, 0.02, yaw=0.3 if tick < 20 else 0.0)
         standing.air.run(0.02)
-        told_rps.append(standing.shown.copy().yaw_rate_radps)
-        turned_rad += 0.02 * told_rps[-1]
+        reported_rps.append(standing.shown.copy().yaw_rate_radps)
+        turned_rad += 0.02 * reported_rps[-1]
     assert turned_rad == pytest.approx(standing.shown.heading_rad - yaw_rad, abs=1e-9)
-    assert 0.1 < max(map(abs, told_rps)) < 1.2
+    assert 0.1 < max(map(abs, reported_rps)) < 1.2
 
 
 def test_it_flies_no_faster_than_its_parameter(standing):
@@ -190,7 +190,7 @@ def test_a_change_of_wind_accelerates_it_by_its_drag_and_doesnt_carry_it_away(ma
     gust = StepDisturbance(at_s=0.0, velocity_mps=(2.0, 0.0, 0.0)), frozenset({VehicleId(1, 1)})
     copter = Pilot(make_air(model=MODEL, disturbances=(gust,)))
     copter.air.run(14.0)
-    copter.air.tell_mission_time(0.0)
+    copter.air.send_mission_time(0.0)
     copter.air.run(0.1)
     assert copter.motion.velocity_north_mps == pytest.approx(2.0 * 0.1 / 1.5, abs=0.05)
     pushed = [copter.motion.velocity_north_mps for _ in range(10) if copter.air.run(0.2) is None]
@@ -213,7 +213,7 @@ def test_against_the_wind_it_is_no_faster_than_its_tilt_allows(make_air, firmwar
 def test_it_lifts_off_straight_up_in_any_wind_it_stood_in(make_air):
     gust = StepDisturbance(at_s=0.0, velocity_mps=(0.0, 8.0, 0.0)), frozenset({VehicleId(1, 1)})
     air = make_air(model=MODEL, in_air=False, disturbances=(gust,))
-    air.tell_mission_time(0.0)
+    air.send_mission_time(0.0)
     air.run(4.0)
     air.set_mode(GUIDED)
     air.command_long(ARM, 1)
@@ -255,7 +255,7 @@ def test_in_other_modes_condition_yaw_is_accepted_and_has_no_effect(standing):
     assert standing.turned(4.0) == pytest.approx(0.0, abs=0.1)
 
 
-def test_a_place_has_the_nose_turn_to_it_again(standing):
+def test_a_position_has_the_nose_turn_to_it_again(standing):
     standing.air.command_long(CONDITION_YAW, 90, 0, 0, 0)
     standing.air.run(4.0)
     standing.send_to(standing.motion.north_m + 30.0, 0.0, 100.0)
@@ -280,7 +280,7 @@ def test_a_velocity_of_0_leaves_the_nose_where_it_points(standing):
 
 
 @pytest.mark.parametrize("kind", [0, 1])
-def test_speeds_hold_for_places_under_way_and_the_next(standing, kind):
+def test_speeds_hold_for_positions_under_way_and_the_next(standing, kind):
     standing.send_to(200.0, 0.0, 100.0)
     standing.air.run(5.0)
     assert standing.air.command_long(CHANGE_SPEED, kind, 3, -1) == ACCEPTED
@@ -308,7 +308,7 @@ def test_speeds_that_are_none_are_denied_and_other_modes_fail(standing):
     assert standing.air.command_long(CHANGE_SPEED, 1, 3) == FAILED
 
 
-def test_paused_it_stands_and_then_goes_on_to_the_newest_place(standing):
+def test_paused_it_hovers_and_then_goes_on_to_the_newest_position(standing):
     begin_m = standing.motion.north_m
     standing.send_to(begin_m + 60.0, 0.0, 100.0)
     standing.air.run(4.0)
@@ -329,7 +329,7 @@ def test_other_modes_arent_paused(standing):
         assert standing.air.ground.of("STATUSTEXT")[-1].text == text
 
 
-def test_its_nose_follows_a_place_of_interest(standing):
+def test_its_nose_follows_a_position_of_interest(standing):
     home = {"x": 350000000, "y": 1250000000}
     standing.send_to(0.0, 60.0, 100.0)
     standing.air.run(15.0)
@@ -344,7 +344,7 @@ def test_without_a_mission_no_item_can_be_chosen(standing):
 
 
 @pytest.mark.parametrize("command", [43000, 43001, 43002, 192, 12345])
-def test_what_planes_are_reported_is_unsupported(standing, command):
+def test_what_planes_are_commanded_is_unsupported(standing, command):
     assert standing.air.command_long(command, 0, 5.0) == UNSUPPORTED
 
 
@@ -436,7 +436,7 @@ def test_modes_that_a_client_may_choose_are_taken(standing, mode, flags):
     assert (beat.custom_mode, beat.base_mode) == (mode, flags)
 
 
-def test_in_circle_it_flies_round_a_place_ahead_of_it_clockwise_and_sinks(standing):
+def test_in_circle_it_flies_round_a_position_ahead_of_it_clockwise_and_sinks(standing):
     here = standing.motion.north_m, standing.motion.east_m, standing.motion.height_m
     standing.air.set_mode(CIRCLE)
     standing.air.run(13.5)  # three quarters of a turn at 20 degrees/s
@@ -450,7 +450,7 @@ def test_in_circle_it_flies_round_a_place_ahead_of_it_clockwise_and_sinks(standi
     assert standing.motion.turn_rate_radps > 0.0
 
 
-def test_a_way_of_30_m_is_flown_as_fast_as_measured(standing):
+def test_a_distance_of_30_m_is_flown_as_fast_as_measured(standing):
     """A real one flew it at up to 6.6 m/s, and stopped after 9 s, 0.7 m beyond its end at most."""
     begin_m, speeds = standing.motion.north_m, []
     standing.send_to(begin_m + 30.0, 0.0, 100.0)
@@ -466,7 +466,7 @@ def test_a_mission_isnt_begun(standing):
     assert standing.air.command_long(300) == FAILED
 
 
-def test_in_loiter_it_sinks_for_want_of_a_transmitter_in_brake_it_stands(standing):
+def test_in_loiter_it_sinks_for_want_of_a_transmitter_in_brake_it_hovers(standing):
     standing.fly(4.0, 5.0)
     standing.air.set_mode(BRAKE)
     standing.air.run(5.0)

@@ -33,7 +33,7 @@ def disturbed(make_air, *disturbances, count=2):
 def test_a_disturbance_strikes_at_its_mission_time_and_whom_it_names(make_air):
     air = disturbed(make_air, (StepDisturbance(at_s=10.0, velocity_mps=(0.6, -0.4, 0.0)), frozenset({SECOND})))
     air.run(5.0)
-    air.tell_mission_time(0.0)
+    air.send_mission_time(0.0)
     air.run(9.9)
     assert velocity(air, 1) == (0.0, 0.0)
     air.run(0.2)
@@ -51,14 +51,14 @@ def test_disturbances_add_up_with_the_wind(make_air):
             (StepDisturbance(at_s=2.0, velocity_mps=(0.0, 0.25, 0.0)), both),
         ),
     )
-    air.tell_mission_time(0.0)
+    air.send_mission_time(0.0)
     air.run(3.0)
     assert velocity(air) == (1.5, 2.25)
 
 
 def over_time(air, seconds):
     """Return the first vehicle's northward velocity by wind and disturbances at mission times 1 s, 2 s and so on."""
-    air.tell_mission_time(0.0)
+    air.send_mission_time(0.0)
     air.run(0.02)
     velocities = []
     for _ in range(seconds):
@@ -96,18 +96,18 @@ def test_a_vehicle_s_turbulence_does_not_depend_on_who_else_meets_it(make_air):
 def test_nothing_happens_before_the_mission_time_is_reported(make_air):
     air = disturbed(make_air, (StepDisturbance(at_s=0.0, velocity_mps=(5.0, 0.0, 0.0)), frozenset({FIRST})))
     air.run(30.0)
-    air.tell_mission_time(-3.0)
+    air.send_mission_time(-3.0)
     air.run(30.0)
     assert velocity(air) == (0.0, 0.0)
 
 
 def test_the_first_mission_time_that_is_not_negative_counts_any_that_receives_it(make_air):
     air = disturbed(make_air, (StepDisturbance(at_s=10.0, velocity_mps=(1.0, 0.0, 0.0)), frozenset({FIRST})))
-    air.tell_mission_time(-1.0)
+    air.send_mission_time(-1.0)
     air.run(1.0)
-    air.tell_mission_time(4.0, vehicle=1)
+    air.send_mission_time(4.0, vehicle=1)
     air.run(1.0)
-    air.tell_mission_time(0.0)
+    air.send_mission_time(0.0)
     air.run(4.9)
     assert velocity(air) == (0.0, 0.0)
     air.run(0.2)
@@ -117,7 +117,7 @@ def test_the_first_mission_time_that_is_not_negative_counts_any_that_receives_it
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_a_mission_time_that_is_no_number_is_ignored(make_air, value):
     air = disturbed(make_air, (StepDisturbance(at_s=0.0, velocity_mps=(1.0, 0.0, 0.0)), frozenset({FIRST})))
-    air.tell_mission_time(value)
+    air.send_mission_time(value)
     air.run(5.0)
     assert air.fleet.environment.mission_zero is None
 
@@ -128,7 +128,7 @@ def test_a_disturbance_shows_in_the_reported_velocity_and_carries_the_vehicle(ma
     assert air.set_mode(GUIDED) == 0
     air.command_int(HEADING, 1, 0.0, 10.0)
     before = air.state("east_m")
-    air.tell_mission_time(0.0)
+    air.send_mission_time(0.0)
     air.run(10.0)
     assert air.state("east_m") - before == pytest.approx(6.0, abs=0.02)
     reported = air.ground.of("GLOBAL_POSITION_INT", system=1)[-1]
@@ -137,7 +137,7 @@ def test_a_disturbance_shows_in_the_reported_velocity_and_carries_the_vehicle(ma
 
 def test_a_crashed_vehicle_falls_silent_to_the_ground_and_the_others_fly_on(make_air):
     air = make_air(2, faults=((Fault(at_s=5.0, kind="crash"), frozenset({FIRST})),))
-    air.tell_mission_time(0.0)
+    air.send_mission_time(0.0)
     air.run(6.0)
     assert received_from(air, 1, 5.0) == []
     assert [air.state(name) for name in ("height_m", "airspeed_mps", "climb_mps")] == [0.0, 0.0, 0.0]
@@ -150,7 +150,7 @@ def test_a_frozen_vehicle_is_deaf_and_dumb_and_flies_on_as_it_was_reported(make_
     air.run(3.0)
     air.set_mode(GUIDED)
     air.command_int(HEADING, 1, 90.0, 10.0)
-    air.tell_mission_time(59.0)
+    air.send_mission_time(59.0)
     air.run(30.0)
     assert air.command_int(HEADING, 1, 180.0, 10.0) is None
     assert received_from(air, 1, 10.0) == []
@@ -165,7 +165,7 @@ def test_a_restarted_vehicle_boots_in_the_air_and_has_forgotten_its_setpoints(ma
     air.command_int(HEADING, 1, 90.0, 10.0)
     air.command_long(511, 30, 20_000)
     air.run(30.0)
-    air.tell_mission_time(60.0)
+    air.send_mission_time(60.0)
     air.run(0.1)
     restarted = air.seconds
     assert air.ground.of("HEARTBEAT")[-1].custom_mode == 16

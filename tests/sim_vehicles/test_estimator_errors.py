@@ -13,18 +13,18 @@ from airlink.endpoint import VehicleId
 from formation_scenario.navigation import EstimatorNavigation
 from formation_scenario.vehicles import Family, VehicleModel
 from sim_vehicles.autopilot.estimator_errors import ESTIMATES, EstimatorErrors, StateEstimator, errors_of
-from tests.sim_vehicles.test_sensors import STILL, TOLD
+from tests.sim_vehicles.test_sensors import REPORTED, STILL
 
 ERRORS = EstimatorErrors(0.2, 1.0, 0.1, 2.0, 0.3, 0.4, 2.0, 0.5, 5.0, 0.6)
 OF_EACH = (0.3, 0.3, 0.4, 0.2, 0.2, 0.1, 0.6, math.radians(0.5))
-"""As `TOLD`."""
+"""As `REPORTED`."""
 COPTER = VehicleModel(hovers=True, speed_min_mps=0.0, speed_max_mps=9.0)
 
 
 def test_errors_have_the_stated_sigmas_and_correlations_and_a_heading_its_offset() -> None:
     estimator = StateEstimator(ERRORS, VehicleId(1, 1), 1)
     reported = [estimator.sense(STILL, Instant(n * 100_000_000)) for n in range(30_000)]
-    found = np.array([[getattr(each, name) - getattr(STILL, name) for name in TOLD] for each in reported])
+    found = np.array([[getattr(each, name) - getattr(STILL, name) for name in REPORTED] for each in reported])
     assert found[:, :-1].std(axis=0) == pytest.approx(OF_EACH[:-1], rel=0.1)
     assert math.degrees(found[:, -1].mean()) == pytest.approx(2.0, abs=0.2)
     for column, after in ((3, 10), (5, 20), (0, 10), (2, 20)):

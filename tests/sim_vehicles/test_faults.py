@@ -24,7 +24,7 @@ def struck(make_air):
         air = make_air(1, faults=((Fault(at_s=AT_S, until_s=END_S, kind=kind, mode=mode), WHO),))
         air.run(3.0)
         air.set_mode(GUIDED)
-        air.tell_mission_time(AT_S)
+        air.send_mission_time(AT_S)
         air.run(0.1)
         return air
 
@@ -79,7 +79,7 @@ def test_a_pilot_takes_the_vehicle_and_gives_it_back(struck):
     assert air.ground.of("HEARTBEAT")[-1].custom_mode == GUIDED
 
 
-def test_a_multirotor_that_ignores_stands_at_an_order_to_land_and_refuses_what_only_planes_know(make_air):
+def test_a_multirotor_that_ignores_hovers_at_an_order_to_land_and_refuses_what_only_planes_know(make_air):
     air = make_air(1, model=MODEL)
     air.run(8.0)
     vehicle = air.fleet.vehicles[0]

@@ -156,15 +156,15 @@ def test_no_bytes_from_the_network_stop_a_vehicle(make_air_for_any_bytes, datagr
     command=st.sampled_from([22, 20, 176, 178, 186, 192, 300, 400, 410, 510, 511, 512, 520, 43000, 43001, 43002]),
     params=st.lists(st.floats(width=32), min_size=7, max_size=7),
     frame=st.integers(0, 255),
-    place=st.tuples(st.integers(-(2**31), 2**31 - 1), st.integers(-(2**31), 2**31 - 1)),
+    position=st.tuples(st.integers(-(2**31), 2**31 - 1), st.integers(-(2**31), 2**31 - 1)),
 )
 @settings(deadline=None, max_examples=120)
 def test_every_known_command_is_answered_once_whatever_its_numbers(
-    make_air_for_any_bytes, command, params, frame, place
+    make_air_for_any_bytes, command, params, frame, position
 ):
     air = make_air_for_any_bytes()
     assert air.command_long(command, *params) is not None
-    x, y = place
+    x, y = position
     assert air.command_int(command, *params[:4], frame=frame, x=x, y=y, z=params[6]) is not None
     air.run(0.1)
     assert all(math.isfinite(air.state(name)) for name in ("north_m", "east_m", "height_m", "heading_rad"))

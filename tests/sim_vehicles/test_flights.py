@@ -40,7 +40,7 @@ def test_a_take_off_run_is_not_blown_aside(make_air):
 
 def test_a_crash_of_the_only_vehicle_grounds_it(make_air):
     air = make_air(faults=((Fault(at_s=1.0, kind="crash"), FIRST),))
-    air.tell_mission_time(0.0)
+    air.send_mission_time(0.0)
     air.run(3.0)
     assert (air.state("height_m"), air.state("airspeed_mps")) == (0.0, 0.0)
 
@@ -53,7 +53,7 @@ def test_disarming_by_force_in_flight_is_a_crash(flying):
 
 def test_a_frozen_vehicle_speaks_again_after_a_restart(make_air):
     air = make_air(faults=((Fault(at_s=1.0, kind="freeze"), FIRST), (Fault(at_s=2.0, kind="restart"), FIRST)))
-    air.tell_mission_time(0.0)
+    air.send_mission_time(0.0)
     air.run(3.0)
     before = len(air.ground.received)
     air.run(3.0)

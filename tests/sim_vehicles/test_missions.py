@@ -19,8 +19,8 @@ HOME = (0, 0, WAYPOINT, 350000000, 1250000000, 0.0)
 
 
 def item(seq, command=WAYPOINT, lat=35.01, lon=125.0, z=110.0, frame=3, params=(0, 0, 0, 0), current=0):
-    place = round(lat * 1e7), round(lon * 1e7), z
-    return dialect.MAVLink_mission_item_int_message(1, 1, seq, frame, command, current, 1, *params, *place)
+    position = round(lat * 1e7), round(lon * 1e7), z
+    return dialect.MAVLink_mission_item_int_message(1, 1, seq, frame, command, current, 1, *params, *position)
 
 
 def float_item(seq, command=WAYPOINT, lat=35.01, lon=125.0, z=110.0, frame=3, current=0):
@@ -79,12 +79,12 @@ def mode(air):
 def test_what_was_written_is_read_back_with_home_first(flying):
     assert upload(flying, item(1), item(2, TURNS, params=(2, 0, -50, 1)), item(3, RTL_ITEM)) == [("MISSION_ACK", OK)]
     assert listed(flying) == [("MISSION_COUNT", 4)]
-    home, place, circle, back = (read(flying, seq) for seq in range(4))
+    home, first, circle, back = (read(flying, seq) for seq in range(4))
     assert (home.seq, home.frame, home.command, home.x, home.y, home.z) == HOME
-    assert (place.x, place.y, place.z, place.frame, place.autocontinue) == (350100000, 1250000000, 110.0, 3, 1)
+    assert (first.x, first.y, first.z, first.frame, first.autocontinue) == (350100000, 1250000000, 110.0, 3, 1)
     assert (circle.param1, circle.param3, circle.param4) == (2.0, -50.0, 1.0)
     assert (back.frame, back.x, back.y, back.z) == (0, 0, 0, 0.0)
-    assert {each.target_system for each in (home, place, circle, back)} == {255}
+    assert {each.target_system for each in (home, first, circle, back)} == {255}
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_of_any_item_what_fits_is_kept(flying, command, sent, kept):
     assert (back.command, back.param1, back.param2, back.param3, back.param4) == (command, *kept)
 
 
-def test_an_item_without_a_place_may_have_any_frame(flying):
+def test_an_item_without_a_position_may_have_any_frame(flying):
     assert upload(flying, item(1, frame=2), item(2, 183, frame=2), item(3, SPEED, frame=1)) == [("MISSION_ACK", OK)]
     assert [read(flying, seq).frame for seq in (1, 2, 3)] == [0, 0, 0]
 
@@ -201,7 +201,7 @@ def test_more_than_there_is_room_for_is_refused(flying):
     assert ask(flying, count(656)) == [("MISSION_ACK", NO_SPACE)]
 
 
-def test_a_part_is_written_anew(flying):
+def test_a_part_is_written_again(flying):
     upload(flying, item(1), item(2))
     assert ask(flying, dialect.MAVLink_mission_write_partial_list_message(1, 1, 2, 2)) == [("MISSION_REQUEST", 2)]
     assert ask(flying, item(2, z=60.0)) == [("MISSION_ACK", OK)]
@@ -275,23 +275,24 @@ def test_a_mission_is_flown_from_the_ground_to_its_end_and_home(parked):
     assert current(parked) == (6, NOT_STARTED)
 
 
-def test_the_way_left_to_an_item_and_to_a_circle_s_centre_is_reported(flying):
+def test_the_distance_left_to_an_item_and_to_a_circle_s_centre_is_reported(flying):
     upload(flying, item(1, lat=35.0, lon=125.02))
     flying.set_mode(AUTO)
     flying.run(20.0)
-    told = flying.ground.of("NAV_CONTROLLER_OUTPUT")[-1]
+    output = flying.ground.of("NAV_CONTROLLER_OUTPUT")[-1]
     _, east, _ = flying.fleet.origin.to_ned(math.radians(35.0), math.radians(125.02), 0.0)
     north_m, east_m = flying.state("north_m"), flying.state("east_m")
-    assert told.wp_dist == pytest.approx(math.hypot(north_m, east - east_m), abs=23.0)
-    assert told.target_bearing == pytest.approx(math.degrees(math.atan2(east - east_m, -north_m)), abs=3.0)
-    assert told.xtrack_error == pytest.approx(north_m, abs=15.0)
+    assert output.wp_dist == pytest.approx(math.hypot(north_m, east - east_m), abs=23.0)
+    assert output.target_bearing == pytest.approx(math.degrees(math.atan2(east - east_m, -north_m)), abs=3.0)
+    assert output.xtrack_error == pytest.approx(north_m, abs=15.0)
     flying.set_mode(LOITER)
     flying.run(40.0)
-    circle, told = flying.fleet.bodies[0].steering, flying.ground.of("NAV_CONTROLLER_OUTPUT")[-1]
-    assert told.wp_dist == pytest.approx(circle.radius_m, rel=0.1)
-    assert told.xtrack_error == pytest.approx(told.wp_dist - circle.radius_m, abs=1.0)
+    circle, output = flying.fleet.bodies[0].steering, flying.ground.of("NAV_CONTROLLER_OUTPUT")[-1]
+    assert output.wp_dist == pytest.approx(circle.radius_m, rel=0.1)
+    assert output.xtrack_error == pytest.approx(output.wp_dist - circle.radius_m, abs=1.0)
     heading = flying.ground.of("VFR_HUD")[-1].heading
-    assert (told.target_bearing - heading) % 360 == pytest.approx(90.0, abs=10.0)  # to the right, on a clockwise circle
+    # To the right, on a clockwise circle.
+    assert (output.target_bearing - heading) % 360 == pytest.approx(90.0, abs=10.0)
 
 
 def test_a_mission_that_is_left_goes_on_with_the_item_that_was_under_way(flying):
@@ -344,7 +345,7 @@ def test_it_circles_until_it_is_at_the_height_at_the_radius_and_side_that_the_it
     assert flying.state("height_m") == pytest.approx(160.0, abs=6.0)
 
 
-def test_a_mission_with_a_landing_ends_on_the_ground_at_its_place_disarmed_and_in_auto(parked):
+def test_a_mission_with_a_landing_ends_on_the_ground_at_its_position_disarmed_and_in_auto(parked):
     upload(
         parked,
         item(1, TAKEOFF, z=60.0),
@@ -435,6 +436,6 @@ def test_the_items_outlast_a_restart_and_the_upload_does_not(make_air):
     air.run(0.1)
     upload(air, item(1))
     ask(air, count(2))
-    air.tell_mission_time(1.0)
+    air.send_mission_time(1.0)
     air.run(4.0)
     assert listed(air) == [("MISSION_COUNT", 2)]

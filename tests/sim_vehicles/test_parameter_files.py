@@ -39,8 +39,8 @@ def answer(server: ParameterServer, name: str) -> ParamValue | None:
 
 def test_an_arduplane_answers_with_its_file_under_the_names_that_it_has(tmp_path: Path) -> None:
     server = plane_parameters(configured(tmp_path, OLD), 17.0)
-    told = {name: answer(server, name) for name in ("TRIM_ARSPD_CM", "LIM_ROLL_CD", "LOG_BITMASK", "ARSPD_FBW_MAX")}
-    assert {name: each.param_value for name, each in told.items() if each} == {
+    answers = {name: answer(server, name) for name in ("TRIM_ARSPD_CM", "LIM_ROLL_CD", "LOG_BITMASK", "ARSPD_FBW_MAX")}
+    assert {name: each.param_value for name, each in answers.items() if each} == {
         "TRIM_ARSPD_CM": 1700.0,
         "LIM_ROLL_CD": 3500.0,
         "LOG_BITMASK": 65535.0,

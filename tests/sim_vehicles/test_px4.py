@@ -19,7 +19,7 @@ ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED, WRONG_FRAME = 0, 1, 2, 3, 4, 9
 HOLD, TAKEOFF, RTL, LAND = 0x03040000, 0x02040000, 0x05040000, 0x06040000
 OFFBOARD, POSITION, ORBIT = 0x00060000, 0x00030000, 0x01030000
 MANUAL, ALTITUDE, ACRO, STABILIZED = 0x00010000, 0x00020000, 0x00050000, 0x00070000
-VELOCITY_AND_YAW, VELOCITY_ALONE, PLACE_ALONE = 0x9C7, 0x5C7, 0xDF8
+VELOCITY_AND_YAW, VELOCITY_ALONE, POSITION_ALONE = 0x9C7, 0x5C7, 0xDF8
 LOCAL, BODY_OFFSET, BODY = 1, 9, 8
 PATH = {"speed_mps": 14, "waypoints_m": [[0, 0, 100], [900, 0, 100]]}
 
@@ -53,12 +53,12 @@ class Px4:
                 every()
             self.air.run(0.1)
 
-    def tell(self, *velocity, mask=VELOCITY_AND_YAW, frame=LOCAL, place=(0.0, 0.0, 0.0), yaw=0.0, rate=0.0):
-        fields = (0, 1, 1, frame, mask, *place, *velocity, 0, 0, 0, yaw, rate)
+    def command(self, *velocity, mask=VELOCITY_AND_YAW, frame=LOCAL, position=(0.0, 0.0, 0.0), yaw=0.0, rate=0.0):
+        fields = (0, 1, 1, frame, mask, *position, *velocity, 0, 0, 0, yaw, rate)
         self.air.ground.send(mavlink.MAVLink_set_position_target_local_ned_message(*fields))
 
-    def stand(self):
-        self.tell(0.0, 0.0, 0.0, mask=VELOCITY_ALONE)
+    def hover(self):
+        self.command(0.0, 0.0, 0.0, mask=VELOCITY_ALONE)
 
     def results(self, command, *params):
         """Return all acknowledgements of a command."""
@@ -76,12 +76,14 @@ class Px4:
 
     def reposition(self, north_m, east_m, alt_m, speed_mps=-1.0, change=1.0, frame=5):
         lat, lon, _ = self.air.fleet.origin.from_ned(north_m, east_m, 0.0)
-        place = round(math.degrees(lat) * 1e7), round(math.degrees(lon) * 1e7)
+        position = round(math.degrees(lat) * 1e7), round(math.degrees(lon) * 1e7)
         params = speed_mps, change, 0.0, math.nan
-        return self.air.command_int(m.MAV_CMD_DO_REPOSITION, *params, frame=frame, x=place[0], y=place[1], z=alt_m)
+        return self.air.command_int(
+            m.MAV_CMD_DO_REPOSITION, *params, frame=frame, x=position[0], y=position[1], z=alt_m
+        )
 
     def offboard(self):
-        self.wait(0.5, every=self.stand)
+        self.wait(0.5, every=self.hover)
         assert self.set_mode(OFFBOARD) == ACCEPTED
 
     @property
@@ -225,7 +227,7 @@ def test_a_pilot_with_a_transmitter_takes_over(px4, model):
 def test_flags_in_offboard(px4):
     copter = px4()
     copter.offboard()
-    copter.wait(1.2, every=copter.stand)
+    copter.wait(1.2, every=copter.hover)
     assert copter.air.ground.of("HEARTBEAT")[-1].base_mode == 145
 
 
@@ -242,22 +244,22 @@ def test_part_of_a_change_of_velocity_comes_slowly_as_measured(px4):
     """PX4's simulated quadrotor 0.5, 1, 2, 4 and 8 s after a step, from rest and back: 5 m/s for 9 s."""
     copter = px4()
     copter.offboard()
-    copter.wait(60.0, every=copter.stand)
-    for told_mps, flown_mps in ((5.0, (1.61, 3.12, 3.67, 3.9, 4.25)), (0.0, (2.64, 1.2, 0.76, 0.54, 0.22))):
+    copter.wait(60.0, every=copter.hover)
+    for commanded_mps, flown_mps in ((5.0, (1.61, 3.12, 3.67, 3.9, 4.25)), (0.0, (2.64, 1.2, 0.76, 0.54, 0.22))):
         seen_mps = []
         for wait_s in (0.5, 0.5, 1.0, 2.0, 4.0):
-            copter.wait(wait_s, every=lambda told_mps=told_mps: copter.tell(told_mps, 0.0, 0.0))
+            copter.wait(wait_s, every=lambda commanded_mps=commanded_mps: copter.command(commanded_mps, 0.0, 0.0))
             seen_mps.append(copter.motion.velocity_north_mps)
         assert seen_mps == pytest.approx(flown_mps, abs=0.35)
-        copter.wait(1.0, every=lambda told_mps=told_mps: copter.tell(told_mps, 0.0, 0.0))
+        copter.wait(1.0, every=lambda commanded_mps=commanded_mps: copter.command(commanded_mps, 0.0, 0.0))
 
 
 def test_offboard_needs_setpoints_before_it(px4):
     copter = px4()
     assert copter.set_mode(OFFBOARD) == REJECTED
-    copter.wait(0.3, every=copter.stand)
+    copter.wait(0.3, every=copter.hover)
     assert copter.set_mode(OFFBOARD) == ACCEPTED
-    copter.wait(40.0, every=lambda: copter.tell(3.0, -2.0, 0.0))
+    copter.wait(40.0, every=lambda: copter.command(3.0, -2.0, 0.0))
     velocity = copter.motion.velocity_north_mps, copter.motion.velocity_east_mps
     assert velocity == pytest.approx((3.0, -2.0), abs=0.2)
 
@@ -271,9 +273,9 @@ def test_when_setpoints_stop_it_returns_after_a_second_and_comes_back_by_itself_
     assert copter.mode == RTL
     copter.wait(1.0)
     assert copter.air.ground.of("HEARTBEAT")[-1].system_status == m.MAV_STATE_CRITICAL
-    copter.wait(0.2, every=copter.stand)
+    copter.wait(0.2, every=copter.hover)
     assert copter.mode == OFFBOARD
-    copter.wait(1.0, every=copter.stand)
+    copter.wait(1.0, every=copter.hover)
     assert copter.air.ground.of("HEARTBEAT")[-1].system_status == m.MAV_STATE_ACTIVE
 
 
@@ -281,10 +283,10 @@ def test_when_setpoints_stop_it_returns_after_a_second_and_comes_back_by_itself_
 def test_out_of_offboard_it_waits_for_what_comes_next(px4, model):
     """Otherwise the timeout of setpoints that it no longer expects would wake it in each cycle."""
     vehicle = px4(model)
-    place = {"mask": PLACE_ALONE, "place": (900.0, 0.0, -80.0)}
-    vehicle.wait(0.5, every=lambda: vehicle.tell(0.0, 0.0, 0.0, **place))
+    position = {"mask": POSITION_ALONE, "position": (900.0, 0.0, -80.0)}
+    vehicle.wait(0.5, every=lambda: vehicle.command(0.0, 0.0, 0.0, **position))
     assert vehicle.set_mode(OFFBOARD) == ACCEPTED
-    vehicle.wait(0.5, every=lambda: vehicle.tell(0.0, 0.0, 0.0, **place))
+    vehicle.wait(0.5, every=lambda: vehicle.command(0.0, 0.0, 0.0, **position))
     assert vehicle.set_mode(HOLD) == ACCEPTED
     vehicle.wait(2.0)
     assert vehicle.vehicle.pilot.silent_at > vehicle.vehicle.now
@@ -293,7 +295,7 @@ def test_out_of_offboard_it_waits_for_what_comes_next(px4, model):
 def test_setpoints_that_ignore_every_field_are_invalid(px4):
     copter = px4()
     copter.offboard()
-    copter.wait(1.2, every=lambda: copter.tell(0.0, 0.0, 0.0, mask=0xFFF))
+    copter.wait(1.2, every=lambda: copter.command(0.0, 0.0, 0.0, mask=0xFFF))
     assert copter.mode == RTL
     assert "SET_POSITION_TARGET_LOCAL_NED invalid" in copter.texts
 
@@ -303,7 +305,7 @@ def test_who_was_commanded_another_mode_meanwhile_doesnt_come_back(px4):
     copter.offboard()
     copter.wait(2.0)
     assert copter.set_mode(HOLD) == ACCEPTED
-    copter.wait(1.0, every=copter.stand)
+    copter.wait(1.0, every=copter.hover)
     assert copter.mode == HOLD
 
 
@@ -319,10 +321,10 @@ def test_what_it_does_without_setpoints_is_a_parameter(px4, action, mode):
 def test_velocities_of_the_nose_are_taken_and_those_of_a_moving_frame_are_not(px4):
     copter = px4()
     copter.offboard()
-    copter.wait(40.0, every=lambda: copter.tell(0.0, 2.0, 0.0, yaw=math.pi / 2))
-    copter.wait(10.0, every=lambda: copter.tell(2.0, 0.0, 0.0, frame=BODY, mask=VELOCITY_ALONE))
+    copter.wait(40.0, every=lambda: copter.command(0.0, 2.0, 0.0, yaw=math.pi / 2))
+    copter.wait(10.0, every=lambda: copter.command(2.0, 0.0, 0.0, frame=BODY, mask=VELOCITY_ALONE))
     assert (copter.motion.velocity_north_mps, copter.motion.velocity_east_mps) == pytest.approx((0.0, 2.0), abs=0.1)
-    copter.wait(1.3, every=lambda: copter.tell(1.0, 0.0, 0.0, frame=BODY_OFFSET))
+    copter.wait(1.3, every=lambda: copter.command(1.0, 0.0, 0.0, frame=BODY_OFFSET))
     assert copter.mode == RTL
     assert "coordinate frame 9 unsupported" in "".join(copter.texts)
 
@@ -331,20 +333,20 @@ def test_when_heartbeats_stop_it_holds_and_returns_even_while_setpoints_come(px4
     copter = px4()
     copter.vehicle.parameters._values["NAV_DLL_ACT"] = 2
     copter.offboard()
-    copter.wait(9.0, greeting=False, every=copter.stand)
+    copter.wait(9.0, greeting=False, every=copter.hover)
     assert copter.mode == OFFBOARD
-    copter.wait(1.5, greeting=False, every=copter.stand)
+    copter.wait(1.5, greeting=False, every=copter.hover)
     assert copter.mode == HOLD
-    copter.wait(5.0, greeting=False, every=copter.stand)
+    copter.wait(5.0, greeting=False, every=copter.hover)
     assert copter.mode == RTL
-    copter.wait(2.0, every=copter.stand)
+    copter.wait(2.0, every=copter.hover)
     assert copter.mode == RTL
 
 
 def test_without_an_action_the_end_of_heartbeats_changes_nothing(px4):
     copter = px4()
     copter.offboard()
-    copter.wait(20.0, greeting=False, every=copter.stand)
+    copter.wait(20.0, greeting=False, every=copter.hover)
     assert copter.mode == OFFBOARD
 
 
@@ -393,7 +395,7 @@ def test_a_multirotor_that_has_landed_waits_in_hold_and_can_be_armed_again(px4, 
     assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [ACCEPTED]
 
 
-def test_one_that_is_armed_already_takes_off_when_it_is_reported(px4):
+def test_one_that_is_armed_already_takes_off_when_it_is_commanded(px4):
     copter = px4(in_air=False)
     assert copter.results(m.MAV_CMD_COMPONENT_ARM_DISARM, 1) == [ACCEPTED]
     assert copter.results(m.MAV_CMD_NAV_TAKEOFF, -1, 0, 0, math.nan, math.nan, math.nan, 10.0) == [ACCEPTED]
@@ -420,7 +422,7 @@ def test_a_fixed_wing_that_leaves_a_high_field_soon_after_boot_dives_into_the_gr
     assert plane.vehicle.pilot.condition is Condition.CRASHED
 
 
-def test_a_fixed_wing_flies_straight_to_a_place_far_ahead_at_the_speed_reported_within_its_limits(px4):
+def test_a_fixed_wing_flies_straight_to_a_position_far_ahead_at_the_speed_commanded_within_its_limits(px4):
     plane, results = px4(DRAGLESS), []
     for _ in range(200):
         here = plane.motion
@@ -439,13 +441,13 @@ def test_a_fixed_wing_flies_straight_to_a_place_far_ahead_at_the_speed_reported_
 def test_of_a_change_of_airspeed_a_share_comes_soon_and_the_rest_with_its_integrator(px4):
     """docs/real-autopilots.md. Of 2 m/s at the setpoint's rate, most of the prompt share, 0.55, is flown after 6 s."""
     plane = px4(PLANE.model_copy(update={"rest_s": 30.0}))
-    for told_mps, after_s, flown_mps in ((16.0, 80.0, 16.0), (14.0, 6.0, 16.0 - 0.55 * 2.0), (14.0, 60.0, 14.0)):
-        assert plane.results(m.MAV_CMD_DO_CHANGE_SPEED, 0, told_mps, -1) == [ACCEPTED]
+    for commanded_mps, after_s, flown_mps in ((16.0, 80.0, 16.0), (14.0, 6.0, 16.0 - 0.55 * 2.0), (14.0, 60.0, 14.0)):
+        assert plane.results(m.MAV_CMD_DO_CHANGE_SPEED, 0, commanded_mps, -1) == [ACCEPTED]
         plane.wait(after_s)
         assert plane.motion.airspeed_mps == pytest.approx(flown_mps, abs=0.2)
 
 
-def test_a_place_is_taken_in_one_frame_and_with_its_change_of_mode_alone(px4):
+def test_a_position_is_taken_in_one_frame_and_with_its_change_of_mode_alone(px4):
     plane = px4(PLANE)
     assert plane.reposition(500.0, 0.0, 80.0, frame=3) == WRONG_FRAME
     assert plane.reposition(500.0, 0.0, 80.0, change=0.0) == UNSUPPORTED
@@ -453,22 +455,22 @@ def test_a_place_is_taken_in_one_frame_and_with_its_change_of_mode_alone(px4):
         assert plane.results(command) == [UNSUPPORTED]
 
 
-def test_a_place_undoes_a_pilots_choice(px4):
+def test_a_position_undoes_a_pilots_choice(px4):
     plane = px4(PLANE)
     plane.set_mode(RTL)
     assert plane.reposition(500.0, 0.0, 80.0) == ACCEPTED
     assert plane.mode == HOLD
 
 
-def test_in_offboard_a_fixed_wing_ignores_velocities_and_speeds_unsaid_and_flies_to_places(px4):
+def test_in_offboard_a_fixed_wing_ignores_velocities_and_speeds_unsaid_and_flies_to_positions(px4):
     plane = px4(PLANE)
-    plane.wait(0.5, every=lambda: plane.tell(0.0, 18.0, 0.0, mask=0xDC7))
+    plane.wait(0.5, every=lambda: plane.command(0.0, 18.0, 0.0, mask=0xDC7))
     assert plane.set_mode(OFFBOARD) == ACCEPTED
     reported = len(plane.texts)
     trim_mps = plane.vehicle.parameters["FW_AIRSPD_TRIM"]
     assert plane.results(m.MAV_CMD_DO_CHANGE_SPEED, 0, 12.0, -1) == [ACCEPTED]
-    place = plane.motion.north_m, plane.motion.east_m + 900.0, -60.0
-    plane.wait(20.0, every=lambda: plane.tell(0.0, 12.0, 0.0, mask=PLACE_ALONE, place=place))
+    position = plane.motion.north_m, plane.motion.east_m + 900.0, -60.0
+    plane.wait(20.0, every=lambda: plane.command(0.0, 12.0, 0.0, mask=POSITION_ALONE, position=position))
     assert plane.motion.velocity_east_mps == pytest.approx(min(trim_mps, 20.0), abs=0.6)
     assert plane.motion.height_m < 75.0
     assert len(plane.texts) == reported
@@ -505,7 +507,7 @@ def test_an_altitude_ends_offboard(px4):
 
 
 @pytest.mark.parametrize(("radius_m", "speed_mps", "clockwise"), [(20, 3, True), (20, -2, False), (-20, 2, False)])
-def test_it_orbits_a_place_with_its_nose_to_it(px4, radius_m, speed_mps, clockwise):
+def test_it_orbits_a_position_with_its_nose_to_it(px4, radius_m, speed_mps, clockwise):
     copter = px4()
     copter.wait(10.0)
     here = copter.motion.north_m, copter.motion.east_m
@@ -525,10 +527,10 @@ def test_a_yaw_rate_turns_the_nose(px4):
     copter = px4()
     copter.offboard()
     before = copter.vehicle.sensed.heading_rad
-    copter.wait(4.0, every=lambda: copter.tell(0.0, 0.0, 0.0, mask=VELOCITY_ALONE, rate=0.3))
+    copter.wait(4.0, every=lambda: copter.command(0.0, 0.0, 0.0, mask=VELOCITY_ALONE, rate=0.3))
     turned_rad = copter.vehicle.sensed.heading_rad - before
     assert math.degrees(turned_rad) == pytest.approx(60.0, abs=6.0)
-    copter.wait(3.0, every=lambda: copter.tell(2.0, 0.0, 0.0, mask=0xDC7))
+    copter.wait(3.0, every=lambda: copter.command(2.0, 0.0, 0.0, mask=0xDC7))
     assert copter.vehicle.sensed.heading_rad - before == pytest.approx(turned_rad, abs=0.15)
 
 

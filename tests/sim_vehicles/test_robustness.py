@@ -77,7 +77,7 @@ def envelope_holds(air):
         assert state.height_m >= 0.0
 
 
-def told_is_finite(air):
+def telemetry_is_finite(air):
     for _, message in air.ground.received:
         values = [value for value in message.to_dict().values() if isinstance(value, float)]
         assert all(map(math.isfinite, values)), message
@@ -94,7 +94,7 @@ def test_no_message_makes_a_flying_fleet_fall_out_of_its_envelope(data, make_air
         envelope_holds(air)
     air.run(2.0)
     envelope_holds(air)
-    told_is_finite(air)
+    telemetry_is_finite(air)
     assert air.ground.of("HEARTBEAT") or air.fleet.vehicles[0].pilot.condition.value == "crashed"
 
 

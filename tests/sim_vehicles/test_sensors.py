@@ -14,7 +14,7 @@ from sim_vehicles.autopilot.sensors import Sensors
 GNSS = NoisyNavigation(source="noisy")
 UNITS = ("_m", "_mps", "_rad", "_radps")
 STILL = Motion(0.0, 0.0, 0.0, 0.0, 22.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-TOLD = (
+REPORTED = (
     "north_m",
     "east_m",
     "height_m",
@@ -31,7 +31,7 @@ def errors(samples, vehicle=1, seed=1, keys=GNSS):
     """Return (samples, 8): telemetry minus truth, a sample every 0.1 s."""
     sensors = Sensors(keys, VehicleId(1, vehicle), seed)
     reported = [sensors.sense(STILL, Instant(n * 100_000_000)) for n in range(samples)]
-    return np.array([[getattr(each, name) - getattr(STILL, name) for name in TOLD] for each in reported])
+    return np.array([[getattr(each, name) - getattr(STILL, name) for name in REPORTED] for each in reported])
 
 
 def test_errors_are_white_independent_and_of_the_stated_sigmas():
@@ -70,8 +70,8 @@ def test_telemetry_is_noisy_and_the_vehicle_flies_as_if_it_were_not(make_air):
 
 def test_outliers_are_of_the_stated_share_and_distance_and_leave_the_other_errors_alone():
     strays = NoisyNavigation(source="noisy", outlier_share=0.05, outlier_m=20.0)
-    apart = errors(4000, keys=strays) - errors(4000)
-    far_m = np.hypot(apart[:, 0], apart[:, 1])
+    difference = errors(4000, keys=strays) - errors(4000)
+    far_m = np.hypot(difference[:, 0], difference[:, 1])
     assert np.mean(far_m > 1.0) == pytest.approx(0.05, abs=0.01)
     assert far_m[far_m > 1.0] == pytest.approx(20.0)
-    assert not apart[:, 2:].any()
+    assert not difference[:, 2:].any()

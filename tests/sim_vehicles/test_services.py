@@ -18,7 +18,7 @@ REBOOT, ARM = m.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, m.MAV_CMD_COMPONENT_ARM_DISAR
 
 
 @pytest.mark.parametrize(("model", "refused"), [(None, FAILED), (MODEL, FAILED), (COPTER, DENIED)])
-def test_a_vehicle_restarts_when_reported_unless_it_is_armed(make_air, model, refused):
+def test_a_vehicle_restarts_when_commanded_unless_it_is_armed(make_air, model, refused):
     air = make_air(in_air=False, endpoint="udpin:127.0.0.1:14551", **({} if model is None else {"model": model}))
     air.ground.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
     air.run(5.0)
@@ -89,18 +89,19 @@ def test_time_is_reported_as_it_is_asked_for_but_by_a_plane_of_ardupilots(make_a
     fleet, between = air.fleet, after(air.fleet.next_timer(), -0.007)
     fleet.datagrams_to_send()
     fleet.receive([Datagram(0, GROUND, FrameWriter(255, 190).encode(Timesync(0, 7)))], between)
-    told = [StreamParser().feed(datagram.data)[0].message for datagram in fleet.datagrams_to_send()]
-    assert [each.tc1_ns for each in told if isinstance(each, Timesync)] == ([] if waits else [between // 1000 * 1000])
+    messages = [StreamParser().feed(datagram.data)[0].message for datagram in fleet.datagrams_to_send()]
+    stamps = [each.tc1_ns for each in messages if isinstance(each, Timesync)]
+    assert stamps == ([] if waits else [between // 1000 * 1000])
 
 
 @pytest.mark.parametrize(("target", "answers"), [(0, 1), (1, 1), (2, 0)])
-def test_time_is_commanded_to_whom_asked_by_whom_was_asked(make_air, target, answers):
+def test_time_is_reported_to_whom_asked_by_whom_was_asked(make_air, target, answers):
     """So that on a shared line the others keep still, and routers know where the answer goes."""
     air = make_air()
     air.run(1.0)
     air.sent.clear()
     air.ground.send_bytes(FrameWriter(255, 190).encode(Timesync(0, 7, target, target)))
     air.run(0.1)
-    told = [frame.message for _, sent in air.sent for frame in StreamParser().feed(sent.data)]
-    found = [each for each in told if isinstance(each, Timesync) and each.ts1_ns == 7]
+    messages = [frame.message for _, sent in air.sent for frame in StreamParser().feed(sent.data)]
+    found = [each for each in messages if isinstance(each, Timesync) and each.ts1_ns == 7]
     assert [(each.target_system, each.target_component) for each in found] == [(255, 190)] * answers

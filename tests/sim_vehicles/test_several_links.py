@@ -68,17 +68,17 @@ def test_both_ends_have_the_same_telemetry_each_with_its_own_numbers(fleet: Flee
     assert received[SOCKETS[0]][0].sequence != received[SOCKETS[1]][0].sequence
 
 
-@pytest.mark.parametrize("place", [0, 1])
-def test_a_command_is_taken_on_either_and_answered_there(fleet: Fleet, place: int) -> None:
+@pytest.mark.parametrize("link", [0, 1])
+def test_a_command_is_taken_on_either_and_answered_there(fleet: Fleet, link: int) -> None:
     said(fleet, 1.0, Instant(0))
     now = after(Instant(0), 1.0)
-    fleet.receive([Datagram(SOCKETS[place], GROUND[place], command(50_000))], now)
+    fleet.receive([Datagram(SOCKETS[link], GROUND[link], command(50_000))], now)
     received = said(fleet, 0.5, now)
     answers = {
         socket: sum(isinstance(each.message, CommandAck) for each in frames) for socket, frames in received.items()
     }
-    assert answers[SOCKETS[place]] == 1
-    assert answers.get(SOCKETS[1 - place], 0) == 0
+    assert answers[SOCKETS[link]] == 1
+    assert answers.get(SOCKETS[1 - link], 0) == 0
 
 
 def test_two_ends_given_for_one_vehicle_are_its_links(fleet: Fleet) -> None:

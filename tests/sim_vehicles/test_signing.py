@@ -115,7 +115,7 @@ def test_its_key_is_kept_over_a_restart_and_older_frames_stay_old(air):
     assert timestamp_of(newest(air)) >= before + A_MINUTE
 
 
-def test_time_that_is_reported_at_once_is_commanded_to_holders_of_the_key_alone():
+def test_time_that_is_reported_at_once_is_sent_to_holders_of_the_key_alone():
     """A PX4 answers TIMESYNC as it comes, before its loop reads anything."""
     end = parse_endpoint("udpout:127.0.0.1:14550")
     config = VehicleConfig(VehicleId(1, 1), end, StartState(0.0, 0.0), COPTER, "px4_copter", signing_key=KEY)
@@ -125,12 +125,12 @@ def test_time_that_is_reported_at_once_is_commanded_to_holders_of_the_key_alone(
     air.run(2.0)
     signed_request = bytes(air.ground.dialect.timesync_encode(0, 7).pack(air.ground.dialect))
 
-    def told(raw):
+    def answered(raw):
         air.fleet.datagrams_to_send()
         air.ground.send_bytes(raw)
         return len(air.fleet.datagrams_to_send())
 
-    assert [told(unsigned(signed_request)), told(signed_request), told(signed_request)] == [0, 1, 0]
+    assert [answered(unsigned(signed_request)), answered(signed_request), answered(signed_request)] == [0, 1, 0]
     air.run(0.1)
     link = air.fleet.vehicles[0].link.signed
     assert link is not None

@@ -14,7 +14,7 @@ from tests.sim_vehicles.test_px4 import PLANE
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 ACCEPTED, FAILED = 0, 4
 AUTO, MISSION, HOLD = 10, 0x04040000, 0x03040000
-PLACE = StoredLanding(course_deg=90.0, touchdown_m=(800.0, 300.0), approach_m=200.0, height_m=40.0)
+POSITION = StoredLanding(course_deg=90.0, touchdown_m=(800.0, 300.0), approach_m=200.0, height_m=40.0)
 
 
 def air(landing, **keys):
@@ -38,7 +38,7 @@ def commands(found):
 
 @pytest.mark.parametrize(("keys", "home"), [({}, [16]), ({"model": PLANE}, [])])
 def test_an_ardu_plane_tells_its_home_before_it_and_a_px4_none(keys, home):
-    assert commands(air(PLACE, **keys)) == [*home, 189, 16, 16, 21]
+    assert commands(air(POSITION, **keys)) == [*home, 189, 16, 16, 21]
     assert commands(air(None, **keys)) == home
 
 
@@ -55,7 +55,7 @@ def test_without_a_landing_an_ardu_plane_refuses_and_a_px4_says_so():
 )
 def test_it_lands_along_its_course_and_disarms(keys, mode, after, past_m):
     """A PX4 brakes with half a metre a second squared, from more than its least airspeed."""
-    found = air(PLACE.model_copy(update={"approach_m": 500.0}), **keys)
+    found = air(POSITION.model_copy(update={"approach_m": 500.0}), **keys)
     assert found.command_long(m.MAV_CMD_DO_LAND_START) == ACCEPTED
     assert found.fleet.vehicles[0].mode == mode
     found.run_until(lambda: found.state("height_m") == 0.0, limit_s=240.0)

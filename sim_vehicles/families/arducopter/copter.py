@@ -30,7 +30,7 @@ from sim_vehicles.autopilot.commands import (
     YAW_IGNORED,
     YAW_RATE_IGNORED,
     CommandHandlers,
-    place_of,
+    position_of,
     to_mode,
     velocity_of,
     yaw_rate_of,
@@ -58,7 +58,7 @@ from sim_vehicles.config import FleetConfig, VehicleConfig
 from sim_vehicles.vehicle import Vehicle
 
 TURNS_FROM_M = 2.0
-"""Its nose turns to a place that is farther than this (WP_YAW_BEHAVIOR)."""
+"""Its nose turns to a position that is farther than this (WP_YAW_BEHAVIOR)."""
 TURNS_FROM_MPS = 0.5
 """Its nose turns into the direction of a velocity from this speed on (5 % of WPNAV_SPEED)."""
 DISARMS_S = 2.0
@@ -115,7 +115,7 @@ def _turn_nose(vehicle: Copter, given: GivenCommand) -> int:
 
 
 def _look(vehicle: Copter, given: GivenCommand) -> int:
-    """Point the nose at a place from now on; in other modes than GUIDED that is accepted and has no effect."""
+    """Point the nose at a position from now on; in other modes than GUIDED that is accepted and has no effect."""
     if vehicle.guided:
         north_m, east_m, _ = vehicle.origin.to_ned(given.lat_rad, given.lon_rad, 0.0)
         vehicle.flier.look_at((north_m, east_m))
@@ -128,7 +128,7 @@ def _look_ahead(vehicle: Copter, _given: GivenCommand) -> int:
 
 
 def _change_speed(vehicle: Copter, given: GivenCommand) -> int:
-    """Change the speed of flights to places; it holds until a velocity or another mode is commanded."""
+    """Change the speed of flights to positions; it holds until a velocity or another mode is commanded."""
     kind, speed_mps = given.params[0], given.params[1]
     if not 0.0 < speed_mps < math.inf:
         return DENIED
@@ -148,7 +148,7 @@ def _pause(vehicle: Copter, given: GivenCommand) -> int:
         return FAILED
     vehicle.flier.paused = not goes_on
     if vehicle.flier.paused:
-        vehicle.flier.stand()
+        vehicle.flier.hover()
     return ACCEPTED
 
 
@@ -296,34 +296,34 @@ class Copter(Vehicle):
         return self.flier.commanded_nose(self.body.shown().heading_rad)
 
     def go_to(self, lat_rad: float, lon_rad: float, height_m: float) -> None:
-        """Fly to a place and stay there."""
+        """Fly to a position and stay there."""
         north_m, east_m, _ = self.origin.to_ned(lat_rad, lon_rad, self.origin.alt_m)
         self._go_to((north_m, east_m, height_m), None)
 
     def follow_time(self) -> None:
-        """Stand once the last velocity is too old."""
+        """Hover once the last velocity is too old."""
         if self.now >= self.pilot.silent_at:
             self.flier.stop()
 
-    def _go_to(self, place_m: Vector, yaw_rad: float | None) -> None:
-        """Fly to a place; the nose turns there first, unless it is commanded where to turn or the place is near."""
-        if self.flier.place_m is None:  # speeds hold from place to place
+    def _go_to(self, position_m: Vector, yaw_rad: float | None) -> None:
+        """Fly to a position; the nose turns there first, unless it is commanded where to turn or that is near."""
+        if self.flier.target_m is None:  # speeds hold from position to position
             self.flier.commanded_cmps.clear()
         here = self.body.motion
-        north_m, east_m = place_m[0] - here.north_m, place_m[1] - here.east_m
+        north_m, east_m = position_m[0] - here.north_m, position_m[1] - here.east_m
         if yaw_rad is None and math.hypot(north_m, east_m) > TURNS_FROM_M:
             yaw_rad = math.atan2(east_m, north_m)
-        self.flier.go_to(place_m, yaw_rad)
+        self.flier.go_to(position_m, yaw_rad)
 
     def take_setpoint(self, setpoint: Setpoint) -> None:
-        """Fly to a place, or a velocity, in GUIDED; whatever else is asked stops it, as does what isn't finite."""
+        """Fly to a position, or a velocity, in GUIDED; whatever else is asked stops it, as does what isn't finite."""
         if self.pilot.mode is not CopterMode.GUIDED or self.pilot.takeoff_m:
             return
         mask, nose_rad = setpoint.type_mask, self.nose_rad
-        place_m, velocity_mps = place_of(self, setpoint), velocity_of(self, setpoint)
+        position_m, velocity_mps = position_of(self, setpoint), velocity_of(self, setpoint)
         yaw_rad = None if mask & YAW_IGNORED or not math.isfinite(setpoint.yaw_rad) else setpoint.yaw_rad
-        if place_m is not None:
-            self._go_to(place_m, yaw_rad)
+        if position_m is not None:
+            self._go_to(position_m, yaw_rad)
         elif velocity_mps is None:
             self.flier.stop()
         else:
@@ -332,7 +332,7 @@ class Copter(Vehicle):
                 yaw_rad = math.atan2(velocity_mps[1], velocity_mps[0])
             self.flier.obey(velocity_mps, yaw_rad, self.now)
         rate_rps = yaw_rate_of(setpoint)
-        if rate_rps and (place_m is not None or velocity_mps is not None):
+        if rate_rps and (position_m is not None or velocity_mps is not None):
             self.flier.turn_on(nose_rad, rate_rps)
 
 

@@ -194,7 +194,7 @@ class Plane(Vehicle):
     def __init__(self, index: int, fleet: FleetConfig, body: Body, environment: Environment, now: Instant) -> None:
         """Boot at `now`."""
         self._arrives = False
-        """Whether it is on its way to a place that it was commanded in GUIDED."""
+        """Whether it is on its way to a position that it was commanded in GUIDED."""
         self._pending: FlightMode | None = None
         """The failsafe's mode, while a take-off's climb goes on."""
         super().__init__(index, fleet, body, environment, now)
@@ -334,7 +334,7 @@ class Plane(Vehicle):
             self._mission_flight.resume()
 
     def follow_time(self) -> None:
-        """Continue a mission, report the arrival at a place, and end a take-off during which the failsafe began."""
+        """Continue a mission, report the arrival at a position, and end a take-off during which the failsafe began."""
         if self._pending is not None and not self.flier.climbing_out:
             pending, self._pending = self._pending, None
             if self.failsafe.active:

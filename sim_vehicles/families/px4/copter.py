@@ -16,7 +16,7 @@ from mypy_extensions import mypyc_attr
 from airlink import mavlink as m
 from sim_vehicles.airframe.motion import Motion, Vector
 from sim_vehicles.autopilot.autopilot import GivenCommand, Setpoint
-from sim_vehicles.autopilot.commands import ACCEPTED, YAW_IGNORED, place_of, velocity_of, yaw_rate_of
+from sim_vehicles.autopilot.commands import ACCEPTED, YAW_IGNORED, position_of, velocity_of, yaw_rate_of
 from sim_vehicles.autopilot.copter_pilot import CM_PER_M, Circle, CopterPilot
 from sim_vehicles.autopilot.modes_and_failsafe import PX4_AS_COPTER, CopterMode, Px4Mode
 from sim_vehicles.board_clock import LOOP_S
@@ -53,15 +53,15 @@ class Px4CopterPilot(CopterPilot):
         return super()._climb_max_mps(motion) if motion.height_m > SLOW_TO_M else self._parameters["MPC_TKO_SPEED"]
 
     def _cruise_mps(self) -> float:
-        """Return the speed of flights to places: the highest one in OFFBOARD."""
+        """Return the speed of flights to positions: the highest one in OFFBOARD."""
         commanded = self.mode is CopterMode.GUIDED or "WPNAV_SPEED" in self.commanded_cmps
         return super()._cruise_mps() if commanded else self._parameters["MPC_XY_CRUISE"]
 
 
 def _orbit(vehicle: Px4Copter, given: GivenCommand) -> int:
-    """Change to ORBIT, and fly round a place, anticlockwise for a negative radius or speed.
+    """Change to ORBIT, and fly round a position, anticlockwise for a negative radius or speed.
 
-    Where a value isn't finite, the present place and height, and the usual radius and speed are taken.
+    Where a value isn't finite, the present position and height, and the usual radius and speed are taken.
     """
     radius_m, speed_mps = (
         commanded if math.isfinite(commanded) else usual for commanded, usual in zip(given.params, ORBIT, strict=False)
@@ -115,7 +115,7 @@ class Px4Copter(Px4):
             self.flier.go_to((self.body.motion.north_m, self.body.motion.east_m, height_m), None)
 
     def orbit(self, circle: Circle) -> None:
-        """Change to ORBIT, and fly round a place."""
+        """Change to ORBIT, and fly round a position."""
         self._intended, self._lost = Px4Mode.ORBIT, False
         self.enter(Px4Mode.ORBIT)
         self.flier.go_round(circle)
@@ -136,12 +136,12 @@ class Px4Copter(Px4):
             self.flier.go_to((here.north_m, here.east_m, rises_m), None)
 
     def follow(self, message: Setpoint) -> None:
-        """Fly to a place, or at a velocity; stop for any other setpoint."""
-        place_m, velocity_mps = place_of(self, message), velocity_of(self, message)
+        """Fly to a position, or at a velocity; stop for any other setpoint."""
+        position_m, velocity_mps = position_of(self, message), velocity_of(self, message)
         yaw_rad = None if message.type_mask & YAW_IGNORED else message.yaw_rad
         nose_rad = self.flier.commanded_nose(self.body.shown().heading_rad)
-        if place_m is not None:
-            self.flier.go_to(place_m, yaw_rad)
+        if position_m is not None:
+            self.flier.go_to(position_m, yaw_rad)
         elif velocity_mps is not None:
             self.flier.obey(velocity_mps, yaw_rad, self.now)
         else:
@@ -149,7 +149,7 @@ class Px4Copter(Px4):
         if rate_rps := yaw_rate_of(message):
             self.flier.turn_on(nose_rad, rate_rps)
 
-    def fly_there(self, place_m: Vector, speed_mps: float) -> None:  # noqa: ARG002 - at its own speed
-        """Fly straight to a place, its nose ahead, and stay there."""
+    def fly_there(self, position_m: Vector, speed_mps: float) -> None:  # noqa: ARG002 - at its own speed
+        """Fly straight to a position, its nose ahead, and stay there."""
         here = self.body.motion
-        self.flier.go_to(place_m, math.atan2(place_m[1] - here.east_m, place_m[0] - here.north_m))
+        self.flier.go_to(position_m, math.atan2(position_m[1] - here.east_m, position_m[0] - here.north_m))

@@ -16,7 +16,7 @@ from sim_vehicles.airframe.body import Body
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.motion import Vector
 from sim_vehicles.autopilot.autopilot import CRITICAL, GivenCommand, Setpoint
-from sim_vehicles.autopilot.commands import ACCEPTED, place_of
+from sim_vehicles.autopilot.commands import ACCEPTED, position_of
 from sim_vehicles.autopilot.mission_flight import MissionFlight
 from sim_vehicles.autopilot.mission_items import Item
 from sim_vehicles.autopilot.missions import Missions
@@ -108,11 +108,11 @@ class Px4Plane(Px4):
         self.flier.take_off(height_m, self.body.motion)
 
     def follow(self, message: Setpoint) -> None:
-        """Fly to a place at its trim speed, whatever speed is asked for; a velocity without a place is ignored."""
-        place_m = place_of(self, message)
-        if place_m is not None:
+        """Fly to a position at its trim speed, whatever speed is asked for; a velocity without one is ignored."""
+        position_m = position_of(self, message)
+        if position_m is not None:
             self.flier.change_speed(self.parameters["FW_AIRSPD_TRIM"], math.inf)
-            self.flier.circle(*place_m)
+            self.flier.circle(*position_m)
 
     def follow_time(self) -> None:
         """Continue a mission; crash if it took off before its height reference had risen to the field's altitude."""
@@ -126,8 +126,8 @@ class Px4Plane(Px4):
         if climbs and REFERENCE_CLIMB_MPS * self.time_s < self.origin.alt_m:
             self.crash(Request.CRASH)
 
-    def fly_there(self, place_m: Vector, speed_mps: float) -> None:
-        """Fly straight to a place far away, and circle it."""
+    def fly_there(self, position_m: Vector, speed_mps: float) -> None:
+        """Fly straight to a position far away, and circle it."""
         if speed_mps > 0.0:
             self.flier.change_speed(self._airspeed(speed_mps), math.inf)
-        self.flier.circle(*place_m)
+        self.flier.circle(*position_m)

@@ -290,11 +290,11 @@ class Px4(Vehicle):
             self.enter(Px4Mode.HOLD)
 
     @abstractmethod
-    def fly_there(self, place_m: Vector, speed_mps: float) -> None:
-        """Fly straight to a place, north, east and above the origin, and stay there; a speed of 0 or less is none."""
+    def fly_there(self, position_m: Vector, speed_mps: float) -> None:
+        """Fly straight to a position, north, east and above the origin, and stay; a speed of 0 or less is none."""
 
     def go_to(self, lat_rad: float, lon_rad: float, height_m: float, speed_mps: float = 0.0) -> None:
-        """Fly to a place, unless its height isn't finite; a speed of 0 or less is none."""
+        """Fly to a position, unless its height isn't finite; a speed of 0 or less is none."""
         if math.isfinite(height_m):
             north_m, east_m, _ = self.origin.to_ned(lat_rad, lon_rad, self.origin.alt_m)
             self.fly_there((north_m, east_m, height_m), speed_mps)

@@ -34,7 +34,7 @@ from airlink.messages.mission import MissionItem, MissionItemInt
 from airlink.messages.system import CurrentMode, Heartbeat, Ping
 from sim_vehicles.autopilot import commands, telemetry
 from sim_vehicles.autopilot.autopilot import CRITICAL, Autopilot, GivenCommand, Setpoint
-from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, PLACE_IGNORED, VELOCITY_IGNORED
+from sim_vehicles.autopilot.commands import ACCEPTED, DENIED, FAILED, POSITION_IGNORED, VELOCITY_IGNORED
 from sim_vehicles.autopilot.copter_pilot import CM_PER_M
 from sim_vehicles.autopilot.message_handler import MessageHandler
 from sim_vehicles.autopilot.missions import Sender
@@ -71,7 +71,7 @@ STREAMS: Final = {
 }
 """Messages streamed to a ground station without a request, and their intervals, ns."""
 FOLLOWS: Final = m.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | m.MAV_MODE_FLAG_STABILIZE_ENABLED
-FINDS_ITS_WAY: Final = FOLLOWS | m.MAV_MODE_FLAG_GUIDED_ENABLED | m.MAV_MODE_FLAG_AUTO_ENABLED
+NAVIGATES: Final = FOLLOWS | m.MAV_MODE_FLAG_GUIDED_ENABLED | m.MAV_MODE_FLAG_AUTO_ENABLED
 """HEARTBEAT's flags in OFFBOARD and in autonomous modes, by which pymavlink and others recognise these."""
 FLAGS: Final[dict[int, int]] = {
     **dict.fromkeys(PX4_BY_STICKS, telemetry.MODE_FLAGS),
@@ -84,7 +84,7 @@ FLAGS: Final[dict[int, int]] = {
 def heartbeat(v: Autopilot) -> Message:
     """Return HEARTBEAT: ACTIVE while armed, CRITICAL in a failsafe."""
     armed = v.pilot.condition.armed
-    flags = FLAGS.get(v.mode, FINDS_ITS_WAY) | (m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
+    flags = FLAGS.get(v.mode, NAVIGATES) | (m.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
     up = m.MAV_STATE_STANDBY if v.armable else m.MAV_STATE_UNINIT
     state = m.MAV_STATE_CRITICAL if armed and v.in_failsafe else m.MAV_STATE_ACTIVE if armed else up
     return Heartbeat(v.mav_type, m.MAV_AUTOPILOT_PX4, flags, int(v.mode), state)
@@ -133,7 +133,7 @@ PX4_COMPONENTS: Final = (m.MAV_COMP_ID_ALL, m.MAV_COMP_ID_AUTOPILOT1)
 WRONG_FRAME: Final = 9
 """MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME, which not every dialect names yet."""
 ALL_IGNORED: Final = (
-    PLACE_IGNORED
+    POSITION_IGNORED
     | VELOCITY_IGNORED
     | m.POSITION_TARGET_TYPEMASK_AX_IGNORE
     | m.POSITION_TARGET_TYPEMASK_AY_IGNORE
@@ -182,7 +182,7 @@ class Px4MessageHandler(MessageHandler):
     def _results_of(self, message: CommandInt | CommandLong) -> tuple[int, ...]:
         """Carry out a command; a change of mode is acknowledged twice, the first time before it is decided on.
 
-        Nobody answers for other components, nor an order that neither arms nor disarms.
+        No vehicle answers for other components, nor an order that neither arms nor disarms.
         """
         if message.target_component not in PX4_COMPONENTS:
             return ()
@@ -218,7 +218,7 @@ def refusal_of(setpoint: Setpoint) -> str | None:
         return f"{name} coordinate frame {frame} unsupported"
     if isinstance(setpoint, SetPositionTargetGlobalInt) and frame not in PX4_GLOBAL_FRAMES:
         return f"{name} invalid coordinate frame {frame}"
-    from_nose = frame == m.MAV_FRAME_BODY_NED and not setpoint.type_mask & PLACE_IGNORED
+    from_nose = frame == m.MAV_FRAME_BODY_NED and not setpoint.type_mask & POSITION_IGNORED
     return f"{name} invalid" if from_nose or setpoint.type_mask & ALL_IGNORED == ALL_IGNORED else None
 
 

@@ -15,7 +15,7 @@ from sim_vehicles.inertial.error_model import ACCEL_BIAS, GYRO_BIAS, barometer, 
 from sim_vehicles.inertial.experiment import exact_start, navigate
 from sim_vehicles.inertial.imu import InertialSensors, Trajectory, attitude
 
-PLACE = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 1.0)
+POSITION = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 1.0)
 MICRO_G, DEGREE_PER_HOUR = 9.797336e-6, math.radians(1.0) / 3600.0
 UNITS = np.radians((1.0 / 3600.0, 1.0 / 3600.0, 1.0 / 60.0))
 NOISE = 20.0 * MICRO_G, math.radians(0.002) / 60.0
@@ -39,7 +39,7 @@ AVIATION = sensors(100.0, 0.02)
 
 def filtered(faulty: InertialSensors, end_s: int) -> FineAlignment:
     """Return a filter after some time; its covariance doesn't depend on the measurements."""
-    fine = FineAlignment(PLACE, faulty)
+    fine = FineAlignment(POSITION, faulty)
     for _ in range(end_s):
         fine.update(np.zeros(2))
     return fine
@@ -47,11 +47,11 @@ def filtered(faulty: InertialSensors, end_s: int) -> FineAlignment:
 
 def test_the_filter_s_sigmas_reach_what_can_not_be_aligned_away_from_above() -> None:
     """Level in a minute, heading in ten: b / g = 20.6", epsilon / (Omega cos L) = 5.58'."""
-    fine, found = FineAlignment(PLACE, AVIATION), dict[int, list[float]]()
+    fine, found = FineAlignment(POSITION, AVIATION), dict[int, list[float]]()
     for second in range(1, 901):
         fine.update(np.zeros(2))
         found[second] = (fine.sigma_rad / UNITS).tolist()
-        assert (fine.sigma_rad > 0.999 * limits(AVIATION, PLACE)).all()
+        assert (fine.sigma_rad > 0.999 * limits(AVIATION, POSITION)).all()
     assert found[30] == pytest.approx((49.7, 47.0, 298.5), abs=0.06)
     assert found[60] == pytest.approx((38.2, 25.7, 262.6), abs=0.06)
     assert found[120] == pytest.approx((29.3, 21.4, 93.3), abs=0.06)
@@ -77,18 +77,18 @@ def test_only_the_northern_gyroscope_s_bias_becomes_known() -> None:
     ],
 )
 def test_what_no_alignment_takes_away(accel_ug: float, gyro_deg_per_h: float, expected: tuple[float, float]) -> None:
-    east, north, heading = (limits(sensors(accel_ug, gyro_deg_per_h), PLACE) / UNITS).tolist()
+    east, north, heading = (limits(sensors(accel_ug, gyro_deg_per_h), POSITION) / UNITS).tolist()
     assert (east, north, heading) == pytest.approx((expected[0], *expected), rel=1e-3)
 
 
 @pytest.mark.parametrize("gyro_deg_per_h", [1.0, 10.0])
 def test_a_bias_as_large_as_the_earth_s_rotation_does_not_look_aligned(gyro_deg_per_h: float) -> None:
     coarse_grade = sensors(1000.0, gyro_deg_per_h)
-    assert filtered(coarse_grade, 900).sigma_rad[2] > 0.99 * limits(coarse_grade, PLACE)[2]
+    assert filtered(coarse_grade, 900).sigma_rad[2] > 0.99 * limits(coarse_grade, POSITION)[2]
 
 
 def test_gravity_and_the_earth_s_rotation_show_any_attitude() -> None:
-    rest = Trajectory.at_rest(PLACE, 0.0, 1.0)
+    rest = Trajectory.at_rest(POSITION, 0.0, 1.0)
     angle, velocity = (part[0] / 0.01 for part in rest.increments(0.01, 0, 1))
     leaning = attitude(*np.array((2.1, 0.1, -0.2)))
     assert coarse(leaning.T @ angle, leaning.T @ velocity) == pytest.approx(leaning, abs=1e-9)
@@ -99,7 +99,7 @@ def test_the_filter_is_honest() -> None:
     """Thirty alignments with biases drawn as the filter assumes: white innovations, errors as large as it states."""
     random, nees, innovations = np.random.default_rng(3), list[float](), list[np.ndarray]()
     for _ in range(30):
-        result = align(FineAlignment(PLACE, AVIATION), 0.0, drawn(random), 300, 20.0, random)
+        result = align(FineAlignment(POSITION, AVIATION), 0.0, drawn(random), 300, 20.0, random)
         error, tilts = result.error_rad[-1], np.ix_(STATES[TILTS], STATES[TILTS])
         nees.append(float(error @ np.linalg.solve(result.covariance[tilts], error)))
         innovations.append(result.innovations)
@@ -111,13 +111,13 @@ def test_the_filter_is_honest() -> None:
 
 
 def test_gnss_holds_what_the_filter_says_and_a_barometer_the_height() -> None:
-    bends = Trajectory.along(SplinePath(WAYPOINTS_M[:4]), 22.0, PLACE, 200.0)
+    bends = Trajectory.along(SplinePath(WAYPOINTS_M[:4]), 22.0, POSITION, 200.0)
     start = exact_start(bends, AVIATION)
     aided = navigate(bends, start, AVIATION, gnss(1.0, 1.5, 3.0, 0.1), 20.0, np.random.default_rng(4))
     ratio = aided.errors[20:, :6] / aided.sigmas[20:, :6]
     assert 0.5 < ratio.std() < 1.5
     assert np.abs(aided.errors[:, :3]).max() < 2.0
-    flight = Trajectory.along(SplinePath(WAYPOINTS_M), 22.0, PLACE, 200.0)
+    flight = Trajectory.along(SplinePath(WAYPOINTS_M), 22.0, POSITION, 200.0)
     held = navigate(flight, start, AVIATION, barometer(1.0, 1.0), 20.0, np.random.default_rng(4))
     free = navigate(flight, start, AVIATION, None, 20.0, np.random.default_rng(4))
     assert np.abs(held.errors[:, 2]).max() < 1.0
@@ -126,7 +126,7 @@ def test_gnss_holds_what_the_filter_says_and_a_barometer_the_height() -> None:
 
 def test_a_level_bias_is_taken_for_a_tilt() -> None:
     quiet = sensors(100.0, 0.02, noise=(0.0, 0.0))
-    found = align(FineAlignment(PLACE, quiet), 0.3, quiet, 120, 20.0, np.random.default_rng(1))
+    found = align(FineAlignment(POSITION, quiet), 0.3, quiet, 120, 20.0, np.random.default_rng(1))
     level = attitude(*np.array((0.3, 0.0, 0.0)))
     along = level @ np.full(3, 100.0 * MICRO_G)
     assert found.coarse_rad[:2] == pytest.approx((-along[1] / 9.797333, along[0] / 9.797333), rel=0.01)

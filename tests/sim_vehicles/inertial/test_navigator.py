@@ -38,8 +38,8 @@ def motion(time_s: float) -> Motion:
     point = PATH.at(SPEED_MPS * time_s)
     turn_rate, climb = SPEED_MPS * point.curvature_1pm, SPEED_MPS * point.slope
     north, east = SPEED_MPS * math.cos(point.course_rad), SPEED_MPS * math.sin(point.course_rad)
-    place = point.north_m, point.east_m, point.height_m, climb, SPEED_MPS, point.course_rad
-    return Motion(*place, north, east, -climb, 0.0, 0.0, 0.0, turn_rate, SPEED_MPS, point.course_rad, point.height_m)
+    position = point.north_m, point.east_m, point.height_m, climb, SPEED_MPS, point.course_rad
+    return Motion(*position, north, east, -climb, 0.0, 0.0, 0.0, turn_rate, SPEED_MPS, point.course_rad, point.height_m)
 
 
 def flown(keys: InertialNavigation, end_s: int, seed: int = 1) -> np.ndarray:
@@ -48,8 +48,8 @@ def flown(keys: InertialNavigation, end_s: int, seed: int = 1) -> np.ndarray:
     rows = list[tuple[float, ...]]()
     for sample in range(10 * end_s):
         true = motion(sample / 10)
-        told = navigator.sense(true, Instant(sample * STEP))
-        rows.append((told.east_m - true.east_m, told.north_m - true.north_m, told.height_m - true.height_m))
+        sensed = navigator.sense(true, Instant(sample * STEP))
+        rows.append((sensed.east_m - true.east_m, sensed.north_m - true.north_m, sensed.height_m - true.height_m))
     return np.array(rows)
 
 
@@ -59,7 +59,7 @@ def test_without_aid_it_errs_as_the_strap_down_computation_does() -> None:
     assert flown(inertial_keys(QUIET), 200)[-1] == pytest.approx(whole.errors[-1, :3], rel=0.03, abs=0.3)
 
 
-def test_gnss_holds_its_place_and_every_seed_has_its_own_errors() -> None:
+def test_gnss_holds_its_position_and_every_seed_has_its_own_errors() -> None:
     aided = inertial_keys(NOISY, aiding="gnss")
     one, other = flown(aided, 100), flown(aided, 40, seed=2)
     assert np.abs(one[200:]).max() < 2.0
@@ -100,13 +100,13 @@ def test_telemetry_shows_the_attitude_that_the_navigator_computes() -> None:
     navigator._errors[TILT] = (2e-3, -3e-3, 4e-3)
     level = attitude(*(np.array(angle) for angle in (true.heading_rad, 0.0, 0.0)))
     heading_rad, pitch_rad, bank_rad = angles(displaced(level, np.array((2e-3, -3e-3, 4e-3)))).tolist()
-    told, estimate = navigator.sense(true, Instant(0)), navigator.estimate(true, Instant(0))
-    assert told.heading_rad == pytest.approx(heading_rad, abs=1e-4)
+    sensed, estimate = navigator.sense(true, Instant(0)), navigator.estimate(true, Instant(0))
+    assert sensed.heading_rad == pytest.approx(heading_rad, abs=1e-4)
     assert estimate.pitch_error_rad == pytest.approx(pitch_rad, abs=1e-4)
     assert estimate.bank_error_rad == pytest.approx(bank_rad, abs=1e-4)
 
 
-def test_without_a_receiver_there_is_no_fix_and_a_place_that_drifts_away_is_called_unknown() -> None:
+def test_without_a_receiver_there_is_no_fix_and_a_position_that_drifts_away_is_called_unknown() -> None:
     navigator = InertialNavigator(inertial_keys(NOISY), ORIGIN, 0.0, VehicleId(1, 1), 1)
     sigmas_m = list[float]()
     for second in range(0, 401, 50):
@@ -146,8 +146,8 @@ def test_an_aligned_vehicle_begins_with_the_heading_error_that_alignment_leaves(
     sigma = limits(NOISY, ORIGIN)[2]
     aligned = inertial_keys(NOISY, flight_start="aligned", alignment_s=300)
     navigators = [InertialNavigator(aligned, ORIGIN, 0.0, VehicleId(1, 1), seed) for seed in range(20)]
-    told = [each.sense(motion(0.0), Instant(0)).heading_rad for each in navigators]
-    assert 0.6 * sigma < np.std(told) < 1.5 * sigma
+    sensed = [each.sense(motion(0.0), Instant(0)).heading_rad for each in navigators]
+    assert 0.6 * sigma < np.std(sensed) < 1.5 * sigma
 
 
 def test_the_errors_of_a_sample_stay_until_the_next() -> None:

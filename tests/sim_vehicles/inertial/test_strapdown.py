@@ -16,7 +16,7 @@ from sim_vehicles.inertial.imu import Increments, InertialSensors, Trajectory, a
 from sim_vehicles.inertial.strapdown import Strapdown, displaced, to_matrix, to_quaternion
 from tests.sim_vehicles.inertial.angles import angles
 
-PLACE = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 1.0)
+POSITION = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 1.0)
 MICRO_G, DEGREE_PER_HOUR = 9.797336e-6, math.radians(1.0) / 3600.0
 ARCSEC, ARCMIN = math.radians(1.0 / 3600.0), math.radians(1.0 / 60.0)
 BENDS = SplinePath([[0, 0, 200], [700, 0, 200], [1400, 300, 220], [2000, 900, 190], [2100, 3000, 200]])
@@ -29,7 +29,7 @@ def sensors(accel_ug: float = 0.0, gyro_deg_per_h: float = 0.0) -> InertialSenso
 
 def north_errors_m(faulty: InertialSensors, tilt_rad: tuple[float, float, float], times_s: list[float]) -> Array:
     """Return the north errors of a vehicle at rest after some times; the last one is the end."""
-    rest = Trajectory.at_rest(PLACE, 0.0, times_s[-1])
+    rest = Trajectory.at_rest(POSITION, 0.0, times_s[-1])
     start = exact_start(rest, faulty)
     off = displaced(start.state.attitude, np.array(tilt_rad))
     start = Start(start.state._replace(attitude=off), start.bias, start.covariance)
@@ -37,8 +37,8 @@ def north_errors_m(faulty: InertialSensors, tilt_rad: tuple[float, float, float]
     return found.errors[np.searchsorted(found.times_s, times_s), NORTH]
 
 
-def test_the_earth_at_the_paper_s_place() -> None:
-    lat_rad = PLACE.lat_rad
+def test_the_earth_at_the_paper_s_position() -> None:
+    lat_rad = POSITION.lat_rad
     assert gravity_mps2(lat_rad, 0.0) == pytest.approx(9.797336, abs=1e-6)
     assert radii_m(lat_rad) == pytest.approx((6356426.7, 6385172.2), abs=0.1)
     assert RATE_RADPS * math.cos(lat_rad) / DEGREE_PER_HOUR == pytest.approx(12.3209, abs=1e-4)
@@ -46,7 +46,7 @@ def test_the_earth_at_the_paper_s_place() -> None:
 
 
 def test_sensors_at_rest_feel_the_earth_s_rotation_and_gravity() -> None:
-    angle, velocity = Trajectory.at_rest(PLACE, 0.0, 1.0).increments(0.01, 0, 1)
+    angle, velocity = Trajectory.at_rest(POSITION, 0.0, 1.0).increments(0.01, 0, 1)
     assert np.linalg.norm(angle) / 0.01 / DEGREE_PER_HOUR == pytest.approx(15.0411, abs=1e-4)
     assert velocity[0] / 0.01 == pytest.approx((0.0, 0.0, 9.797333), abs=1e-6)
 
@@ -64,14 +64,14 @@ def test_angles_matrices_and_quaternions_are_one_another_s_inverse() -> None:
 def test_a_swing_in_step_with_a_push_gains_speed_across_both() -> None:
     """Sculling: rolled by a sin wt and pushed sideways by A sin wt, a body gains a A / 2 upwards in each second."""
     swing_rad, push_mps2, swing_radps, period_s = 0.1, 10.0, 6.0 * math.pi, 0.01
-    gravity = gravity_mps2(PLACE.lat_rad, 0.0)
+    gravity = gravity_mps2(POSITION.lat_rad, 0.0)
     times_s = np.arange(0.0, 2.0 + 1e-9, period_s)
     phase, nothing = swing_radps * times_s, np.zeros(times_s.size - 1)
     rolled = np.stack((np.diff(swing_rad * np.sin(phase)), nothing, nothing), axis=1)
     pushed = np.stack(
         (nothing, -np.diff(push_mps2 / swing_radps * np.cos(phase)), nothing + gravity * period_s), axis=1
     )
-    computer = Strapdown(PLACE.lat_rad, 0.0, 0.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    computer = Strapdown(POSITION.lat_rad, 0.0, 0.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     computer.run(Increments(rolled, pushed), period_s)
     fine = np.sin(np.linspace(0.0, phase[-1], 200_001))
     upward = np.sin(swing_rad * fine) * push_mps2 * fine + (np.cos(swing_rad * fine) - 1.0) * gravity
@@ -84,7 +84,7 @@ def test_a_swing_in_step_with_a_push_gains_speed_across_both() -> None:
 def test_without_sensor_errors_only_integration_errs() -> None:
     """200 s of turns, hills and banking, 4.4 km: an error above a millimetre would mean a wrong equation."""
     ideal = sensors()
-    flight = Trajectory.along(BENDS, 22.0, PLACE, 200.0)
+    flight = Trajectory.along(BENDS, 22.0, POSITION, 200.0)
     found = navigate(flight, exact_start(flight, ideal), ideal, None, 100.0, np.random.default_rng(1))
     assert np.abs(found.errors[:, :3]).max() < 1e-3
     assert np.abs(found.errors[:, 6:]).max() < 0.001 * ARCSEC
@@ -112,7 +112,9 @@ def test_each_error_grows_as_the_single_channel_formulas_say(
 
 
 def test_the_error_model_swings_with_schuler_s_period_split_by_foucault_s() -> None:
-    model = dynamics(PLACE.lat_rad, 0.0, np.zeros(3), np.array((0.0, 0.0, gravity_mps2(PLACE.lat_rad, 0.0))), np.eye(3))
+    model = dynamics(
+        POSITION.lat_rad, 0.0, np.zeros(3), np.array((0.0, 0.0, gravity_mps2(POSITION.lat_rad, 0.0))), np.eye(3)
+    )
     level = [VELOCITY.start, VELOCITY.start + 1, *range(TILT.start, TILT.stop)]
     rates = np.abs(np.linalg.eigvals(model[np.ix_(level, level)]).imag)
     periods_min = sorted({round(math.tau / rate / 60.0, 1) for rate in rates if rate > 1e-3})
@@ -120,6 +122,6 @@ def test_the_error_model_swings_with_schuler_s_period_split_by_foucault_s() -> N
 
 
 def test_height_by_inertia_alone_diverges_with_a_time_of_570_s() -> None:
-    model = dynamics(PLACE.lat_rad, 0.0, np.zeros(3), np.array((0.0, 0.0, 9.797336)), np.eye(3))
+    model = dynamics(POSITION.lat_rad, 0.0, np.zeros(3), np.array((0.0, 0.0, 9.797336)), np.eye(3))
     vertical = model[np.ix_([2, 5], [2, 5])]
     assert 1.0 / np.linalg.eigvals(vertical).real.max() == pytest.approx(570.0, abs=1.0)
