@@ -238,8 +238,8 @@ def hold_turn_rps(scenario: Scenario) -> float:
     share = np.array([HOLD_SHARE if each.airframe is None else ENERGY_HOLD_SHARE for each in models])
     low, high = np.array([each.soon_mps(speed) for each in models]).reshape(-1, 2).T
     kept = np.ones_like(turn_rps, dtype=np.bool_)
-    for way in (1.0, -1.0):
-        needs = slot_needs(LeaderFlight(speed, way * turn_rps, still, still, still), slots, scenario.formation.frame)
+    for sign in (1.0, -1.0):
+        needs = slot_needs(LeaderFlight(speed, sign * turn_rps, still, still, still), slots, scenario.formation.frame)
         fast = needs.speed_mps - speed > share * (high - speed)
         slow = speed - needs.speed_mps > share * (speed - low)
         kept &= ~(fast | slow | (np.abs(needs.relative_heading_rad) > SWING_RAD)).any(axis=1)
@@ -268,7 +268,7 @@ def narrow_links(scenario: Scenario) -> frozenset[VehicleId]:
         each.vehicle_id
         for each in scenario.vehicles
         if any(parse_endpoint(text).kind == "serial" for text in each.endpoints)
-        or any(way.rate_kbps for step in scenario.link_steps(each) for way in (step.uplink, step.downlink))
+        or any(direction.rate_kbps for step in scenario.link_steps(each) for direction in (step.uplink, step.downlink))
     )
     return frozenset(behind_radios).union(limited)
 
@@ -305,7 +305,7 @@ def _vehicle(
     telemetry = scenario.telemetry
     autopilot = autopilot_for(planned, scenario)
     autopilot.station = scenario.station.ids
-    check = None if autopilot.stands else AirspeedCheck(planned.model.speed_min_mps, planned.model.speed_max_mps)
+    check = None if autopilot.hovers else AirspeedCheck(planned.model.speed_min_mps, planned.model.speed_max_mps)
     vehicle = Vehicle(
         planned.vehicle_id,
         index,

@@ -151,9 +151,9 @@ class FlightFigure:
             plan, errors = figure.subplots(1, 2)
             for number, (ref, track) in enumerate(self._tracks.items()):
                 colour = INK if ref not in self._off else FOLLOWERS[number % len(FOLLOWERS)]
-                places = _thinned(track)
-                plan.plot(places[:, 1], places[:, 0], color=colour, label=ref)
-                plan.plot(*places[-1, ::-1], marker="o", color=colour, markersize=3)
+                positions = _thinned(track)
+                plan.plot(positions[:, 1], positions[:, 0], color=colour, label=ref)
+                plan.plot(*positions[-1, ::-1], marker="o", color=colour, markersize=3)
             for number, (ref, off) in enumerate(self._off.items(), 1):
                 errors.plot(*_thinned(off).T, color=FOLLOWERS[number % len(FOLLOWERS)], label=ref)
             plan.set(xlabel="east, m", ylabel="north, m", aspect="equal", adjustable="datalim", title=self._head)

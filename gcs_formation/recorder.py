@@ -38,11 +38,11 @@ class VehicleLink:
         self.asymmetry_s = 0.0
         """Excess of the uplink delay over `delay_s`, as estimated from steps."""
         self.up_s = self.down_s = math.nan
-        """Delays up and down; NaN while the split of the round trip is unknown."""
+        """Delays up and down; NaN while the asymmetry of the round trip is unknown."""
         self.jitter_s, self.loss, self.mean_gap = math.nan, 0.0, 1.0
         """Interarrival jitter of the telemetry, NaN while unknown; the share of its frames that are lost, and how many
         of them in a row on average."""
-        self.lag_s = self.dead_s = 0.0
+        self.further_delay_s = self.dead_s = 0.0
         """Further delay of a setpoint: half a period of the vehicle's main loop, the mean wait on arrival, its dead
         time, and the time for which the station delays it; and the autopilot's dead time alone."""
         self.airborne = True
@@ -59,21 +59,21 @@ class VehicleLink:
         """Until when it is known to have received commands."""
         self.disobeying = False
         """Whether it seems not to fly as commanded although it receives."""
-        self.stands_after_s, self.returns_after_s = math.inf, 0.0
+        self.hovers_after_s, self.returns_after_s = math.inf, 0.0
         """Time from the last setpoint received until it hovers, infinite if it flies on; and time from that setpoint
         until its failsafe has sent it home, 0 without such a failsafe."""
         self.speeds_mps: tuple[float, float] | None = None
         """Lowest and highest true airspeed within reach soon, m/s; None if these are its model's limits."""
 
     @property
-    def on_its_way_s(self) -> float:
-        """Delay of a setpoint up, s: estimated from the round trip while the split is unknown."""
+    def uplink_delay_s(self) -> float:
+        """Delay of a setpoint up, s: estimated from the round trip while its asymmetry is unknown."""
         return self.delay_s + self.asymmetry_s if math.isnan(self.up_s) else self.up_s
 
     @property
     def until_it_acts_s(self) -> float:
         """Delay of a setpoint up and by the autopilot's dead time, s."""
-        return self.on_its_way_s + self.dead_s
+        return self.uplink_delay_s + self.dead_s
 
 
 def unknown_state() -> FlightState:

@@ -23,8 +23,8 @@ from formation_scenario.mean_delays import mean_delays_s, since
 from formation_scenario.wind_triangle import drift
 from gcs_formation.fleet.heartbeats import PROBE_S
 from gcs_formation.from_scenario import autopilot_for, leader_guidance
+from gcs_formation.guidance.join_route import JoinRoute
 from gcs_formation.guidance.leader_guidance import DECISION_S, LeaderGuidance
-from gcs_formation.guidance.way_to_run_in import JoinRoute
 from gcs_formation.link.utc_slack import UTC_SLACK_S
 
 PLANES_MAX_HZ = 40.0
@@ -80,12 +80,12 @@ def narrow_links(scenario: Scenario) -> Iterator[str]:
         each = scenario.link_steps(vehicle)
         if not any(step.uplink.rate_kbps or step.downlink.rate_kbps for step in each):
             continue
-        for way, needed_kbps in zip(("uplink", "downlink"), traffic_kbps(scenario, vehicle), strict=True):
-            rates = [(rate, step.at_s) for step in each if (rate := getattr(step, way).rate_kbps)]
+        for name, needed_kbps in zip(("uplink", "downlink"), traffic_kbps(scenario, vehicle), strict=True):
+            rates = [(rate, step.at_s) for step in each if (rate := getattr(step, name).rate_kbps)]
             rate_kbps, at_s = min(rates, default=(math.inf, 0.0))
             if rate_kbps < needed_kbps:
                 yield (
-                    f"vehicle {vehicle.vehicle_id}: its {way} carries {rate_kbps:g} kbit/s{since(at_s)}, and up to "
+                    f"vehicle {vehicle.vehicle_id}: its {name} carries {rate_kbps:g} kbit/s{since(at_s)}, and up to "
                     f"{needed_kbps:.1f} go over it: messages wait for each other, and are lost where they wait too long"
                 )
 
@@ -119,12 +119,12 @@ def _early_s(scenario: Scenario, vehicle: Vehicle | None, times_s: list[float]) 
     if vehicle is None or _by_utc(scenario, vehicle):
         return [0.0] * len(times_s)
     steps = scenario.link_steps(vehicle)
-    begins_s, ways = [step.at_s for step in steps], [mean_delays_s(scenario, step) for step in steps]
-    found = (ways[bisect_right(begins_s, at_s) - 1] for at_s in times_s)
+    begins_s, delays = [step.at_s for step in steps], [mean_delays_s(scenario, step) for step in steps]
+    found = (delays[bisect_right(begins_s, at_s) - 1] for at_s in times_s)
     return [(up_s - down_s) / 2 for up_s, down_s in found]
 
 
-def _ways_at_s(scenario: Scenario, vehicle: Vehicle, at_s: float) -> tuple[float, float]:
+def _delays_at_s(scenario: Scenario, vehicle: Vehicle, at_s: float) -> tuple[float, float]:
     """Return the mean delays of a vehicle's link at a time."""
     return mean_delays_s(scenario, [step for step in scenario.link_steps(vehicle) if step.at_s <= at_s][-1])
 
@@ -132,7 +132,7 @@ def _ways_at_s(scenario: Scenario, vehicle: Vehicle, at_s: float) -> tuple[float
 def _split(scenario: Scenario, vehicle: Vehicle, at_s: float) -> str:
     if _by_utc(scenario, vehicle):
         return "clock by UTC"
-    up_s, down_s = _ways_at_s(scenario, vehicle, at_s)
+    up_s, down_s = _delays_at_s(scenario, vehicle, at_s)
     return f"{1e3 * up_s:g} ms up and {1e3 * down_s:g} ms down"
 
 
@@ -149,7 +149,7 @@ def holding_pattern(scenario: Scenario) -> HoldingPattern:
     flown, start = _pattern(scenario, leads), leads.path.at(0.0)
     end = flown.at(flown.length_m)
     straight_m = math.hypot(start.north_m - end.north_m, start.east_m - end.east_m)
-    return HoldingPattern((flown.length_m + straight_m) / speed_mps, _lap_radius_m(scenario, leads))
+    return HoldingPattern((flown.length_m + straight_m) / speed_mps, _pattern_radius_m(scenario, leads))
 
 
 def _pattern(scenario: Scenario, leads: LeaderGuidance) -> JoinRoute:
@@ -158,7 +158,7 @@ def _pattern(scenario: Scenario, leads: LeaderGuidance) -> JoinRoute:
     return leads.holding_pattern(leads.path.at(-DECISION_S * air.speed_mps), air.north_mps, air.east_mps)
 
 
-def _lap_radius_m(scenario: Scenario, leads: LeaderGuidance) -> float:
+def _pattern_radius_m(scenario: Scenario, leads: LeaderGuidance) -> float:
     return leads.hold_radius_m(*scenario.drift_mps)
 
 
@@ -167,12 +167,12 @@ def cramped_pattern(scenario: Scenario) -> str | None:
     leads = leader_guidance(scenario)
     if leads.fence is None:
         return None
-    places, lack_m = leads.fence.lack(_pattern(scenario, leads), drift(scenario))
+    positions_m, lack_m = leads.fence.lack(_pattern(scenario, leads), drift(scenario))
     worst = np.unravel_index(int(lack_m.argmax()), lack_m.shape)
     if lack_m[worst] == 0.0:
         return None
-    (north_m, east_m), radius_m = places[worst].tolist(), _lap_radius_m(scenario, leads)
-    key = leads.fence.areas.nearest(places[worst]).key
+    (north_m, east_m), radius_m = positions_m[worst].tolist(), _pattern_radius_m(scenario, leads)
+    key = leads.fence.areas.nearest(positions_m[worst]).key
     return (
         f"{key}: found no room for a holding pattern before the path (turns of {radius_m:.0f} m): at "
         f"north {north_m:.0f}, east {east_m:.0f} vehicles are turned away; {math.ceil(lack_m[worst])} m more are needed"
@@ -182,7 +182,7 @@ def cramped_pattern(scenario: Scenario) -> str | None:
 def nothing_comes(scenario: Scenario) -> str | None:
     """Return whose link carries nothing as the flight begins, so that the formation can't assemble; None if none."""
     firsts = [(vehicle, scenario.link_steps(vehicle)[0][1:]) for vehicle in scenario.vehicles]
-    deaf = [str(each.vehicle_id) for each, ways in firsts if any(way.outage or way.loss >= 1.0 for way in ways)]
+    deaf = [str(each.vehicle_id) for each, own in firsts if any(one.outage or one.loss >= 1.0 for one in own)]
     if not deaf:
         return None
     return f"links: nothing comes over that of vehicle {', '.join(deaf)} at the start: the formation can't assemble"
@@ -242,7 +242,7 @@ def too_old_after_a_loss(scenario: Scenario) -> str | None:
     if not lossy or too_old(scenario) is not None:
         return None
     who, share = ", ".join(dict.fromkeys(str(each.vehicle_id) for each, *_ in lossy)), max(each[1] for each in lossy)
-    min_hz = math.ceil(10.0 * GAP / (max_s - max(way_s for *_, way_s in lossy))) / 10.0
+    min_hz = math.ceil(10.0 * GAP / (max_s - max(delay_s for *_, delay_s in lossy))) / 10.0
     return (
         f"telemetry.rate_hz: found {rate_hz:g}; once a message is lost, as up to {share:.1%} are, what is known of "
         f"vehicle {who} gets older than law.max_age_s, {max_s:g}: it is commanded to loiter, among the others; "
@@ -265,9 +265,9 @@ def refused_rate(scenario: Scenario) -> str | None:
 def bursts_of_nothing(scenario: Scenario) -> str | None:
     """Return that `mean_burst` is set where `loss` is 0; None otherwise."""
     for vehicle in scenario.vehicles:
-        for ways in zip(*(step[1:] for step in scenario.link_steps(vehicle)), strict=True):
-            bursts = [way.mean_burst for way in ways if way.mean_burst is not None]
-            if bursts and not any(way.loss > 0.0 for way in ways):
+        for directions in zip(*(step[1:] for step in scenario.link_steps(vehicle)), strict=True):
+            bursts = [each.mean_burst for each in directions if each.mean_burst is not None]
+            if bursts and not any(each.loss > 0.0 for each in directions):
                 link = f"mean_burst: found {bursts[0]:g} with a loss of 0 (vehicle {vehicle.vehicle_id})"
                 return f"links: {link}, which does nothing; loss says how much is lost"
     return None

@@ -39,10 +39,10 @@ That is the heading of the path, without the leader's correction of its cross-tr
 class _Deviation:
     """Deviation of a vehicle from its slot's motion, in m and m/s north and east; and that motion."""
 
-    def __init__(self, state: FlightState, place_m: tuple[float, float], target: Target) -> None:
-        """Take the vehicle's state, its slot's place relative to the origin, and the slot's motion."""
-        self.north_m = state.north_m - place_m[0]
-        self.east_m = state.east_m - place_m[1]
+    def __init__(self, state: FlightState, slot_m: tuple[float, float], target: Target) -> None:
+        """Take the vehicle's state, its slot's position relative to the origin, and the slot's motion."""
+        self.north_m = state.north_m - slot_m[0]
+        self.east_m = state.east_m - slot_m[1]
         v, psi, wanted, along = state.airspeed_mps, state.heading_rad, target.speed_mps, target.heading_rad
         self.north_mps = v * math.cos(psi) - wanted * math.cos(along)
         self.east_mps = v * math.sin(psi) - wanted * math.sin(along)
@@ -77,9 +77,9 @@ class ConsensusLaw(Law):
         "Kron Reduction of Graphs With Applications to Electrical Networks", IEEE Transactions on Circuits and Systems I
         60 (2013)).
         """
-        self._leader, self._active, places = leader, active, np.arange(len(self._models))
-        places[[0, leader]] = places[[leader, 0]]
-        weights = self._weights[np.ix_(places, places)]
+        self._leader, self._active, indices = leader, active, np.arange(len(self._models))
+        indices[[0, leader]] = indices[[leader, 0]]
+        weights = self._weights[np.ix_(indices, indices)]
         for lost in self._members:
             if not active[lost]:
                 incoming, outgoing = weights[lost].copy(), weights[:, lost].copy()
@@ -188,16 +188,16 @@ class ConsensusLaw(Law):
 def _reference(cycle_input: CycleInput, index: int, flown: FlightState, model: AutopilotModel) -> _Reference:
     """Return the guidance's reference motion at the instant of one vehicle's state; `model` is the leader's.
 
-    The reference doesn't lag behind the guidance: it is the leader's setpoints minus the lead for its time constants.
+    The reference isn't late behind the guidance: it is the leader's setpoints minus the lead for its time constants.
     """
     lead, path = cycle_input.lead, cycle_input.lead.path
     commanded, later_s = lead.commanded[index], (cycle_input.states.instant(index) - lead.at) / NANOSECONDS
     swung_rad = (path.turn_rps + path.bend_rps2 * later_s / 2) * later_s
-    lag_s = model.tau_ha_s + model.tau_hb_s
+    tau_s = model.tau_ha_s + model.tau_hb_s
     state = FlightState(
         flown.north_m,
         flown.east_m,
-        commanded.height_m + path.climb_mps * (later_s - lag_s),
+        commanded.height_m + path.climb_mps * (later_s - tau_s),
         path.climb_mps,
         commanded.speed_mps,
         commanded.heading_rad - model.tau_psi_s * path.turn_rps + swung_rad,

@@ -35,8 +35,8 @@ ROUTE: Final = (
     "climb (m/s)",
     "speed (m/s)",
 )
-PLACE: Final = "forward (m)", "right (m)", "up (m)"
-MOTION: Final = (*PLACE, *(f"{axis} ({unit})" for unit in ("m/s", "m/s²") for axis in ("forward", "right", "up")))
+POSITION: Final = "forward (m)", "right (m)", "up (m)"
+MOTION: Final = (*POSITION, *(f"{axis} ({unit})" for unit in ("m/s", "m/s²") for axis in ("forward", "right", "up")))
 
 
 def is_finite(state: FlightState) -> bool:
@@ -87,7 +87,7 @@ def require_route(path: RouteHeading, turn_rps: float, leader: int) -> None:
 
 
 def require_slots(slots: list[Slot], active: list[bool]) -> None:
-    """Raise NotFiniteError if the place or the motion of an active vehicle's slot isn't finite."""
+    """Raise NotFiniteError if the position or the motion of an active vehicle's slot isn't finite."""
     for index, slot in enumerate(slots):
         total = slot.forward_m + slot.right_m + slot.up_m + slot.forward_mps + slot.right_mps + slot.up_mps
         total += slot.forward_mps2 + slot.right_mps2 + slot.up_mps2
@@ -101,7 +101,7 @@ def require_decision(decided: LawOutput, leader: int) -> None:
     """Raise NotFiniteError if a law's setpoint or, of a follower, its error isn't finite."""
     require_setpoint(LAW, decided.index, decided.setpoint)
     if decided.index != leader and not all_finite(decided.error_m):
-        raise NotFiniteError(LAW, decided.index, f"error: {_listed(PLACE, list(decided.error_m))}")
+        raise NotFiniteError(LAW, decided.index, f"error: {_listed(POSITION, list(decided.error_m))}")
 
 
 def _listed(names: tuple[str, ...], values: list[float]) -> str:

@@ -61,9 +61,9 @@ class LawOverAll(Law):
                 decided.append(LawOutput(index, state, UNKNOWN, error_m, UNKNOWN, NO_GAINS))
                 if cycle_input.active[index]:
                     speeds_mps = self._models[index].speed_min_mps, self._models[index].speed_max_mps
-                    place = slot.forward_m, slot.right_m, slot.up_m
+                    slot_m = slot.forward_m, slot.right_m, slot.up_m
                     name = vehicle_name(identity)
-                    seen.append(FollowerSlot(name, plain_state(state), plain_state(led), place, error_m, speeds_mps))
+                    seen.append(FollowerSlot(name, plain_state(state), plain_state(led), slot_m, error_m, speeds_mps))
         found = guarded(self._entry, lambda: dict(self._law.setpoints(seen, dt_s)))
         for each in decided:
             if cycle_input.active[each.index]:

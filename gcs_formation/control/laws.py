@@ -81,7 +81,7 @@ class VelocityController(Controller):
         return along_mps, across_mps, height_m
 
     def _limited_height(self, pair: LawInput, wanted_m: float) -> float:
-        """Return a height setpoint with which it climbs no faster, beside its slot, than it can brake from.
+        """Return a height setpoint with which it climbs no faster, alongside its slot, than it can brake from.
 
         By (7) a setpoint that is (tau_ha + tau_hb) c above the vehicle is a climb at c.
         """
@@ -113,7 +113,7 @@ def _feed_forward(pair: LawInput) -> Vector3:
 
 
 def _share(along: float, across: float, maximum: float) -> float:
-    """Return the factor that limits a vector's length to `most`."""
+    """Return the factor that limits a vector's length to `maximum`."""
     length = math.hypot(along, across)
     return 1.0 if length <= maximum else maximum / length
 

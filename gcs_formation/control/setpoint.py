@@ -94,8 +94,8 @@ def slot_target(
 ) -> Target:
     """Return the airspeed and heading that keep a follower in its slot while the slot's axes turn at `turn_rps`.
 
-    They include the drift D of (8) along and across the axes, and the motion of a slot that changes its place. Source:
-    (8) with x_c' and y_c' as commanded, solved for the follower's speed and heading.
+    They include the drift D of (8) along and across the axes, and the motion of a slot that changes its position.
+    Source: (8) with x_c' and y_c' as commanded, solved for the follower's speed and heading.
     """
     v1, x_rc, y_rc = leader.airspeed_mps, -slot.forward_m, -slot.right_m
     if frame != "follower_heading":
@@ -112,7 +112,7 @@ def centroid(
 ) -> FlightState:
     """Return the leader's state for which the followers' slot errors are 0 on average.
 
-    The leader flies at `speed_mps` and turns at `turn_rps`; each follower heads the way its slot moves (errata item
+    The leader flies at `speed_mps` and turns at `turn_rps`; each follower heads as its slot moves (errata item
     24).
     """
     count, still = len(followers), FlightState(0.0, 0.0, 0.0, 0.0, speed_mps, 0.0, 0.0, 0.0)
@@ -163,7 +163,7 @@ class LeaderMotion:
         self.half_s = dt_s / 2.0
         """Half of the tick."""
         self.begun_rps = turn_rps - self.half_s * bend_rps2
-        """Turn rate at the tick's beginning: it is the one that moves a slot beside or behind."""
+        """Turn rate at the tick's beginning: it is the one that moves a slot alongside or behind."""
         self.acceleration_mps2 = acceleration_mps2
         self.climb_change_mps2 = climb_change_mps2
 
@@ -253,11 +253,11 @@ class TrailingSlot:
         off_rad = due_rad if math.isnan(self._off_rad) else self._off_rad
         # Effective time constant: at the rate it gives, a tick covers what an exact one of x_rc / v, a tick at least,
         # would. The sine's mean slope between both angles counts: for slots far to the side 0.01 rad is metres.
-        lag_s, to_go_rad = max(x_rc / speed, dt_s), due_rad - off_rad
+        tau_s, to_go_rad = max(x_rc / speed, dt_s), due_rad - off_rad
         slope = (due - math.sin(off_rad)) / to_go_rad if abs(to_go_rad) > TINY_RAD else math.cos(off_rad)
-        rate_rps = -to_go_rad * math.expm1(-dt_s * max(slope, MIN_SLOPE) / lag_s) / dt_s
+        rate_rps = -to_go_rad * math.expm1(-dt_s * max(slope, MIN_SLOPE) / tau_s) / dt_s
         self._off_rad = off_rad + dt_s * rate_rps
-        held_s = -dt_s / math.expm1(-dt_s / lag_s)
+        held_s = -dt_s / math.expm1(-dt_s / tau_s)
         change_ps = due_ps - rate_rps * (math.cos(off_rad) - slot.forward_mps / speed)
         return turn + rate_rps, leader.bend_rps2 + change_ps / held_s
 

@@ -41,7 +41,7 @@ class StraightOn:
         return MeasuredStates(states, measured.stamps, active, measured.acts)
 
     def ahead_m(self, seconds: float) -> list[tuple[float, float]]:
-        """Return the way on within some time: points north and east of here, m, from here."""
+        """Return the path ahead within some time: points north and east of here, m, from here."""
         steps = 0 if self._hovers else math.ceil(self._speed_mps * seconds / AHEAD_M)
         north, east = math.cos(self._heading_rad), math.sin(self._heading_rad)
         return [(AHEAD_M * step * north, AHEAD_M * step * east) for step in range(1 + steps)]

@@ -32,7 +32,7 @@ from gcs_formation.control.setpoint import AS_DECIDED, Envelope
 from gcs_formation.control.straight_on import StraightOn
 from gcs_formation.controller.bandwidth import Bandwidth
 from gcs_formation.controller.leader_steering import LeaderSteering
-from gcs_formation.controller.present_places import places_from_leader
+from gcs_formation.controller.present_positions import positions_from_leader
 from gcs_formation.controller.slots_over_ground import SlotsOverGround
 from gcs_formation.controller.virtual_leader import VIRTUAL, VirtualLeader
 from gcs_formation.errors import NotFiniteError
@@ -77,8 +77,8 @@ class FormationController:
         """The last tick at which there was a leader to follow."""
         self._bandwidth = Bandwidth(self.count, self._dt_s)
         self._outside = on_ticks(scenario, self.models)
-        self._placed, self.slots_m = list[Slot](), list[Vector3]()
-        """The slots commanded last, and their places in the form that a tick records."""
+        self._commanded_slots, self.slots_m = list[Slot](), list[Vector3]()
+        """The slots commanded last, and their positions in the form that a tick records."""
         self._acts = vec[i64]([0] * self.count)
         """When each vehicle's present setpoint acts."""
         observer_radps = scenario.law.disturbance_observer_radps
@@ -120,13 +120,13 @@ class FormationController:
         if not scenario.hovers:
             self.estimator.observe_wind(scenario.law.disturbance_observer_radps)
 
-    def places_m(self, now: Instant) -> Array:
-        """Return all positions, (C, 3) forward, right and up of the leader, minus the slots' lifts over terrain."""
-        places_m = places_from_leader(self.estimator.filters, self.plan.leader, self._frame, now)
-        return places_m - np.array([(0.0, 0.0, offset_m) for offset_m in self._slots.terrain_offset_m])
+    def positions_m(self, now: Instant) -> Array:
+        """Return all positions, (C, 3) forward, right and up of the leader, minus terrain-clearance offsets."""
+        positions_m = positions_from_leader(self.estimator.filters, self.plan.leader, self._frame, now)
+        return positions_m - np.array([(0.0, 0.0, offset_m) for offset_m in self._slots.terrain_offset_m])
 
     def ahead_m(self, seconds: float) -> list[tuple[float, float]]:
-        """Return the leader's way along its route within some time: points north and east of its place, m."""
+        """Return the leader's path along its route within some time: points north and east of its position, m."""
         if self.fault is not None:
             return self._straight_on.ahead_m(seconds)
         route, begin_m = self.guidance.route, self.guidance.distance_m
@@ -152,7 +152,7 @@ class FormationController:
         if self._virtual is not None and self.fault is None:
             self._place_virtual_leader(self._virtual, now)
         self._limit_speeds(links)
-        self._steering.lag_of_turn()
+        self._steering.set_turn_time_constant()
         self._acts = self._acts_at(now, links)
         return self._blank_tick(now, mission_time_s, phase, links, margin_used)
 
@@ -256,7 +256,7 @@ class FormationController:
         return Tick(now, mission_time_s, phase, self.plan.leader, links, age_s, list(margin_used), active)
 
     def bound(self, index: int, accel_max_mps2: float, turn_rate_max_rps: float, climb_max_mps: float) -> None:
-        """Bound a vehicle's setpoints by limits that it has reported; the leader's way is for the slowest climb."""
+        """Bound a vehicle's setpoints by limits that it has reported; the leader's path is for the slowest climb."""
         self.models[index].bound(accel_max_mps2, turn_rate_max_rps, climb_max_mps)
         self.guidance.climb_max_mps = min(self.guidance.climb_max_mps, climb_max_mps)
 
@@ -292,8 +292,8 @@ class FormationController:
         cycle_input = CycleInput(
             states, lead, slots, self.history, variance, tick.active, self._bandwidth.shares, replaced
         )
-        if commanded_slots is not self._placed:  # the same list while the slots don't change
-            self._placed = commanded_slots
+        if commanded_slots is not self._commanded_slots:  # the same list while the slots don't change
+            self._commanded_slots = commanded_slots
             self.slots_m = [(each.forward_m, each.right_m, each.up_m) for each in commanded_slots]
             self.slots_m[tick.leader] = UNKNOWN
         tick.slots_m = self.slots_m
@@ -349,5 +349,5 @@ class FormationController:
 
 def _acts(now: Instant, link: VehicleLink) -> int:
     """Return when a setpoint sent now acts; without a vehicle on the link it acts at once."""
-    way_s = link.on_its_way_s
-    return now + nanoseconds((0.0 if math.isnan(way_s) else way_s) + link.lag_s)
+    uplink_s = link.uplink_delay_s
+    return now + nanoseconds((0.0 if math.isnan(uplink_s) else uplink_s) + link.further_delay_s)

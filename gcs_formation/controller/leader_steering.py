@@ -21,7 +21,7 @@ from gcs_formation.extend.in_flight import OnTicks
 from gcs_formation.guidance.lateral import TurnBounds, bend_max_rps2
 from gcs_formation.guidance.leader_commands import LeaderCommand, LeaderCommands
 from gcs_formation.guidance.slots import FormationPlan
-from gcs_formation.guidance.turn_on_spot import NOSE_LAG_S
+from gcs_formation.guidance.turn_on_spot import NOSE_TAU_S
 from gcs_formation.recorder import Tick
 
 
@@ -32,7 +32,7 @@ class LeaderSteering:
     """The height setpoint by which the leader would keep to its path in still air, whatever it says of its own."""
 
     _turning: int | None = None
-    _course_lag_s: float = math.nan
+    _course_tau_s: float = math.nan
     """The index of a leader that turns on the spot, and the time constant of its course."""
 
     _decided_rad: float = math.nan
@@ -63,14 +63,14 @@ class LeaderSteering:
         if self._steps is not None:
             self._steps.drop_state()
 
-    def lag_of_turn(self) -> None:
+    def set_turn_time_constant(self) -> None:
         """Give a leader that turns on the spot the time constant of its yaw, and that of its course back later."""
         index = self._plan.leader if self.guidance.turn is not None else None
         if index != self._turning:
             if self._turning is not None:
-                self._models[self._turning].tau_psi_s = self._course_lag_s
+                self._models[self._turning].tau_psi_s = self._course_tau_s
             if index is not None:
-                self._course_lag_s, self._models[index].tau_psi_s = self._models[index].tau_psi_s, NOSE_LAG_S
+                self._course_tau_s, self._models[index].tau_psi_s = self._models[index].tau_psi_s, NOSE_TAU_S
             self._turning = index
 
     def before_filters(self, tick: Tick) -> None:

@@ -42,7 +42,7 @@ class VirtualLeader:
         )
 
     def begins(self, *, flown: bool) -> bool:
-        """Return whether its place is its followers' centroid; `flown`: it has had setpoints."""
+        """Return whether its position is its followers' centroid; `flown`: it has had setpoints."""
         return self._as_centroid or not flown
 
     def place_at_centroid(self, now: Instant, slots: list[Slot], speed_mps: float, turn_rps: float) -> None:
@@ -70,10 +70,10 @@ class VirtualLeader:
         self._filters[VIRTUAL].place(state, now)
 
     def flown_on(self, now: Instant) -> FlightState | None:
-        """Return its present state, predicted through its setpoints; None before it has a place."""
-        placed = self._filters[VIRTUAL]
-        if placed.state is None:
+        """Return its present state, predicted through its setpoints; None before it has a position."""
+        known = self._filters[VIRTUAL]
+        if known.state is None:
             return None
-        state = placed.state.copy()
-        self._history.carry(state, placed.stamp, now, VIRTUAL, self._model)
+        state = known.state.copy()
+        self._history.carry(state, known.stamp, now, VIRTUAL, self._model)
         return state

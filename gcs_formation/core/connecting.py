@@ -46,9 +46,9 @@ class Restarts(Stage):
     def run(self, cycle: Cycle) -> None:
         """Look at each vehicle."""
         cycle.restarted.clear()
-        for place, vehicle in enumerate(cycle.each):
-            if vehicle.restarts > self._handled[place]:
-                self._handled[place] = vehicle.restarts
+        for index, vehicle in enumerate(cycle.each):
+            if vehicle.restarts > self._handled[index]:
+                self._handled[index] = vehicle.restarts
                 cycle.controller.estimator.restart_filter(vehicle.index)
                 cycle.restarted.append(vehicle.index)
                 cycle.log_event(cycle.now, "restarted", "its clock has begun again", vehicle)

@@ -191,9 +191,9 @@ class Cycle:
         holds = self._holds
         holds[ALWAYS], holds[EACH_SECOND] = True, second
         holds[IN_COMMAND] = holds[NOT_IN_COMMAND] = holds[LED] = False
-        for place in range(len(stages)):
-            if holds[whens[place]]:
-                stages[place].run(self)
+        for index in range(len(stages)):
+            if holds[whens[index]]:
+                stages[index].run(self)
 
     def decide(self) -> None:
         """Decide, by the phase, whether this cycle commands the formation."""

@@ -6,8 +6,9 @@ airspeed inside the envelope. This synthetic airspeed then replaces it: the wind
 it is still estimated. A gust changes airspeed or velocity over ground but keeps the airspeed within the envelope, so
 gusts are accepted whatever their size.
 
-Autopilots report and accept readings: equivalent airspeed, if the sensor is calibrated. At density altitude true
-airspeed is higher, by 8 % at 1600 m. Used as true airspeed, readings show a wind that turns with the aircraft.
+Autopilots report and accept readings, indicated airspeed (IAS): equivalent airspeed (EAS), if the sensor is calibrated.
+At density altitude true airspeed is higher, by 8 % at 1600 m. Used as true airspeed, readings show a wind that turns
+with the aircraft.
 
 The scale of the readings is estimated from the wind triangle: velocity over ground is wind plus the scaled reading
 along the heading. In turns, scale and wind can be distinguished. The equation is linear in both, so a Kalman filter of
@@ -80,7 +81,7 @@ class AirspeedCheck:
         self._stamp_s: float = math.nan
         self._plausible_s: float = 0.0
         """How long rejected readings have been plausible again."""
-        self.believes = True
+        self.accepted = True
         """Whether the newest reading is accepted."""
         self.synthetic_mps: float = math.nan
         """The newest true airspeed by velocity over ground and wind."""
@@ -91,7 +92,7 @@ class AirspeedCheck:
         north_mps: float,
         east_mps: float,
         heading_rad: float,
-        reading_mps: float,
+        ias_mps: float,
         ratio: float,
     ) -> bool:
         """Return whether an aircraft's reading in the air is accepted.
@@ -101,40 +102,40 @@ class AirspeedCheck:
             north_mps: velocity over ground.
             east_mps: likewise.
             heading_rad: of the nose.
-            reading_mps: what the sensor reads.
+            ias_mps: indicated airspeed, what the sensor reads.
             ratio: of true airspeed to the reading.
         """
         cos, sin = math.cos(heading_rad), math.sin(heading_rad)
         begins, elapsed_s = math.isnan(self._stamp_s), stamp_s - self._stamp_s
         self._stamp_s = stamp_s
         self.synthetic_mps = (north_mps - self._north_mps) * cos + (east_mps - self._east_mps) * sin
-        self._judge(reading_mps, self.synthetic_mps / ratio, elapsed_s)
-        airspeed_mps = ratio * reading_mps if self.believes else self.synthetic_mps
+        self._judge(ias_mps, self.synthetic_mps / ratio, elapsed_s)
+        airspeed_mps = ratio * ias_mps if self.accepted else self.synthetic_mps
         share = 1.0 if begins else 1.0 - math.exp(-max(elapsed_s, 0.0) / WIND_S)
         self._north_mps += share * (north_mps - airspeed_mps * cos - self._north_mps)
         self._east_mps += share * (east_mps - airspeed_mps * sin - self._east_mps)
-        return self.believes
+        return self.accepted
 
-    def _judge(self, reading_mps: float, expected_mps: float, elapsed_s: float) -> None:
-        if self.believes:
-            self.believes = self._is_plausible(reading_mps, expected_mps, 1.0) or not self._is_flown(expected_mps, 1.0)
+    def _judge(self, ias_mps: float, expected_mps: float, elapsed_s: float) -> None:
+        if self.accepted:
+            self.accepted = self._is_plausible(ias_mps, expected_mps, 1.0) or not self._is_flown(expected_mps, 1.0)
             self._plausible_s = 0.0
             return
         self._plausible_s += elapsed_s
-        if not self._is_plausible(reading_mps, expected_mps, RETURN_SHARE):
+        if not self._is_plausible(ias_mps, expected_mps, RETURN_SHARE):
             self._plausible_s = 0.0
-        self.believes = self._plausible_s >= RETURN_S
+        self.accepted = self._plausible_s >= RETURN_S
 
-    def _is_plausible(self, reading_mps: float, expected_mps: float, share: float) -> bool:
+    def _is_plausible(self, ias_mps: float, expected_mps: float, share: float) -> bool:
         """Return whether a reading is in the envelope or as expected, within a share of the margins."""
-        off_mps = abs(reading_mps - expected_mps)
-        return off_mps < share * OFF_SHARE * self._slowest_mps or self._is_flown(reading_mps, share)
+        off_mps = abs(ias_mps - expected_mps)
+        return off_mps < share * OFF_SHARE * self._slowest_mps or self._is_flown(ias_mps, share)
 
-    def _is_flown(self, reading_mps: float, share: float) -> bool:
+    def _is_flown(self, ias_mps: float, share: float) -> bool:
         """Return whether a reading is in the envelope, within a share of its margins around the airspeed limits."""
         lowest = 1.0 - share * (1.0 - SLOWEST_SHARE)
         highest = 1.0 + share * (FASTEST_SHARE - 1.0)
-        return lowest * self._slowest_mps <= reading_mps <= highest * self._fastest_mps
+        return lowest * self._slowest_mps <= ias_mps <= highest * self._fastest_mps
 
 
 class AirspeedScale:
@@ -168,11 +169,11 @@ class AirspeedScale:
         self._slowest_mps = max(self._slowest_mps, slowest_mps)
         self._fastest_mps = min(self._fastest_mps, fastest_mps)
 
-    def true(self, reading_mps: float) -> float:
+    def true(self, ias_mps: float) -> float:
         """Return the true airspeed of a reading."""
-        return self.ratio * reading_mps
+        return self.ratio * ias_mps
 
-    def reading(self, true_mps: float) -> float:
+    def indicated(self, true_mps: float) -> float:
         """Return the reading to command for a true airspeed, within the limits."""
         return within(true_mps / self.ratio, self._slowest_mps, self._fastest_mps)
 
@@ -181,7 +182,7 @@ class AirspeedScale:
         stamp_s: float,
         above_sea_m: float,
         velocity_mps: tuple[float, float, float],
-        reading_mps: float,
+        ias_mps: float,
         heading_rad: float,
     ) -> None:
         """Take a wind triangle of an aircraft in the air.
@@ -190,16 +191,16 @@ class AirspeedScale:
             stamp_s: when it was measured, by the vehicle's clock.
             above_sea_m: the height.
             velocity_mps: over ground: north, east and up.
-            reading_mps: what the sensor reads.
+            ias_mps: indicated airspeed, what the sensor reads.
             heading_rad: of the nose.
         """
         by_density = true_by_equivalent_airspeed(above_sea_m)
         gap_s = stamp_s - self._stamp_s
-        if not 0.0 <= gap_s < PERIOD_S and reading_mps >= MIN_MPS:
+        if not 0.0 <= gap_s < PERIOD_S and ias_mps >= MIN_MPS:
             self._stamp_s = stamp_s
             self._predict(gap_s)
             north_mps, east_mps, climb_mps = velocity_mps
-            level_mps = math.sqrt(max(squared(by_density * reading_mps) - squared(climb_mps), 0.0))
+            level_mps = math.sqrt(max(squared(by_density * ias_mps) - squared(climb_mps), 0.0))
             self._update((1.0, 0.0, level_mps * math.cos(heading_rad)), north_mps)
             self._update((0.0, 1.0, level_mps * math.sin(heading_rad)), east_mps)
             self._states[2] = within(self._states[2], *SCALES)

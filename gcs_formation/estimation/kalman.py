@@ -71,9 +71,9 @@ class LevelCovariance:
 
     def gust(self, variance: float, elapsed_s: float) -> None:
         """Add a step of the wind, of `variance` north and east, at an unknown time in the last `elapsed_s`."""
-        place, both = variance * elapsed_s**2 / 3, variance * elapsed_s / 2
-        self.north = plus(self.north, 1.0, (place, 0.0, 0.0, 0.0, both, 0.0))
-        self.east = plus(self.east, 1.0, (0.0, place, 0.0, 0.0, 0.0, both))
+        position, both = variance * elapsed_s**2 / 3, variance * elapsed_s / 2
+        self.north = plus(self.north, 1.0, (position, 0.0, 0.0, 0.0, both, 0.0))
+        self.east = plus(self.east, 1.0, (0.0, position, 0.0, 0.0, 0.0, both))
         self.wind_north = plus(self.wind_north, 1.0, (both, 0.0, 0.0, 0.0, variance, 0.0))
         self.wind_east = plus(self.wind_east, 1.0, (0.0, both, 0.0, 0.0, 0.0, variance))
 

@@ -29,7 +29,7 @@ RESOLUTION = np.array((0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
 UNDECLARED = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 """Initial standard deviations where none are declared, for a real autopilot's estimates. Tuned: m, m, m/s, m/s, m/s,
 rad; 0.3 to 3 times these; by judgement."""
-MAX_PLACE: Final = 30.0 * 30.0
+MAX_POSITION: Final = 30.0 * 30.0
 """Largest variance of positions and heights, m². Tuned: m²; 20² to 50²; by judgement."""
 MAX_VELOCITY: Final = 5.0 * 5.0
 """Largest variance of velocities and climbs, (m/s)². Tuned: (m/s)²; 3² to 8²; by judgement."""
@@ -113,11 +113,11 @@ class VehicleNoise:
         self._before = now
         self.samples += 1.0
         share = 1.0 / min(self.samples + FIRST_MEMORY, MEMORY)
-        place = (0.0 - now[0] * before[0] - now[1] * before[1]) / 2.0
+        position = (0.0 - now[0] * before[0] - now[1] * before[1]) / 2.0
         velocity = (0.0 - now[3] * before[3] - now[4] * before[4]) / 2.0
         self.by_quantity = (
-            within(known[0] + share * (place - known[0]), minimum[0], MAX_PLACE),
-            within(known[1] + share * (0.0 - now[2] * before[2] - known[1]), minimum[1], MAX_PLACE),
+            within(known[0] + share * (position - known[0]), minimum[0], MAX_POSITION),
+            within(known[1] + share * (0.0 - now[2] * before[2] - known[1]), minimum[1], MAX_POSITION),
             within(known[2] + share * (velocity - known[2]), minimum[2], MAX_VELOCITY),
             within(known[3] + share * (0.0 - now[5] * before[5] - known[3]), minimum[3], MAX_VELOCITY),
             within(known[4] + share * (0.0 - now[6] * before[6] - known[4]), minimum[4], MAX_AIRSPEED),
@@ -127,14 +127,14 @@ class VehicleNoise:
 
 
 def _squares(sigma: Quantities) -> Quantities:
-    place, height, velocity, climb, airspeed, heading = sigma
-    return squared(place), squared(height), squared(velocity), squared(climb), squared(airspeed), squared(heading)
+    position, height, velocity, climb, airspeed, heading = sigma
+    return squared(position), squared(height), squared(velocity), squared(climb), squared(airspeed), squared(heading)
 
 
 def _by_value(quantities: Quantities) -> Values:
     """Return each quantity's figure for the values of a sample."""
-    place, height, velocity, climb, airspeed, heading = quantities
-    return place, place, height, velocity, velocity, climb, airspeed, heading
+    position, height, velocity, climb, airspeed, heading = quantities
+    return position, position, height, velocity, velocity, climb, airspeed, heading
 
 
 def _clipped(increments: Values, spread: Values, noise: Values) -> Values:
@@ -207,11 +207,11 @@ def excesses(difference: Values, own: Values, elapsed_s: float) -> Values:
 
     `difference`: the innovations, which have the variances `own`.
     """
-    place = squared(elapsed_s)
+    position = squared(elapsed_s)
     return (
-        _excess(difference[0], own[0], place),
-        _excess(difference[1], own[1], place),
-        _excess(difference[2], own[2], place),
+        _excess(difference[0], own[0], position),
+        _excess(difference[1], own[1], position),
+        _excess(difference[2], own[2], position),
         _excess(difference[3], own[3], UNKNOWN_MOTION),
         _excess(difference[4], own[4], UNKNOWN_MOTION),
         _excess(difference[5], own[5], UNKNOWN_MOTION),

@@ -37,16 +37,16 @@ class SentSetpoints:
         if self.end - self.first == length:
             self.first += 1
         if self.end == len(self.acts):
-            for place in range(self.first, self.end):
-                self._move(place, place - self.first)
+            for index in range(self.first, self.end):
+                self._move(index, index - self.first)
             self.first, self.end = 0, length - 1
         self.acts[self.end] = acts
         self.end += 1
         self.record((math.nan, math.nan, math.nan))
 
-    def _move(self, place: i64, to: i64) -> None:
-        self.acts[to], self._speeds_mps[to] = self.acts[place], self._speeds_mps[place]
-        self._headings_rad[to], self._heights_m[to] = self._headings_rad[place], self._heights_m[place]
+    def _move(self, index: i64, to: i64) -> None:
+        self.acts[to], self._speeds_mps[to] = self.acts[index], self._speeds_mps[index]
+        self._headings_rad[to], self._heights_m[to] = self._headings_rad[index], self._heights_m[index]
 
     def record(self, setpoint: Vector3) -> None:
         """Set the setpoint of the tick that was begun last."""
@@ -100,11 +100,11 @@ class SentSetpoints:
 
     def respond(self, state: FlightState, since: i64, until: i64, model: AutopilotModel) -> None:
         """Predict the vehicle's `state`: see `SetpointHistory.respond`."""
-        steps, place = (until - since) // RESPOND_NS + 1, self.acting(since)
+        steps, index = (until - since) // RESPOND_NS + 1, self.acting(since)
         step = (until - since) // steps
         for _ in range(steps):
-            place = self.later(place, since)
-            speed_mps, heading_rad, height_m = self.mean(place, since, since + step)
+            index = self.later(index, since)
+            speed_mps, heading_rad, height_m = self.mean(index, since, since + step)
             speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
             if model.may_hover:
                 respond_hovering(state, model, speed_mps, heading_rad, height_m, float(step) / NANOSECONDS)

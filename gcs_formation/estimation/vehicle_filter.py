@@ -195,12 +195,12 @@ class VehicleFilter:
         climb, speed, heading = walk
         self.level.predict(self._jacobian, elapsed_s, model)
         self.height.predict(elapsed_s, model)
-        of_place, wind = squared(WITHOUT_WIND), 0.0
+        of_position, wind = squared(WITHOUT_WIND), 0.0
         if self.wind_radps > 0.0:
-            of_place, noise_mps = self.drift.variance, math.sqrt(variances[3] + variances[6])
+            of_position, noise_mps = self.drift.variance, math.sqrt(variances[3] + variances[6])
             wind = min(WIND_WALK, self.wind_radps * noise_mps / self._root_hz)
         of_wind = squared(wind)
-        self.level.grow((of_place, of_place, squared(speed), squared(heading), of_wind, of_wind), elapsed_s)
+        self.level.grow((of_position, of_position, squared(speed), squared(heading), of_wind, of_wind), elapsed_s)
         self.height.climb += squared(climb) * elapsed_s
 
     def _wind_of(self, values: Values) -> tuple[float, float]:

@@ -52,9 +52,9 @@ class GroundFloor:
         highest = int(np.argmax(height_m))
         return HighestGround(float(height_m[highest]) + self._clearance_m, float(north[highest]), float(east[highest]))
 
-    def highest(self, places: Iterable[tuple[float, float]]) -> HighestGround:
+    def highest(self, positions: Iterable[tuple[float, float]]) -> HighestGround:
         """Return the highest `top` of several positions; an upper bound excludes most without evaluation."""
-        begins, best = list(places), HighestGround(-math.inf, math.nan, math.nan)
+        begins, best = list(positions), HighestGround(-math.inf, math.nan, math.nan)
         if self._ground is None or not begins:
             return best
         north_m, east_m = np.array([north for north, _ in begins]), np.array([east for _, east in begins])
@@ -81,7 +81,7 @@ class GroundFloor:
         north, east = _disc(around_m)
         return float(np.nan_to_num(self._ground.height(north_m + north, east_m + east), nan=-math.inf).max())
 
-    def over_way(self, begin_m: tuple[float, float], end_m: tuple[float, float]) -> float:
+    def over_leg(self, begin_m: tuple[float, float], end_m: tuple[float, float]) -> float:
         """Return the lowest height for flying straight between two positions and circling at the second, m."""
         if self._ground is None:
             return -math.inf
@@ -99,10 +99,10 @@ def _disc(radius_m: float) -> tuple[Array, Array]:
 
 
 def loiter_heights(
-    places: Mapping[VehicleId, ReportedMotion],
+    motions: Mapping[VehicleId, ReportedMotion],
     floor_m: float,
     taken: Sequence[Band] = (),
-    apart_m: float = STACK_M,
+    separation_m: float = STACK_M,
     *,
     together: bool = False,
     first: Mapping[VehicleId, frozenset[VehicleId]] = NO_ORDER,
@@ -110,23 +110,24 @@ def loiter_heights(
 ) -> dict[VehicleId, float]:
     """Return a height above the origin for each vehicle, m; none below its present height or `floor_m`.
 
-    From the lowest vehicle up, each gets the lowest height that is `apart_m` from its neighbours' and from the `taken`
-    ones. So no vehicle descends, and few cross another's height. `together`: all circle at one position; `first`: those
-    that leave downwards before each, and so are below it; `kept_m`: heights of other vehicles, which keep them.
+    From the lowest vehicle up, each gets the lowest height that is `separation_m` from its neighbours' and from the
+    `taken` ones. So no vehicle descends, and few cross another's height. `together`: all circle at one position;
+    `first`: those that leave downwards before each, and so are below it; `kept_m`: heights of other vehicles, which
+    keep them.
     """
     heights, taken = dict[VehicleId, float](), [*taken, *((height_m, height_m) for height_m in kept_m.values())]
-    for identity in _upwards(places, first):
-        near = [(heights[i], heights[i]) for i in heights if together or may_meet(places[identity], places[i])]
+    for identity in _upwards(motions, first):
+        near = [(heights[i], heights[i]) for i in heights if together or may_meet(motions[identity], motions[i])]
         below = (each[i] for i in first.get(identity, ()) for each in (heights, kept_m) if i in each)
-        heights[identity] = _free_m(max(places[identity].height_m, floor_m, *below), (*near, *taken), apart_m)
+        heights[identity] = _free_m(max(motions[identity].height_m, floor_m, *below), (*near, *taken), separation_m)
     return heights
 
 
 def _upwards(
-    places: Mapping[VehicleId, ReportedMotion], first: Mapping[VehicleId, frozenset[VehicleId]]
+    motions: Mapping[VehicleId, ReportedMotion], first: Mapping[VehicleId, frozenset[VehicleId]]
 ) -> list[VehicleId]:
     """Return vehicles by their heights, but those that leave downwards before others before these."""
-    waiting, found = sorted(places, key=lambda each: (places[each].height_m, each)), list[VehicleId]()
+    waiting, found = sorted(motions, key=lambda each: (motions[each].height_m, each)), list[VehicleId]()
     while waiting:
         following = next((each for each in waiting if not first.get(each, frozenset()) & set(waiting)), waiting[0])
         waiting.remove(following)
@@ -139,9 +140,9 @@ def may_meet(one: ReportedMotion, other: ReportedMotion) -> bool:
     return math.hypot(one.north_m - other.north_m, one.east_m - other.east_m) < CIRCLES_MEET_M
 
 
-def _free_m(height_m: float, taken: Sequence[Band], apart_m: float) -> float:
-    """Return the lowest height from `height_m` up that is `apart_m` from all taken ones."""
+def _free_m(height_m: float, taken: Sequence[Band], separation_m: float) -> float:
+    """Return the lowest height from `height_m` up that is `separation_m` from all taken ones."""
     for low_m, high_m in sorted(taken):
-        if low_m - apart_m < height_m < high_m + apart_m:
-            height_m = high_m + apart_m
+        if low_m - separation_m < height_m < high_m + separation_m:
+            height_m = high_m + separation_m
     return height_m

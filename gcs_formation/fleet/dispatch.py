@@ -60,7 +60,7 @@ class Dispatch:
             link, clock = links[vehicle.index], vehicle.clock
             link.ready = vehicle.member is Member.FLYING
             link.delay_s, link.asymmetry_s = clock.one_way_s, clock.asymmetry_s
-            if vehicle.round_trips.knows_ways:
+            if vehicle.round_trips.knows_asymmetry:
                 link.up_s, link.down_s = vehicle.round_trips.up_down_s
             link.jitter_s = vehicle.jitter.jitter_s
             link.airborne, link.flew = vehicle.airborne, vehicle.flew
@@ -68,17 +68,17 @@ class Dispatch:
             if may_loiter or not link.ready:
                 link.circling, link.flies_home_m = vehicle.circles, vehicle.flies_home_m
                 link.holds_at_m = math.nan if vehicle.member is Member.PARTED else vehicle.holds_at_m
-                if vehicle.autopilot.stands and vehicle.member is Member.HOLDING:
+                if vehicle.autopilot.hovers and vehicle.member is Member.HOLDING:
                     link.brakes = vehicle.holds_from
             link.received_at = vehicle.round_trips.received_at(now)
             link.dead_s = self._dead_s[vehicle.index]
-            link.lag_s = clock.loop_s / 2 + link.dead_s
+            link.further_delay_s = clock.loop_s / 2 + link.dead_s
             link.disobeying = may_loiter or disobeying[vehicle.index]
             link.speeds_mps = vehicle.autopilot.speeds_mps
-            link.stands_after_s, link.returns_after_s = vehicle.stands_after_s, vehicle.returns_after_s
+            link.hovers_after_s, link.returns_after_s = vehicle.hovers_after_s, vehicle.returns_after_s
             link.home_m = vehicle.telemetry.home_m
         hold_s = self._hold_s(leader, links)
-        links[leader].lag_s += hold_s
+        links[leader].further_delay_s += hold_s
         return links, hold_s
 
     def accept(self, tick: Tick, hold_s: float, now: Instant) -> None:

@@ -207,22 +207,22 @@ class Membership:
         """Return the height at which a vehicle loiters clear of all others, m."""
         if self._circles_m is not None and vehicle.identity in self._circles_m:
             return self._circles_m[vehicle.identity]
-        places = {i: v.telemetry.motion for i, v in self._vehicles.items() if v.telemetry.motion}
+        motions = {i: v.telemetry.motion for i, v in self._vehicles.items() if v.telemetry.motion}
         if now != self._floor_at:
-            top = self._ground.highest((place.north_m, place.east_m) for place in places.values())
+            top = self._ground.highest((each.north_m, each.east_m) for each in motions.values())
             self._floor_at, self._floor_m = now, top.height_m
         # Those that loiter already keep the heights that they were commanded to, wherever they are on their way there.
         kept_m = {
             i: each.holds_at_m
             for i, each in self._vehicles.items()
-            if i in places and each is not vehicle and each.member in KEEP_HEIGHTS and not math.isnan(each.holds_at_m)
+            if i in motions and each is not vehicle and each.member in KEEP_HEIGHTS and not math.isnan(each.holds_at_m)
         }
-        own, homeward = places.get(vehicle.identity), vehicle.member is Member.HOMEWARD
+        own, homeward = motions.get(vehicle.identity), vehicle.member is Member.HOMEWARD
         at_home = {i for i in kept_m if homeward and self._vehicles[i].member is Member.HOMEWARD}
-        near = [i for i in kept_m if i in at_home or (own is not None and may_meet(own, places[i]))]
+        near = [i for i in kept_m if i in at_home or (own is not None and may_meet(own, motions[i]))]
         taken = [(kept_m[i], kept_m[i]) for i in near]
-        free = {i: place for i, place in places.items() if i not in kept_m}
+        free = {i: motion for i, motion in motions.items() if i not in kept_m}
         floor_m, home_m = self._floor_m, vehicle.telemetry.home_m
         if homeward and own is not None and home_m is not None:
-            floor_m = max(floor_m, self._ground.over_way((own.north_m, own.east_m), home_m))
+            floor_m = max(floor_m, self._ground.over_leg((own.north_m, own.east_m), home_m))
         return loiter_heights(free, floor_m, taken)[vehicle.identity]

@@ -16,6 +16,7 @@ from flight_model.legs.speeds import SpeedProfile
 from flight_model.path import FlightPath, Route
 from flight_model.path_offsets import DisplacedPath
 from flight_model.stops.turning import MIN_S
+from gcs_formation.guidance.join_route import JoinRoute, join, joins
 from gcs_formation.guidance.lateral import LateralGuidance, TurnBounds
 from gcs_formation.guidance.timed_progress import Due, TimedProgress
 from gcs_formation.guidance.tracking import (
@@ -28,7 +29,6 @@ from gcs_formation.guidance.tracking import (
     route_heading,
 )
 from gcs_formation.guidance.turn_on_spot import TurnOnSpot
-from gcs_formation.guidance.way_to_run_in import JoinRoute, join, joins
 
 DECISION_S: Final = 2.0
 """How long before the path's start it is decided whether to begin the path or to fly another holding pattern."""
@@ -44,12 +44,13 @@ turn's end, where their heading loops have their whole bandwidth."""
 FIRST_STRAIGHTS: Final[tuple[float, ...]] = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 """Multiples of it that are tried."""
 JOINED_S: Final = 80.0
-"""How long a formation takes to join up: planned ways to slots begin up to 27 s after the last is ready, and take 53 s
-(four aircraft in a row, `tests/flights/test_joining_up.py`). A shorter way than that would end in a holding pattern."""
+"""How long a formation takes to join up: planned trajectories to slots begin up to 27 s after the last is ready, and
+take 53 s (four aircraft in a row, `tests/flights/test_joining_up.py`). A shorter route than that would end in a holding
+pattern."""
 ON_EXTENSION_M: Final = 60.0
 ON_EXTENSION_RAD: Final = math.radians(30.0)
 ON_PATH_M, ON_PATH_RAD = 10.0, math.radians(10.0)
-"""Within these limits the leader is on the path, and needs no way back."""
+"""Within these limits the leader is on the path, and needs no route back."""
 RETURNS: Final = 8
 """Number of points of the path that are tried for a return, each a turn's radius farther than the one before."""
 CLIMB_SHARE: Final = 0.7
@@ -65,7 +66,7 @@ class LeaderGuidance:
     run_in_m: float
     hold_speed_mps: float
     hold_turn_rps: float
-    """Speed and rate of turns before the path, and on the way back to it, which followers can fly."""
+    """Speed and rate of turns before the path, and on the route back to it, which followers can fly."""
     climb_max_mps: float
     settle_s: float = SETTLE_S
     """Straight flight between a turn and the path; it is lengthened by as much with each holding pattern."""
@@ -74,7 +75,7 @@ class LeaderGuidance:
     fence: HoldingPatternFence | None = None
     """Fence that holding patterns are to fit into."""
     speeds: SpeedProfile | None = None
-    """Planned airspeed along the path, until another speed is ordered; None: `speed_mps` all the way."""
+    """Planned airspeed along the path, until another speed is ordered; None: `speed_mps` throughout."""
     timed: TimedProgress | None = None
     """Progress by a timetable along a path with stops, in place of `speeds`."""
     hovers: bool = False
@@ -88,7 +89,7 @@ class LeaderGuidance:
     centroid_m: tuple[float, float] | None = None
     """Range of distances along the path where the leader is when it is first steered; None: before the path's start."""
     joins_m: float | None = None
-    """Distance along the path at which the way that returns to it ends."""
+    """Distance along the path at which the route that returns to it ends."""
     turn: TurnOnSpot | None = None
     """Turn of a hovering leader, whose final heading it then holds; None: it faces along its route."""
     dt_s: float = 0.1
@@ -106,7 +107,7 @@ class LeaderGuidance:
 
     @property
     def on_path(self) -> bool:
-        """Whether the route is the path, its straight run-in, or a new leader's way onto it."""
+        """Whether the route is the path, its straight run-in, or a new leader's route onto it."""
         return self.route is self.path or isinstance(self.route, DisplacedPath)
 
     @property
@@ -268,7 +269,7 @@ class LeaderGuidance:
             self._join(state)
 
     def _return(self, state: FlightState, abreast_m: float) -> None:
-        """Choose a way back to the path from abreast of `abreast_m`, with turns that followers can fly."""
+        """Choose a route back to the path from abreast of `abreast_m`, with turns that followers can fly."""
         point = self.path.at(abreast_m)
         right_m, _ = point.lateral_and_up_m(state.north_m, state.east_m, state.height_m)
         course = course_or_heading(state)
@@ -299,43 +300,43 @@ class LeaderGuidance:
     def _join(self, state: FlightState) -> None:
         """Take the route to the start of the run-in."""
         begin = PathPoint(state.north_m, state.east_m, state.height_m, course_or_heading(state))
-        way = self.holding_pattern if self.rounds else self.first_way
-        self.route, self.distance_m = way(begin, state.wind_north_mps, state.wind_east_mps), 0.0
+        routed = self.holding_pattern if self.rounds else self.first_route
+        self.route, self.distance_m = routed(begin, state.wind_north_mps, state.wind_east_mps), 0.0
 
-    def first_way(self, begin: PathPoint, wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
-        """Return the way from where the leader sets out: the shortest with time enough for the others to join up."""
+    def first_route(self, begin: PathPoint, wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
+        """Return the route from where the leader sets out: the shortest with time enough for the others to join up."""
         first_m = self.first_straight_s * self.speed_mps
         straights_m = sorted({*(each * first_m for each in FIRST_STRAIGHTS), *self._straights_m()})
-        ways = sorted(self._ways(begin, straights_m, wind_north_mps, wind_east_mps), key=self._by_use)
-        return self._fitting([way for way, _ in ways], wind_north_mps, wind_east_mps)
+        routes = sorted(self._routes(begin, straights_m, wind_north_mps, wind_east_mps), key=self._by_use)
+        return self._fitting([route for route, _ in routes], wind_north_mps, wind_east_mps)
 
     def holding_pattern(self, begin: PathPoint, wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
-        """Return the way from a point to the straight before the path: the longest straight, then the shortest way."""
-        ways = self._ways(begin, self._straights_m(), wind_north_mps, wind_east_mps)
-        return self._fitting((way for way, _ in ways), wind_north_mps, wind_east_mps)
+        """Return the route from a point to the straight before the path: the longest straight, then the shortest."""
+        routes = self._routes(begin, self._straights_m(), wind_north_mps, wind_east_mps)
+        return self._fitting((route for route, _ in routes), wind_north_mps, wind_east_mps)
 
-    def _ways(
+    def _routes(
         self, begin: PathPoint, straights_m: Iterable[float], wind_north_mps: float, wind_east_mps: float
     ) -> Iterator[tuple[JoinRoute, float]]:
-        """Yield the ways to straights of these lengths before the path, and the lengths."""
+        """Yield the routes to straights of these lengths before the path, and the lengths."""
         slope = CLIMB_SHARE * self.climb_max_mps / max(self.speed_mps, MIN_MPS)
         radius_m = self.hold_radius_m(wind_north_mps, wind_east_mps)
         for straight_m in straights_m:
-            for way in joins(begin, self.path.at(-straight_m), radius_m, slope):
-                yield way, straight_m
+            for route in joins(begin, self.path.at(-straight_m), radius_m, slope):
+                yield route, straight_m
 
-    def _fitting(self, ways: Iterable[JoinRoute], wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
-        """Return the first way; with a fence, the first that fits into it, or else the one that lacks least room."""
+    def _fitting(self, routes: Iterable[JoinRoute], wind_north_mps: float, wind_east_mps: float) -> JoinRoute:
+        """Return the first route; with a fence, the first that fits into it, or else the one that lacks least room."""
         if self.fence is None:
-            return next(iter(ways))
-        return self.fence.roomiest(iter(ways), self.speed_mps, wind_north_mps, wind_east_mps)
+            return next(iter(routes))
+        return self.fence.roomiest(iter(routes), self.speed_mps, wind_north_mps, wind_east_mps)
 
-    def _by_use(self, way: tuple[JoinRoute, float]) -> tuple[float, float]:
-        """Return the rank of a way and the straight at its end: by what it lacks to join up in time, then its length.
+    def _by_use(self, candidate: tuple[JoinRoute, float]) -> tuple[float, float]:
+        """Return the rank of a route and the straight at its end: by what it lacks to join up in time, then its length.
 
         It is to lead up to the path's height before the straight, and this to be long enough to settle on.
         """
-        route, straight_m = way
+        route, straight_m = candidate
         whole_m, climb_m = route.length_m + straight_m, abs(route.end_height_m - route.begin_height_m) / route.slope
         joined_s = JOINED_S - FIRST_STRAIGHT_S + self.first_straight_s
         settles_m = self.first_straight_s * self.speed_mps - straight_m

@@ -62,7 +62,7 @@ class AlongPath:
         return self._part(self._passed)
 
     def project(self, north_m: float, east_m: float) -> float:
-        """Take a place near to the last one; return the distance along the path."""
+        """Take a position near to the last one; return the distance along the path."""
         if not self._turns_m:
             self.distance_m = project(self._path, north_m, east_m, self.distance_m)
             return self.distance_m
@@ -82,7 +82,7 @@ class AlongPath:
             self._arrived, self._after_m = False, math.inf
 
     def search(self, north_m: float, east_m: float, reach_m: float) -> float:
-        """Take a place anywhere up to `reach_m` farther along the path; return the distance."""
+        """Take a position anywhere up to `reach_m` farther along the path; return the distance."""
         self.distance_m = nearest(self._path, north_m, east_m, self.distance_m, self.distance_m + reach_m)
         self._passed, self._arrived = bisect_right(self._turns_m, self.distance_m), False
         return self.distance_m

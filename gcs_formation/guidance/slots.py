@@ -14,7 +14,7 @@ from formation_scenario.formation import FormationChange
 from formation_scenario.slot_assignment import Arrangement, assigned, slot_schedule
 from formation_scenario.slot_motion import SlotMotion, Transition
 
-APART_S: Final = 0.05
+STEP_S: Final = 0.05
 """Interval of the moments at which slots are evaluated; between them they are extrapolated at constant acceleration.
 Tuned: s; 0.02 to 0.2; by judgement."""
 ACROSS: Final = np.array([1.0, -1.0, 0.0])
@@ -54,7 +54,7 @@ class FormationPlan:
         self._separation_m: Array | None = None
         self._planned_m: Array | None = None
         self._separation_of = self.goal_m
-        """The result of `apart_m`, and the planned distances and goals that it was made from."""
+        """The result of `separation_m`, and the planned distances and goals that it was made from."""
         self._pace, self._late_s = 1.0, 0.0
         """Share of their planned speed at which slots move, and their delay from having waited."""
 
@@ -96,11 +96,11 @@ class FormationPlan:
 
     def _with_those_alongside(self, slots: SlotMotion, now_s: float) -> SlotMotion:
         """Return slots with those alongside the leader: fixed in direction over ground, they turn in its frame."""
-        turn_rps, place_m = self._turn_rps, self._turned_m(now_s)
+        turn_rps, position_m = self._turn_rps, self._turned_m(now_s)
         motion = (
-            (place_m, slots.position_m),
-            (turn_rps * place_m[:, [1, 0, 2]] * ACROSS, slots.velocity_mps),
-            (-(turn_rps**2) * place_m * LEVEL, slots.acceleration_mps2),
+            (position_m, slots.position_m),
+            (turn_rps * position_m[:, [1, 0, 2]] * ACROSS, slots.velocity_mps),
+            (-(turn_rps**2) * position_m * LEVEL, slots.acceleration_mps2),
         )
         return SlotMotion(*(np.where(self.alongside[:, None], theirs, others) for theirs, others in motion))
 
@@ -119,13 +119,13 @@ class FormationPlan:
         if self.at_rest(min(each_s)):
             return self.at(each_s[0], begun=begun)
         times_s = np.array(each_s)
-        coarse = np.round(times_s / APART_S)
+        coarse = np.round(times_s / STEP_S)
         moments = sorted(set(coarse.tolist()))
-        motions = [self.at(moment * APART_S, begun=begun) for moment in moments]
+        motions = [self.at(moment * STEP_S, begun=begun) for moment in moments]
         each = np.array([(m.position_m, m.velocity_mps, m.acceleration_mps2) for m in motions])
         rows = np.searchsorted(moments, coarse)
         near = SlotMotion(*(each[rows, i, np.arange(rows.size)] for i in range(3)))
-        return near.after(times_s - coarse * APART_S)
+        return near.after(times_s - coarse * STEP_S)
 
     def seen_from(self, leader: int, swing_rad: float, now_s: float) -> SlotMotion:
         """Return the slots now, relative to another leader that heads `swing_rad` clockwise of the present one."""
@@ -165,9 +165,9 @@ class FormationPlan:
             self._late_s += late_s
         self._pace = pace
 
-    def fly_alongside(self, which: Mask, place_m: Array) -> None:
+    def fly_alongside(self, which: Mask, position_m: Array) -> None:
         """Let the vehicles in a mask (C,) fly alongside the leader, from positions (C, 3), until the next change."""
-        self._alongside_m = np.where(self.alongside[:, None], self._alongside_m, place_m)
+        self._alongside_m = np.where(self.alongside[:, None], self._alongside_m, position_m)
         self.alongside = self.alongside | which
         self._any_alongside = bool(self.alongside.any())
 
@@ -175,7 +175,7 @@ class FormationPlan:
         """Return whether all slots are at rest from a time on."""
         return now_s >= self._over_s and not self._any_alongside
 
-    def apart_m(self, now_s: float) -> Array | None:
+    def separation_m(self, now_s: float) -> Array | None:
         """Return the minimum planned distances of slots (C, C) while they move; None once all rest in the arrangement.
 
         Without a planned motion, as for vehicles alongside the leader, they are those of the arrangement. The array is
@@ -186,8 +186,8 @@ class FormationPlan:
         planned_m = self._transition.separation_m if now_s < self._over_s else None
         if self._separation_m is None or planned_m is not self._planned_m or self._separation_of is not self.goal_m:
             self._planned_m, self._separation_of = planned_m, self.goal_m
-            apart_m = np.linalg.norm(self.goal_m[:, None] - self.goal_m, axis=-1)
-            self._separation_m = apart_m if planned_m is None else np.minimum(apart_m, planned_m)
+            separation_m = np.linalg.norm(self.goal_m[:, None] - self.goal_m, axis=-1)
+            self._separation_m = separation_m if planned_m is None else np.minimum(separation_m, planned_m)
         return self._separation_m
 
     def settled(self, now_s: float) -> bool:

@@ -1,8 +1,8 @@
 """The leader's progress along a path with stops, by its timetable.
 
-Between two stops it is led to where it is due: a speed as a function of the place would never leave a standstill, and
-would end in one only after infinite time. A leader that is too far from where it is due, as after an outage or when it
-takes the lead, is due where it is.
+Between two stops it is led to where it is due: a speed as a function of the distance would never leave a standstill,
+and would end in one only after infinite time. A leader that is too far from where it is due, as after an outage or when
+it takes the lead, is due where it is.
 
 Only the part of the path up to the next stop is its route, and straight on from there: at a stop the course jumps, and
 the nearest point of the whole could lie on either leg.
@@ -38,15 +38,15 @@ class Due(NamedTuple):
     accel_mps2: float
     """Mean over the tick, for which the setpoint is held."""
     ahead_m: float
-    """How far ahead of the leader the place is where it is due."""
-    stands: bool
+    """How far ahead of the leader the position is where it is due."""
+    hovers: bool
     turn: TurnOnSpot | None
 
-    def setpoint_mps(self, lag_s: float) -> float:
+    def setpoint_mps(self, tau_s: float) -> float:
         """Return the speed setpoint, by (7), with the time constant of the `held` model."""
-        if self.stands:
+        if self.hovers:
             return 0.0
-        return max(self.speed_mps + lag_s * self.accel_mps2 + BACK_RADPS * self.ahead_m, 0.0)
+        return max(self.speed_mps + tau_s * self.accel_mps2 + BACK_RADPS * self.ahead_m, 0.0)
 
 
 @dataclass
@@ -59,7 +59,7 @@ class TimedProgress:
     _hovering: bool = False
     """Whether it was ordered to hover."""
     _time_s: float = math.nan
-    """Time on the timetable; NaN: by the leader's place, at the next tick."""
+    """Time on the timetable; NaN: by the leader's position, at the next tick."""
     _passed: int = 0
     """Number of stops that are behind it."""
     _last: Instant | None = None
@@ -112,7 +112,7 @@ class TimedProgress:
         if self._hovering:
             return None
         if turn is not None and turn is not self._turn and at is not None and not turn.over(at):
-            return Due(0.0, 0.0, 0.0, stands=True, turn=turn)
+            return Due(0.0, 0.0, 0.0, hovers=True, turn=turn)
         table = self.timetable
         self._time_s += min(max(elapsed_s, 0.0), MAX_TICK_S)
         if not math.isnan(self._time_s):
@@ -126,11 +126,11 @@ class TimedProgress:
         pause = self._pause()
         if pause is None:
             accel_mps2, self._turn = (table.after(self._time_s + dt_s)[1] - speed_mps) / dt_s, None
-            return Due(speed_mps, accel_mps2, due_m - distance_m, stands=False, turn=None)
+            return Due(speed_mps, accel_mps2, due_m - distance_m, hovers=False, turn=None)
         since_s = self._time_s - pause.begin_s
         self._turn = self._turn or self._turn_of(pause.passage, since_s, at)
         far = abs(due_m - distance_m) > OFF_M  # a new leader stays where it is
-        return Due(0.0, 0.0, due_m - distance_m, stands=since_s >= SETTLE_S or far, turn=self._turn)
+        return Due(0.0, 0.0, due_m - distance_m, hovers=since_s >= SETTLE_S or far, turn=self._turn)
 
     def _within(self, distance_m: float) -> float:
         """Return a distance within the part that is flown; a new leader may be anywhere."""

@@ -15,12 +15,12 @@ from flight_model.path_offsets import Rise
 from flight_model.slot import LEADS_FROM_MPS
 
 MIN_MPS: Final = 1.0
-"""Lower bound of a speed along a route that is divided by: a vehicle that can hover may stand."""
+"""Lower bound of a speed along a route that is divided by: a vehicle that can hover may hover."""
 NEWTON_STEPS: Final = 3
 NEAR_ENOUGH_M: Final = 1e-9
 NEAREST_STEP_M: Final = 10.0
 INTERCEPT_MAX_RAD: Final = math.radians(30.0)
-"""Largest angle to the path at which a way onto it continues a vehicle's own course."""
+"""Largest angle to the path at which a route onto it continues a vehicle's own course."""
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -51,7 +51,7 @@ def route_heading(point: PathPoint, state: FlightState) -> RouteHeading:
 
 
 def project(route: Route, north_m: float, east_m: float, near_m: float) -> float:
-    """Return the distance along the route of the point nearest to a place, by Newton's method from `near_m`."""
+    """Return the distance along the route of the point nearest to a position, by Newton's method from `near_m`."""
     distance_m = near_m
     for _ in range(NEWTON_STEPS):
         point = route.at(distance_m)
@@ -64,15 +64,15 @@ def project(route: Route, north_m: float, east_m: float, near_m: float) -> float
 
 
 def nearest(route: Route, north_m: float, east_m: float, from_m: float, to_m: float) -> float:
-    """Return the distance along the route of the point nearest to a place, of those between two distances."""
+    """Return the distance along the route of the point nearest to a position, of those between two distances."""
     steps = max(1, math.ceil((to_m - from_m) / NEAREST_STEP_M))
-    places = [from_m + (to_m - from_m) * step / steps for step in range(steps + 1)]
+    candidates = [from_m + (to_m - from_m) * step / steps for step in range(steps + 1)]
 
     def away_m(distance_m: float) -> float:
         point = route.at(distance_m)
         return math.hypot(north_m - point.north_m, east_m - point.east_m)
 
-    return min(max(project(route, north_m, east_m, min(places, key=away_m)), from_m), to_m)
+    return min(max(project(route, north_m, east_m, min(candidates, key=away_m)), from_m), to_m)
 
 
 def height_setpoint_m(point: PathPoint, state: FlightState, model: AutopilotModel) -> float:
@@ -94,7 +94,7 @@ def _along_and_across(state: FlightState, course_rad: float) -> tuple[float, flo
 
 
 class Abreast(NamedTuple):
-    """The position of a vehicle that takes the lead, off a point of the path; its way onto the path begins there."""
+    """The position of a vehicle that takes the lead, off a point of the path; its route onto the path begins there."""
 
     point: PathPoint
     right_m: float
@@ -105,10 +105,10 @@ class Abreast(NamedTuple):
 
         It flies at `speed_mps` along the path and follows the height setpoint `commanded_m`; NaN where there is none.
         """
-        climb_mps, lag_s, other_s = state.climb_mps, model.tau_ha_s, model.tau_hb_s
-        max_mps2 = model.climb_max_mps / (2.0 * (lag_s + other_s))
+        climb_mps, tau_a_s, tau_b_s = state.climb_mps, model.tau_ha_s, model.tau_hb_s
+        max_mps2 = model.climb_max_mps / (2.0 * (tau_a_s + tau_b_s))
         to_climb_m = 0.0 if math.isnan(commanded_m) else commanded_m - state.height_m
-        change_mps2 = (to_climb_m - (lag_s + other_s) * climb_mps) / (lag_s * other_s)
+        change_mps2 = (to_climb_m - (tau_a_s + tau_b_s) * climb_mps) / (tau_a_s * tau_b_s)
         change_mps2 = min(max(change_mps2, -max_mps2), max_mps2)
         # Per metre of the path: on the inside of a bend, the vehicle covers less distance than the path.
         along_mps = max(speed_mps, MIN_MPS) / (1.0 - self.point.curvature_1pm * self.right_m)

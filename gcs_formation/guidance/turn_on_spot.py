@@ -10,8 +10,8 @@ from airlink.clock import Instant, seconds_between
 from flight_model.path_offsets import minimum_jerk
 from flight_model.stops.turning import MIN_S, turn_s
 
-NOSE_LAG_S: Final = 0.44
-"""Time by which a multirotor's yaw is behind its setpoint: as observed in ArduCopter's and PX4's simulators. Tuned: s;
+NOSE_TAU_S: Final = 0.44
+"""Time constant of a multirotor's yaw: as observed in ArduCopter's and PX4's simulators. Tuned: s;
 0.2 to 0.8; shown by flights of ArduCopter's and PX4's simulators."""
 
 
@@ -39,12 +39,12 @@ class TurnOnSpot:
         return self.begin_rad + self.by_rad
 
     def over(self, at: Instant) -> bool:
-        """Whether the turn is complete, also for followers, which face the way their slots swing until then."""
+        """Whether the turn is complete, also for followers, which face as their slots swing until then."""
         return seconds_between(self.begun, at) >= self.duration_s + MIN_S
 
-    def setpoint(self, at: int, lag_s: float) -> tuple[float, float]:
+    def setpoint(self, at: int, tau_s: float) -> tuple[float, float]:
         """Return the heading setpoint at an instant (ns) by a heading time constant, and its rate, rad/s."""
         elapsed_s = seconds_between(self.begun, Instant(at))
         share, rate, change = minimum_jerk(min(max(elapsed_s / self.duration_s, 0.0), 1.0))
         rate, change = rate * self.by_rad / self.duration_s, change * self.by_rad / self.duration_s**2
-        return self.begin_rad + share * self.by_rad + lag_s * rate, rate + lag_s * change
+        return self.begin_rad + share * self.by_rad + tau_s * rate, rate + tau_s * change

@@ -18,10 +18,10 @@ class Delays(NamedTuple):
     round_trip_s: Array
     one_way_s: Array
     """Half the mean of the recent round trips, less the wait for the loop that answers."""
-    scatter_s: Array
+    sigma_s: Array
     """Standard deviation of the recent round trips."""
     asymmetry_s: Array
-    """How much longer the way up takes than half of the round trip, as far as steps have shown it."""
+    """How much longer the delay up is than half of the round trip, as far as steps have shown it."""
     offset_s: Array
     """The vehicle's clock minus ours."""
     drift: Array

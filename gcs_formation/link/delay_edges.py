@@ -64,18 +64,18 @@ class _Edge:
         slope, sign, self._count = self._slope * drift, self._sign, 0
         for begin in range(0, count, BLOCK):
             best, best_s = begin, math.inf
-            for place in range(begin, min(begin + BLOCK, count)):
-                value_s = sign * (delays_s[place] - slope * at_s[place])
+            for index in range(begin, min(begin + BLOCK, count)):
+                value_s = sign * (delays_s[index] - slope * at_s[index])
                 if value_s < best_s:
-                    best, best_s = place, value_s
+                    best, best_s = index, value_s
             self._at[self._count], self._delays[self._count] = at_s[best], delays_s[best]
             self._count += 1
 
     def bound_s(self, drift: float, now_s: float) -> float:
         """Return the edge's delay now, for a drift, times `sign`."""
         slope, sign, min_s = self._slope * drift, self._sign, math.inf
-        for place in range(self._count):
-            min_s = min(min_s, sign * (self._delays[place] + slope * (now_s - self._at[place])))
+        for index in range(self._count):
+            min_s = min(min_s, sign * (self._delays[index] + slope * (now_s - self._at[index])))
         return min_s
 
 
@@ -83,7 +83,7 @@ class DelayEdges:
     """The recent delays of one link, up and down, with the clock's offset in them, and the line through their edges."""
 
     def __init__(self, loop_s: float) -> None:
-        """Start without round trips; `loop_s`: period of the loop that answers, a wait that is part of the way up."""
+        """Start without round trips; `loop_s`: period of the loop that answers, a wait that is part of the delay up."""
         self._loop_s: float = loop_s
         self.offset_s: float = 0.0
         """The vehicle's clock minus ours at the newest round trip, less the offset that is subtracted from all."""
@@ -113,9 +113,9 @@ class DelayEdges:
         """
         if self._count == CAPACITY:
             self._forget_half()
-        place = self._count
-        self._at[place], self._up[place], self._down[place] = at_s, up_s, down_s
-        self._count = place + 1
+        index = self._count
+        self._at[index], self._up[index], self._down[index] = at_s, up_s, down_s
+        self._count = index + 1
         self._new += 1
         if self._count < FEWEST or self._new < self._count // NEW:
             return False
@@ -124,9 +124,9 @@ class DelayEdges:
 
     def _forget_half(self) -> None:
         half = CAPACITY // 2
-        for place in range(half):
-            self._at[place], self._up[place] = self._at[half + place], self._up[half + place]
-            self._down[place] = self._down[half + place]
+        for index in range(half):
+            self._at[index], self._up[index] = self._at[half + index], self._up[half + index]
+            self._down[index] = self._down[half + index]
         self._count = half
 
     def find(self, drift: float) -> bool:
@@ -193,7 +193,7 @@ class DelayEdges:
         return inside_s
 
     def _spread_s(self, drift: float, sign: float) -> tuple[float, float]:
-        """Return how far from the edge a sixteenth of each way's delays lie, and a quarter, summed, s.
+        """Return how far from the edge a sixteenth of each direction's delays lie, and a quarter, summed, s.
 
         `sign`: 1 for the shortest delays, -1 for the longest.
         """
@@ -204,8 +204,8 @@ class DelayEdges:
     def _from_edge(self, delays_s: vec[float], slope: float, sign: float) -> tuple[float, float, float]:
         """Return the smallest of `sign` times the delays without a slope, and those after a sixteenth and a quarter."""
         each, few = self._each, self._count // 16
-        for place in range(self._count):
-            each[place] = sign * (delays_s[place] - slope * self._at[place])
+        for index in range(self._count):
+            each[index] = sign * (delays_s[index] - slope * self._at[index])
         far_s = ranked(each, self._count, 4 * few)
         near_s = ranked(each, 4 * few + 1, few)
         return ranked(each, few + 1, 0), near_s, far_s

@@ -179,8 +179,8 @@ class FrameHistory:
 
     def restart(self) -> None:
         """Take stamps from their beginning: the vehicle has restarted, or another sender is the vehicle now."""
-        for place in range(len(self._newest_s)):
-            self._newest_s[place] = math.nan
+        for index in range(len(self._newest_s)):
+            self._newest_s[index] = math.nan
         self._last.clear()
 
     def _is_old(self, frame: Frame, stamp_s: float) -> bool:
@@ -213,8 +213,8 @@ class FrameHistory:
         return last is None or last[0] == _payload(frame) or now - last[1] > CURRENT_NS
 
     def _knows(self, mark: i64) -> bool:
-        place, bit = mark // BYTE, 1 << mark % BYTE
-        return bool((self._seen[place] | self._seen_before[place]) & bit)
+        index, bit = mark // BYTE, 1 << mark % BYTE
+        return bool((self._seen[index] | self._seen_before[index]) & bit)
 
     def _remember(self, mark: i64, now: Instant) -> None:
         if now - self._renewed > KEPT_NS:

@@ -42,8 +42,8 @@ class RoundTripWindow:
         recent, count, mean_s, total = self._recent, self.count, self.mean_s, 0.0
         if count < 2:
             return 0.0
-        for place in range(count):
-            total += squared(recent[place] - mean_s)
+        for index in range(count):
+            total += squared(recent[index] - mean_s)
         return math.sqrt(total / (float(count) - 1.0))
 
     @property
@@ -54,8 +54,8 @@ class RoundTripWindow:
     def _usual_jitter_s(self, count: i64) -> float:
         """Return the standard deviation of the first `count` round trips by their median absolute deviation."""
         middle_s, each = self._median_s(0, count), self._sorted
-        for place in range(count):
-            each[place] = abs(each[place] - middle_s)
+        for index in range(count):
+            each[index] = abs(each[index] - middle_s)
         return NORMAL * _median(each, count)
 
     @property
@@ -69,8 +69,8 @@ class RoundTripWindow:
 
     def _median_of(self, values: vec[float], begin: i64, end: i64) -> float:
         each = self._sorted
-        for place in range(begin, end):
-            each[place - begin] = values[place]
+        for index in range(begin, end):
+            each[index - begin] = values[index]
         return _median(each, end - begin)
 
     def add(self, round_trip_s: float, off_s: float) -> float:
@@ -81,8 +81,8 @@ class RoundTripWindow:
         recent, off, count = self._recent, self._off, self.count
         if count == WINDOW:
             count -= 1
-            for place in range(count):
-                recent[place], off[place] = recent[place + 1], off[place + 1]
+            for index in range(count):
+                recent[index], off[index] = recent[index + 1], off[index + 1]
         recent[count], off[count] = round_trip_s, off_s
         self.count = count + 1
         known = self.count == WINDOW  # a full window: the first requests may have been delayed by anything
@@ -103,8 +103,8 @@ class RoundTripWindow:
         difference_s = abs(self._median_s(since, self.count) - self._median_s(0, since))
         stepped = difference_s > near_s and difference_s > near_s + FAR * self._usual_jitter_s(since)
         if stepped:
-            for place in range(STEPPED):
-                recent[place], self._off[place] = recent[since + place], self._off[since + place]
+            for index in range(STEPPED):
+                recent[index], self._off[index] = recent[since + index], self._off[since + index]
             self.count = STEPPED
         return stepped
 
@@ -112,27 +112,27 @@ class RoundTripWindow:
     def mean_s(self) -> float:
         """Mean of the recent round trips; NaN before the first."""
         recent, count, total = self._recent, self.count, 0.0
-        for place in range(count):
-            total += recent[place]
+        for index in range(count):
+            total += recent[index]
         return total / float(count) if count else math.nan
 
 
 def _range(values: vec[float], begin: i64, end: i64) -> float:
     """Return the range (maximum minus minimum) of values[begin:end]."""
     smallest = largest = values[begin]
-    for place in range(begin, end):
-        smallest, largest = min(smallest, values[place]), max(largest, values[place])
+    for index in range(begin, end):
+        smallest, largest = min(smallest, values[index]), max(largest, values[index])
     return largest - smallest
 
 
 def _median(values: vec[float], count: i64) -> float:
     """Return the median of the first `count` values, 0 if there are none; sorts them in place."""
     for end in range(1, count):
-        value, place = values[end], end
-        while place > 0 and values[place - 1] > value:
-            values[place] = values[place - 1]
-            place -= 1
-        values[place] = value
+        value, index = values[end], end
+        while index > 0 and values[index - 1] > value:
+            values[index] = values[index - 1]
+            index -= 1
+        values[index] = value
     middle = count // 2
     if count % 2:
         return values[middle]

@@ -55,7 +55,7 @@ class RoundTrips:
         self.stamps = self._new_stamps()
         self.delays = BytesWriter()
         """Four 64-bit numbers for each answered request: arrival, ns; half the round trip, the delay up and the delay
-        down, s, NaN while the split is unknown."""
+        down, s, NaN while the asymmetry is unknown."""
         self._answered = NEVER
         """Arrival of the newest answer to any message."""
         self.answered_to = Instant(0)
@@ -84,8 +84,8 @@ class RoundTrips:
         due, since, count = after(now, -usual_s), self.clock.asked, 0
         if self._answered != NEVER:
             since = max(since, after(self._answered, -usual_s))
-        for place in range(len(self._pending) - 1, -1, -1):
-            sent = self._pending[place]
+        for index in range(len(self._pending) - 1, -1, -1):
+            sent = self._pending[index]
             if sent <= since:
                 break
             if sent <= due:
@@ -130,9 +130,9 @@ class RoundTrips:
 
     def is_answer(self, message: Timesync) -> bool:
         """Return whether a message answers a pending request, and remove that request."""
-        for place in range(len(self._pending) - 1, -1, -1):
-            if self._pending[place] == message.ts1_ns:
-                self._pending.pop(place)
+        for index in range(len(self._pending) - 1, -1, -1):
+            if self._pending[index] == message.ts1_ns:
+                self._pending.pop(index)
                 return True
         return False
 
@@ -166,8 +166,8 @@ class RoundTrips:
         clock.one_way_s, clock.asymmetry_s = (up_s + down_s) / 2, (up_s - down_s) / 2
 
     @property
-    def knows_ways(self) -> bool:
-        """Whether delays up and down may be known apart."""
+    def knows_asymmetry(self) -> bool:
+        """Whether the delays' asymmetry, and so each of up and down, may be known."""
         return self.own is not None or self.stamps.gnss is not None
 
     @property
@@ -177,13 +177,13 @@ class RoundTrips:
 
     @property
     def up_down_s(self) -> tuple[float, float]:
-        """Delay up and down, s; NaN while the split is unknown."""
+        """Delay up and down, s; NaN while the asymmetry is unknown."""
         return self.stamps.up_down_s(self.clock.one_way_s) if self.own is None else self.own.up_down_s
 
     @property
     def down_s(self) -> float:
-        """Delay down, s: half the round trip while the split is unknown; NaN before the first."""
-        if not self.knows_ways:
+        """Delay down, s: half the round trip while the asymmetry is unknown; NaN before the first."""
+        if not self.knows_asymmetry:
             return self.clock.one_way_s
         down_s = self.up_down_s[1]
         return self.clock.one_way_s if math.isnan(down_s) else down_s

@@ -153,8 +153,8 @@ class Link:
             self._looked, self._counts = now, counts
             return
         kept = 0.0 if self._looked == NEVER else math.exp(-max(0.0, seconds_between(self._looked, now)) / MEMORY_S)
-        for place, count in enumerate(counts):
-            self._recent[place] = kept * self._recent[place] + count - self._counts[place]
+        for index, count in enumerate(counts):
+            self._recent[index] = kept * self._recent[index] + count - self._counts[index]
         self._looked, self._counts = now, counts
         received, lost, asked, answered = (max(0.0, each) for each in self._recent)
         self.loss_down = lost / (received + lost) if received + lost > 0.0 else 0.0
@@ -186,10 +186,10 @@ class Link:
         connection = self.connection
         return connection.talks and self.is_known and self.agrees and not self.failing(now)
 
-    def compare_position(self, apart_m: float) -> None:
+    def compare_position(self, separation_m: float) -> None:
         """Take how far a position that came here is from where the vehicle is by the link in use, m."""
-        self.near += apart_m <= NEAR_M
-        self.far += apart_m > NEAR_M
+        self.near += separation_m <= NEAR_M
+        self.far += separation_m > NEAR_M
 
     def bar(self, now: Instant) -> None:
         """Note that it failed while it was in use."""
@@ -271,8 +271,8 @@ class Links:
 
     def restart(self) -> None:
         """Take stamps from their beginning: the vehicle has restarted."""
-        for place in range(len(self._newest_s)):
-            self._newest_s[place] = math.nan
+        for index in range(len(self._newest_s)):
+            self._newest_s[index] = math.nan
 
     def doubtful(self, now: Instant) -> bool:
         """Return whether an answer on the link in use is overdue."""

@@ -2,7 +2,7 @@
 
 This is the plain ending: vehicles on the ground stay there, all others circle at the heights that they have. Another
 may take its place: `FlightPhaseMachine.endings`. Whether a vehicle flies is judged again at every tick until it leaves:
-an unknown place isn't the ground.
+an unknown position isn't the ground.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Ending:
         self.command_by_state(now)
 
     def command_by_state(self, now: Instant) -> None:
-        """Command vehicles by their present state; one whose place is unknown counts as flying until it is known."""
+        """Command vehicles by their present state; one whose position is unknown counts as flying until it is known."""
         for identity, vehicle in self._ours.items():
             if self._is_left_alone(vehicle):
                 continue

@@ -38,7 +38,7 @@ class Leading:
         controller.guidance.turn = TurnOnSpot.to(heading_rad, from_rad, now, reach_m, *limits)
 
     def path_deg(self) -> float:
-        """Return the course of its way where it is, 0 to 360 degrees."""
+        """Return the course of its route where it is, 0 to 360 degrees."""
         guidance = self._controller.guidance
         course_rad = 0.0 if guidance.route is None else guidance.route.at(guidance.distance_m).course_rad
         return math.degrees(course_rad) % 360.0
@@ -73,19 +73,19 @@ class Leading:
         tick = controller.last_tick
         if tick is None:
             return None, 0.0, 0.0
-        place, before = tick.state[leader], tick.state[controller.plan.leader]
-        swing_rad = math.remainder(self._as_leader(leader, place)[1] - before.heading_rad, math.tau)
+        state, before = tick.state[leader], tick.state[controller.plan.leader]
+        swing_rad = math.remainder(self._as_leader(leader, state)[1] - before.heading_rad, math.tau)
         swing_rad = swing_rad if self._slots_turn else 0.0
         if not guidance.started:
             return None, 0.0, swing_rad
         slots = controller.plan.seen_from(leader, swing_rad, now / NANOSECONDS)
-        distance_m, point = guidance.abreast(place.north_m, place.east_m)
-        right_m, up_m = point.lateral_and_up_m(place.north_m, place.east_m, place.height_m)
+        distance_m, point = guidance.abreast(state.north_m, state.east_m)
+        right_m, up_m = point.lateral_and_up_m(state.north_m, state.east_m, state.height_m)
         abreast, commanded_m = Abreast(point, right_m, up_m), tick.setpoints[leader][2]
         if math.isnan(commanded_m):  # it loiters
-            commanded_m = place.height_m
-        above = abreast.rise(place, commanded_m, controller.models[leader], guidance.speed_mps)
-        lateral = 0.0 if guidance.pauses else abreast.lateral_slope(place)  # at a stop it comes to rest first
+            commanded_m = state.height_m
+        above = abreast.rise(state, commanded_m, controller.models[leader], guidance.speed_mps)
+        lateral = 0.0 if guidance.pauses else abreast.lateral_slope(state)  # at a stop it comes to rest first
         path, reach_m = guidance.path, slots.reach_m
-        way = take_over(scenario, path, distance_m, right_m, above, reach_m, self._ground, right_slope=lateral)
-        return way, distance_m, swing_rad
+        route = take_over(scenario, path, distance_m, right_m, above, reach_m, self._ground, right_slope=lateral)
+        return route, distance_m, swing_rad

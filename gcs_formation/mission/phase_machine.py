@@ -86,7 +86,7 @@ class FlightPhaseMachine:
         self._scenario, self._controller, self._duration_s = scenario, controller, scenario.duration_s
         self.membership, self._dispatch = membership, dispatch
         self._vehicles, self._log_event, self.gate = vehicles, log_event, gate
-        self._late, self._way = False, ProgressToStart()
+        self._late, self._progress = False, ProgressToStart()
         self.endings = Endings(vehicles)
         """Begins the end; a feature may bring others."""
         self._ending: Ending | None = None
@@ -122,7 +122,7 @@ class FlightPhaseMachine:
             old = f": its telemetry is {age_s:.3g} s old; law.max_age_s is {max_s:g}" if age_s > max_s else ""
             self.fail(f"the leader was not there to follow within {limit_s:g} s{old}", now)
         elif late:
-            gained_m = self._way.too_little_m(self._controller.guidance, now)
+            gained_m = self._progress.too_little_m(self._controller.guidance, now)
             if gained_m is not None:
                 self._fail_to_start(gained_m, now)
         return late

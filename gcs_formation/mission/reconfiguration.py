@@ -164,23 +164,25 @@ class Reconfiguration:
         if route is None or now < self._next_try:
             return
         self._next_try = after(now, TRY_AGAIN_S)
-        present, places_m = self._presence.present(), controller.places_m(now) - plan.offset_m
-        returned, near = self._presence.returned(), np.hypot(places_m[:, 0], places_m[:, 1]) <= JOINED_M
-        plan.fly_alongside(returned & near & ~plan.alongside, places_m)
+        present, positions_m = self._presence.present(), controller.positions_m(now) - plan.offset_m
+        returned, near = self._presence.returned(), np.hypot(positions_m[:, 0], positions_m[:, 1]) <= JOINED_M
+        plan.fly_alongside(returned & near & ~plan.alongside, positions_m)
         start = plan.at(now / NANOSECONDS, begun=True).standing(returned & ~near, plan.goal_m)
         course = ahead(route, guidance.speed_mps, guidance.distance_m)
         try:
-            way = plan_joining_up(self._flown, start, plan.goal_m, plan.leader, now / NANOSECONDS, course, present)
+            transition = plan_joining_up(
+                self._flown, start, plan.goal_m, plan.leader, now / NANOSECONDS, course, present
+            )
         except NotFlyableError as error:
             self._joins_late(str(error), now)
             return
         self._joins_late_at = None
-        if way is not None or plan.alongside.any():
-            plan.adopt(plan.arrangement, way or Transition.standing(plan.goal_m))
+        if transition is not None or plan.alongside.any():
+            plan.adopt(plan.arrangement, transition or Transition.standing(plan.goal_m))
         self._presence.planned_for = present.tolist()
-        if way is not None:
+        if transition is not None:
             text = "joins up clear of the others' trajectories"
-            self._log_event(now, "gathering", text, None, {"duration_s": way.duration_s})
+            self._log_event(now, "gathering", text, None, {"duration_s": transition.duration_s})
 
     def _joins_late(self, why: str, now: Instant) -> None:
         """Report, once in `JOINS_LATE_S`, why vehicles still fly alongside the leader: the path doesn't begin so."""
@@ -201,16 +203,16 @@ class Reconfiguration:
         plan = self._controller.plan
         changes, passes_on = wanted != plan.arrangement, wanted.leader != plan.leader
         present = self._presence.present().tolist()
-        way, taken = self._planned(wanted, now)
+        transition, taken = self._planned(wanted, now)
         if passes_on:
             self._hand_over(wanted.leader, *taken, now)
         if changes:
             self._changing = self._in_words(wanted)
         elif plan.at_rest(now / NANOSECONDS):
             self._changing = ""
-        plan.adopt(wanted, way)
+        plan.adopt(wanted, transition)
         self._wanted, self._presence.planned_for = None, present
-        self._log_event(now, "formation", self._in_words(wanted), None, {"duration_s": way.duration_s})
+        self._log_event(now, "formation", self._in_words(wanted), None, {"duration_s": transition.duration_s})
 
     def _planned(self, wanted: Arrangement, now: Instant) -> tuple[Transition, Takeover]:
         """Return the transition to an arrangement, and how its leader takes over; nothing changes.
@@ -233,8 +235,8 @@ class Reconfiguration:
         if route is None:
             raise NotFlyableError("the leader isn't on its way yet", "a change in flight", 0.0)
         course = ahead(route, controller.guidance.speed_mps, distance_m)
-        way = plan_change(self._flown, start, wanted, now / NANOSECONDS, course, present)
-        return way, (route, distance_m, swing_rad)
+        transition = plan_change(self._flown, start, wanted, now / NANOSECONDS, course, present)
+        return transition, (route, distance_m, swing_rad)
 
     def order_change(self, change: FormationChange, now: Instant) -> str | None:
         """Begin an ordered change; return why its slots can't be flown, None if it has begun.
@@ -348,9 +350,9 @@ class Reconfiguration:
         From there the transition leads it to its goal, clear of the others. Vehicles that are farther away keep their
         assigned slots: the law leads them there, and the others don't wait.
         """
-        slots, places_m = self._controller.plan.at(now / NANOSECONDS, begun=True), self._controller.places_m(now)
-        central = np.hypot(places_m[:, 0], places_m[:, 1]) <= CENTRAL * slots.reach_m
-        return slots.standing(self._presence.returned() & central, places_m)
+        slots, positions_m = self._controller.plan.at(now / NANOSECONDS, begun=True), self._controller.positions_m(now)
+        central = np.hypot(positions_m[:, 0], positions_m[:, 1]) <= CENTRAL * slots.reach_m
+        return slots.standing(self._presence.returned() & central, positions_m)
 
     def _in_words(self, wanted: Arrangement) -> str:
         return f"{wanted.shape}, {wanted.spacing_m:g} m, behind {self._names[wanted.leader]}"

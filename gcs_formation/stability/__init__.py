@@ -53,7 +53,7 @@ Axes = tuple[AircraftResponse, AircraftResponse, AircraftResponse] | tuple[None,
 
 @dataclass(frozen=True, slots=True)
 class LawMargins:
-    """Margin of each loop by its name, s: at zero error, and the least over all gains that the law can schedule.
+    """Margin of each loop by its name, s: at zero error, and the smallest over all gains that the law can schedule.
 
     They are for loops without prediction and without wind observer; 0 or less means unstable without delay.
     """
@@ -83,15 +83,15 @@ def follower_margins(scenario: Scenario) -> dict[VehicleId, LawMargins]:
         return LawMargins(*({name: each[which] for name, each in axes.items()} for which in (0, 1)))
 
     return {
-        identity: _min([margins(model, x_rc_m) for x_rc_m in places_m])
-        for identity, model, places_m in _planned(scenario)
+        identity: _min([margins(model, x_rc_m) for x_rc_m in positions_m])
+        for identity, model, positions_m in _planned(scenario)
     }
 
 
 def leader_loops(scenario: Scenario) -> dict[VehicleId, dict[str, tuple[Loop, ...]]]:
     """Return the loops x, y and z around the scenario's leader while another vehicle leads, for every planned slot."""
-    leader, places_m = scenario.leader, [x_rc_m for _, _, row in _planned(scenario) for x_rc_m in row]
-    return {leader.vehicle_id: _loops(scenario, leader.model, places_m)} if leader and places_m else {}
+    leader, positions_m = scenario.leader, [x_rc_m for _, _, row in _planned(scenario) for x_rc_m in row]
+    return {leader.vehicle_id: _loops(scenario, leader.model, positions_m)} if leader and positions_m else {}
 
 
 def _planned(scenario: Scenario) -> list[tuple[VehicleId, VehicleModel, list[float]]]:
@@ -100,10 +100,10 @@ def _planned(scenario: Scenario) -> list[tuple[VehicleId, VehicleModel, list[flo
     return [(each, models[each], (-slots_m[:, 0]).tolist()) for each, slots_m in planned_slots(scenario).items()]
 
 
-def _loops(scenario: Scenario, model: VehicleModel, places_m: Sequence[float]) -> dict[str, tuple[Loop, ...]]:
+def _loops(scenario: Scenario, model: VehicleModel, positions_m: Sequence[float]) -> dict[str, tuple[Loop, ...]]:
     """Return the loops x, y and z around a follower, with small-signal gains, for each of its planned slots."""
     gains = [gain_range(scenario).gains(nominal, SMALL_SIGNAL) for nominal in nominal_gains(scenario)]
-    plants = [_plants(scenario, model, x_rc_m) for x_rc_m in sorted(set(places_m))]
+    plants = [_plants(scenario, model, x_rc_m) for x_rc_m in sorted(set(positions_m))]
     aircraft = aircraft_responses(model, scenario.path.begin_mps)
     return {
         axis: tuple(dict.fromkeys(Loop(pid, of_slot[i], aircraft[i], model.dead_time_s) for of_slot in plants))
@@ -171,7 +171,9 @@ def law_loops(scenario: Scenario, *, succession: bool = False) -> Mapping[Vehicl
         everyone = law_kind(scenario).mutual or (succession and bool(following))
         return {each.vehicle_id: {} for each in scenario.vehicles if everyone or each.vehicle_id in following}
     if not law_kind(scenario).mutual:
-        loops_of = {identity: _loops(scenario, model, places_m) for identity, model, places_m in _planned(scenario)}
+        loops_of = {
+            identity: _loops(scenario, model, positions_m) for identity, model, positions_m in _planned(scenario)
+        }
         return loops_of | (leader_loops(scenario) if succession else {})
     loops = tuple(dict.fromkeys(loop for tau in TAUS for loop in _axis_loops(scenario, tau)))
     return {vehicle.vehicle_id: {"consensus": loops} for vehicle in scenario.vehicles}

@@ -47,7 +47,7 @@ class MismatchMargin(NamedTuple):
     shorter_s: float
     longer_s: float
 
-    def least(self) -> float:
+    def min_s(self) -> float:
         """The smaller of the two, in magnitude."""
         return min(-self.shorter_s, self.longer_s)
 
@@ -93,9 +93,9 @@ def carried(plant: Plant, delay_s: float) -> tuple[complex, complex]:
     """
     state, output = np.array(plant.state, dtype=np.complex128), np.array(plant.output)
     mean = complex(np.trace(state)) / 2.0
-    apart = cmath.sqrt(mean**2 - complex(state[0, 0] * state[1, 1] - state[0, 1] * state[1, 0]))
-    sine_s = cmath.sinh(apart * delay_s) / apart if apart else complex(delay_s)
-    row = cmath.cosh(apart * delay_s) * output + sine_s * (output @ (state - mean * np.eye(2)))
+    root = cmath.sqrt(mean**2 - complex(state[0, 0] * state[1, 1] - state[0, 1] * state[1, 0]))
+    sine_s = cmath.sinh(root * delay_s) / root if root else complex(delay_s)
+    row = cmath.cosh(root * delay_s) * output + sine_s * (output @ (state - mean * np.eye(2)))
     first, second = cmath.exp(mean * delay_s) * row
     return complex(first), complex(second)
 
@@ -144,8 +144,8 @@ def _root(function: Callable[[Array], Array], x1: float, x2: float) -> float:
         near = abs(root) * TOLERANCE + 4.0 * TINY
         if abs(value) <= TINY or abs(x2 - x1) < near:
             return root
-        least = 0.5 * near / abs(x2 - x1)
-        share = min(max(_interpolated((x1, x2, x3), (f1, f2, f3)), least), 1.0 - least)
+        min_share = 0.5 * near / abs(x2 - x1)
+        share = min(max(_interpolated((x1, x2, x3), (f1, f2, f3)), min_share), 1.0 - min_share)
 
 
 def _value(function: Callable[[Array], Array], x: float) -> float:
@@ -153,7 +153,7 @@ def _value(function: Callable[[Array], Array], x: float) -> float:
 
 
 def _interpolated(x: tuple[float, float, float], f: tuple[float, float, float]) -> float:
-    """Return the next point to evaluate, as a share of the way from the first to the second point."""
+    """Return the next point to evaluate, as a share of the distance from the first to the second point."""
     (x1, x2, x3), (f1, f2, f3) = x, f
     xi, phi = (x1 - x2) / (x3 - x2), (f1 - f2) / (f3 - f2) if f3 != f2 else np.inf
     if not 1.0 - np.sqrt(1.0 - xi) < phi < np.sqrt(xi):
@@ -172,15 +172,15 @@ def tau_margin(loop: Loop, delay_s: float) -> float:
 
     def all_stable(shares: Sequence[float]) -> list[bool]:
         off = [each for share in shares for each in _time_constants_off(loop, share)]
-        ways = len(off) // len(shares)
+        combinations = len(off) // len(shares)
         stable = predicted_are_stable(loop, off, delay_s + loop.dead_time_s)
-        return [all(stable[i : i + ways]) for i in range(0, len(stable), ways)]
+        return [all(stable[i : i + combinations]) for i in range(0, len(stable), combinations)]
 
     shares = np.linspace(0.0, MAXIMUM, _STEPS + 1).tolist()
-    most = (*all_stable(shares), False).index(False)
-    if most in {0, len(shares)}:
-        return (0.0, *shares)[most]
-    low, high = shares[most - 1], shares[most]
+    unstable = (*all_stable(shares), False).index(False)
+    if unstable in {0, len(shares)}:
+        return (0.0, *shares)[unstable]
+    low, high = shares[unstable - 1], shares[unstable]
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
         low, high = (middle, high) if all_stable([middle])[0] else (low, middle)
@@ -196,7 +196,7 @@ def mismatch_margin_with_taus_off(loop: Loop, delay_s: float, share: float = TAU
     off, whole_s = _time_constants_off(loop, share), delay_s + loop.dead_time_s
     if not all(predicted_are_stable(loop, off, whole_s)):
         return 0.0
-    return min(MismatchMargin.of(mismatch_crossings(loop, whole_s, true), whole_s).least() for true in off)
+    return min(MismatchMargin.of(mismatch_crossings(loop, whole_s, true), whole_s).min_s() for true in off)
 
 
 def predicted_are_stable(loop: Loop, true: Sequence[Loop], delay_s: float) -> list[bool]:
@@ -252,10 +252,10 @@ def _time_constants_off(loop: Loop, share: float) -> list[Loop]:
 class LoopDelay:
     """Measured delay of a loop closed over the link, s."""
 
-    def __init__(self, mean_s: float, scatter_s: float) -> None:
+    def __init__(self, mean_s: float, sigma_s: float) -> None:
         """Take the round trip, sampling and hold included, and its standard deviation."""
         self.mean_s = mean_s
-        self.scatter_s = scatter_s
+        self.sigma_s = sigma_s
 
 
 class Usage:
@@ -278,10 +278,10 @@ class Usage:
         """
         if math.isnan(delay.mean_s):
             return math.nan
-        used_s = DEVIATIONS * delay.scatter_s if self._predicted else delay.mean_s
+        used_s = DEVIATIONS * delay.sigma_s if self._predicted else delay.mean_s
         return _share(used_s if used_s > 0.0 else 0.0, self.margin_s(delay.mean_s, bandwidth))
 
-    def of_lags(self, delay: LoopDelay, off: float) -> float:
+    def of_time_constants(self, delay: LoopDelay, off: float) -> float:
         """Return the used share of the margin against wrong time constants; 0 without prediction, which alone uses it.
 
         `off` is the relative error of the model's time constants.
@@ -291,12 +291,12 @@ class Usage:
         delay_s = rounded(delay.mean_s / STEP_S) * STEP_S
         return _share(off, min((tau_margin(loop, delay_s) for loop in self._loops), default=math.inf))
 
-    def bandwidth(self, delay: LoopDelay, most: float) -> float:
-        """Return the largest of `BANDWIDTHS` at which at most `most` of the margin is used; the smallest if none.
+    def bandwidth(self, delay: LoopDelay, max_share: float) -> float:
+        """Return the largest of `BANDWIDTHS` at which at most `max_share` of the margin is used; the smallest if none.
 
         Margins grow as the bandwidth falls.
         """
-        index = bisect_left(BANDWIDTHS, True, key=lambda bandwidth: self.of(delay, bandwidth) <= most)
+        index = bisect_left(BANDWIDTHS, True, key=lambda bandwidth: self.of(delay, bandwidth) <= max_share)
         return BANDWIDTHS[min(index, len(BANDWIDTHS) - 1)]
 
     def margin_s(self, delay_s: float, bandwidth: float = 1.0) -> float:
@@ -307,7 +307,7 @@ class Usage:
         if margin_s is None:
             slowed = [loop.slowed(bandwidth) for loop in self._loops]
             of_each = (
-                (predicted_mismatch_margin(loop, step * STEP_S).least() for loop in slowed)
+                (predicted_mismatch_margin(loop, step * STEP_S).min_s() for loop in slowed)
                 if self._predicted
                 else (loop.delay_margin_s() for loop in slowed)
             )
@@ -335,11 +335,11 @@ class StatedUsage(Usage):
         known = math.isnan(delay.mean_s) or not math.isnan(self.margin_s(delay.mean_s, bandwidth))
         return super().of(delay, bandwidth) if known else math.nan
 
-    def of_lags(self, delay: LoopDelay, off: float) -> float:  # noqa: ARG002 - as of known loops
+    def of_time_constants(self, delay: LoopDelay, off: float) -> float:  # noqa: ARG002 - as of known loops
         """Return 0: a law states no margin against wrong time constants."""
         return 0.0
 
-    def bandwidth(self, delay: LoopDelay, most: float) -> float:  # noqa: ARG002 - as of known loops
+    def bandwidth(self, delay: LoopDelay, max_share: float) -> float:  # noqa: ARG002 - as of known loops
         """Return the full bandwidth."""
         return 1.0
 

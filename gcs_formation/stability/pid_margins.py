@@ -198,12 +198,12 @@ def delay_margins(open_loops: Sequence[Rational]) -> list[float]:
     """Return the delay margin of each loop, s; many loops take little more time than a few."""
     of_degrees: dict[tuple[int, int], list[int]] = {}
     found = [0.0] * len(open_loops)
-    for place, (numerator, denominator) in enumerate(open_loops):
+    for index, (numerator, denominator) in enumerate(open_loops):
         if (len(numerator), abs(numerator[0])) < (len(denominator), abs(denominator[0])):
-            of_degrees.setdefault((len(numerator), len(denominator)), []).append(place)
-    for places in of_degrees.values():
-        for place, margin_s in zip(places, _margins_s(stacked([open_loops[i] for i in places])), strict=True):
-            found[place] = margin_s
+            of_degrees.setdefault((len(numerator), len(denominator)), []).append(index)
+    for indices in of_degrees.values():
+        for index, margin_s in zip(indices, _margins_s(stacked([open_loops[i] for i in indices])), strict=True):
+            found[index] = margin_s
     return found
 
 

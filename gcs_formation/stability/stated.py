@@ -95,6 +95,8 @@ def _followers(scenario: Scenario) -> dict[VehicleId, FollowerModel]:
     for identity, slots_m in planned_slots(scenario).items():
         model = models[identity]
         taus_s = model.tau_v_s, model.tau_psi_s, model.tau_ha_s, model.tau_hb_s
-        places = tuple((forward_m, right_m, up_m) for forward_m, right_m, up_m in slots_m.tolist())
-        found[identity] = FollowerModel(vehicle_name(identity), *taus_s, model.hovers, scenario.path.begin_mps, places)
+        positions = tuple((forward_m, right_m, up_m) for forward_m, right_m, up_m in slots_m.tolist())
+        found[identity] = FollowerModel(
+            vehicle_name(identity), *taus_s, model.hovers, scenario.path.begin_mps, positions
+        )
     return found

@@ -239,7 +239,7 @@ class Autopilot(FamilyTraits, ABC):
     def climbs_out(self, telemetry: Telemetry) -> bool:
         """Return whether a fixed wing is still climbing in its take-off."""
         motion = telemetry.motion
-        if motion is None or telemetry.stands:
+        if motion is None or telemetry.hovers:
             return False
         return telemetry.custom_mode == self.take_off_mode and motion.above_home_m <= self.take_off_m
 
@@ -265,7 +265,7 @@ class Autopilot(FamilyTraits, ABC):
     def commanded_airspeed(self, true_mps: float) -> float:
         """Return the airspeed to command for a true airspeed, m/s."""
         if self.airspeed_scale is not None:
-            return self.airspeed_scale.reading(true_mps)
+            return self.airspeed_scale.indicated(true_mps)
         bounds_mps = self._bounds_mps
         return true_mps if bounds_mps is None else within(true_mps, bounds_mps[0], bounds_mps[1])
 

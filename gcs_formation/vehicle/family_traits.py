@@ -57,13 +57,13 @@ class FamilyTraits:
     """Whether it acknowledges a change of mode before deciding on it, so that only heartbeats are reliable."""
     circling_mode: ClassVar[int] = NO_MODE
     """Mode in which it enters a circle at once, clockwise by default."""
-    stands_after_s: ClassVar[float] = math.inf
+    hovers_after_s: ClassVar[float] = math.inf
     """Time from the last setpoint until it hovers, s; infinite if it flies on, or changes mode by its failsafe."""
     returns_after_s: ClassVar[float] = 0.0
     """Longest time from the last setpoint until its failsafe sends it home, s; 0: it has no such failsafe."""
     tells_time_with_home: ClassVar[bool] = False
     """Whether HOME_POSITION, which comes on request, has its time since boot, as TIMESYNC has."""
-    stands: ClassVar[bool] = False
+    hovers: ClassVar[bool] = False
     """Whether it hovers where it waits, and so needs no loiter height of its own as circling vehicles do."""
     flies_courses: ClassVar[bool] = False
     """Whether a fixed wing is commanded by course over ground instead of heading."""

@@ -1,4 +1,4 @@
-"""A vehicle is commanded to fly to a place and circle or hover there."""
+"""A vehicle is commanded to fly to a position and circle or hover there."""
 
 from __future__ import annotations
 

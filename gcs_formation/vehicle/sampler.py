@@ -71,7 +71,7 @@ class Sampler:
             return None
         heading_rad = _heading_rad(motion, attitude)
         airspeed_mps = self._airspeed(motion, heading_rad, flew=flew)
-        if seen.stands:
+        if seen.hovers:
             airspeed_mps, heading_rad = ground_motion(heading_rad, motion.north_mps, motion.east_mps, leads=leads)
         return Sample(
             stamp,
@@ -90,7 +90,7 @@ class Sampler:
     def extrapolated(self, now: Instant) -> tuple[FlightState, float] | None:
         """Return the state extrapolated from its newest position to `now`, and the position's age, s.
 
-        Velocity and, for a fixed wing, turn rate are held constant. The place is NaN if the age exceeds
+        Velocity and, for a fixed wing, turn rate are held constant. The position is NaN if the age exceeds
         `EXTRAPOLATED_S`; the wind is always NaN. None before the first position, or while the clock is unknown.
         """
         motion, attitude = self._telemetry.motion, self._telemetry.attitude
@@ -100,7 +100,7 @@ class Sampler:
         for_s = age_s if age_s <= EXTRAPOLATED_S else math.nan
         turn_radps = attitude.yawspeed_radps if attitude is not None else 0.0
         heading_rad = attitude.yaw_rad + turn_radps * for_s if attitude is not None else math.nan
-        half_rad = 0.0 if self._telemetry.stands else turn_radps * for_s / 2.0
+        half_rad = 0.0 if self._telemetry.hovers else turn_radps * for_s / 2.0
         # An arc's chord is turned by half of the arc's angle, and is shorter by sin(half)/half.
         cos, sin = math.cos(half_rad), math.sin(half_rad)
         chord_s = for_s * sin / half_rad if half_rad else for_s
@@ -142,15 +142,15 @@ class Sampler:
 
     def _airspeed(self, motion: ReportedMotion, heading_rad: float, *, flew: bool) -> float:
         """Return the true airspeed, m/s, synthetic if the sensor fails its check; in the air, update the scale."""
-        scale, check, reading_mps = self._autopilot.airspeed_scale, self.airspeed_check, self._telemetry.airspeed_mps
+        scale, check, ias_mps = self._autopilot.airspeed_scale, self.airspeed_check, self._telemetry.airspeed_mps
         if check is not None and flew:
             ratio = self._autopilot.true_airspeed(1.0)
-            if not check.accepts(motion.stamp_s, motion.north_mps, motion.east_mps, heading_rad, reading_mps, ratio):
+            if not check.accepts(motion.stamp_s, motion.north_mps, motion.east_mps, heading_rad, ias_mps, ratio):
                 return check.synthetic_mps
         if scale is not None and flew:
             velocity_mps = motion.north_mps, motion.east_mps, motion.climb_mps
             above_sea_m = motion.height_m + self._autopilot.origin.alt_m
-            scale.update(motion.stamp_s, above_sea_m, velocity_mps, reading_mps, heading_rad)
+            scale.update(motion.stamp_s, above_sea_m, velocity_mps, ias_mps, heading_rad)
         return self.airspeed_mps
 
 

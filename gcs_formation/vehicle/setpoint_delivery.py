@@ -58,11 +58,11 @@ class SetpointDelivery:
         """The messages of the last setpoint, for a family that acknowledges none, and when they were sent."""
 
     def messages(
-        self, setpoint: Setpoint, where: FlightState, at: Instant, round_trip_s: float, stands_after_s: float
+        self, setpoint: Setpoint, where: FlightState, at: Instant, round_trip_s: float, hovers_after_s: float
     ) -> list[Message]:
         """Return the messages of a setpoint to send at an instant over a link with this round trip.
 
-        `where` is the vehicle's state when the setpoint takes effect; `stands_after_s`: its failsafe's time.
+        `where` is the vehicle's state when the setpoint takes effect; `hovers_after_s`: its failsafe's time.
         """
         for each in self.channels:
             if each.overdue(at):
@@ -75,7 +75,7 @@ class SetpointDelivery:
         wanted = setpoint.speed_mps, setpoint.heading_rad, setpoint.height_m
         if not self.channels:
             messages, holds = self._stream(
-                setpoint, where, at, min(REPEAT_S, stands_after_s / STREAM_LOSSES), tolerance, loses=loses
+                setpoint, where, at, min(REPEAT_S, hovers_after_s / STREAM_LOSSES), tolerance, loses=loses
             )
             if holds:
                 self.held.send(wanted, wanted, (True, True, True))
@@ -150,7 +150,7 @@ class SetpointDelivery:
     def _led(self, setpoint: Setpoint, at: Instant) -> Setpoint:
         """Return a setpoint whose heading is that of the middle of the time for which it will be held.
 
-        Held for several ticks, headings in a turn would lag by half of that time less a tick's, and errors across
+        Held for several ticks, headings in a turn would be late by half of that time less a tick's, and errors across
         would add up.
         """
         elapsed_s, turned_rad = seconds_between(self._at, at), wrap(setpoint.heading_rad - self._heading_rad)

@@ -86,17 +86,17 @@ class StoredMission:
         lands = next((seq for seq, item in enumerate(items[first:], first) if item.command == m.MAV_CMD_NAV_LAND), None)
         if lands is None:
             return None
-        ways = [item for item in items[first if marks else max(0, lands - 1) : lands] if item.command in FLOWN]
-        return self._sequence(items[lands], ways, home_above_sea_m) if ways else None
+        waypoints = [item for item in items[first if marks else max(0, lands - 1) : lands] if item.command in FLOWN]
+        return self._sequence(items[lands], waypoints, home_above_sea_m) if waypoints else None
 
-    def _sequence(self, land: MissionItemInt, ways: list[MissionItemInt], home_m: float) -> LandingSequence:
-        north_m, east_m = self._place(land)
-        from_north_m, from_east_m = self._place(ways[-1])
-        highest_m = max(item.z - (home_m if item.frame in ABOVE_SEA else 0.0) for item in ways)
+    def _sequence(self, land: MissionItemInt, waypoints: list[MissionItemInt], home_m: float) -> LandingSequence:
+        north_m, east_m = self._position(land)
+        from_north_m, from_east_m = self._position(waypoints[-1])
+        highest_m = max(item.z - (home_m if item.frame in ABOVE_SEA else 0.0) for item in waypoints)
         course_rad = math.atan2(east_m - from_east_m, north_m - from_north_m)
         return LandingSequence(north_m, east_m, course_rad, highest_m)
 
-    def _place(self, item: MissionItemInt) -> tuple[float, float]:
+    def _position(self, item: MissionItemInt) -> tuple[float, float]:
         at = self._origin.to_ned(item.x * E7_RAD, item.y * E7_RAD, self._origin.alt_m)
         return at[0], at[1]
 

@@ -53,7 +53,7 @@ ALONE_ATTITUDES: Final = 8
 ALONE_ATTITUDES_S: Final = 1.2
 """A position isn't reported any more after so many attitudes alone, over this time, s; one that can't be, or isn't
 filled, after `ALONE` of these in a row."""
-APART_LIMIT_S: Final = 2.0
+MAX_STAMP_DIFFERENCE_S: Final = 2.0
 """Largest difference of stamps between a position and the attitude and airspeed paired with it, s."""
 
 
@@ -62,7 +62,7 @@ class Telemetry:
     """The newest value of each message."""
 
     origin: GeodeticOrigin
-    stands: bool = False
+    hovers: bool = False
     """Whether the vehicle is a multirotor."""
     motion: ReportedMotion | None = None
     displaced_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -196,7 +196,7 @@ class Telemetry:
         if math.isnan(self.airspeed_stamp_s):
             self.airspeed_stamp_s = stamp_s
 
-    def apart_m(self, message: GlobalPositionInt) -> float:
+    def separation_m(self, message: GlobalPositionInt) -> float:
         """Return how far a reported position is from the newest one, carried by its velocity; NaN if none is known."""
         motion = self.motion
         if motion is None or not is_position(message):
@@ -212,7 +212,7 @@ class Telemetry:
 
     def _fly_without(self, stamp_s: float) -> None:
         """Replace an airspeed or attitude that isn't reported: no airspeed is a reading of 0, as in VFR_HUD."""
-        if not self.stands and self._airspeeds.lacks(stamp_s):
+        if not self.hovers and self._airspeeds.lacks(stamp_s):
             self.airspeed_mps, self.airspeed_stamp_s = 0.0, stamp_s
         known = self._airspeeds.others <= ALONE and abs(self.hud_heading_rad) < INFINITE
         if known and self._attitudes.lacks(stamp_s):
@@ -238,7 +238,7 @@ class Telemetry:
         A fixed wing that has reported an airspeed and then reports none has a reading of 0, which no flight explains.
         """
         self.hud_heading_rad = message.heading_rad
-        unmeasured = self.stands and math.isnan(message.airspeed_mps)
+        unmeasured = self.hovers and math.isnan(message.airspeed_mps)
         speed_mps = message.groundspeed_mps if unmeasured else message.airspeed_mps
         if math.isnan(speed_mps) and abs(self.airspeed_mps) < INFINITE:
             self.implausible += 1
@@ -309,15 +309,15 @@ class Telemetry:
             return "position"
         if self._attitudes.lacks(position_s):
             return "attitude"
-        return "airspeed" if not self.stands and self._airspeeds.lacks(position_s) else ""
+        return "airspeed" if not self.hovers and self._airspeeds.lacks(position_s) else ""
 
     @property
     def of_one_time(self) -> bool:
         """Whether attitude and airspeed were taken near the position's time; an airspeed of unknown time passes."""
         motion, attitude = self.motion, self.attitude
-        if motion is None or attitude is None or abs(motion.stamp_s - attitude.time_boot_s) > APART_LIMIT_S:
+        if motion is None or attitude is None or abs(motion.stamp_s - attitude.time_boot_s) > MAX_STAMP_DIFFERENCE_S:
             return False
-        return not motion.stamp_s - self.airspeed_stamp_s > APART_LIMIT_S
+        return not motion.stamp_s - self.airspeed_stamp_s > MAX_STAMP_DIFFERENCE_S
 
 
 def _printable(text: str) -> str:

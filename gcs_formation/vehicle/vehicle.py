@@ -99,7 +99,7 @@ class Vehicle(VehicleState):
             return False
         self.bytes_in += len(frame.raw)
         if isinstance(message, GlobalPositionInt) and link.on_trial_since != NEVER:
-            link.compare_position(self.telemetry.apart_m(message))
+            link.compare_position(self.telemetry.separation_m(message))
         if isinstance(message, GlobalPositionInt) and timed:
             self.jitter.observe(message.time_boot_s, now, self.clock.drift)
         elif isinstance(message, SystemTime):
@@ -128,7 +128,7 @@ class Vehicle(VehicleState):
         if self.links is not None and at < self.links.drains_until:
             self.forget_setpoints()  # those sent before, on a slower link, may come after these
         round_trip_s = 0.0 if math.isnan(self.clock.one_way_s) else 2.0 * self.clock.one_way_s
-        messages = self.setpoints.messages(setpoint, where, at, round_trip_s, self.stands_after_s)
+        messages = self.setpoints.messages(setpoint, where, at, round_trip_s, self.hovers_after_s)
         if self.setpoint_channels:
             self.sequence.asked += len(messages)
         return messages

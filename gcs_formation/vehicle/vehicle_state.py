@@ -106,9 +106,9 @@ class VehicleState:
             SendingLimits(),
             CommandQueue(),
         )
-        self.stands_after_s, self.returns_after_s = autopilot.stands_after_s, autopilot.returns_after_s
+        self.hovers_after_s, self.returns_after_s = autopilot.hovers_after_s, autopilot.returns_after_s
         """Defaults of its autopilot family."""
-        self.telemetry = Telemetry(autopilot.origin, autopilot.stands)
+        self.telemetry = Telemetry(autopilot.origin, autopilot.hovers)
         self.sampler = Sampler(self.telemetry, autopilot, self.round_trips, self.source_binding, airspeed_check)
         """Turns its telemetry into samples of its present state."""
         self.messages_in = vec[i64]([0] * len(KINDS))

@@ -153,7 +153,7 @@ class VelocityLead:
         return commanded
 
 
-def stands(setpoint: Setpoint) -> bool:
+def hovers(setpoint: Setpoint) -> bool:
     """Return whether the setpoint is to hover, as of a leader; its heading is then the yaw."""
     return setpoint.speed_mps == 0.0
 

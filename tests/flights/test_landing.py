@@ -15,7 +15,7 @@ from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
-from gcs_formation.features.ending.landing_places import LandingOrder
+from gcs_formation.features.ending.landing_order import LandingOrder
 from gcs_formation.features.ending.landings import Landings
 from gcs_formation.fleet.circle_heights import GroundFloor, loiter_heights
 from gcs_formation.link.link_health import Connection, LinkState

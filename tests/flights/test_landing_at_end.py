@@ -15,7 +15,7 @@ from airlink.messages.command import ParamRequestRead, ParamValue
 from formation_scenario import load_scenario
 from gcs_formation.features.ending.approach_heights import ApproachHeights
 from gcs_formation.features.ending.landing_check import LandingCheck
-from gcs_formation.features.ending.landing_places import lowest_circle_m
+from gcs_formation.features.ending.landing_order import lowest_circle_m
 from gcs_formation.mission.gate import PreFlightOptions
 from gcs_formation.phases import Phase
 from sim_vehicles.autopilot.modes_and_failsafe import Condition

@@ -21,7 +21,7 @@ MIN_M = 0.011
 """1e-7 degrees, the resolution of positions: no bound is smaller."""
 
 
-def both_ways(delay_ms: float) -> dict[str, Any]:
+def both_directions(delay_ms: float) -> dict[str, Any]:
     return {"default": {"delay_ms": delay_ms}}
 
 
@@ -30,11 +30,11 @@ def split(up_ms: float, down_ms: float) -> dict[str, Any]:
 
 
 CASES: dict[str, tuple[dict[str, Any], float, float]] = {
-    "100 ms": (both_ways(100), MIN_M, MIN_M),
-    "300 ms": (both_ways(300), MIN_M, MIN_M),
-    "500 ms": (both_ways(500), MIN_M, MIN_M),
+    "100 ms": (both_directions(100), MIN_M, MIN_M),
+    "300 ms": (both_directions(300), MIN_M, MIN_M),
+    "500 ms": (both_directions(500), MIN_M, MIN_M),
     "leader 50, followers 350 ms": (
-        both_ways(350) | {"changes": [{"at_s": 0, "vehicles": [1], "delay_ms": 50}]},
+        both_directions(350) | {"changes": [{"at_s": 0, "vehicles": [1], "delay_ms": 50}]},
         MIN_M,
         MIN_M,
     ),

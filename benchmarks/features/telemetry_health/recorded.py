@@ -50,7 +50,7 @@ class Reported:
 
     def __init__(self, model: VehicleModel, origin: GeodeticOrigin, *, leads: bool) -> None:
         """Start with nothing reported."""
-        self.seen, self.leads = Telemetry(origin, stands=model.hovers), leads
+        self.seen, self.leads = Telemetry(origin, hovers=model.hovers), leads
         sampler = SimpleNamespace(airspeed_check=None)
         links = {"clock": SimpleNamespace(one_way_s=0.0), "jitter": SimpleNamespace(jitter_s=0.0)}
         vehicle: Any = SimpleNamespace(telemetry=self.seen, sampler=sampler, **links)
@@ -76,7 +76,7 @@ class Reported:
         heading_rad = attitude.yaw_rad + attitude.yawspeed_radps * (motion.stamp_s - attitude.time_boot_s)
         speed_mps = self.seen.airspeed_mps
         velocity_mps = motion.north_mps, motion.east_mps
-        if self.seen.stands:
+        if self.seen.hovers:
             speed_mps, heading_rad = ground_motion(heading_rad, *velocity_mps, leads=self.leads)
         position_m = motion.north_m, motion.east_m, motion.height_m
         sample = Sample(now, *position_m, *velocity_mps, motion.climb_mps, speed_mps, heading_rad)

@@ -37,7 +37,7 @@ TAUS: Final = [0.125, 0.25, 0.375, HELD_TAUS, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0]
 denser at first; by judgement."""
 TAUS_AHEAD: Final = np.array(TAUS)
 SHARES: Final = [(TAUS.index(share), share) for share in (0.25, 0.5, 0.75, 1.0)]
-"""Those of them, in shares of the way until a height is reached, at which the straight way there is checked."""
+"""Those of them, in shares of the time until a height is reached, at which the straight path there is checked."""
 ROOM_M: Final = 0.25
 """Margin above terrain of that climb: ground and states are known to about that, and checked tick by tick. Tuned: m;
 0.1 to 1; by judgement."""
@@ -80,7 +80,7 @@ class FenceLimits:
     """Holds setpoints inside the fence, tick by tick: after the law, before the separation rule and the height floor.
 
     A vehicle is turned away when it is about to have no room inside for a circle to either side; until then the law's
-    setpoints pass. Without room for any circle, it turns towards the inside the shorter way.
+    setpoints pass. Without room for any circle, it turns towards the inside by the smaller angle.
     """
 
     def __init__(self, scenario: Scenario, models: list[AutopilotModel]) -> None:
@@ -119,9 +119,9 @@ class FenceLimits:
             return
         which = np.flatnonzero(active)
         state = FlightStates.from_each(tick.state[index] for index in which.tolist())
-        place, velocity = np.stack((state.north_m, state.east_m), axis=-1), state.ground_mps.T
+        position, velocity = np.stack((state.north_m, state.east_m), axis=-1), state.ground_mps.T
         through_air = state.airspeed_mps + np.hypot(state.wind_north_mps, state.wind_east_mps)
-        room = room_m(areas, place, velocity, through_air, self._turn_rps[which])
+        room = room_m(areas, position, velocity, through_air, self._turn_rps[which])
         before = self._side[which]
         held = room.max(axis=1) < np.where(before != 0.0, CHECKED_M, HELD_M)
         widest = np.where(room[:, 1] >= room[:, 0], 1.0, -1.0)
@@ -130,14 +130,14 @@ class FenceLimits:
         turn_rad = side * TURN_RAD
         lost = held & (room.max(axis=1) < 0.0)
         if lost.any():
-            off_rad = wrap(_inward_rad(areas, place[lost]) - state.heading_rad[lost])
+            off_rad = wrap(_inward_rad(areas, position[lost]) - state.heading_rad[lost])
             turn_rad[lost] = within(off_rad, -TURN_RAD, TURN_RAD)
         turned: list[int] = which[held].tolist()
         headings_rad: list[float] = (state.heading_rad + turn_rad)[held].tolist()
         for index, heading_rad in zip(turned, headings_rad, strict=True):
             speed_mps, _, height_m = tick.setpoints[index]
             tick.replace(index, (speed_mps, heading_rad, height_m))
-        self._log_boundary_events(tick, which, side, areas.inside_m(place))
+        self._log_boundary_events(tick, which, side, areas.inside_m(position))
 
     def _log_boundary_events(self, tick: Tick, which: Indices, side: Array, inside: Array) -> None:
         self._side[:] = 0.0
@@ -147,18 +147,18 @@ class FenceLimits:
                 self._held.hold(tick, index, f"turned away, {distance_m:.0f} m inside", "no longer turned away")
 
 
-def _inward_rad(areas: FenceAreas, place: Array) -> Array:
-    """Return the heading towards the inside from places (F, 2): where the distance to the edge grows most."""
-    rise = [areas.inside_m(place + step) - areas.inside_m(place - step) for step in STEP_M * np.eye(2)]
+def _inward_rad(areas: FenceAreas, position: Array) -> Array:
+    """Return the heading towards the inside from positions (F, 2): where the distance to the edge grows most."""
+    rise = [areas.inside_m(position + step) - areas.inside_m(position - step) for step in STEP_M * np.eye(2)]
     return np.arctan2(rise[1], rise[0])
 
 
 class HeightFloor:
     """Holds heights at `safety.clearance_m` above the ground, tick by tick. It changes heights last, after the fence.
 
-    A vehicle reaches a height setpoint after the time constants of its height. The straight way to that point is kept
+    A vehicle reaches a height setpoint after the time constants of its height. The straight path to that point is kept
     clear, so a vehicle that descends with the terrain may get a setpoint below the ground under it. Also kept clear is
-    the way by its time constants and its present climb rate, if the setpoint is held for a while and the fastest climb
+    the path by its time constants and its present climb rate, if the setpoint is held for a while and the fastest climb
     follows: a vehicle that sinks takes time to climb. Setpoints never ask for more than the climb limit. Where the
     ground isn't known, there is no floor.
     """
@@ -172,7 +172,7 @@ class HeightFloor:
         self._first = 0 if scenario.leader else 1
         """The first index that is a vehicle's."""
         self._known: list[tuple[float, float, float]] = [(math.nan, math.nan, math.nan)] * len(models)
-        """Each one's place, north and east, at the last search for the highest ground, and a height clear of it."""
+        """Each one's position, north and east, at the last search for the highest ground, and a height clear of it."""
         self._held = HeldEvents(scenario)
 
     def keep(self, tick: Tick) -> None:
@@ -199,8 +199,8 @@ class HeightFloor:
         model, (north_mps, east_mps) = self._models[index], state.ground_mps()
         ahead_m = TAUS[-1] * _tau_s(model) * math.hypot(north_mps, east_mps)
         if not math.hypot(state.north_m - north_m, state.east_m - east_m) + ahead_m <= AROUND_M:
-            place = np.array([state.north_m]), np.array([state.east_m])
-            clear_m = float(self._ground.bound_m(*place, max(AROUND_M, 2.0 * ahead_m))[0]) + self._clearance_m
+            position = np.array([state.north_m]), np.array([state.east_m])
+            clear_m = float(self._ground.bound_m(*position, max(AROUND_M, 2.0 * ahead_m))[0]) + self._clearance_m
             self._known[index] = state.north_m, state.east_m, clear_m
         return clear_m
 
@@ -247,5 +247,5 @@ def _climbs(state: FlightState, commanded_m: float, model: AutopilotModel) -> li
 
 
 def _tau_s(model: AutopilotModel) -> float:
-    """Return how long a height lags behind its setpoint on a climb, s."""
+    """Return how late a height is behind its setpoint on a climb, s."""
     return model.tau_ha_s + model.tau_hb_s

@@ -14,8 +14,8 @@ def rally_outside(scenario: Scenario) -> Iterator[str]:
     fence = AirspaceKeys.of(scenario).fence
     if fence is None:
         return
-    for index, place_m in enumerate(fence.rally_m):
-        if (outside_m := fence.outside_m(*place_m)) > 0.0:
+    for index, position_m in enumerate(fence.rally_m):
+        if (outside_m := fence.outside_m(*position_m)) > 0.0:
             yield f"safety.fence.rally_m.{index}: rally point {outside_m:.0f} m outside the fence"
 
 

@@ -45,7 +45,7 @@ def _corners(area: FencePolygon, origin: GeodeticOrigin) -> list[Plain]:
     return [_north_east(origin, each) for each in area.corners]
 
 
-def _north_east(origin: GeodeticOrigin, place: LatLon) -> list[Plain]:
-    lat_deg, lon_deg = place
+def _north_east(origin: GeodeticOrigin, position: LatLon) -> list[Plain]:
+    lat_deg, lon_deg = position
     north_m, east_m, _ = origin.to_ned(math.radians(lat_deg), math.radians(lon_deg), 0.0)
     return [north_m, east_m]

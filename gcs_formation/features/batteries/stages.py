@@ -61,7 +61,7 @@ class BatteryWatch(Stage):
         """
         battery, reserve = vehicle.telemetry.battery, self._keys.reserve
         full_s = self._endurance[vehicle.identity].full_s(battery)
-        home_m, hovers = vehicle.telemetry.home_m, vehicle.autopilot.stands
+        home_m, hovers = vehicle.telemetry.home_m, vehicle.autopilot.hovers
         home_s = math.nan if home_m is None else way_home_s(state, home_m, self._speed_mps, hovers=hovers)
         needed = reserve if math.isnan(home_s / full_s) else reserve + home_s / full_s
         if battery.left > needed:

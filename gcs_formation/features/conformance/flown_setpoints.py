@@ -254,7 +254,7 @@ class FlownSetpoints:
         # Without acknowledgements, answers to TIMESYNC show that it receives. In hover a multirotor may have any
         # course.
         receives = self.vehicle.receives
-        return receives, receives and not self.vehicle.autopilot.stands, receives
+        return receives, receives and not self.vehicle.autopilot.hovers, receives
 
     def _judge(self, expected: Vector3, flown: Vector3, airspeed_mps: float, judged: Judged) -> int | None:
         """Evaluate the changes in the window; return the channel that newly isn't followed, of those `judged`.

@@ -87,10 +87,10 @@ class ConformanceMonitor:
 
     def judge_answers(self, now: Instant) -> None:
         """Check that vehicles in contact and commanded answer: an event `uplink` when a failure begins and ends."""
-        for place, vehicle in enumerate(self._vehicles):
+        for index, vehicle in enumerate(self._vehicles):
             missing = not vehicle.receives
             if missing:
-                self._missed[place] = now
+                self._missed[index] = now
             if not missing and not self._unanswered:
                 continue
             identity = vehicle.identity
@@ -127,8 +127,8 @@ class ConformanceMonitor:
 
     def judge_silence(self, now: Instant) -> None:
         """Check that vehicles that answer also acknowledge their setpoints: events `uplink`, as in `judge_answers`."""
-        for place, flier in enumerate(self._fliers):
-            since, vehicle, missed = flier.since, flier.vehicle, self._missed[place]
+        for index, flier in enumerate(self._fliers):
+            since, vehicle, missed = flier.since, flier.vehicle, self._missed[index]
             for channel in vehicle.setpoint_channels:
                 silent = since is not None and channel.is_silent(max(since, missed), now)
                 reported = len(self._silent) > 0 and channel in self._silent

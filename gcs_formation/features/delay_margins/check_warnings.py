@@ -36,7 +36,7 @@ class _Held(NamedTuple):
     vehicle: VehicleId
     at_s: float
     loop: str
-    scatter_s: float
+    sigma_s: float
     margin_s: float
     delay_s: float
 
@@ -44,7 +44,7 @@ class _Held(NamedTuple):
 def held_by_links(scenario: Scenario) -> Iterator[str]:
     """Yield that followers will be commanded to loiter because of delay or jitter of their links.
 
-    The scatter is known by measurement only, so some are commanded to when `NEAR` of the margin is in use.
+    The standard deviation is known by measurement only, so some are commanded to when `NEAR` of the margin is in use.
     """
     if DelayMarginKeys.of(scenario).on_delay != "hold":
         return
@@ -58,7 +58,7 @@ def held_by_links(scenario: Scenario) -> Iterator[str]:
     )
     who = f"vehicle {', '.join(dict.fromkeys(str(each.vehicle) for each in near))} will be commanded to loiter"
     if scenario.law.delay_compensation:
-        used = f"round trips scatter by {1e3 * found.scatter_s:.0f} ms{onwards}, {share} about {found.delay_s:.2f} s"
+        used = f"round trips scatter by {1e3 * found.sigma_s:.0f} ms{onwards}, {share} about {found.delay_s:.2f} s"
         enough = f"{1e3 * found.margin_s / DEVIATIONS:.0f} ms or less is enough; law.on_delay: warn flies on"
     else:
         used = f"the loop's delay is {found.delay_s:.3f} s{onwards}, {share}"
@@ -76,13 +76,13 @@ def _uses(scenario: Scenario) -> Iterator[_Held]:
         for loop, loops in law_loops(scenario).get(vehicle.vehicle_id, {}).items():
             usage = Usage(loops, predicted=predicted)
             for step in scenario.all_link_steps(vehicle):
-                delay = LoopDelay(loop_delay_s(*mean_delays_s(scenario, step), *rates_hz), _scatter_s(step))
+                delay = LoopDelay(loop_delay_s(*mean_delays_s(scenario, step), *rates_hz), _sigma_s(step))
                 margin_s = usage.margin_s(delay.mean_s)
-                each = vehicle.vehicle_id, step.at_s, loop, delay.scatter_s, margin_s, delay.mean_s
+                each = vehicle.vehicle_id, step.at_s, loop, delay.sigma_s, margin_s, delay.mean_s
                 yield _Held(usage.of(delay), *each)
 
 
-def _scatter_s(step: LinkStep) -> float:
+def _sigma_s(step: LinkStep) -> float:
     """Return the standard deviation of the round trip."""
     return 1e-3 * math.hypot(step.uplink.jitter_ms, step.downlink.jitter_ms)
 

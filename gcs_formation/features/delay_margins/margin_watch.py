@@ -42,8 +42,8 @@ KEPT: Final = 0.7
 """Share in use after either change; fuzzy scheduling can reduce a margin to about 0.77 of itself. Tuned: share; 0.5 to
 0.75; by judgement."""
 CHANNELS: Final = {"x": "speed", "y": "heading", "z": "height"}
-PLACES: Final = {axis: [place] for place, axis in enumerate(CHANNELS)}
-EVERY_PLACE: Final = list(range(len(CHANNELS)))
+INDICES: Final = {axis: [index] for index, axis in enumerate(CHANNELS)}
+EVERY_INDEX: Final = list(range(len(CHANNELS)))
 UNDESIGNED_S: Final = 0.05
 """Excess of the links' delay over the design delay from which gains are redesigned. Tuned: s; 0.02 to 0.1; by
 judgement."""
@@ -106,7 +106,7 @@ class DesignWatch:
 
 def channels_of(axis: str) -> list[int]:
     """Return the indices of the channels whose bandwidth an axis' loops share: one, or all under the consensus law."""
-    return PLACES.get(axis, EVERY_PLACE)
+    return INDICES.get(axis, EVERY_INDEX)
 
 
 class WatchedVehicle:
@@ -229,7 +229,7 @@ class MarginWatch:
         for axis, usage in axes.items():
             for channel in channels_of(axis):
                 off = self._time_constants_off[channel][index]
-                used = usage.of_lags(delay, off) if off >= TAUS_OFF_COUNTED else 0.0
+                used = usage.of_time_constants(delay, off) if off >= TAUS_OFF_COUNTED else 0.0
                 if used > maximum:
                     maximum, whose = used, channel
         return maximum, whose

@@ -33,7 +33,7 @@ class AwaitingFormation(Stage):
 
     def __init__(self, cycle: Cycle) -> None:
         """Begin with none in the air."""
-        self._planes = [each for each in cycle.each if not each.autopilot.stands]
+        self._planes = [each for each in cycle.each if not each.autopilot.hovers]
         self._speed_mps = cycle.scenario.path.begin_mps
         self._straight = dict[VehicleId, tuple[Instant, Setpoint]]()
         """Since when each flies straight on, and what it is commanded."""

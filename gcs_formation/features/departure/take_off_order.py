@@ -31,7 +31,7 @@ class TakeOffOrder(Stage):
 
     def __init__(self, cycle: Cycle) -> None:
         """Begin with all on the ground."""
-        self._planes = [each for each in cycle.each if not each.autopilot.stands]
+        self._planes = [each for each in cycle.each if not each.autopilot.hovers]
         self._waits = dict[VehicleId, tuple[Instant, str]]()
         """Since when each has waited, and for what; NEVER if that has been recorded."""
 

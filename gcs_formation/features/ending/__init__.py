@@ -15,7 +15,7 @@ separation that needs no cooperation, because levels differ wherever the aircraf
    together.
 3. It ends when it no longer matters who receives the next command, or at a time limit that follows from the climb. Only
    then does `SeparatedEnding` send the commands, again and again until they are acknowledged *and* seen to act.
-4. To land, vehicles circle over their homes and come down one by one, the lowest first (`landings`, `landing_places`).
+4. To land, vehicles circle over their homes and come down one by one, the lowest first (`landings`, `landing_order`).
    None goes home that refuses its level there: it circles where it is.
 
 **Why this.** Lateral separation would be cheaper in time, but needs circles whose radius, side and centre the station

@@ -56,15 +56,15 @@ class _Climb:
         self._slots_m = slot_schedule(scenario)[-1].positions_m[first:]
         self._frame = scenario.formation.frame
         self._end = self._path.at(self._end_m)
-        north_m, east_m = self._places(np.zeros(1))
+        north_m, east_m = self._positions(np.zeros(1))
         lowest_m = self._ground.height(north_m, east_m)[:, 0] + clearance_m  # slots are lifted that far
         up_m = np.fmax(self._end.height_m + self._slots_m[:, 2], lowest_m).tolist()
         each = zip(north_m[:, 0].tolist(), east_m[:, 0].tolist(), up_m, strict=True)
         climb_mps = self._end.slope * self._speed_mps
         self._begin = {
-            VehicleId(1, at): ReportedMotion(0.0, *place, 0.0, 0.0, climb_mps, 0.0) for at, place in enumerate(each)
+            VehicleId(1, at): ReportedMotion(0.0, *begin_m, 0.0, 0.0, climb_mps, 0.0) for at, begin_m in enumerate(each)
         }
-        self._stack = HoldingStack(scenario.safety.kept_m, stand=scenario.hovers)
+        self._stack = HoldingStack(scenario.safety.kept_m, hover=scenario.hovers)
         climb_mps = min(model.climb_max_mps for model in self._models)
         self._limit_s = stacked(self._begin, self._stack, self._floor, "loiter", self._ahead, climb_mps)
         self._stack.add(self._begin)
@@ -72,8 +72,8 @@ class _Climb:
     def warnings(self) -> Iterator[str]:
         where, height_m = self._where, self._end.height_m
         begins = [
-            (place.north_m + north_m, place.east_m + east_m)
-            for place in self._begin.values()
+            (motion.north_m + north_m, motion.east_m + east_m)
+            for motion in self._begin.values()
             for north_m, east_m in self._ahead(self._limit_s)
         ]
         top = self._floor.highest(begins)
@@ -82,7 +82,7 @@ class _Climb:
                 f"{where}: vehicles circle {top.height_m - height_m:.1f} m above it, at "
                 f"{top.height_m:.0f} m and higher, for the ground at north {top.north_m:.0f}, east {top.east_m:.0f}"
             )
-        unknown = next((place for begin in begins if (place := self._floor.unknown(*begin)) is not None), None)
+        unknown = next((point for begin in begins if (point := self._floor.unknown(*begin)) is not None), None)
         if unknown is not None:
             north_m, east_m = unknown
             yield (
@@ -107,20 +107,20 @@ class _Climb:
         """Yield the lowest clearance straight on until the last vehicle is at its height, if it is too low."""
         goals_m = [self._stack.heights_m[identity] for identity in self._begin]
         times_s = np.arange(0.0, self._limit_s, STEP_S)
-        ways = zip(self._models, self._begin.values(), goals_m, strict=True)
-        height_m = np.array([_climbed_m(model, begin, goal_m, len(times_s)) for model, begin, goal_m in ways])
+        climbs = zip(self._models, self._begin.values(), goals_m, strict=True)
+        height_m = np.array([_climbed_m(model, begin, goal_m, len(times_s)) for model, begin, goal_m in climbs])
         climbing = times_s <= times_s[(height_m < np.array(goals_m)[:, None] - SHORT_M).any(axis=0)].max(initial=0.0)
-        north_m, east_m = self._places(times_s[climbing] * self._speed_mps)
+        north_m, east_m = self._positions(times_s[climbing] * self._speed_mps)
         clearance_m = height_m[:, climbing] - self._ground.height(north_m, east_m)
         worst = np.unravel_index(np.nanargmin(clearance_m), clearance_m.shape)
         if clearance_m[worst] < self._clearance_m - SHORT_M:
-            place = f"north {north_m[worst]:.0f}, east {east_m[worst]:.0f}"
+            where = f"north {north_m[worst]:.0f}, east {east_m[worst]:.0f}"
             yield (
                 f"{self._where}: vehicles that climb to circle come to {clearance_m[worst]:.1f} m above the ground "
-                f"straight on, at {place}; {self._clearance_m:g} m are asked for (terrain.clearance_m)"
+                f"straight on, at {where}; {self._clearance_m:g} m are asked for (terrain.clearance_m)"
             )
 
-    def _places(self, ahead_m: Array) -> tuple[Array, Array]:
+    def _positions(self, ahead_m: Array) -> tuple[Array, Array]:
         """Return positions north and east (V, T) of all vehicles when the leader is `ahead_m` (T,) beyond the end."""
         points = self._path.at(self._end_m + ahead_m)
         forward_m, right_m, _ = self._slots_m.T[:, :, None]

@@ -13,8 +13,8 @@ from airlink.clock import Instant, seconds_between
 from airlink.endpoint import VehicleId
 from formation_scenario.orders import End
 from gcs_formation.core.cycle import Cycle
-from gcs_formation.features.ending.holding_stack import Ahead, HoldingStack, home_of, place_of, stacked, stays
-from gcs_formation.features.ending.landing_places import LandingOrder, lowest_circle_m
+from gcs_formation.features.ending.holding_stack import Ahead, HoldingStack, home_of, motion_of, stacked, stays
+from gcs_formation.features.ending.landing_order import LandingOrder, lowest_circle_m
 from gcs_formation.features.ending.landings import Landings
 from gcs_formation.features.ending.vertical_separation import VerticalSeparation
 from gcs_formation.fleet.circle_heights import NO_ORDER, GroundFloor, may_meet
@@ -50,7 +50,7 @@ class SeparatedEnding(Ending):
             ground: the ground to keep clear of.
             manner: how the flight ends.
             landings: those of an earlier order to land, where a vehicle is still landing; it is left to that.
-            ahead: the way on of a formation that is opened; by default vehicles leave where they are.
+            ahead: the path ahead of a formation that is opened; by default vehicles leave where they are.
             gap_m: the distance that vehicles must be apart.
             sway_m: how far the air moves vehicles off their heights, a standard deviation.
             climb_mps: how fast all of them climb.
@@ -58,17 +58,17 @@ class SeparatedEnding(Ending):
         super().__init__(vehicles, manner)
         self.landings = landings or Landings(lambda following: LandingOrder(vehicles, ground).why_not_now(following))
         self._ours = {identity: each for identity, each in self._ours.items() if not self.landings.is_pending(each)}
-        self.stands = manner == "loiter" and all(each.autopilot.stands for each in self._ours.values())
+        self.hovers = manner == "loiter" and all(each.autopilot.hovers for each in self._ours.values())
         """Whether all of them hover where they are, and need no separate heights."""
         lowest_m, first = -math.inf, NO_ORDER
         if manner == "land":
             order = LandingOrder(vehicles, ground)
             lowest_m, first = lowest_circle_m(vehicles), NO_ORDER if order.refusal else order.first
         self.stack = HoldingStack(
-            gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", stand=self.stands, first=first
+            gap_m, lowest_m, sway_m=sway_m, together=manner != "loiter", hover=self.hovers, first=first
         )
         homes = {identity: home for identity, each in self._ours.items() if (home := home_of(each))}
-        self.limit_s = stacked(self._places(), self.stack, ground, manner, ahead, climb_mps, homes)
+        self.limit_s = stacked(self._motions(), self.stack, ground, manner, ahead, climb_mps, homes)
         """Longest time for which the formation is opened."""
         self._gap_m = gap_m
         self._separation: VerticalSeparation | None = None
@@ -98,7 +98,7 @@ class SeparatedEnding(Ending):
 
     def leave(self, now: Instant) -> None:
         """Begin to command vehicles to circle or go home; those that have no height yet get one."""
-        self.stack.add(self._places())
+        self.stack.add(self._motions())
         super().leave(now)
 
     def advance(self, now: Instant) -> None:
@@ -125,9 +125,9 @@ class SeparatedEnding(Ending):
 
     def _height_m(self, identity: VehicleId, vehicle: Vehicle) -> float:
         """Return the height, m, at which a vehicle circles whose position is known."""
-        place = place_of(vehicle)
-        if place is not None:
-            self.stack.add({identity: place})
+        motion = motion_of(vehicle)
+        if motion is not None:
+            self.stack.add({identity: motion})
         return self.stack.heights_m[identity]
 
     def _watch_way_home(self, identity: VehicleId, vehicle: Vehicle, now: Instant) -> None:
@@ -150,9 +150,9 @@ class SeparatedEnding(Ending):
         self._commanded[identity] = EndCommand.STAY, vehicle.restarts
         commands.send(here if homeward else (*here, *home), now, insist=True)
 
-    def _places(self) -> dict[VehicleId, ReportedMotion]:
+    def _motions(self) -> dict[VehicleId, ReportedMotion]:
         armed = {identity: vehicle for identity, vehicle in self._ours.items() if vehicle.telemetry.armed}
-        return {identity: place for identity, vehicle in armed.items() if (place := place_of(vehicle))}
+        return {identity: motion for identity, vehicle in armed.items() if (motion := motion_of(vehicle))}
 
     def hasten(self) -> None:
         """Begin no further landing, and wait for nothing but acknowledgements."""
@@ -167,16 +167,16 @@ class SeparatedEnding(Ending):
         """Return which pairs of vehicles may circle at one height, with the reason.
 
         One of the two hasn't acknowledged a height of its own, and by what they reported last their heights are nearer
-        than vehicles must be apart. What stands circles nowhere.
+        than vehicles must be apart. What hovers circles nowhere.
         """
-        if self.stands:
+        if self.hovers:
             return []
         flying = {identity: each for identity, each in self._vehicles.items() if each.airborne}
-        places = {identity: place for identity, each in flying.items() if (place := each.telemetry.motion)}
-        lacking, found = {identity for identity in places if self._is_pending(identity, flying[identity])}, list[str]()
-        for one, other in combinations(places, 2):
-            off_m = abs(places[one].height_m - places[other].height_m)
-            near = off_m < self._gap_m and may_meet(places[one], places[other])
+        motions = {identity: motion for identity, each in flying.items() if (motion := each.telemetry.motion)}
+        lacking, found = {identity for identity in motions if self._is_pending(identity, flying[identity])}, list[str]()
+        for one, other in combinations(motions, 2):
+            off_m = abs(motions[one].height_m - motions[other].height_m)
+            near = off_m < self._gap_m and may_meet(motions[one], motions[other])
             if near and not lacking.isdisjoint((one, other)):
                 who = one if one in lacking else other
                 why = f"refuses {refusal}" if (refusal := flying[who].refusal) else "hasn't acknowledged its height"
@@ -216,10 +216,10 @@ class SeparatedEndings(Endings):
         ending = SeparatedEnding(vehicles, self._ground, manner, landings, ahead, gap_m, sway_m, climb_mps)
         ending.start(now, loiter_s)
         if commanded:
-            if ending.stands:
+            if ending.hovers:
                 controller.guidance.fly_at(0.0)
             limit_s = ending.limit_s
             ending.open(
-                VerticalSeparation(ending.stack, controller, vehicles, now, limit_s, climb_mps, stops=ending.stands)
+                VerticalSeparation(ending.stack, controller, vehicles, now, limit_s, climb_mps, stops=ending.hovers)
             )
         return ending

@@ -24,7 +24,7 @@ from gcs_formation.vehicle.vehicle import Vehicle
 COMMANDED_M = 0.5
 """A vehicle counts as sent to its height if its height setpoint is within this distance of it, m. Tuned: m; 0.2 to 2;
 by judgement."""
-LEAST_S, MAX_S = 30.0, 300.0
+MIN_S, MAX_S = 30.0, 300.0
 """Least time limit of the separation, and the greatest if heights have to be reassigned."""
 RESERVE_S = 15.0
 """Time added in that limit to the climb to the highest level. Tuned: s; 5 to 30; by judgement."""
@@ -51,18 +51,18 @@ class FlyingVehicle:
     """A vehicle in flight during the separation."""
 
     def __init__(
-        self, place: ReportedMotion, commanded_m: float, band: Band | None = None, *, steered: bool = False
+        self, motion: ReportedMotion, commanded_m: float, band: Band | None = None, *, steered: bool = False
     ) -> None:
         """Take its state.
 
         Args:
-            place: its position.
+            motion: its position and velocity.
             commanded_m: its last height setpoint, or the height at which it is left.
             band: the heights that it may reach, if it can't be moved: it doesn't answer or obey, or isn't ours to
                 command.
             steered: whether it is commanded, and responds.
         """
-        self.place = place
+        self.motion = motion
         self.commanded_m = commanded_m
         self.band = band
         self.steered = steered
@@ -78,23 +78,23 @@ class HoldingStack:
         *,
         sway_m: float = 0.0,
         together: bool = False,
-        stand: bool = False,
+        hover: bool = False,
         first: Mapping[VehicleId, frozenset[VehicleId]] = NO_ORDER,
     ) -> None:
         """Start without vehicles.
 
         Args:
-            gap_m: least vertical separation of vehicles.
+            gap_m: minimum vertical separation of vehicles.
             floor_m: lowest height to assign.
             sway_m: standard deviation of the vertical displacement of vehicles by the air.
             together: whether all circle at one position, wherever they are now.
-            stand: whether all hover where they are instead, at their present heights.
+            hover: whether all hover where they are instead, at their present heights.
             first: those that land before each, and so circle below it.
         """
         self.heights_m: dict[VehicleId, float] = {}
         """Height of each vehicle above the origin."""
         margin_m = max(MARGIN_M, SWAY_SIGMAS * math.sqrt(2.0) * sway_m)
-        self._gap_m, self._apart_m = (-math.inf, 0.0) if stand else (gap_m, max(STACK_M, gap_m + margin_m))
+        self._gap_m, self._separation_m = (-math.inf, 0.0) if hover else (gap_m, max(STACK_M, gap_m + margin_m))
         self._floor_m, self._together, self._first = floor_m, together, first
         self._taken: dict[VehicleId, Band] = {}
 
@@ -106,12 +106,12 @@ class HoldingStack:
         whether any height has been assigned.
         """
         self._take(fliers)
-        free = {identity: flier.place for identity, flier in fliers.items() if identity not in self._taken}
+        free = {identity: flier.motion for identity, flier in fliers.items() if identity not in self._taken}
         taken = [self._taken[identity] for identity in fliers if identity in self._taken]
         moved = {
-            identity: place
-            for identity, place in free.items()
-            if identity not in self.heights_m or self._in_way(identity, taken)
+            identity: motion
+            for identity, motion in free.items()
+            if identity not in self.heights_m or self._in_the_way(identity, taken)
         }
         while True:
             if moved:
@@ -140,44 +140,46 @@ class HoldingStack:
         if again is not None:
             del self._taken[again]
 
-    def add(self, places: Mapping[VehicleId, ReportedMotion]) -> None:
+    def add(self, motions: Mapping[VehicleId, ReportedMotion]) -> None:
         """Assign heights to those vehicles that have none; the others' don't change."""
-        new = {identity: place for identity, place in places.items() if identity not in self.heights_m}
+        new = {identity: motion for identity, motion in motions.items() if identity not in self.heights_m}
         self.heights_m |= self._heights_m(new, [*self._taken.values()], self.heights_m)
 
-    def lift(self, floor_m: float) -> bool:
+    def raise_floor(self, floor_m: float) -> bool:
         """Raise the lowest height to `floor_m`; return whether that is a change."""
         raised = floor_m > self._floor_m
         self._floor_m = max(floor_m, self._floor_m)
         return raised
 
-    def climb_m(self, places: Mapping[VehicleId, ReportedMotion]) -> float:
+    def climb_m(self, motions: Mapping[VehicleId, ReportedMotion]) -> float:
         """Return the longest climb from these positions to the heights that they would be assigned."""
-        heights_m = self._heights_m(places)
-        return max((heights_m[identity] - place.height_m for identity, place in places.items()), default=0.0)
+        heights_m = self._heights_m(motions)
+        return max((heights_m[identity] - motion.height_m for identity, motion in motions.items()), default=0.0)
 
-    def apart(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
+    def is_separated(self, fliers: dict[VehicleId, FlyingVehicle]) -> bool:
         """Return whether all steered vehicles are sent to their heights and vertically clear of all others."""
         names, each = list(fliers), list(fliers.values())
-        for place, flier in enumerate(each):
-            off_m = abs(flier.commanded_m - self.heights_m[names[place]]) if flier.steered else 0.0
+        for index, flier in enumerate(each):
+            off_m = abs(flier.commanded_m - self.heights_m[names[index]]) if flier.steered else 0.0
             if off_m > COMMANDED_M and len(each) > 1:
                 return False
-        for place, flier in enumerate(each):
-            for before in range(place):
+        for index, flier in enumerate(each):
+            for before in range(index):
                 steered = flier.steered or each[before].steered
-                if steered and not self._clear(names[place], flier, names[before], each[before]):
+                if steered and not self._clear(names[index], flier, names[before], each[before]):
                     return False
         return True
 
     def _heights_m(
         self,
-        places: Mapping[VehicleId, ReportedMotion],
+        motions: Mapping[VehicleId, ReportedMotion],
         taken: Sequence[Band] = (),
         kept_m: Mapping[VehicleId, float] = NO_HEIGHTS,
     ) -> dict[VehicleId, float]:
-        floor_m, apart_m, first = self._floor_m, self._apart_m, self._first
-        return loiter_heights(places, floor_m, taken, apart_m, together=self._together, first=first, kept_m=kept_m)
+        floor_m, separation_m, first = self._floor_m, self._separation_m, self._first
+        return loiter_heights(
+            motions, floor_m, taken, separation_m, together=self._together, first=first, kept_m=kept_m
+        )
 
     def _too_low(
         self, free: Mapping[VehicleId, ReportedMotion], fliers: Mapping[VehicleId, FlyingVehicle]
@@ -190,14 +192,14 @@ class HoldingStack:
             and any(self.heights_m[each] > self.heights_m[identity] for each in before if each in fliers)
         }
 
-    def _in_way(self, identity: VehicleId, taken: list[Band]) -> bool:
+    def _in_the_way(self, identity: VehicleId, taken: list[Band]) -> bool:
         height_m = self.heights_m[identity]
-        return any(low_m - self._apart_m < height_m < high_m + self._apart_m for low_m, high_m in taken)
+        return any(low_m - self._separation_m < height_m < high_m + self._separation_m for low_m, high_m in taken)
 
     def _clear(self, name: VehicleId, one: FlyingVehicle, others_name: VehicleId, other: FlyingVehicle) -> bool:
         """Return whether two vehicles are vertically separated, or can't meet anyway."""
-        low_m = high_m = one.place.height_m
-        others_low_m = others_high_m = other.place.height_m
+        low_m = high_m = one.motion.height_m
+        others_low_m = others_high_m = other.motion.height_m
         moves_on = False
         if self._taken:
             moves_on = name in self._taken or others_name in self._taken
@@ -205,11 +207,11 @@ class HoldingStack:
             others_low_m, others_high_m = self._taken.get(others_name, (others_low_m, others_high_m))
         if max(low_m - others_high_m, others_low_m - high_m) >= self._gap_m:
             return True
-        return not (moves_on or self._together or may_meet(one.place, other.place))
+        return not (moves_on or self._together or may_meet(one.motion, other.motion))
 
 
 def stacked(
-    places: Mapping[VehicleId, ReportedMotion],
+    motions: Mapping[VehicleId, ReportedMotion],
     stack: HoldingStack,
     ground: GroundFloor,
     manner: End,
@@ -223,7 +225,7 @@ def stacked(
     repeated until the ground ahead raises the stack no further.
 
     Args:
-        places: the vehicles' positions.
+        motions: the vehicles' positions.
         stack: the heights of all circles.
         ground: the ground to keep clear of.
         manner: how the flight ends.
@@ -231,38 +233,38 @@ def stacked(
         climb_mps: the climb rate of all vehicles.
         homes: positions north and east to which vehicles fly that don't loiter here.
     """
-    seen, each = 0, [(place, homes.get(identity)) for identity, place in places.items()]
+    seen, each = 0, [(motion, homes.get(identity)) for identity, motion in motions.items()]
     while True:
-        limit_s = limit_of_climb_s(stack.climb_m(places), climb_mps)
-        way, leaves = ahead(limit_s), len(ahead(limit_s - LEAST_S)) - 1  # earliest departure for home
-        floor_m = _floor_m(each, way[seen:leaves], "loiter", ground)
-        if not stack.lift(max(floor_m, _floor_m(each, way[max(seen, leaves) :], manner, ground))):
+        limit_s = limit_of_climb_s(stack.climb_m(motions), climb_mps)
+        path, leaves = ahead(limit_s), len(ahead(limit_s - MIN_S)) - 1  # earliest departure for home
+        floor_m = _floor_m(each, path[seen:leaves], "loiter", ground)
+        if not stack.raise_floor(max(floor_m, _floor_m(each, path[max(seen, leaves) :], manner, ground))):
             return limit_s
-        seen = len(way)
+        seen = len(path)
 
 
 def limit_of_climb_s(climb_m: float, climb_mps: float) -> float:
     """Return the time limit, s, of a separation in which a vehicle has to climb by `climb_m`."""
-    return max(LEAST_S, climb_m / climb_mps + RESERVE_S)
+    return max(MIN_S, climb_m / climb_mps + RESERVE_S)
 
 
 def _floor_m(
     each: Iterable[tuple[ReportedMotion, tuple[float, float] | None]],
-    way: Sequence[tuple[float, float]],
+    path: Sequence[tuple[float, float]],
     manner: End,
     ground: GroundFloor,
 ) -> float:
-    """Return the lowest height for all circles: over the ground here and ahead or, to return, on the ways home.
+    """Return the lowest height for all circles: over the ground here and ahead or, to return, on the legs home.
 
     An unknown home is taken to be at the origin.
     """
-    legs = [((at.north_m + north_m, at.east_m + east_m), home_m) for at, home_m in each for north_m, east_m in way]
+    legs = [((at.north_m + north_m, at.east_m + east_m), home_m) for at, home_m in each for north_m, east_m in path]
     if manner != "loiter":
-        return max((ground.over_way(begin_m, home_m or ORIGIN) for begin_m, home_m in legs), default=-math.inf)
+        return max((ground.over_leg(begin_m, home_m or ORIGIN) for begin_m, home_m in legs), default=-math.inf)
     return ground.highest(begin_m for begin_m, _ in legs).height_m
 
 
-def place_of(vehicle: Vehicle) -> ReportedMotion | None:
+def motion_of(vehicle: Vehicle) -> ReportedMotion | None:
     """Return a vehicle's position; during its take-off with the height at which that ends."""
     motion = vehicle.telemetry.motion
     if motion is None or not vehicle.autopilot.climbs_out(vehicle.telemetry):

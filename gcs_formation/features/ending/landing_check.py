@@ -12,7 +12,7 @@ from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from airlink.messages import Message
 from formation_scenario import Scenario
-from gcs_formation.features.ending.landing_places import LandingOrder
+from gcs_formation.features.ending.landing_order import LandingOrder
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.mission.gate import AlwaysExamined
 from gcs_formation.vehicle.stored_mission import StoredMission

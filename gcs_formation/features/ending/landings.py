@@ -1,4 +1,4 @@
-"""Landings one after another, each where `landing_places` says.
+"""Landings one after another, each where `landing_order` says.
 
 All vehicles circle, or hover, over their homes at separate heights. The lowest lands first; the next one follows when
 it stands there disarmed. So no two vehicles land at the same time, and none lands where another stands.
@@ -105,7 +105,7 @@ class Landings:
     def _watch(self, vehicle: Vehicle, waited_s: float, now: Instant) -> None:
         refusal = vehicle.commands.refusal
         if not may_be_armed(vehicle):
-            if _stands(vehicle):
+            if _has_stopped(vehicle):
                 self._landing, self._since = None, now
         elif vehicle.commands.outcome is not Outcome.ACCEPTED and refusal is not None and waited_s > REFUSED_FOR_S:
             vehicle.commands.send((), now)
@@ -119,7 +119,7 @@ class Landings:
         self._waiting.clear()
 
 
-def _stands(vehicle: Vehicle) -> bool:
+def _has_stopped(vehicle: Vehicle) -> bool:
     """Return whether a vehicle that has landed has rolled out; one that doesn't tell its speed counts as standing."""
     seen = vehicle.telemetry.motion
     return seen is None or math.hypot(seen.north_mps, seen.east_mps) < ROLLS_MPS
@@ -132,6 +132,6 @@ def _circles(vehicle: Vehicle, height_m: float) -> bool:
         return False
     away_m = math.hypot(seen.north_m - home_m[0], seen.east_m - home_m[1])
     near = away_m < CIRCLES_MEET_M
-    if vehicle.autopilot.stands:
+    if vehicle.autopilot.hovers:
         near = away_m < OVER_HOME_M and math.hypot(seen.north_mps, seen.east_mps) < OVER_HOME_MPS
     return near and abs(seen.height_m - height_m) < AT_HEIGHT_M

@@ -76,35 +76,35 @@ class VerticalSeparation:
 
     def _allow_for_climb(self, now: Instant) -> None:
         given_m, steered = self._stack.heights_m, ((i, each) for i, each in self._fliers.items() if each.steered)
-        climb_m = max((given_m[identity] - each.place.height_m for identity, each in steered), default=0.0)
+        climb_m = max((given_m[identity] - each.motion.height_m for identity, each in steered), default=0.0)
         needed_s = seconds_between(self._since, now) + limit_of_climb_s(climb_m, self._climb_mps)
         self._limit_s = max(self._limit_s, min(needed_s, MAX_S))
 
     def over(self, now: Instant) -> bool:
         """Return whether vehicles may circle, or the time limit is reached."""
         late = seconds_between(self._since, now) >= self._limit_s
-        return late or (self._stack.apart(self._fliers) and not (self._stops and self._moves()))
+        return late or (self._stack.is_separated(self._fliers) and not (self._stops and self._moves()))
 
     def _moves(self) -> bool:
         """Return whether a steered vehicle doesn't hover yet."""
-        steered = (flier.place for flier in self._fliers.values() if flier.steered)
-        return any(math.hypot(place.north_mps, place.east_mps) > HOVER_MPS for place in steered)
+        steered = (flier.motion for flier in self._fliers.values() if flier.steered)
+        return any(math.hypot(motion.north_mps, motion.east_mps) > HOVER_MPS for motion in steered)
 
     def _flier(self, vehicle: Vehicle, links: list[VehicleLink], now: Instant) -> FlyingVehicle | None:
-        place, index = vehicle.telemetry.motion, vehicle.index
+        motion, index = vehicle.telemetry.motion, vehicle.index
         silent_s = seconds_between(vehicle.connection.last_received, now)
-        if place is None or not vehicle.telemetry.armed or silent_s > FORGOTTEN_AFTER_S:
+        if motion is None or not vehicle.telemetry.armed or silent_s > FORGOTTEN_AFTER_S:
             return None
         if vehicle.autopilot.climbs_out(vehicle.telemetry):
-            place = climbed_out(place, vehicle)
-            return FlyingVehicle(place, place.height_m)
+            motion = climbed_out(motion, vehicle)
+            return FlyingVehicle(motion, motion.height_m)
         answers = seconds_between(vehicle.round_trips.received_at(now), now) <= UNMOVED_S
         led = links[index].ready and links[self._controller.plan.leader].ready
         if led and answers and self._follows(vehicle, links[index], now):
-            return FlyingVehicle(place, self._commanded_m(index), steered=True)
+            return FlyingVehicle(motion, self._commanded_m(index), steered=True)
         orders_m = self._orders_m(vehicle, index, links, answers=answers)
-        heights_m = [place.height_m, *(height_m for height_m in orders_m if math.isfinite(height_m))]
-        return FlyingVehicle(place, heights_m[-1], (min(heights_m), max(heights_m)))
+        heights_m = [motion.height_m, *(height_m for height_m in orders_m if math.isfinite(height_m))]
+        return FlyingVehicle(motion, heights_m[-1], (min(heights_m), max(heights_m)))
 
     def _follows(self, vehicle: Vehicle, link: VehicleLink, now: Instant) -> bool:
         """Return whether a vehicle follows its setpoints, as far as is certain; one that didn't before doesn't yet."""

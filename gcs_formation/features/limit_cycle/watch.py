@@ -51,9 +51,9 @@ class LimitCycles(Stage):
 
     def _take_answer(self, cycle: Cycle, tick: Tick, index: int) -> None:
         seen, link = cycle.controller.estimator.filters[index], tick.links[index]
-        state, way_s = seen.state, link.on_its_way_s
-        if state is not None and not math.isnan(way_s):
-            acts_s = tick.now / NANOSECONDS + way_s + link.lag_s
+        state, uplink_s = seen.state, link.uplink_delay_s
+        if state is not None and not math.isnan(uplink_s):
+            acts_s = tick.now / NANOSECONDS + uplink_s + link.further_delay_s
             self._answers[index].add(acts_s, tick.setpoints[index][1], seen.stamp / NANOSECONDS, state.heading_rad)
 
     def _judge(self, cycle: Cycle, vehicle: Vehicle) -> None:

@@ -74,7 +74,7 @@ class MessageCounts:
         """Begin again."""
         self.looks = 0
 
-    def add(self, vehicle: Vehicle, places: vec[i64], since_s: float) -> None:
+    def add(self, vehicle: Vehicle, indices: vec[i64], since_s: float) -> None:
         """Take the counts; time since the last look in which nothing at all arrived isn't counted against any message.
 
         Of news: copies of a vehicle that has fallen silent don't count.
@@ -88,8 +88,8 @@ class MessageCounts:
             received_s = self._received_s[before] + (since_s if total > self._total[before] else 0.0)
         self._received_s[at], self._total[at] = received_s, total
         self._received[at], self._lost[at] = vehicle.sequence.received, vehicle.sequence.lost
-        for place in range(len(places)):
-            self._messages[at * self._kinds + place] = vehicle.messages_in[places[place]]
+        for index in range(len(indices)):
+            self._messages[at * self._kinds + index] = vehicle.messages_in[indices[index]]
         self.looks += 1
 
     def received_s(self, span: i64) -> float:
@@ -97,10 +97,10 @@ class MessageCounts:
         first, last = self._ends(span)
         return self._received_s[last] - self._received_s[first]
 
-    def arrived(self, place: i64, span: i64) -> i64:
-        """Return the number of messages of the kind at `place` in the last `span` intervals."""
+    def arrived(self, index: i64, span: i64) -> i64:
+        """Return the number of messages of the kind at `index` in the last `span` intervals."""
         first, last = self._ends(span)
-        return self._messages[last * self._kinds + place] - self._messages[first * self._kinds + place]
+        return self._messages[last * self._kinds + index] - self._messages[first * self._kinds + index]
 
     def share_arriving(self, span: i64) -> float:
         """Return the share of the frames of the last `span` intervals that arrived."""
@@ -148,15 +148,15 @@ class RequestedMessages:
     def too_few(self) -> tuple[int, ...]:
         """Return the messages of which less than half of the expected number, after loss, arrives."""
         counts, found = self.counts, list[int]()
-        for place in range(len(self._spans)):
-            span = self._spans[place]
+        for index in range(len(self._spans)):
+            span = self._spans[index]
             if counts.looks <= span:
                 continue
-            count, received_s = counts.arrived(place, span), counts.received_s(span)
-            if float(count) < self._min_hz[place] * received_s:
-                sent = self._rates[place] * received_s
+            count, received_s = counts.arrived(index, span), counts.received_s(span)
+            if float(count) < self._min_hz[index] * received_s:
+                sent = self._rates[index] * received_s
                 if sent >= FEWEST_SENT and _is_too_few(count, sent, counts.share_arriving(span)):
-                    found.append(self._ids[place])
+                    found.append(self._ids[index])
         return tuple(found)
 
     def slowed(self) -> tuple[int, ...]:
@@ -166,11 +166,11 @@ class RequestedMessages:
         rate may still come more than half as often.
         """
         counts, found = self.counts, list[int]()
-        for place in range(len(self._spans)):
-            span = min(self._spans[place], counts.looks - 1)
-            sent = self._rates[place] * counts.received_s(span)
-            if float(counts.arrived(place, span)) < SLOWED_SHARE * sent * counts.share_arriving(span):
-                found.append(self._ids[place])
+        for index in range(len(self._spans)):
+            span = min(self._spans[index], counts.looks - 1)
+            sent = self._rates[index] * counts.received_s(span)
+            if float(counts.arrived(index, span)) < SLOWED_SHARE * sent * counts.share_arriving(span):
+                found.append(self._ids[index])
         return tuple(found)
 
     def judged(self, message_ids: tuple[int, ...]) -> bool:

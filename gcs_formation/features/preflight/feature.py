@@ -5,7 +5,7 @@ from __future__ import annotations
 from gcs_formation.core.cycle import Cycle, Stage
 from gcs_formation.core.feature import Feature
 from gcs_formation.features.preflight.parameters import ParameterExamination
-from gcs_formation.features.preflight.place import findings
+from gcs_formation.features.preflight.position import findings
 
 
 def _stages(cycle: Cycle) -> list[Stage]:

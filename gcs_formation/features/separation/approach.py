@@ -71,11 +71,11 @@ def approach(one: Array, other: Array, minimum: MinimumDistance, times_s: Array)
         minimum: distance to keep.
         times_s: (S,) of the samples.
     """
-    apart = other - one
-    begin, way = apart[:, :-1], np.diff(apart, axis=1)
-    squared = np.maximum((way**2).sum(axis=0), 1e-12)
-    share = within(-(begin * way).sum(axis=0) / squared, 0.0, 1.0)
-    distance = np.sqrt(((begin + share * way) ** 2).sum(axis=0))
+    relative = other - one
+    begin, step = relative[:, :-1], np.diff(relative, axis=1)
+    squared = np.maximum((step**2).sum(axis=0), 1e-12)
+    share = within(-(begin * step).sum(axis=0) / squared, 0.0, 1.0)
+    distance = np.sqrt(((begin + share * step) ** 2).sum(axis=0))
     steps_s = np.diff(times_s)[:, None]
     needed_m = minimum.distance_m + minimum.timing_s * np.sqrt(squared) / steps_s
     when = np.argmin(distance, axis=0)
@@ -94,7 +94,7 @@ def may_come_near(ours: Array, theirs: Array, minimum: MinimumDistance, times_s:
 
     Args:
         ours: (2, S, M) north and east of the one vehicle's trajectories.
-        theirs: (2, S, O), the way of each of the others.
+        theirs: (2, S, O), the trajectory of each of the others.
         minimum: distance that the one and each of them are to keep, (O,).
         times_s: (S,) of the samples.
     """
@@ -104,8 +104,8 @@ def may_come_near(ours: Array, theirs: Array, minimum: MinimumDistance, times_s:
     low, high = np.minimum(ours[:, 1:], ours[:, :-1]).min(axis=2), np.maximum(ours[:, 1:], ours[:, :-1]).max(axis=2)
     above = np.minimum(theirs[:, 1:], theirs[:, :-1]) - high[:, :, None]
     below = low[:, :, None] - np.maximum(theirs[:, 1:], theirs[:, :-1])
-    apart_m = np.linalg.norm(np.maximum(np.maximum(above, below), 0.0), axis=0)
-    return (apart_m < minimum.distance_m + minimum.timing_s * fast_mps).any(axis=0)
+    distance_m = np.linalg.norm(np.maximum(np.maximum(above, below), 0.0), axis=0)
+    return (distance_m < minimum.distance_m + minimum.timing_s * fast_mps).any(axis=0)
 
 
 class Manoeuvre(Columns):
@@ -156,7 +156,7 @@ class Traffic:
         """Return these vehicles, each turning clockwise at its largest turn rate."""
         return Traffic(self.state, self.lead_s, self.model.turn_rate_max_rps, self.model, self.accel_mps2, self.hovers)
 
-    def beside(self, other: Traffic) -> Traffic:
+    def followed_by(self, other: Traffic) -> Traffic:
         """Return these vehicles followed by others."""
         return Traffic(
             FlightStates.of(np.concatenate((self.state.table, other.state.table), axis=1)),
@@ -270,7 +270,7 @@ def _polar(velocity_mps: Array) -> tuple[Array, Array]:
 
 
 def _moving(state: FlightStates, level_m: Array, velocity_mps: Array) -> FlightStates:
-    """Return multirotors' states with other places and velocities over ground, (2, N)."""
+    """Return multirotors' states with other positions and velocities over ground, (2, N)."""
     height, still = (state.height_m, state.climb_mps), np.zeros_like(level_m)
     return FlightStates.of(np.array((*level_m, *height, *_polar(velocity_mps), *still, state.updraught_mps)))
 
@@ -279,10 +279,12 @@ def _level(
     traffic: Traffic, manoeuvre: Manoeuvre, times_s: Array, begin: FlightStates, turned: FlightStates, accel_mps2: Array
 ) -> Array:
     first, since_s = begin.level_m[:, None], times_s[1:] - times_s[1]
-    return np.concatenate((first, _way(traffic, turned, manoeuvre, since_s, accel_mps2)), axis=1)
+    return np.concatenate((first, _trajectory(traffic, turned, manoeuvre, since_s, accel_mps2)), axis=1)
 
 
-def _way(traffic: Traffic, state: FlightStates, manoeuvre: Manoeuvre, times_s: Array, accel_mps2: Array) -> Array:
+def _trajectory(
+    traffic: Traffic, state: FlightStates, manoeuvre: Manoeuvre, times_s: Array, accel_mps2: Array
+) -> Array:
     """Return (2, S, N) north and east, `times_s` after `state`, by the trapezium rule of the velocity."""
     model, since_s = traffic.model, times_s[:, None]
     if traffic.hovers:

@@ -45,11 +45,11 @@ class KeptDistance:
 class VehicleBounds:
     """A vehicle's position, bounds of how far and how fast it may move from there, and its timing uncertainty."""
 
-    __slots__ = ("along_m", "east_m", "far_m", "fast_mps", "model", "north_m", "place", "slot_m", "timing_s")
+    __slots__ = ("along_m", "east_m", "far_m", "fast_mps", "index", "model", "north_m", "slot_m", "timing_s")
 
-    def __init__(self, place: int, model: AutopilotModel) -> None:
-        """Begin with a vehicle that hasn't been seen; `place`: its index."""
-        self.place, self.model = place, model
+    def __init__(self, index: int, model: AutopilotModel) -> None:
+        """Begin with a vehicle that hasn't been seen; `index`: its own."""
+        self.index, self.model = index, model
         self.north_m = self.east_m = 0.0
         self.along_m = 0.0
         """Its position on the axis along which the vehicles are farthest apart."""
@@ -75,7 +75,7 @@ class BroadPhase:
         `hovers`: they are multirotors.
         """
         self._hovers = hovers
-        self._vehicles = [VehicleBounds(place, model) for place, model in enumerate(models)]
+        self._vehicles = [VehicleBounds(index, model) for index, model in enumerate(models)]
         self._order = list(self._vehicles)
         """Sorted along the axis on which they are farthest apart; the order seldom changes from tick to tick."""
         self._first_s, self._horizon_s = first_s, horizon_s
@@ -86,7 +86,7 @@ class BroadPhase:
         self._far_max_m = self._fast_max_mps = self._off_max_s = 0.0
 
     def begin_test(self, reference: FlightState, speed_mps: float, heading_rad: float) -> None:
-        """Begin a test: `see` every vehicle, then ask whether `all_apart`. The reference is commanded these two."""
+        """Begin a test: `see` every vehicle, then ask whether `all_separated`. The reference is commanded these two."""
         self._reference = reference
         self._along_mps, self._along_rad = reference.airspeed_mps, reference.heading_rad
         self._frame_north_mps, self._frame_east_mps = reference.ground_mps()
@@ -98,7 +98,7 @@ class BroadPhase:
 
     def see(
         self,
-        place: int,
+        index: int,
         state: FlightState,
         slot_m: Vector3,
         speed_mps: float,
@@ -110,7 +110,7 @@ class BroadPhase:
         """Compute one vehicle's bounds.
 
         Args:
-            place: index among the models.
+            index: among the models.
             state: when its present setpoint acts.
             slot_m: its slot from the leader; NaN for a vehicle far from its slot.
             speed_mps: commanded.
@@ -119,15 +119,15 @@ class BroadPhase:
             timing_s: timing uncertainty of its state.
             accel_mps2: present horizontal acceleration of a multirotor.
         """
-        reference, vehicle, until_s = self._reference, self._vehicles[place], early_s + self._first_s
+        reference, vehicle, until_s = self._reference, self._vehicles[index], early_s + self._first_s
         assert reference is not None
         vehicle.slot_m = slot_m
         reference_mps, reference_rad, model = self._along_mps, self._along_rad, vehicle.model
         max_mps2, turn_rps = model.accel_max_mps2, model.turn_rate_max_rps
         along_mps = within(reference_mps, model.speed_min_mps, model.speed_max_mps)
         if self._hovers:
-            slow_mps = _apart_mps(state, along_mps, reference_rad)
-            step_mps = _apart_mps(state, speed_mps, heading_rad)
+            slow_mps = _difference_mps(state, along_mps, reference_rad)
+            step_mps = _difference_mps(state, speed_mps, heading_rad)
             off_rad = turn_rad = 0.0
         else:
             slow_mps = abs(along_mps - state.airspeed_mps)
@@ -148,7 +148,7 @@ class BroadPhase:
         self._fast_max_mps = max(self._fast_max_mps, vehicle.fast_mps)
         self._off_max_s = max(self._off_max_s, timing_s)
 
-    def all_apart(self, kept: KeptDistance) -> bool:
+    def all_separated(self, kept: KeptDistance) -> bool:
         """Return whether all seen vehicles keep their distance; pairs far apart along one axis are skipped."""
         max_m = kept.max_m + 2.0 * self._far_max_m + 4.0 * self._off_max_s * self._fast_max_mps
         self._sort()
@@ -162,10 +162,10 @@ class BroadPhase:
                 off_m = (one.timing_s + other.timing_s) * (one.fast_mps + other.fast_mps)
                 room_m = off_m + one.far_m + other.far_m
                 north_m, east_m = other.north_m - one.north_m, other.east_m - one.east_m
-                apart_m2, needed_m = north_m * north_m + east_m * east_m, kept.max_m + room_m
-                if not apart_m2 >= needed_m * needed_m:
+                distance_m2, needed_m = north_m * north_m + east_m * east_m, kept.max_m + room_m
+                if not distance_m2 >= needed_m * needed_m:
                     needed_m = _kept_m(kept, one, other) + room_m
-                    if not apart_m2 >= needed_m * needed_m:
+                    if not distance_m2 >= needed_m * needed_m:
                         return False
         return True
 
@@ -178,10 +178,10 @@ class BroadPhase:
             south, north = min(south, vehicle.north_m), max(north, vehicle.north_m)
             west, east = min(west, vehicle.east_m), max(east, vehicle.east_m)
         northwards = north - south >= east - west
-        for place in range(len(order)):
-            vehicle = order[place]
+        for index in range(len(order)):
+            vehicle = order[index]
             along_m = vehicle.along_m = vehicle.north_m if northwards else vehicle.east_m
-            to = place
+            to = index
             while to > 0 and order[to - 1].along_m > along_m:
                 order[to] = order[to - 1]
                 to -= 1
@@ -194,11 +194,11 @@ def _kept_m(kept: KeptDistance, one: VehicleBounds, other: VehicleBounds) -> flo
     forward_m, right_m, up_m = first[0] - second[0], first[1] - second[1], first[2] - second[2]
     kept_m = SLOT_SHARE * math.sqrt(forward_m * forward_m + right_m * right_m + up_m * up_m)
     if kept.rows and not math.isnan(kept_m):
-        kept_m = kept.rows[one.place][other.place]
+        kept_m = kept.rows[one.index][other.index]
     return kept_m if kept_m < kept.max_m else kept.max_m
 
 
-def _apart_mps(state: FlightState, speed_mps: float, heading_rad: float) -> float:
+def _difference_mps(state: FlightState, speed_mps: float, heading_rad: float) -> float:
     """Return the difference between a velocity and a state's velocity over ground."""
     north_mps, east_mps = state.ground_mps()
     return math.hypot(speed_mps * math.cos(heading_rad) - north_mps, speed_mps * math.sin(heading_rad) - east_mps)

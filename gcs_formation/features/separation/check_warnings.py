@@ -28,8 +28,8 @@ def no_room_to_stop(scenario: Scenario) -> Iterator[str]:
     min_m, kept = scenario.safety.separation_m, SeparationKeys.of(scenario).avoidance.enabled
     if not scenario.hovers or not kept:
         return
-    told_mps = [read_order(each.order).speed_mps or 0.0 for _, each in scenario.timed_orders]
-    speed_mps, first = max(scenario.path.fastest_mps, *told_mps, 0.0), 1 if scenario.leader is None else 0
+    commanded_mps = [read_order(each.order).speed_mps or 0.0 for _, each in scenario.timed_orders]
+    speed_mps, first = max(scenario.path.fastest_mps, *commanded_mps, 0.0), 1 if scenario.leader is None else 0
     round_trips_s = (
         sum(mean_delays_s(scenario, step)) for vehicle in scenario.vehicles for step in scenario.link_steps(vehicle)
     )

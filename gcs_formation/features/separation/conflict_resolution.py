@@ -33,7 +33,7 @@ RELEASE = 1.1
 """A vehicle stops manoeuvring once it would keep this many times the minimum distance without. Tuned: ratio; 1.05 to
 1.3; shown by `pytest tests/gcs_formation/features/separation`."""
 RETURN_S = 4.0
-"""How long a multirotor's way back to its slot must be clear before it stops manoeuvring. Tuned: s; 2 to 8; by
+"""How long a multirotor's path back to its slot must be clear before it stops manoeuvring. Tuned: s; 2 to 8; by
 judgement."""
 NEGLIGIBLE_M_S = 1e-6
 HELPED_BELOW = 0.9
@@ -83,9 +83,9 @@ def _near_level(picture: TrafficPicture, one: Indices, other: Indices) -> Mask:
     """Return which pairs come too near as commanded, seen from above; the others are apart whatever their heights."""
     if not one.size:
         return np.zeros(0, dtype=bool)
-    which, places = np.unique(np.concatenate((one, other)), return_inverse=True)
-    ways = fly_level(picture.traffic.select(which), picture.as_commanded().select(which), picture.times_s)
-    first, second = ways[:, :, places[: one.size]], ways[:, :, places[one.size :]]
+    which, inverse = np.unique(np.concatenate((one, other)), return_inverse=True)
+    trajectories = fly_level(picture.traffic.select(which), picture.as_commanded().select(which), picture.times_s)
+    first, second = trajectories[:, :, inverse[: one.size]], trajectories[:, :, inverse[one.size :]]
     return approach(first, second, picture.minimum(one, other), picture.times_s).deficit_m_s > NEGLIGIBLE_M_S
 
 
@@ -97,9 +97,11 @@ class _Search:
         self._side = side.copy()
         self._before = side != 0
         self._manoeuvre = picture.as_commanded()
-        self._ways = fly(picture.traffic, self._manoeuvre, picture.times_s, picture.trails_m)
+        self._trajectories = fly(picture.traffic, self._manoeuvre, picture.times_s, picture.trails_m)
         self._conflicts: dict[int, tuple[Conflict, ...]] = {}
-        near = approach(self._ways[:, :, one], self._ways[:, :, other], picture.minimum(one, other), picture.times_s)
+        near = approach(
+            self._trajectories[:, :, one], self._trajectories[:, :, other], picture.minimum(one, other), picture.times_s
+        )
         bad = near.deficit_m_s > NEGLIGIBLE_M_S
         self._waiting = {self._second(i, j) for i, j in zip(one[bad].tolist(), other[bad].tolist(), strict=True)}
         self._waiting |= set(np.flatnonzero(self._before & picture.commanded).tolist())
@@ -134,14 +136,14 @@ class _Search:
         return unsafe
 
     def _choose(self, vehicle: int) -> list[int]:
-        """Choose a vehicle's way; return the others that it still comes too near to."""
+        """Choose a vehicle's trajectory; return the others that it still comes too near to."""
         picture, others = self._picture, self._neighbours(vehicle)
         plain = self._plain(vehicle)
         near = self._approach(vehicle, plain, others, RELEASE)
         conflicting = near.deficit_m_s.max(axis=0, initial=0.0) > NEGLIGIBLE_M_S
         self._conflicts[vehicle] = _conflicts(vehicle, others, near, conflicting)
         heights = free_heights(
-            picture, vehicle, others[conflicting], self._ways[2, -1, others[conflicting]], self._side[vehicle]
+            picture, vehicle, others[conflicting], self._trajectories[2, -1, others[conflicting]], self._side[vehicle]
         )[:HEIGHTS_MAX]
         escapes = take_height(picture, vehicle, heights)
         waits = self._passing(vehicle, plain, escapes, heights)
@@ -166,7 +168,7 @@ class _Search:
     def _released(self, vehicle: int, others: Indices, near: ClosestApproach) -> bool:
         """Return whether a vehicle may end a manoeuvre: as commanded and then straight on, it keeps well clear of all.
 
-        A multirotor's way back to its slot must also be clear of uncommanded vehicles for a while: else it would move
+        A multirotor's path back to its slot must also be clear of uncommanded vehicles for a while: else it would move
         to and fro in front of them.
         """
         if (near.deficit_m_s[1] > NEGLIGIBLE_M_S).any():
@@ -181,8 +183,10 @@ class _Search:
             Manoeuvre(unchanged, unchanged.speed_mps, unchanged.heading_rad, unchanged.height_m),
             times_s[soon],
         )
-        ways = np.repeat(back, free.size, axis=2), self._ways[:2, soon][:, :, free]
-        return not (approach(*ways, self._minimum(vehicle, free), times_s[soon]).deficit_m_s > NEGLIGIBLE_M_S).any()
+        trajectories = np.repeat(back, free.size, axis=2), self._trajectories[:2, soon][:, :, free]
+        return not (
+            approach(*trajectories, self._minimum(vehicle, free), times_s[soon]).deficit_m_s > NEGLIGIBLE_M_S
+        ).any()
 
     def _plain(self, vehicle: int) -> Manoeuvre:
         """Return the two trajectories without a manoeuvre: as commanded, then as the reference or straight on."""
@@ -208,12 +212,12 @@ class _Search:
     def _adopt(self, vehicle: int, chosen: Manoeuvre, *, yielding: bool) -> None:
         which = np.array([vehicle])
         self._manoeuvre.table[:, which] = chosen.table
-        self._ways[:, :, which] = self._fly(which, chosen)
+        self._trajectories[:, :, which] = self._fly(which, chosen)
         upwards = chosen.height_m[0] >= self._picture.setpoints.height_m[vehicle]
         self._side[vehicle] = 0.0 if not yielding else (1.0 if upwards else -1.0)
 
     def _neighbours(self, vehicle: int) -> Indices:
-        """Return the others that any way of a vehicle could bring too near, whatever their heights.
+        """Return the others that any trajectory of a vehicle could bring too near, whatever their heights.
 
         Each of its trajectories follows one of its courses, and the others' trajectories are known. The test uses the
         bounding boxes of these, step by step in a frame that moves with the reference.
@@ -224,7 +228,7 @@ class _Search:
         moved = picture.reference_mps[:, None] * picture.times_s[:, None]
         ours = fly_level(picture.traffic.select(which), courses, picture.times_s) - moved
         others = np.delete(np.arange(picture.commanded.size, dtype=np.intp), vehicle)
-        theirs = self._ways[:2, :, others] - moved
+        theirs = self._trajectories[:2, :, others] - moved
         return others[may_come_near(ours, theirs, self._minimum(vehicle, others).times(RELEASE), picture.times_s)]
 
     def _fly(self, which: Indices, manoeuvre: Manoeuvre) -> Array:
@@ -238,19 +242,19 @@ class _Search:
         """Return the closest approach of each of a vehicle's options (M,) to each of the others: (M, O) arrays."""
         picture, count = self._picture, options.height_m.size
         which = np.full(count, vehicle, dtype=np.intp)
-        ways = np.repeat(self._fly(which, options), others.size, axis=2)
+        trajectories = np.repeat(self._fly(which, options), others.size, axis=2)
         minimum = MinimumDistance(*(np.tile(values, count) for values in self._minimum(vehicle, others).times(share)))
-        near = approach(ways, np.tile(self._ways[:, :, others], count), minimum, picture.times_s)
+        near = approach(trajectories, np.tile(self._trajectories[:, :, others], count), minimum, picture.times_s)
         return ClosestApproach(*(values.reshape(count, others.size) for values in near))
 
 
 def _conflicts(vehicle: int, others: Indices, near: ClosestApproach, conflicting: Mask) -> tuple[Conflict, ...]:
     """Return a vehicle's conflicts, each on that of its plain trajectories which comes nearer to the other."""
-    way = np.argmin(near.nearest_m, axis=0)
+    trajectory = np.argmin(near.nearest_m, axis=0)
     found: list[Conflict] = []
-    for place in np.flatnonzero(conflicting).tolist():
-        row = way[place], place
-        found.append(Conflict(vehicle, int(others[place]), float(near.nearest_m[row]), float(near.in_s[row])))
+    for index in np.flatnonzero(conflicting).tolist():
+        row = trajectory[index], index
+        found.append(Conflict(vehicle, int(others[index]), float(near.nearest_m[row]), float(near.in_s[row])))
     return tuple(found)
 
 

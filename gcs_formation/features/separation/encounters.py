@@ -58,10 +58,10 @@ class Encounters:
             pair = int(vehicles[conflict.vehicle]), int(vehicles[conflict.other])
             if pair not in self._each:
                 self._each[pair] = Encounter(tick.now)
-                way = _way(tick, pair[0], side[pair[0]])
-                apart = f"they would be {conflict.nearest_m:.1f} m apart in {conflict.in_s:.1f} s"
+                how = _manoeuvre_text(tick, pair[0], side[pair[0]])
+                nearest = f"they would be {conflict.nearest_m:.1f} m apart in {conflict.in_s:.1f} s"
                 figures: dict[str, Detail] = {"begins": True, "nearest_m": conflict.nearest_m, "in_s": conflict.in_s}
-                self._report(tick, pair, "avoids", f", {way}: {apart}", figures)
+                self._report(tick, pair, "avoids", f", {how}: {nearest}", figures)
         for pair, encounter in list(self._each.items()):
             if pair[0] in where and pair[1] in where:
                 distance_m = float(np.linalg.norm(where[pair[0]] - where[pair[1]]))
@@ -84,7 +84,7 @@ class Encounters:
         tick.events.append(Event(tick.now, "separation", f"{what} {other}{how}", vehicle, details))
 
 
-def _way(tick: Tick, index: int, side: float) -> str:
+def _manoeuvre_text(tick: Tick, index: int, side: float) -> str:
     """Return how a vehicle manoeuvres, for the event."""
     vertically = "upwards" if side > 0.0 else "downwards"
     return vertically if tick.replaced[index][HEIGHT] else "as high"

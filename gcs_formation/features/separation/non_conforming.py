@@ -23,7 +23,7 @@ from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.vehicle.vehicle_state import UNANSWERED_S
 
 SOON_NS: Final = NANOSECONDS // 2
-"""Lead time with which others keep clear of where an unresponsive vehicle would stop, as the age of its last answer is
+"""Lead time with which others keep clear of where an uncommanded vehicle would stop, as the age of its last answer is
 known only roughly. Tuned: ns; 0.2 to 1 s; shown by `pytest tests/gcs_formation/features/separation`."""
 ACCELERATION_S: Final = 0.5
 """Averaging time of the acceleration of a multirotor. Tuned: s; 0.3 to 1; by judgement."""
@@ -51,11 +51,11 @@ BRAKES_NS: Final = (0, NANOSECONDS, 2 * NANOSECONDS)
 """How much later than the link's delay the command may reach it: it is repeated until it is acknowledged."""
 
 
-class Place(NamedTuple):
+class Candidate(NamedTuple):
     """A position that a vehicle may have if it doesn't respond."""
 
     vehicle_index: int
-    stands: int | None
+    hovers_at: int | None
     """Instant from which it hovers; None: it flies on."""
     sets_off: int | None = None
     """Instant from which it flies home; None: it doesn't."""
@@ -126,42 +126,46 @@ class NonConforming:
         """
         indices, intents, states, leads_s = list[int](), list[Vector3](), list[FlightState](), list[float]()
         moved_s = list[float]()
-        places = self._places(members, now, links, measured.stamps)
-        for place in places + self._braking(stopped, now, links, measured.stamps):
-            state = measured.states[place.vehicle_index].copy()
-            found = self._flies(state, place, measured.stamps[place.vehicle_index], at)
+        candidates = self._candidates(members, now, links, measured.stamps)
+        for candidate in candidates + self._braking(stopped, now, links, measured.stamps):
+            state = measured.states[candidate.vehicle_index].copy()
+            found = self._flies(state, candidate, measured.stamps[candidate.vehicle_index], at)
             if found is not None:
                 setpoint, lead_s = found
-                indices.append(place.vehicle_index)
+                indices.append(candidate.vehicle_index)
                 intents.append(setpoint)
                 states.append(state)
                 leads_s.append(lead_s)
-                moved_s.append(_moved_s(place, measured.stamps[place.vehicle_index]))
+                moved_s.append(_moved_s(candidate, measured.stamps[candidate.vehicle_index]))
         if not indices:
             return indices, intents, moved_s, None
         models, still = AutopilotModels.from_each(self._models[each] for each in indices), np.zeros((3, len(indices)))
         traffic = Traffic(FlightStates.from_each(states), np.array(leads_s), still[0], models, still[1:], self._hovers)
         return indices, intents, moved_s, traffic
 
-    def _places(self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]) -> list[Place]:
+    def _candidates(
+        self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]
+    ) -> list[Candidate]:
         """Return the possible positions; `seen`: when states were measured, which show departures before that."""
-        found = [Place(each, None, held=self._held_by(each)) for each in members if self._may_not_respond(each)]
+        found = [Candidate(each, None, held=self._held_by(each)) for each in members if self._may_not_respond(each)]
         found += self._braking(members, now, links, seen)
         for index in members:
             link, left = links[index], self._left[index]
-            if self._held[index] is None or math.isinf(link.stands_after_s):
+            if self._held[index] is None or math.isinf(link.hovers_after_s):
                 continue
-            after_ns, home_m = round(link.stands_after_s * NANOSECONDS), link.home_m
+            after_ns, home_m = round(link.hovers_after_s * NANOSECONDS), link.home_m
             if now < link.received_at + after_ns - SOON_NS:
                 continue
             for received_at in (link.received_at,) if left is None else (link.received_at, left):
-                stands = received_at + after_ns
+                hovers_at = received_at + after_ns
                 held = self._held_by(index)
-                found.append(Place(index, stands, held=held))
-                first, last = max(stands, int(seen[index])), received_at + round(link.returns_after_s * NANOSECONDS)
+                found.append(Candidate(index, hovers_at, held=held))
+                first, last = max(hovers_at, int(seen[index])), received_at + round(link.returns_after_s * NANOSECONDS)
                 if home_m is not None and first <= last:
                     over_ns = min(max(now, first), last) - first
-                    found += [Place(index, stands, first + round(share * over_ns), home_m, held) for share in SET_OFF]
+                    found += [
+                        Candidate(index, hovers_at, first + round(share * over_ns), home_m, held) for share in SET_OFF
+                    ]
         return found
 
     def _may_not_respond(self, index: int) -> bool:
@@ -170,55 +174,55 @@ class NonConforming:
     def _held_by(self, index: int) -> Vector3:
         return self._held[index] or UNKNOWN
 
-    def _braking(self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]) -> list[Place]:
+    def _braking(self, members: list[int], now: Instant, links: list[VehicleLink], seen: vec[i64]) -> list[Candidate]:
         """Return where multirotors stop that were commanded to, and say no position since."""
-        found = list[Place]()
+        found = list[Candidate]()
         for index in members:
             brakes = links[index].brakes
             if brakes is None or now - seen[index] < BLIND_NS:
                 continue
             begins, held = self._last_known(index, brakes, links[index].until_it_acts_s, int(seen[index]))
-            found += [Place(index, begins + later_ns, held=held) for later_ns in BRAKES_NS]
+            found += [Candidate(index, begins + later_ns, held=held) for later_ns in BRAKES_NS]
         return found
 
-    def _last_known(self, index: int, brakes: int, way_s: float, seen: int) -> tuple[int, Vector3]:
+    def _last_known(self, index: int, brakes: int, delay_s: float, seen: int) -> tuple[int, Vector3]:
         """Return when a command to stop came through, and the setpoint at the last position: kept, as histories end."""
         known = self._stops[index]
         if known is None or known[0] != brakes or known[1] != seen:
-            comes, held = brakes + round(way_s * NANOSECONDS), self._history.commanded(seen, index)
+            comes, held = brakes + round(delay_s * NANOSECONDS), self._history.commanded(seen, index)
             if math.isnan(held[0]):  # the history has ended before the command
                 held = self._held_by(index)
             known = self._stops[index] = brakes, seen, comes, held
         return known[2], known[3]
 
-    def _flies(self, state: FlightState, place: Place, begin: int, at: int) -> tuple[Vector3, float] | None:
+    def _flies(self, state: FlightState, candidate: Candidate, begin: int, at: int) -> tuple[Vector3, float] | None:
         """Predict a state from `begin`: by its setpoint, then hovering, until it sets off for home or the instant `at`.
 
         Return its intent then, and for how long it has had it; None for a vehicle that is home by now.
         """
-        model, stands, sets_off = self._models[place.vehicle_index], place.stands, place.sets_off
-        stands = at if stands is None else min(max(stands, begin), at)
+        model, hovers_at, sets_off = self._models[candidate.vehicle_index], candidate.hovers_at, candidate.sets_off
+        hovers_at = at if hovers_at is None else min(max(hovers_at, begin), at)
         sets_off = at if sets_off is None else min(max(sets_off, begin), at)
-        speed_mps, heading_rad, height_m = place.held
+        speed_mps, heading_rad, height_m = candidate.held
         speed_mps = within(speed_mps, model.speed_min_mps, model.speed_max_mps)
-        advance(state, model, speed_mps, heading_rad, height_m, max(stands - begin, 0) / NANOSECONDS)
-        if place.stands is None:
+        advance(state, model, speed_mps, heading_rad, height_m, max(hovers_at - begin, 0) / NANOSECONDS)
+        if candidate.hovers_at is None:
             return UNKNOWN, 0.0
-        if sets_off > stands:
-            advance(state, model, 0.0, heading_rad, height_m, (sets_off - stands) / NANOSECONDS)
-        if place.sets_off is None:
+        if sets_off > hovers_at:
+            advance(state, model, 0.0, heading_rad, height_m, (sets_off - hovers_at) / NANOSECONDS)
+        if candidate.sets_off is None:
             return HOVERS, 0.0
-        setpoint, flown_s = homewards(state, place.home_m, model, self._horizon_s), (at - sets_off) / NANOSECONDS
-        return (setpoint, flown_s) if setpoint[0] * flown_s < distance_m(state, place.home_m) else None
+        setpoint, flown_s = homewards(state, candidate.home_m, model, self._horizon_s), (at - sets_off) / NANOSECONDS
+        return (setpoint, flown_s) if setpoint[0] * flown_s < distance_m(state, candidate.home_m) else None
 
 
-def _moved_s(place: Place, begin: int) -> float:
+def _moved_s(candidate: Candidate, begin: int) -> float:
     """Return for how long since its state a vehicle has moved at most, s: one that hovers is where it is, whenever."""
-    if place.sets_off is not None:
+    if candidate.sets_off is not None:
         return math.inf
-    if place.held[0] == 0.0:
+    if candidate.held[0] == 0.0:
         return 0.0
-    return math.inf if place.stands is None else max(place.stands - begin, 0) / NANOSECONDS
+    return math.inf if candidate.hovers_at is None else max(candidate.hovers_at - begin, 0) / NANOSECONDS
 
 
 class UncommandedMotion:
@@ -288,13 +292,13 @@ class UncommandedMotion:
 
         A vehicle that had no setpoint a second ago is excluded: it may still be stopping.
         """
-        told_mps, commanded_rad, _ = self._history.commanded(measured.stamps[index], index)
+        commanded_mps, commanded_rad, _ = self._history.commanded(measured.stamps[index], index)
         if math.isnan(self._history.commanded(measured.stamps[index] - NANOSECONDS, index)[0]):
             return False
         (north_mps, east_mps), (north_mps2, east_mps2) = measured.states[index].ground_mps(), self.accel_mps2[index]
         north_mps, east_mps = (
-            told_mps * math.cos(commanded_rad) - north_mps,
-            told_mps * math.sin(commanded_rad) - east_mps,
+            commanded_mps * math.cos(commanded_rad) - north_mps,
+            commanded_mps * math.sin(commanded_rad) - east_mps,
         )
         off_mps = math.hypot(north_mps, east_mps)
         if not off_mps > NON_CONFORMING_MPS:

@@ -78,11 +78,11 @@ class ConflictResolver:
         self._kept_m = self._keys.distance_m + ROOM_M
         self._limit_m: float = scenario.safety.separation_m
         self._kept_in_slots = self._kept_moving = KeptDistance(self._kept_m)
-        self._apart_m: Array | None = None
+        self._separation_m: Array | None = None
         """The planned distances that `_kept_moving` was made from."""
         self._encounters = Encounters(scenario)
 
-    def keep(self, tick: Tick, measured: MeasuredStates, apart_m: Array | None = None) -> None:
+    def keep(self, tick: Tick, measured: MeasuredStates, separation_m: Array | None = None) -> None:
         """Replace those of a tick's setpoints that don't keep the distance.
 
         Two vehicles keep the rule's distance, or less where their slots, or the planned trajectories of these, leave
@@ -91,17 +91,17 @@ class ConflictResolver:
         Args:
             tick: with the law's setpoints; changed.
             measured: the newest states.
-            apart_m: (C, C) least planned distances of moving slots; None where all slots rest where they belong. The
-                same array for as long as the plan is the same.
+            separation_m: (C, C) minimum planned distances of moving slots; None where all slots rest where they belong.
+                The same array for as long as the plan is the same.
         """
         if not self._enabled:
             return
         self._uncommanded.update(measured)
         self._watch_slots(tick.slots_m)
         self._watch_errors(tick)
-        kept = self._kept_in_slots if apart_m is None else self.kept_on_the_way(apart_m)
+        kept = self._kept_in_slots if separation_m is None else self.kept_while_moving(separation_m)
         self._non_conforming.update(tick.now, tick.links, tick.active)
-        if self._nobody_near(tick, measured, kept):
+        if self._none_near(tick, measured, kept):
             return
         members, stopped = self._members(tick), self._stopped(tick)
         if len(members) + len(stopped) < 2 or not members:
@@ -112,19 +112,19 @@ class ConflictResolver:
         self._replace(tick, picture.vehicles, resolution)
         self._encounters.log_events(tick, picture, resolution.conflicts, self._side)
 
-    def kept_on_the_way(self, apart_m: Array) -> KeptDistance:
+    def kept_while_moving(self, separation_m: Array) -> KeptDistance:
         """Return the distances while slots change: the safety limit plus a margin, or more where plans allow it.
 
         Moving slots are no reason to go below a safe distance.
         """
-        if apart_m is not self._apart_m:
-            self._apart_m, limit_m = apart_m, self._limit_m
-            min_m = np.maximum(np.minimum(apart_m - ROOM_M, limit_m + MARGIN_M), limit_m + ROOM_M)
-            kept_m = np.minimum(np.maximum(SLOT_SHARE * apart_m, min_m), self._kept_m)
+        if separation_m is not self._separation_m:
+            self._separation_m, limit_m = separation_m, self._limit_m
+            min_m = np.maximum(np.minimum(separation_m - ROOM_M, limit_m + MARGIN_M), limit_m + ROOM_M)
+            kept_m = np.minimum(np.maximum(SLOT_SHARE * separation_m, min_m), self._kept_m)
             self._kept_moving = KeptDistance(self._kept_m, kept_m, self._first)
         return self._kept_moving
 
-    def _nobody_near(self, tick: Tick, measured: MeasuredStates, kept: KeptDistance) -> bool:
+    def _none_near(self, tick: Tick, measured: MeasuredStates, kept: KeptDistance) -> bool:
         """Return whether the rule can be skipped: all are commanded, respond, stay apart, and none avoids another."""
         if (
             not self._predicted
@@ -151,15 +151,15 @@ class ConflictResolver:
             north_mps2, east_mps2 = self._accelerations.of(index, measured)
             accel_mps2 = math.sqrt(squared(north_mps2) + squared(east_mps2))
             look.see(index - first, tick.state[index], slot_m, speed_mps, heading_rad, early_s, timing_s, accel_mps2)
-        return look.all_apart(kept)
+        return look.all_separated(kept)
 
     def _replace(self, tick: Tick, vehicles: Indices, resolution: Resolution) -> None:
         """Replace the law's setpoints by the rule's, and record which differ."""
         self._side = [0.0] * len(self._models)
-        places: list[int] = vehicles.tolist()
+        indices: list[int] = vehicles.tolist()
         sides: list[float] = resolution.side.tolist()
         commanded: list[list[float]] = resolution.setpoints.table.T.tolist()
-        for index, side, (speed_mps, heading_rad, height_m) in zip(places, sides, commanded, strict=True):
+        for index, side, (speed_mps, heading_rad, height_m) in zip(indices, sides, commanded, strict=True):
             if side:
                 setpoint = speed_mps, heading_rad, height_m
                 self._side[index] = side
@@ -217,19 +217,19 @@ class ConflictResolver:
         commanded = [tick.active[each] for each in members]
         setpoints = [tick.setpoints[each] if tick.active[each] else UNKNOWN for each in members]
         if others is not None:
-            traffic = traffic.beside(others)
+            traffic = traffic.followed_by(others)
             setpoints += setpoints_of
         circling = [at for at, each in enumerate(members) if tick.links[each].circling]
         if circling:
             loitering = traffic.select(np.array(circling))
-            told_m = [tick.links[members[at]].holds_at_m for at in circling]
-            traffic = traffic.beside(loitering.turning()).beside(loitering.turning()).beside(loitering)
+            commanded_m = [tick.links[members[at]].holds_at_m for at in circling]
+            traffic = traffic.followed_by(loitering.turning()).followed_by(loitering.turning()).followed_by(loitering)
             heights_m: list[float] = loitering.state.height_m.tolist()
-            setpoints += [(math.nan, math.nan, each) for each in heights_m + told_m + told_m]
+            setpoints += [(math.nan, math.nan, each) for each in heights_m + commanded_m + commanded_m]
             vehicles += 3 * [members[at] for at in circling]
         uncommanded = self._uncommanded.intents(tick, members, measured)
         if uncommanded:
-            traffic = traffic.beside(traffic.select(np.array([at for at, _ in uncommanded])))
+            traffic = traffic.followed_by(traffic.select(np.array([at for at, _ in uncommanded])))
             setpoints += [setpoint for _, setpoint in uncommanded]
             vehicles += [members[at] for at, _ in uncommanded]
         commanded += [False] * (len(vehicles) - len(members))
@@ -242,11 +242,11 @@ class ConflictResolver:
             vehicles=np.array(vehicles, dtype=np.intp),
             kept=kept,
             slots_m=np.array([self._slot(each) for each in vehicles]).T,
-            timing_s=np.array([_timing_s(tick, each, most_s) for each, most_s in zip(vehicles, moves_s, strict=True)]),
+            timing_s=np.array([_timing_s(tick, each, max_s) for each, max_s in zip(vehicles, moves_s, strict=True)]),
             floor=self._floor_m,
             times_s=self._times_s,
             evades=self._side[members[0]] != 0.0,
-            given_way_s=np.array([self._manoeuvring_s[each] for each in vehicles]),
+            manoeuvring_s=np.array([self._manoeuvring_s[each] for each in vehicles]),
             heights_m=self._heights_m,
         )
 
@@ -289,10 +289,10 @@ class ConflictResolver:
         if slots_m is self._slots_known:
             return
         known = False
-        for place in slots_m:
-            known = known or not math.isnan(place[0])
+        for slot_m in slots_m:
+            known = known or not math.isnan(slot_m[0])
         if known:
-            self._slots = [LEADS if math.isnan(place[0]) else place for place in slots_m]
+            self._slots = [LEADS if math.isnan(slot_m[0]) else slot_m for slot_m in slots_m]
             self._slots_known = slots_m
 
     def _watch_errors(self, tick: Tick) -> None:
@@ -304,7 +304,7 @@ class ConflictResolver:
                 self._afar[index] = squared(forward_m) + squared(right_m) + squared(up_m) > far_m2
 
     def _slot(self, index: int) -> Vector3:
-        """Return a vehicle's slot; unknown (NaN) if it is far from it, and so not beside the neighbours of its slot."""
+        """Return a vehicle's slot; unknown (NaN) if it is far from it, so not next to the neighbours of its slot."""
         return UNKNOWN if self._afar[index] else self._slots[index]
 
 

@@ -27,5 +27,5 @@ class Separation(Stage):
     def run(self, cycle: Cycle) -> None:
         """Resolve conflicts; with a single vehicle there are none."""
         if cycle.controller.count > 1:
-            apart_m = cycle.controller.plan.apart_m(cycle.now / NANOSECONDS)
-            self.resolver.keep(cycle.tick, cycle.measured, apart_m)
+            separation_m = cycle.controller.plan.separation_m(cycle.now / NANOSECONDS)
+            self.resolver.keep(cycle.tick, cycle.measured, separation_m)

@@ -54,7 +54,7 @@ class TrafficPicture:
     """The law's; for uncommanded vehicles their assumed intent, NaN where they continue as they fly."""
     commanded: Mask
     vehicles: Indices
-    """(N,) the vehicle of each column: one that may be in two places has two columns, which needn't keep apart."""
+    """(N,) the vehicle of each column: one that may be at two positions has two columns, which needn't keep apart."""
     kept: KeptDistance
     """Distance between two commanded vehicles, as far as their slots allow it, and from uncommanded ones."""
     slots_m: Array
@@ -66,9 +66,9 @@ class TrafficPicture:
     times_s: Array
     """(S,) sample times of predicted trajectories."""
     evades: bool = False
-    """Whether the reference gave way at the last tick."""
-    given_way_s: Array | None = None
-    """(N,) how long each has given way without interruption; None: none for long."""
+    """Whether the reference avoided another at the last tick."""
+    manoeuvring_s: Array | None = None
+    """(N,) how long each has avoided another without interruption; None: none for long."""
     heights_m: tuple[float, float] = (-math.inf, math.inf)
     """The lowest and the highest height that the fence allows."""
 
@@ -107,7 +107,7 @@ class TrafficPicture:
         """Return the airspeed and heading that a vehicle can keep after its first setpoint: the reference's.
 
         The reference itself keeps what it flies by then (NaN), unless its commanded velocity is used. In a bend its
-        heading changes while the first setpoint acts. A way that turns back to the present heading couldn't be
+        heading changes while the first setpoint acts. A trajectory that turns back to the present heading couldn't be
         continued at the next tick.
         """
         speed, heading = self.along
@@ -117,26 +117,26 @@ class TrafficPicture:
     def minimum(self, one: Indices, other: Indices) -> MinimumDistance:
         """Return the distance that pairs are to keep (P,)."""
         both = self.commanded[one] & self.commanded[other]
-        apart = self.vehicles[one] != self.vehicles[other]
+        distinct = self.vehicles[one] != self.vehicles[other]
         slots_m = np.linalg.norm(self.slots_m[:, one] - self.slots_m[:, other], axis=0)
         kept_m, each_m = SLOT_SHARE * slots_m, self.kept.each_m
         if each_m is not None:
             kept_m = np.where(np.isnan(slots_m), np.nan, each_m[self.vehicles[one], self.vehicles[other]])
         kept_m = np.fmin(kept_m, self.kept.max_m)
         distance_m: Array = np.where(both, kept_m, self.kept.max_m)
-        return MinimumDistance(apart * distance_m, apart * (self.timing_s[one] + self.timing_s[other]))
+        return MinimumDistance(distinct * distance_m, distinct * (self.timing_s[one] + self.timing_s[other]))
 
     @cached_property
     def trails_m(self) -> Array:
-        """How far each vehicle's height lags behind the reference's while both go on climbing, (N,).
+        """How far each vehicle's height is behind the reference's while both go on climbing, (N,).
 
-        Setpoints then keep climbing, and each height lags by its own time constants. The lag and the climb
+        Setpoints then keep climbing, and each height is late by its own time constants. The delay and the climb
         that all have in common are left out. A reference that manoeuvres climbs to a fixed height instead.
         """
         model, climb_mps = self.traffic.model, self.traffic.state.climb_mps
-        lag_s = model.tau_ha_s + model.tau_hb_s
+        tau_s = model.tau_ha_s + model.tau_hb_s
         climbs = self.commanded & (self.commanded[REFERENCE] and not self.evades)
-        return np.where(climbs, (lag_s - lag_s[REFERENCE]) * climb_mps[REFERENCE], 0.0)
+        return np.where(climbs, (tau_s - tau_s[REFERENCE]) * climb_mps[REFERENCE], 0.0)
 
     @cached_property
     def floor_m(self) -> Array:
@@ -158,7 +158,7 @@ class TrafficPicture:
 
     def farther_m(self, vehicle: int) -> float:
         """Return the additional margin in height of a vehicle that has manoeuvred for long."""
-        lasted_s = 0.0 if self.given_way_s is None else float(self.given_way_s[vehicle])
+        lasted_s = 0.0 if self.manoeuvring_s is None else float(self.manoeuvring_s[vehicle])
         return min(max(FARTHER_MPS * (lasted_s - PATIENCE_S), 0.0), FARTHEST_M)
 
     def within_reach(self, which: Indices, height_m: Array) -> Array:
@@ -181,7 +181,7 @@ def courses(picture: TrafficPicture, vehicle: int) -> Courses:
     if picture.traffic.hovers:
         ahead_rad, max_mps = picture.reference[1], float(picture.traffic.model.speed_max_mps[vehicle])
         stop, *lateral = [(0.0, ahead_rad), *((max_mps, ahead_rad + lateral_rad) for lateral_rad in BEARINGS_RAD)]
-        found[-1:] = [(stop, stop), found[-1], *((way, way) for way in lateral)]
+        found[-1:] = [(stop, stop), found[-1], *((each, each) for each in lateral)]
     return found
 
 
@@ -222,7 +222,7 @@ def _length(vectors: Array) -> Array:
 class MotionBound(NamedTuple):
     """Bounds of vehicles' distances and speeds in a frame that moves with the reference, (N,)."""
 
-    place_m: Array
+    position_m: Array
     """(2, N) north and east in that frame, at the common instant at which predictions start."""
     far_m: Array
     fast_mps: Array
@@ -233,12 +233,12 @@ def possible_pairs(picture: TrafficPicture) -> tuple[Indices, Indices]:
 
     The test is conservative: it finds every pair whose trajectories as commanded don't keep the distance.
     """
-    bound_of, count = bound(picture), picture.commanded.size
-    one, other = _all_pairs(count) if count <= FEW else _pairs_within(_farthest_m(picture, bound_of), bound_of.place_m)
-    apart_m = _length(bound_of.place_m[:, other] - bound_of.place_m[:, one])
+    bounds, count = bound(picture), picture.commanded.size
+    one, other = _all_pairs(count) if count <= FEW else _pairs_within(_farthest_m(picture, bounds), bounds.position_m)
+    distance_m = _length(bounds.position_m[:, other] - bounds.position_m[:, one])
     minimum = picture.minimum(one, other)
-    needed_m = minimum.distance_m + minimum.timing_s * (bound_of.fast_mps[one] + bound_of.fast_mps[other])
-    possible: Mask = apart_m < needed_m + bound_of.far_m[one] + bound_of.far_m[other]
+    needed_m = minimum.distance_m + minimum.timing_s * (bounds.fast_mps[one] + bounds.fast_mps[other])
+    possible: Mask = distance_m < needed_m + bounds.far_m[one] + bounds.far_m[other]
     possible &= picture.commanded[one] | picture.commanded[other]
     return one[possible], other[possible]
 
@@ -258,27 +258,27 @@ def bound(picture: TrafficPicture) -> MotionBound:
         present_mps2 = _length(traffic.accel_mps2)
         aimed = [velocity_aimed_at(state, each, traffic.model) for each in (along, setpoints.air_motion)]
         errors = np.array([[_length(each - picture.velocity_mps)] for each in aimed])
-        lag_s, rate_max, weight = traffic.model.tau_v_s, traffic.model.accel_max_mps2, np.ones((1, 1))
+        tau_s, rate_max, weight = traffic.model.tau_v_s, traffic.model.accel_max_mps2, np.ones((1, 1))
     else:
         errors = np.abs(np.array((along, setpoints.air_motion)) - state.air_motion)
         errors[:, 1] = np.abs(wrap(errors[:, 1]))
-        lag_s, rate_max = traffic.model.air_taus_s, traffic.model.air_rates_max
+        tau_s, rate_max = traffic.model.air_taus_s, traffic.model.air_rates_max
         weight = np.array((np.ones_like(along[0]), along[0]))
     error, to_setpoint = errors
-    first = np.minimum(to_setpoint / lag_s, rate_max)
+    first = np.minimum(to_setpoint / tau_s, rate_max)
     if traffic.hovers:
-        first = np.maximum(first, present_mps2) + (first + present_mps2) ** 2 / (2 * JERK_MPS3 * lag_s)
+        first = np.maximum(first, present_mps2) + (first + present_mps2) ** 2 / (2 * JERK_MPS3 * tau_s)
     error += first * first_s
     if traffic.hovers:
-        error += (first + np.minimum(error / lag_s, rate_max)) ** 2 / JERK_MPS3
-    off = error * (first_s + lag_s + COARSE_S / 2) + error**2 / (2 * rate_max)
+        error += (first + np.minimum(error / tau_s, rate_max)) ** 2 / JERK_MPS3
+    off = error * (first_s + tau_s + COARSE_S / 2) + error**2 / (2 * rate_max)
     far_m = (weight * off).sum(axis=0) + drift_mps * horizon_s
     fast_mps = (weight * error).sum(axis=0) + drift_mps
     frame_mps = picture.reference_mps
-    place_m = state.level_m + frame_mps * traffic.lead_s
+    position_m = state.level_m + frame_mps * traffic.lead_s
     if not all_of(picture.commanded):
         _free(picture, frame_mps, far_m, fast_mps, horizon_s)
-    return MotionBound(place_m, far_m, fast_mps)
+    return MotionBound(position_m, far_m, fast_mps)
 
 
 def _free(picture: TrafficPicture, frame_mps: Array, far_m: Array, fast_mps: Array, horizon_s: Array) -> None:
@@ -293,17 +293,17 @@ def _free(picture: TrafficPicture, frame_mps: Array, far_m: Array, fast_mps: Arr
     fast_mps[free], far_m[free] = mps[free], (mps * horizon_s)[free]
 
 
-def _farthest_m(picture: TrafficPicture, bound_of: MotionBound) -> float:
+def _farthest_m(picture: TrafficPicture, bounds: MotionBound) -> float:
     """Return a distance beyond which no two come too near."""
-    max_m = 2 * (bound_of.far_m.max() + 2 * picture.timing_s.max() * bound_of.fast_mps.max())
+    max_m = 2 * (bounds.far_m.max() + 2 * picture.timing_s.max() * bounds.fast_mps.max())
     return float(max_m) + picture.kept.max_m
 
 
-def _pairs_within(max_m: float, place_m: Array) -> tuple[Indices, Indices]:
-    """Return the pairs (one < other), in order, of places (2, N) no farther apart."""
+def _pairs_within(max_m: float, position_m: Array) -> tuple[Indices, Indices]:
+    """Return the pairs (one < other), in order, of positions (2, N) no farther apart."""
     import scipy  # noqa: PLC0415 - a k-d tree pays only for many vehicles
 
-    near = scipy.spatial.cKDTree(place_m.T).query_pairs(max_m, output_type="ndarray")
+    near = scipy.spatial.cKDTree(position_m.T).query_pairs(max_m, output_type="ndarray")
     one, other = near.min(axis=1), near.max(axis=1)
     order = np.lexsort((other, one))
     return one[order], other[order]

@@ -71,9 +71,9 @@ def successor(cycle: Cycle, among: Callable[[Vehicle, Cycle], bool] = _flies) ->
     tick, leader, now = cycle.controller.last_tick, cycle.controller.plan.leader, cycle.now
     if cycle.scenario.formation.succession == "none" or tick is None:
         return None
-    age_s, place, sinking = cycle.controller.estimator.age_s, tick.state[leader], cycle.findings.sinking
+    age_s, leads, sinking = cycle.controller.estimator.age_s, tick.state[leader], cycle.findings.sinking
     candidates = [
-        Candidate.of(each.index, each, _distance_m(tick.state[each.index], place))
+        Candidate.of(each.index, each, _distance_m(tick.state[each.index], leads))
         for each in cycle.each
         if each.index != leader and each.identity not in sinking and among(each, cycle)
         if can_lead(each, age_s(each.index, now), now)

@@ -16,12 +16,12 @@ LONG_S: Final = 10.0
 ALPHA: Final = 0.4
 BETA: Final = 0.1
 """Gains of the alpha-beta filter; together critically damped at some 4 samples."""
-SCATTER_M: Final = 5.0
-SCATTER_LIMIT: Final = 4.0
+SIGMA_M: Final = 5.0
+SQUARE_LIMIT: Final = 4.0
 """Noise of more than this standard deviation is said, m: less than it a GNSS receiver has, and what else is wrong isn't
-found beside more. A sample adds up to this multiple of its square."""
+found along with more. A sample adds up to this multiple of its square."""
 SMOOTHED_S: Final = 10.0
-"""What scatters is carried by its velocity and moved to what is reported with this time constant, s: of white noise of
+"""What is noisy is carried by its velocity and moved to what is reported with this time constant, s: of white noise of
 10 m at 10 Hz 0.7 m are left, of a velocity that is off by 0.1 m/s there comes 1 m."""
 GAP_S: Final = 0.5
 """What is smoothed begins again after an interval longer than this, s."""
@@ -47,7 +47,7 @@ class Axis:
         """How far it has moved since the sample before, m."""
         self.noise_m2 = 0.0
         """Variance of the position's noise by what samples gain one after the other, m²."""
-        self.scatter_m2 = self.taken_back_m2 = 0.0
+        self.variance_m2 = self.taken_back_m2 = 0.0
         """The same, with a limit on what one sample adds: an outlier is no noise. The second is the newest's part."""
         self.gain_m = 0.0
         """What it gained on the velocities last, m."""
@@ -80,8 +80,8 @@ class Axis:
         # What noise adds to one sample it takes from the next.
         self.noise_m2 += share * (0.0 - gained_m * self.gain_m - self.noise_m2)
         product_m2 = 0.0 - gained_m * self.gain_m
-        product_m2 = min(max(product_m2, -SCATTER_LIMIT * SCATTER_M * SCATTER_M), SCATTER_LIMIT * SCATTER_M * SCATTER_M)
-        self.scatter_m2 += share * (product_m2 - self.scatter_m2)
+        product_m2 = min(max(product_m2, -SQUARE_LIMIT * SIGMA_M * SIGMA_M), SQUARE_LIMIT * SIGMA_M * SIGMA_M)
+        self.variance_m2 += share * (product_m2 - self.variance_m2)
         self.taken_back_m2 = product_m2
         self.gain_m = gained_m
         return gained_m

@@ -120,7 +120,7 @@ def _attitude(autopilot: Autopilot, seen: Telemetry, motion: ReportedMotion) -> 
 
 
 def _airspeed(autopilot: Autopilot, seen: Telemetry, min_mps: float) -> str:
-    if autopilot.stands or not seen.airspeed_mps >= min_mps:
+    if autopilot.hovers or not seen.airspeed_mps >= min_mps:
         return ""
     found = f"VFR_HUD.airspeed: found {seen.airspeed_mps:.1f} m/s while it stands disarmed"
     allowed = f"less than {min_mps:g} m/s, its model's speed_min_mps"

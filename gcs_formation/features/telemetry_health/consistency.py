@@ -5,7 +5,7 @@
 From sample to sample a position moves by the integral of the velocity. What it gains on that is summed with a leak, in
 two sums: a short one finds jumps and what is frozen, a long one finds slow drifts. White noise of positions stays in
 such a sum once, noise of velocities adds up over its memory; both are known, so that the bounds are five standard
-deviations beside a constant for what isn't noise (a CUSUM test with a leak; Basseville and Nikiforov, "Detection of
+deviations and a constant for what isn't noise (a CUSUM test with a leak; Basseville and Nikiforov, "Detection of
 Abrupt Changes", 1993, 2.2).
 
 Which of the two is wrong? A position that has moved faster than the aircraft can, or that hasn't changed by a bit; a
@@ -22,14 +22,14 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from gcs_formation.features.telemetry_health.axis import GAP_S, LONG_S, SCATTER_M, SHORT_S, Axis
+from gcs_formation.features.telemetry_health.axis import GAP_S, LONG_S, SHORT_S, SIGMA_M, Axis
 
 FAR_M: Final = 9.0
 OFTEN: Final = 0.6
 BACK: Final = 0.25
-"""Shares of samples that gain more than `FAR_M`, and that take back what noise beyond `SCATTER_M` has added to the one
-before, from which on positions scatter; a wrong velocity takes nothing back. Tuned: shares; 0.5 to 0.7, and 0.2 to 0.3;
-at 10 Hz noise of 10 m shows both in 0.7 s (99 of 100 draws in 1.6 s), noise of 3 m in 0.3 % of the time, and one
+"""Shares of samples that gain more than `FAR_M`, and that take back what noise beyond `SIGMA_M` has added to the one
+before, from which on positions are noisy; a wrong velocity takes nothing back. Tuned: shares; 0.5 to 0.7, and 0.2 to
+0.3; at 10 Hz noise of 10 m shows both in 0.7 s (99 of 100 draws in 1.6 s), noise of 3 m in 0.3 % of the time, and one
 outlier of 20 m in ten samples in 1 %."""
 FAR_MEMORY: Final = 4.0
 BACK_MEMORY: Final = 3.0
@@ -60,7 +60,7 @@ CONFIRMED: Final = 3
 """So many samples in a row beyond a bound are no outlier."""
 FEWEST: Final = 10
 MIN_WEIGHT: Final = 0.05
-"""Samples from which on the noise is known well enough to judge, and the least weight of one in it."""
+"""Samples from which on the noise is known well enough to judge, and the smallest weight of one in it."""
 AGREES_SHARE: Final = 0.5
 RETURNS_S: Final = 3.0
 """What has been wrong is right again after it has kept this share of its bounds for this time, s."""
@@ -69,7 +69,7 @@ VELOCITY: Final = 1
 
 
 class Consistency:
-    """A position of one or two coordinates and its velocity, as one vehicle tells them."""
+    """A position of one or two coordinates and its velocity, as one vehicle reports them."""
 
     def __init__(self, axes: int, fastest_mps: float, scale: float = 1.0) -> None:
         """Start by believing both; `axes`: 2 for north and east, 1 for the height; `fastest_mps`: it can't be.
@@ -79,7 +79,7 @@ class Consistency:
         self._fastest_mps, self._scale = fastest_mps, scale
         self.axes = [Axis() for _ in range(axes)]
         self.wrong: int | None = None
-        """Which quantity isn't believed: `POSITION`, `VELOCITY`, or None."""
+        """Which quantity isn't accepted: `POSITION`, `VELOCITY`, or None."""
         self.doubts_velocity = False
         """Whether the other axes of this velocity are already known to be wrong."""
         self.lasts = False
@@ -101,12 +101,12 @@ class Consistency:
         self._stood_s, self._passed_m, self._frozen_m = 0.0, 0.0, FROZEN_M
         """For how long a height has been the same, s, how far it would have moved meanwhile by its rate, m, and from
         which such distance on it is frozen."""
-        self.scatters = False
-        """Whether its position scatters too much."""
+        self.is_noisy = False
+        """Whether its position is too noisy."""
         self._far = self._back = 0.0
         """The shares of samples by which that is found."""
-        self.scatter_m = 0.0
-        """By how much it did when that was found, its standard deviation, m."""
+        self.sigma_m = 0.0
+        """Its standard deviation when that was found, m."""
 
     @property
     def displaced_m(self) -> float:
@@ -150,23 +150,23 @@ class Consistency:
         else:
             self._since = 0
         self._stamp_ns = stamp_ns
-        # A single jump isn't believed before the next sample says whether it was an outlier.
+        # A single jump isn't accepted before the next sample says whether it was an outlier.
         self._waits = self._faster and self.wrong is None
-        for place, axis in enumerate(self.axes):
+        for index, axis in enumerate(self.axes):
             axis.fly(
                 elapsed_s,
-                position_m[place],
-                rate_mps[place],
-                witness_mps[place],
+                position_m[index],
+                rate_mps[index],
+                witness_mps[index],
                 derived=self.wrong == VELOCITY,
                 waits=self._waits,
             )
-            if self.scatters and self.wrong is None:
+            if self.is_noisy and self.wrong is None:
                 axis.flown_m = axis.smooth_m
         return self._flies_otherwise()
 
     def _flies_otherwise(self) -> bool:
-        if self.wrong is not None or self._waits or self.scatters:
+        if self.wrong is not None or self._waits or self.is_noisy:
             return True
         for axis in self.axes:  # noqa: SIM110 - compiled, `any` costs ten times as much
             if axis.offset_m != 0.0:
@@ -187,16 +187,16 @@ class Consistency:
         if self._since == 1:
             self._begun = False
         weight = max(1.0 / self._samples, MIN_WEIGHT)
-        for place, axis in enumerate(self.axes):
-            same_position = same_position and abs(position_m[place] - axis.position_m) < SAME_M
-            same_rate = same_rate and rate_mps[place] == axis.rate_mps
-            gained_m = axis.take(elapsed_s, position_m[place], rate_mps[place], witness_mps[place], arc, weight)
+        for index, axis in enumerate(self.axes):
+            same_position = same_position and abs(position_m[index] - axis.position_m) < SAME_M
+            same_rate = same_rate and rate_mps[index] == axis.rate_mps
+            gained_m = axis.take(elapsed_s, position_m[index], rate_mps[index], witness_mps[index], arc, weight)
             if self.wrong == POSITION:
                 axis.offset_m -= gained_m
         self._unchanged[POSITION] = self._unchanged[POSITION] + 1 if same_position else 0
         self._unchanged[VELOCITY] = self._unchanged[VELOCITY] + 1 if same_rate else 0
-        self._stand(elapsed_s, rate_mps[0], same=same_position)
-        self._watch_scatter(weight)
+        self._watch_height(elapsed_s, rate_mps[0], same=same_position)
+        self._watch_noise(weight)
         short, long = self._shares(elapsed_s, variances)
         share = max(short, long)
         # A frozen position agrees with the velocity of a vehicle that has stopped, and is still not where it is.
@@ -209,12 +209,12 @@ class Consistency:
         if self.wrong is None and self._is_frozen(variances[1] * elapsed_s / 2.0):
             self.axes[0].excess_m = 0.0 - self._passed_m
             self._disbelieve()
-        elif self._beyond >= CONFIRMED or (self._beyond and self._stands()):
+        elif self._beyond >= CONFIRMED or (self._beyond and self._is_stuck()):
             self._disbelieve()
         elif self.wrong is not None and self._agrees_s >= RETURNS_S:
             self._accept(variances[0])
 
-    def _stand(self, elapsed_s: float, rate_mps: float, *, same: bool) -> None:
+    def _watch_height(self, elapsed_s: float, rate_mps: float, *, same: bool) -> None:
         """Sum what a height that stays the same to the bit would have moved by its rate."""
         if same and len(self.axes) == 1:
             self._stood_s += elapsed_s
@@ -230,21 +230,21 @@ class Consistency:
             return False
         return abs(self._passed_m) > self._frozen_m + SIGMAS * math.sqrt(doubled * self._stood_s)
 
-    def _watch_scatter(self, weight: float) -> None:
-        """Decide whether positions scatter; `weight`: of the newest sample in their noise."""
+    def _watch_noise(self, weight: float) -> None:
+        """Decide whether positions are too noisy; `weight`: of the newest sample in their noise."""
         max_m2 = gained_m2 = back_m2 = 0.0
         for axis in self.axes:
-            max_m2 = max(max_m2, axis.scatter_m2)
+            max_m2 = max(max_m2, axis.variance_m2)
             gained_m2 += axis.gain_m * axis.gain_m
             back_m2 += axis.taken_back_m2
-        bound_m2 = SCATTER_M * SCATTER_M
+        bound_m2 = SIGMA_M * SIGMA_M
         self._far += min(FAR_MEMORY * weight, 1.0) * ((1.0 if gained_m2 > FAR_M * FAR_M else 0.0) - self._far)
         self._back += min(BACK_MEMORY * weight, 1.0) * ((1.0 if back_m2 > bound_m2 else 0.0) - self._back)
         often = self._far > OFTEN and self._back > BACK and max_m2 > bound_m2 / 4.0
-        if self.scatters:
-            self.scatters = max_m2 > bound_m2 / 4.0
+        if self.is_noisy:
+            self.is_noisy = max_m2 > bound_m2 / 4.0
         elif self._samples > 2 * FEWEST and (often or max_m2 > bound_m2):
-            self.scatters, self.scatter_m = True, max(math.sqrt(max_m2), SCATTER_M)
+            self.is_noisy, self.sigma_m = True, max(math.sqrt(max_m2), SIGMA_M)
 
     def _shares(self, elapsed_s: float, variances: tuple[float, float]) -> tuple[float, float]:
         """Return which shares the two sums have of their bounds."""
@@ -268,7 +268,7 @@ class Consistency:
         for axis in self.axes:
             axis.clear()
 
-    def _stands(self) -> bool:
+    def _is_stuck(self) -> bool:
         """Return whether a position hasn't changed by a bit, or a velocity is 0, for some samples: no outlier does so.
 
         In level flight a height, and its rate of 0, are the same for long.

@@ -2,7 +2,7 @@
 
 """What an autopilot says of its own estimates: ArduPilot's EKF_STATUS_REPORT and lane switches, PX4's ESTIMATOR_STATUS.
 
-Both tell which estimates are valid, and innovations as shares of their gates: from 1 on a measurement isn't fused. It
+Both report which estimates are valid, and innovations as shares of their gates: from 1 on a measurement isn't fused. It
 is the only witness of a position and a velocity that drift together, as in dead reckoning. (ArduPilot's developer
 documentation, "EKF failsafe"; PX4's user guide, "Using the ECL EKF": `estimator_status`.)
 """
@@ -50,8 +50,8 @@ class EstimatorReport:
             absolute = bool(seen.ekf_flags & ABSOLUTE) and not seen.ekf_flags & CONSTANT
             self._had = self._had or absolute
             self.lost = self._had and not absolute
-            for place, ratio in enumerate(self._ratios):
-                self._beyond[place] = self._beyond[place] + 1 if ratio >= GATE else 0
+            for index, ratio in enumerate(self._ratios):
+                self._beyond[index] = self._beyond[index] + 1 if ratio >= GATE else 0
         if seen.texts_reported != self._texts:
             self._texts = seen.texts_reported
             text = seen.texts[-1]
@@ -64,9 +64,9 @@ class EstimatorReport:
     def findings(self) -> dict[str, str]:
         """Return the quantities that it doubts, with its evidence."""
         found = dict[str, str]()
-        for place, quantity in enumerate(QUANTITIES):
-            if self._beyond[place] >= IN_A_ROW:
-                times = f"{self._ratios[place]:.1f} times their gate"
+        for index, quantity in enumerate(QUANTITIES):
+            if self._beyond[index] >= IN_A_ROW:
+                times = f"{self._ratios[index]:.1f} times their gate"
                 found[quantity] = f"its estimator rejects measurements of its {quantity}: {times}"
         if self.lost:
             found["position"] = "its estimator has no absolute position any more: not flown by"

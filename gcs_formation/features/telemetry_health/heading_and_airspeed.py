@@ -17,13 +17,13 @@ JUMP_RAD: Final = 0.15
 """A heading that has turned by more than this beyond this multiple of the limit of turns has jumped. Estimates of
 ArduPlanes turn by up to 0.09 rad in 0.1 s when gusts yaw them."""
 SIGMAS: Final = 7.0
-"""Standard deviations of the noise that are added: five, of the difference of two readings."""
+"""Standard deviations of the noise that are added: five, of the difference of two samples."""
 GUST_MPS: Final = 4.5
 """An airspeed that has changed by more than this beyond the limit of accelerations has jumped: gusts build up over
 more than a sample."""
 FEWEST: Final = 20
 MIN_WEIGHT: Final = 0.05
-"""Steps from which on the noise is known well enough to judge, and the least weight of one in it."""
+"""Steps from which on the noise is known well enough to judge, and the smallest weight of one in it."""
 QUIET_S: Final = 1.0
 """What jumps again and again is carried on until it hasn't for this time."""
 FROZEN: Final = 5
@@ -32,7 +32,7 @@ sharpest turn left out: that may be a gust."""
 GAP_S: Final = 3.0
 
 
-class Scatter:
+class StepNoise:
     """The noise of a quantity by its steps: what noise adds to one it takes from the next."""
 
     def __init__(self) -> None:
@@ -61,7 +61,7 @@ class HeadingCheck:
     """The heading of one fixed wing."""
 
     def __init__(self, turn_max_rps: float) -> None:
-        """Start by believing it."""
+        """Start by accepting it."""
         self._turn_max_rps = turn_max_rps
         self.offset_rad = 0.0
         """What is added to the heading reported."""
@@ -69,7 +69,7 @@ class HeadingCheck:
         self.evidence_rad = 0.0
         """By how much it has jumped, or hasn't turned with the course."""
         self._stamp_ns, self._heading_rad, self._course_rad = 0, 0.0, 0.0
-        self._scatter = Scatter()
+        self._noise = StepNoise()
         self._same, self._turned_rad, self._widest_rad, self._quiet_s = 0, 0.0, 0.0, QUIET_S
 
     def take(self, stamp_ns: int, heading_rad: float, north_mps: float, east_mps: float, sigma_rad: float) -> float:
@@ -84,9 +84,9 @@ class HeadingCheck:
         elapsed_s = (stamp_ns - self._stamp_ns) * 1e-9
         if self._stamp_ns and 0.0 < elapsed_s <= GAP_S:
             turned_rad, bent_rad = wrap(heading_rad - self._heading_rad), wrap(course_rad - self._course_rad)
-            if self._scatter.known:
-                self._judge(elapsed_s, turned_rad, bent_rad, self._scatter.sigma(sigma_rad))
-            self._scatter.take(turned_rad - bent_rad)
+            if self._noise.known:
+                self._judge(elapsed_s, turned_rad, bent_rad, self._noise.sigma(sigma_rad))
+            self._noise.take(turned_rad - bent_rad)
         if elapsed_s > 0.0:
             self._stamp_ns, self._heading_rad, self._course_rad = stamp_ns, heading_rad, course_rad
         return wrap(heading_rad + self.offset_rad) if self.offset_rad != 0.0 else heading_rad
@@ -101,14 +101,14 @@ class HeadingCheck:
             self.offset_rad = wrap(self.offset_rad - turned_rad + bent_rad)
             self._same, self._turned_rad, self._widest_rad = 0, 0.0, 0.0
         elif turned_rad == 0.0:
-            self._stand(bent_rad)
+            self._hold(bent_rad)
         else:
             if self.frozen or abs(self.offset_rad) < max_rad:
                 self.offset_rad = 0.0
             self.frozen = False
             self._same, self._turned_rad, self._widest_rad = 0, 0.0, 0.0
 
-    def _stand(self, bent_rad: float) -> None:
+    def _hold(self, bent_rad: float) -> None:
         """Take a heading that hasn't changed by a bit, while the course turned."""
         self._same, self._turned_rad = self._same + 1, self._turned_rad + bent_rad
         if abs(bent_rad) > abs(self._widest_rad):
@@ -124,13 +124,13 @@ class AirspeedJumps:
     """The airspeed of one fixed wing."""
 
     def __init__(self, accel_max_mps2: float) -> None:
-        """Start by believing it."""
+        """Start by accepting it."""
         self._accel_max_mps2 = accel_max_mps2
         self.offset_mps = 0.0
         """What is added to the airspeed reported."""
         self.evidence_mps = 0.0
         """By how much it jumped last."""
-        self._stamp_ns, self._airspeed_mps, self._scatter = 0, 0.0, Scatter()
+        self._stamp_ns, self._airspeed_mps, self._noise = 0, 0.0, StepNoise()
 
     def take(self, stamp_ns: int, airspeed_mps: float, sigma_mps: float, *, read: bool = True) -> float:
         """Take an airspeed; return the one to be flown by.
@@ -143,9 +143,9 @@ class AirspeedJumps:
         elapsed_s, changed_mps = (stamp_ns - self._stamp_ns) * 1e-9, airspeed_mps - self._airspeed_mps
         if self._stamp_ns and 0.0 < elapsed_s <= GAP_S:
             bound_mps = FASTER * self._accel_max_mps2 * elapsed_s + GUST_MPS
-            max_mps = bound_mps + SIGMAS * self._scatter.sigma(sigma_mps)
-            jumps = self._scatter.known and abs(changed_mps) > max_mps
-            self._scatter.take(changed_mps)
+            max_mps = bound_mps + SIGMAS * self._noise.sigma(sigma_mps)
+            jumps = self._noise.known and abs(changed_mps) > max_mps
+            self._noise.take(changed_mps)
             if jumps:
                 self.offset_mps -= changed_mps
                 self.evidence_mps = abs(changed_mps)

@@ -31,15 +31,15 @@ class TelemetryHealth:
         models: list[AutopilotModel],
         history: SetpointHistory,
         log_event: LogEvent,
-        apart_m: float,
+        separation_m: float,
     ) -> None:
         """Watch `vehicles`; by index `filters` have their noise, and the wind at each, `models` their limits.
 
-        `history`: the setpoints sent; `apart_m`: distance over the ground at which vehicles are safe from one another.
+        `history`: the setpoints sent; `separation_m`: distance over the ground at which two vehicles are safe.
         """
         self._each = {each.index: VehicleHealth(each, models[each.index]) for each in vehicles.values()}
         self._filters, self._history, self._log_event = filters, history, log_event
-        self._apart_m = apart_m
+        self._separation_m = separation_m
         self.slots_m: Sequence[Vector3] = ()
         """The slots commanded last, forward, right and up of the leader, whose own is NaN."""
 
@@ -49,12 +49,12 @@ class TelemetryHealth:
         """Return what a vehicle's newest sample says, as far as it can be true; it is commanded to a height, or NaN.
 
         A vehicle whose position can't be known well enough is `unfit` for the formation. An event says which quantity
-        isn't believed, by which evidence, and later that it is again.
+        isn't accepted, by which evidence, and later that it is again.
         """
         health = self._each[index]
         vehicle = health.vehicle
         if sample is not None:
-            moves = vehicle.telemetry.stands and not math.isnan(commanded_m)
+            moves = vehicle.telemetry.hovers and not math.isnan(commanded_m)
             acting = self._history.commanded(sample.stamp, index) if moves else UNKNOWN
             commanded = Commanded(commanded_m, acting, stops=vehicle.member is Member.HOLDING)
             sample = health.examine(sample, self._filters[index], commanded, now, leads=leads)
@@ -70,7 +70,7 @@ class TelemetryHealth:
         known = [slot for slot in self.slots_m if not math.isnan(slot[0])]
         known += [(0.0, 0.0, 0.0)] if len(known) < len(self.slots_m) else []
         pairs = itertools.combinations(known, 2)
-        return any(math.hypot(one[0] - other[0], one[1] - other[1]) < self._apart_m for one, other in pairs)
+        return any(math.hypot(one[0] - other[0], one[1] - other[1]) < self._separation_m for one, other in pairs)
 
     def forget(self, index: int) -> None:
         """Reset what is known of a vehicle that has restarted."""

@@ -17,7 +17,7 @@ from airlink.messages.telemetry import Attitude
 from flight_model.autopilot_model import wrap
 from gcs_formation.features.telemetry_health.heading_and_airspeed import HeadingCheck
 
-APART_RAD: Final = 0.25
+DIFFERENCE_RAD: Final = 0.25
 """Headings of one time that differ by more contradict each other."""
 TOGETHER_S: Final = 0.15
 """Headings whose stamps differ by no more are compared: carried over the time between at the present yaw rate they are
@@ -26,7 +26,7 @@ CONFIRMED: Final = 3
 """So many in a row: a single one is an outlier."""
 RETURNS_S: Final = 3.0
 """They agree again once they have for this time."""
-BELIEVED: Final = 0
+ACCEPTED: Final = 0
 SHIFTED: Final = 1
 OTHER: Final = 2
 
@@ -35,19 +35,19 @@ class NoseCheck:
     """The heading of one multirotor."""
 
     def __init__(self, turn_max_rps: float) -> None:
-        """Start by believing it."""
+        """Start by accepting it."""
         self._of_attitude, self._of_position = HeadingCheck(turn_max_rps), HeadingCheck(turn_max_rps)
         self._stamp_s, self._rate_rps, self._turned_rad = math.nan, 0.0, 0.0
-        self._apart, self._apart_at_s, self._contradicts, self._compared_s = 0, 0.0, False, math.nan
-        self._apart_rad = 0.0
-        self.flown = BELIEVED
+        self._differing, self._differed_at_s, self._contradicts, self._compared_s = 0, 0.0, False, math.nan
+        self._difference_rad = 0.0
+        self.flown = ACCEPTED
         """What is flown by: the attitude's heading, the same taken to be as before it jumped, or the position's."""
 
     @property
     def finding(self) -> str:
         """What is wrong with its heading, in words; empty if nothing is."""
         if self.flown == OTHER:
-            degrees = math.degrees(self._apart_rad)
+            degrees = math.degrees(self._difference_rad)
             return f"its ATTITUDE's yaw is {degrees:.0f}° off its positions' heading: flown by the latter"
         if self.flown == SHIFTED:
             check = self._of_attitude
@@ -79,7 +79,7 @@ class NoseCheck:
         if right and self._contradicts:
             self.flown = OTHER
             return hdg_rad
-        self.flown = SHIFTED if jumped else BELIEVED
+        self.flown = SHIFTED if jumped else ACCEPTED
         return shifted_rad + carried_rad
 
     def _turn(self, attitude: Attitude) -> None:
@@ -91,16 +91,16 @@ class NoseCheck:
             self._turned_rad = wrap(self._turned_rad + (attitude.yawspeed_radps + self._rate_rps) / 2.0 * elapsed_s)
         self._stamp_s, self._rate_rps = attitude.time_boot_s, attitude.yawspeed_radps
 
-    def _compare(self, apart_rad: float, stamp_s: float) -> None:
+    def _compare(self, difference_rad: float, stamp_s: float) -> None:
         """Compare the two headings at a time."""
         if stamp_s == self._compared_s:
             return
         self._compared_s = stamp_s
-        if abs(apart_rad) > APART_RAD:
-            self._apart, self._apart_at_s = self._apart + 1, stamp_s
-            if self._apart >= CONFIRMED and not self._contradicts:
-                self._contradicts, self._apart_rad = True, abs(apart_rad)
+        if abs(difference_rad) > DIFFERENCE_RAD:
+            self._differing, self._differed_at_s = self._differing + 1, stamp_s
+            if self._differing >= CONFIRMED and not self._contradicts:
+                self._contradicts, self._difference_rad = True, abs(difference_rad)
             return
-        self._apart = 0
-        if not 0.0 <= stamp_s - self._apart_at_s <= RETURNS_S:
+        self._differing = 0
+        if not 0.0 <= stamp_s - self._differed_at_s <= RETURNS_S:
             self._contradicts = False

@@ -1,4 +1,4 @@
-"""Figure of the telemetry that wasn't believed: which quantity of which vehicle, from when until when."""
+"""Figure of the telemetry that wasn't accepted: which quantity of which vehicle, from when until when."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ MAX_ROWS = 30
 
 
 def has_alarms(run: RunData) -> bool:
-    """Return whether any quantity wasn't believed."""
+    """Return whether any quantity wasn't accepted."""
     return bool(spells(run.events))
 
 
 def telemetry_health(run: RunData) -> Figure:
-    """Draw a bar for each time during which a quantity of a vehicle wasn't believed."""
+    """Draw a bar for each time during which a quantity of a vehicle wasn't accepted."""
     found = sorted(spells(run.events).items(), key=lambda each: each[1][0])[:MAX_ROWS]
     figure = style.new_figure(REST_CM + ROW_CM * len(found))
     ((axes,),) = grid = style.axes_grid(figure, 1, 1)

@@ -1,4 +1,4 @@
-"""Health by quantity and vehicle in a flight's time series: whether each was believed at each tick."""
+"""Health by quantity and vehicle in a flight's time series: whether each was accepted at each tick."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ HEALTHY: Final = "healthy_"
 
 
 def spells(events: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str], list[tuple[float, float]]]:
-    """Return from when until when each vehicle's quantities weren't believed, s; the last may have no end, infinite.
+    """Return from when until when each vehicle's quantities weren't accepted, s; the last may have no end, infinite.
 
     Args:
         events: of a run, those of kind `health` among them.
@@ -34,7 +34,7 @@ def spells(events: Iterable[Mapping[str, Any]]) -> dict[tuple[str, str], list[tu
 
 
 def health_columns(events: Iterable[Mapping[str, Any]], vehicles: Sequence[str]) -> Callable[[Array], dict[str, Array]]:
-    """Return what makes columns `healthy_QUANTITY`, (T, V), of times, (T,): false while it wasn't believed.
+    """Return what makes columns `healthy_QUANTITY`, (T, V), of times, (T,): false while it wasn't accepted.
 
     Args:
         events: of the run; without any of kind `health` there are no columns.

@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Whether a vehicle's positions are of the time that their stamps say: shifted, standing, late or missing ones."""
+"""Whether a vehicle's positions are of the time that their stamps say: shifted, frozen, late or missing ones."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ RETURNS_S: Final = 3.0
 """Stamps run rightly again once the sum is within the first for the second."""
 USUAL: Final = 0.005
 """Weight of the newest age in the usual one."""
-STANDING: Final = 3
+FROZEN: Final = 3
 """So many positions that differ and have the same stamp: the stamps stand still."""
 
 
@@ -47,7 +47,7 @@ class Timing:
         """What is added to the stamps."""
         self.late_s = 0.0
         """How late positions come, once they do so for long; else 0."""
-        self.standing = False
+        self.frozen = False
         self.noise_m2 = 0.0
         """Variance of the positions' noise, m²."""
         self.by_arrival = False
@@ -62,7 +62,7 @@ class Timing:
     @property
     def finding(self) -> str:
         """What is wrong with the stamps, in words; empty if nothing is."""
-        if self.standing:
+        if self.frozen:
             return "the stamps of its positions stand still"
         if self.by_arrival:
             return "its stamps run at another rate than its positions come and move: timed by arrival"
@@ -73,7 +73,7 @@ class Timing:
         reported_s: float,
         stamp_ns: int,
         now_ns: int,
-        place_m: tuple[float, float],
+        position_m: tuple[float, float],
         velocity_mps: tuple[float, float],
         longest_s: float,
     ) -> int:
@@ -83,18 +83,18 @@ class Timing:
             reported_s: on the vehicle's clock.
             stamp_ns: on the station's clock.
             now_ns: when it is used first.
-            place_m: north and east.
+            position_m: north and east.
             velocity_mps: likewise.
             longest_s: the age to be expected at most, s.
         """
         elapsed_s = reported_s - self._reported_s  # by its own clock: the station's idea of it may change
         arrival_s = (now_ns - self._arrived_ns) * 1e-9
-        moved_m = place_m[0] - self._north_m, place_m[1] - self._east_m
+        moved_m = position_m[0] - self._north_m, position_m[1] - self._east_m
         if self._stamp_ns:
-            stands = reported_s == self._reported_s
-            self._same = self._same + 1 if stands and moved_m != (0.0, 0.0) else 0
-            self.standing = self._same >= STANDING or (self.standing and stands)
-            if not stands and 0.0 < elapsed_s < 2.0 * LASTS_S:
+            repeats = reported_s == self._reported_s
+            self._same = self._same + 1 if repeats and moved_m != (0.0, 0.0) else 0
+            self.frozen = self._same >= FROZEN or (self.frozen and repeats)
+            if not repeats and 0.0 < elapsed_s < 2.0 * LASTS_S:
                 before = self.by_arrival
                 self._watch_rate(elapsed_s, arrival_s, moved_m, velocity_mps)
                 if before and not self.by_arrival:  # they go on from where they are now
@@ -102,7 +102,7 @@ class Timing:
                     self.shift_s = shift_s if abs(shift_s) > SHIFT_S else 0.0
                 self._shift(elapsed_s, arrival_s, moved_m, velocity_mps)
         self._reported_s, self._stamp_ns, self._arrived_ns = reported_s, stamp_ns, now_ns
-        self._north_m, self._east_m = place_m
+        self._north_m, self._east_m = position_m
         used_ns = stamp_ns + round(self.shift_s * 1e9)
         if self.by_arrival:
             used_ns = now_ns - round(self._usual_s * 1e9)
@@ -119,11 +119,11 @@ class Timing:
         """Compare the stamps' rate with that at which positions move and come: either alone may be due to others."""
         speed2 = velocity_mps[0] * velocity_mps[0] + velocity_mps[1] * velocity_mps[1]
         kept = max(0.0, 1.0 - arrival_s / RATE_MEMORY_S)
-        by_place_s = 0.0
+        by_position_s = 0.0
         if speed2 >= MOVES_MPS * MOVES_MPS:
             along = moved_m[0] * velocity_mps[0] + moved_m[1] * velocity_mps[1]
-            by_place_s = within(along / speed2 - elapsed_s, -RATE_MAX_S, RATE_MAX_S)
-        self._gained_s = kept * self._gained_s + by_place_s
+            by_position_s = within(along / speed2 - elapsed_s, -RATE_MAX_S, RATE_MAX_S)
+        self._gained_s = kept * self._gained_s + by_position_s
         self._later_s = kept * self._later_s + within(arrival_s - elapsed_s, -RATE_MAX_S, RATE_MAX_S)
         gained_s = abs(self._gained_s)
         if self.by_arrival:
@@ -139,8 +139,8 @@ class Timing:
         """Shift the stamps if a position has moved as if more or less time had passed, and came so, too."""
         speed_mps = math.hypot(*velocity_mps)
         gained_m = moved_m[0] - velocity_mps[0] * elapsed_s, moved_m[1] - velocity_mps[1] * elapsed_s
-        least_m = max(MIN_M, SIGMAS * math.sqrt(2.0 * max(self.noise_m2, 0.0)))
-        if speed_mps < MIN_M or math.hypot(*gained_m) < least_m:
+        min_m = max(MIN_M, SIGMAS * math.sqrt(2.0 * max(self.noise_m2, 0.0)))
+        if speed_mps < MIN_M or math.hypot(*gained_m) < min_m:
             return
         along_m = (gained_m[0] * velocity_mps[0] + gained_m[1] * velocity_mps[1]) / speed_mps
         across_m = (gained_m[1] * velocity_mps[0] - gained_m[0] * velocity_mps[1]) / speed_mps

@@ -17,7 +17,7 @@ from gcs_formation.features.telemetry_health.commanded_velocity import Commanded
 from gcs_formation.features.telemetry_health.consistency import POSITION, VELOCITY, Consistency
 from gcs_formation.features.telemetry_health.estimator_report import EstimatorReport
 from gcs_formation.features.telemetry_health.heading_and_airspeed import AirspeedJumps, HeadingCheck
-from gcs_formation.features.telemetry_health.nose import BELIEVED, NoseCheck
+from gcs_formation.features.telemetry_health.nose import ACCEPTED, NoseCheck
 from gcs_formation.features.telemetry_health.timing import JITTERS, LATE_S, Timing
 from gcs_formation.vehicle.vehicle import Vehicle
 from gcs_formation.vehicle.velocity_setpoint import ground_motion
@@ -57,7 +57,7 @@ class VehicleHealth:
         """Start by believing everything; the model has the limits of its speeds."""
         self.vehicle, self._model = vehicle, model
         self._reported: dict[str, tuple[str, Instant, Instant]] = {}
-        """The quantities that aren't believed, in which words that was said and when, and when they last weren't."""
+        """The quantities that aren't accepted, in which words that was said and when, and when they last weren't."""
         self.begin()
 
     stacked: bool = False
@@ -81,26 +81,29 @@ class VehicleHealth:
         vehicle, noise = self.vehicle, known.noise.by_quantity
         self._estimator.take(vehicle.telemetry, now)
         north_m, east_m, up_m = vehicle.telemetry.displaced_m
-        place_m, velocity_mps = (sample.north_m - north_m, sample.east_m - east_m), (sample.north_mps, sample.east_mps)
+        position_m, velocity_mps = (
+            (sample.north_m - north_m, sample.east_m - east_m),
+            (sample.north_mps, sample.east_mps),
+        )
         height_m = sample.height_m - up_m
         motion = vehicle.telemetry.motion
         reported_s = UNKNOWN if motion is None else motion.stamp_s
-        stamp = self._stamp(sample, reported_s, now, place_m, velocity_mps)
-        if self._timing.standing or math.isnan(reported_s):
+        stamp = self._stamp(sample, reported_s, now, position_m, velocity_mps)
+        if self._timing.frozen or math.isnan(reported_s):
             return sample
         own = 1 + round((reported_s + self._timing.shift_s) * NANOSECONDS)
         at = stamp if self._timing.by_arrival else own
         airspeed_mps, heading_rad = sample.airspeed_mps, sample.heading_rad
-        if not vehicle.telemetry.stands:
+        if not vehicle.telemetry.hovers:
             check = vehicle.sampler.airspeed_check
-            read = check is None or check.believes
+            read = check is None or check.accepted
             airspeed_mps = self._airspeed.take(own, airspeed_mps, math.sqrt(noise[4]), read=read)
             heading_rad = self._heading.take(own, heading_rad, *velocity_mps, math.sqrt(noise[5]))
             witness = self._by_air(airspeed_mps, heading_rad, known.state)
         else:
             witness = self._commanded.take(own, commanded.acting, velocity_mps, stops=commanded.stops)
             airspeed_mps, heading_rad = self._over_ground(sample, leads=leads)
-        across = self._across.take(at, list(place_m), list(velocity_mps), witness, (noise[0], noise[2]))
+        across = self._across.take(at, list(position_m), list(velocity_mps), witness, (noise[0], noise[2]))
         self._up.doubts_velocity = self._across.wrong == VELOCITY
         climb_mps = self._climb_mps(commanded.height_m - height_m - self._up.axes[0].offset_m)
         up = self._up.take(at, [height_m], [sample.climb_mps], [climb_mps], (noise[1], noise[3]))
@@ -112,7 +115,7 @@ class VehicleHealth:
         return self._corrected(sample, Instant(stamp), airspeed_mps, heading_rad, leads=leads)
 
     def _stamp(
-        self, sample: Sample, reported_s: float, now: Instant, place_m: tuple[float, float], mps: tuple[float, float]
+        self, sample: Sample, reported_s: float, now: Instant, position_m: tuple[float, float], mps: tuple[float, float]
     ) -> int:
         """Return the stamp to be used of a sample, stamped at `reported_s` by its own clock."""
         timing, before, vehicle = self._timing, self._timing.by_arrival, self.vehicle
@@ -122,7 +125,7 @@ class VehicleHealth:
             longest_s = math.inf  # all that it says is as old: its clock or the link is slower than was measured
         north, east = self._across.axes
         timing.noise_m2 = max(north.noise_m2, east.noise_m2)
-        stamp = timing.take(reported_s, int(sample.stamp), int(now), place_m, mps, longest_s)
+        stamp = timing.take(reported_s, int(sample.stamp), int(now), position_m, mps, longest_s)
         if timing.by_arrival != before:  # what was found meanwhile was due to the stamps
             self._across.forget()
             self._up.forget()
@@ -134,14 +137,14 @@ class VehicleHealth:
         if attitude is None or motion is None:
             return sample.airspeed_mps, sample.heading_rad
         nose_rad = self._nose.take(attitude, motion.heading_rad, motion.stamp_s)
-        if self._nose.flown == BELIEVED:
+        if self._nose.flown == ACCEPTED:
             return sample.airspeed_mps, sample.heading_rad
         return ground_motion(nose_rad, sample.north_mps, sample.east_mps, leads=leads)
 
     def _by_air(self, airspeed_mps: float, heading_rad: float, known: FlightState | None) -> list[float]:
         """Return the velocity over ground by airspeed, heading and wind; NaN while that isn't known.
 
-        While the velocity isn't believed the wind is the one before: the present one is estimated from what is flown.
+        While the velocity isn't accepted the wind is the one before: the present one is estimated from what is flown.
         """
         if self._across.wrong is None:
             self._wind = _wind_mps(known)
@@ -157,7 +160,7 @@ class VehicleHealth:
         self, sample: Sample, stamp: Instant, airspeed_mps: float, heading_rad: float, *, leads: bool
     ) -> Sample:
         north, east, up = *self._across.axes, self._up.axes[0]
-        if self.vehicle.telemetry.stands:
+        if self.vehicle.telemetry.hovers:
             airspeed_mps, heading_rad = ground_motion(heading_rad, north.flown_mps, east.flown_mps, leads=leads)
         return Sample(
             stamp,
@@ -188,7 +191,7 @@ class VehicleHealth:
                 return f"its {quantity} has jumped by {found.displaced_m:.0f} m"
         if self._estimator.lost:
             return "its estimator has no absolute position"
-        if self._timing.standing:
+        if self._timing.frozen:
             return "the stamps of its positions stand still"
         return f"its positions come {self._timing.late_s:.1f} s late" if self._timing.late_s else ""
 
@@ -214,7 +217,7 @@ class VehicleHealth:
         return new
 
     def _findings(self) -> dict[str, str]:
-        """Return the quantities that aren't believed, with the evidence."""
+        """Return the quantities that aren't accepted, with the evidence."""
         found, seen = self._of_positions(), self.vehicle.telemetry
         self._add_of_others(found)
         stamps = self._timing.finding
@@ -240,8 +243,8 @@ class VehicleHealth:
                 switch = f" ('{self._estimator.switched}')" if self._estimator.switched else ""
                 jumped = f"its {names[0]} has jumped by {each.displaced_m:.1f} m{switch}"
                 found[names[0]] = f"{jumped}: taken to be where it was"
-            elif each.scatters:
-                found[names[0]] = f"its {names[0]} scatters by {each.scatter_m:.0f} m or more: smoothed"
+            elif each.is_noisy:
+                found[names[0]] = f"its {names[0]} scatters by {each.sigma_m:.0f} m or more: smoothed"
         return found
 
     def _add_of_others(self, found: dict[str, str]) -> None:

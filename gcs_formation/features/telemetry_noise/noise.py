@@ -47,16 +47,16 @@ class TelemetryNoise(Stage):
     def watch_noise(self, now: Instant, noise: list[VehicleNoise]) -> None:
         """Compare measured noise, which the law uses, with the declared one; report the quantity that differs most."""
         for identity, vehicle in self._vehicles.items():
-            ratios, was_off, worst, apart = noise[vehicle.index].ratios(), identity in self._off, 0, 1.0
-            for place, each in enumerate(ratios):
-                if max(each, 1.0 / each) > apart:
-                    worst, apart = place, max(each, 1.0 / each)
-            if not was_off and apart >= NOISE_OFF:
+            ratios, was_off, worst, largest = noise[vehicle.index].ratios(), identity in self._off, 0, 1.0
+            for index, each in enumerate(ratios):
+                if max(each, 1.0 / each) > largest:
+                    worst, largest = index, max(each, 1.0 / each)
+            if not was_off and largest >= NOISE_OFF:
                 self._off.add(identity)
                 sigma, ratio = noise[vehicle.index].sigma()[worst], ratios[worst]
                 text = f"{QUANTITIES[worst]} is {ratio:.1f} times as noisy as declared: {sigma:.2g} {UNITS[worst]}"
                 self._log_event(now, "noise", text, vehicle, {"ratio": ratio})
-            elif was_off and apart < NOISE_BACK:
+            elif was_off and largest < NOISE_BACK:
                 self._off.remove(identity)
                 details: dict[str, Detail] = {"ratio": ratios[worst]}
                 self._log_event(now, "noise", "is as noisy as declared again", vehicle, details)
@@ -65,7 +65,7 @@ class TelemetryNoise(Stage):
         """Report which measured airspeeds aren't plausible."""
         for identity, vehicle in self._vehicles.items():
             check, was_plausible = vehicle.sampler.airspeed_check, identity not in self._unbelieved
-            if check is None or check.believes == was_plausible:
+            if check is None or check.accepted == was_plausible:
                 continue
             if was_plausible:
                 self._unbelieved.add(identity)

@@ -79,10 +79,10 @@ class VehicleEstimator:
         estimated, changed = [False, False, False], False
         if self._learning and self._estimated and self._model_set.flying and self._samples.span_s <= GAP_S + BATCH_S:
             estimated = self._model_set.fly(self._samples, sent, self._batch)
-        for place, tracks in enumerate(self._batch):
-            if not estimated[place]:
+        for index, tracks in enumerate(self._batch):
+            if not estimated[index]:
                 tracks.clear()
-            changed = self.channels[place].update(tracks) or changed
+            changed = self.channels[index].update(tracks) or changed
             tracks.clear()
         if self._in_use and changed:
             self._use()
@@ -131,7 +131,7 @@ class TimeConstantEstimator:
     @property
     def mismatch(self) -> list[list[float]]:
         """(3, C) estimated relative mismatch of the time constants of airspeed, heading and height in use."""
-        return [[each.channels[place].mismatch for each in self.vehicles] for place in range(len(RESOLUTION))]
+        return [[each.channels[index].mismatch for each in self.vehicles] for index in range(len(RESOLUTION))]
 
     def add_sample(self, index: int, stamp: int, motion: Seen) -> None:
         """Take a vehicle's airspeed, heading, height and climb as measured at `stamp`, m/s, rad, m."""

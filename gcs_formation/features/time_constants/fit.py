@@ -61,7 +61,7 @@ class TimeConstantFit:
         Args:
             nodes: the simulations' interpolation.
             resolution: standard deviation assumed of residuals before any were seen.
-            finest: the least that they may turn out to have.
+            finest: the smallest that they may turn out to have.
             rate_hz: of the telemetry.
             in_use: whether the model has the fitted time constants, not the declared ones.
         """
@@ -151,9 +151,9 @@ class TimeConstantFit:
         """Return the step of the log ratios that minimises the residuals `seen`, regularised by the prior."""
         found = [0.0 for _ in self.log_ratio]
         held = PRIOR_INFORMATION * self._noise_variance() * self._alike
-        for place, row in enumerate(inverse_with(information_of(seen, 1.0), held)):
+        for index, row in enumerate(inverse_with(information_of(seen, 1.0), held)):
             for other, each in enumerate(row):
-                found[place] -= each * seen[1 + other][0]
+                found[index] -= each * seen[1 + other][0]
         return found
 
     def _fit(self, seen: vec[vec[float]], variance: float) -> None:
@@ -166,14 +166,14 @@ class TimeConstantFit:
         log_ratio, maximum, change = self.log_ratio, 1.0, 0.0
         worth = 1.0 / ((variance + self._noise_variance()) * self._alike)
         information = information_of(seen, worth)
-        pull = [-seen[1 + place][0] * worth - each * PRIOR_INFORMATION for place, each in enumerate(log_ratio)]
-        for place, row in enumerate(inverse_with(information, PRIOR_INFORMATION)):
-            wanted, before = 0.0, log_ratio[place]
+        pull = [-seen[1 + index][0] * worth - each * PRIOR_INFORMATION for index, each in enumerate(log_ratio)]
+        for index, row in enumerate(inverse_with(information, PRIOR_INFORMATION)):
+            wanted, before = 0.0, log_ratio[index]
             for other, each in enumerate(row):
                 wanted += each * pull[other]
-            log_ratio[place] = within(before + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
-            change = max(change, abs(log_ratio[place] - before))
-            maximum = max(maximum, information[place][place])
+            log_ratio[index] = within(before + within(wanted, -STEP_MAX, STEP_MAX), -BOUND, BOUND)
+            change = max(change, abs(log_ratio[index] - before))
+            maximum = max(maximum, information[index][index])
         self._kept = min(1.0, 1.0 / (MIN_SPREAD**2 * maximum))
         self._settled = change < SETTLED
         if self._in_use:

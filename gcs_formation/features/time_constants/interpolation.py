@@ -21,7 +21,7 @@ class Nodes:
 
     def __init__(self, count: int, parameters: int) -> None:
         """Take the number n of points and the number P of parameters."""
-        points = [BOUND * math.cos((2 * place + 1) * math.pi / (2 * count)) for place in range(count)]
+        points = [BOUND * math.cos((2 * index + 1) * math.pi / (2 * count)) for index in range(count)]
         self.parameters = parameters
         self.at = [[one] for one in points] if parameters == 1 else [[one, two] for one in points for two in points]
         """(K, P) logarithms of the simulations' ratios; K is n to the power of P."""

@@ -261,14 +261,14 @@ class ModelSet:
         self._speeds.begin_batch()
         self._headings.begin_batch()
         self._heights.begin_batch()
-        place = sent.acting(self._at)
+        index = sent.acting(self._at)
         for sample in range(1, samples.count):
             stamp = samples.stamps[sample]
             steps = max((stamp - self._at + STEP_NS // 2) // STEP_NS, 1)
             while steps > 0 and stamp - self._at > ALIKE_NS:
                 self._step_by((stamp - self._at) // steps)
-                place = sent.later(place, self._at)
-                speed_mps, heading_rad, height_m = sent.mean(place, self._at, self._at + self._step)
+                index = sent.later(index, self._at)
+                speed_mps, heading_rad, height_m = sent.mean(index, self._at, self._at + self._step)
                 if not finite(speed_mps + heading_rad + height_m):
                     return [False, False, False]
                 self._speeds.step(within(speed_mps, self._slowest_mps, self._fastest_mps))

@@ -15,16 +15,16 @@ def zeros(size: int) -> vec[vec[float]]:
 def dot(one: vec[float], other: vec[float]) -> float:
     """Return the scalar product of a list with the first numbers of another."""
     total = 0.0
-    for place in range(len(one)):
-        total += one[place] * other[place]
+    for index in range(len(one)):
+        total += one[index] * other[index]
     return total
 
 
 def scale(sums: vec[vec[float]], share: float) -> None:
     """Scale all sums by a share: exponential forgetting."""
     for row in sums:
-        for place in range(len(row)):
-            row[place] = row[place] * share
+        for index in range(len(row)):
+            row[index] = row[index] * share
 
 
 def add_products(row: vec[float], sums: vec[vec[float]], others: vec[vec[float]]) -> None:
@@ -82,8 +82,8 @@ def weights_near(weights: vec[vec[float]], by: list[float]) -> vec[float]:
     moved = vec[float]([0.0] * len(weights[0]))
     for node in range(len(moved)):
         weight = weights[0][node]
-        for place, each in enumerate(by):
-            weight += each * weights[1 + place][node]
+        for index, each in enumerate(by):
+            weight += each * weights[1 + index][node]
         moved[node] = weight
     return moved
 

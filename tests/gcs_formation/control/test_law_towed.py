@@ -86,6 +86,6 @@ def test_a_gust_across_is_crabbed_against_slowly() -> None:
     followed_mps, followed_mps2 = across_mps * (1.0 - np.exp(-2.0 * DT_S)), 2.0 * across_mps  # by 2/s, from 0
     crab_rps = 0.65 * -followed_mps / speed_mps
     crab_rps2 = 0.65 * (-followed_mps2 / speed_mps - crab_rps)
-    lag_s, swung_m = HELD_S[:, FOLLOWERS], -SLOTS_M[FOLLOWERS, 1]
-    expected = speed_mps + swung_m * (crab_rps + lag_s[0] * crab_rps2), lag_s[1] * crab_rps
+    tau_s, swung_m = HELD_S[:, FOLLOWERS], -SLOTS_M[FOLLOWERS, 1]
+    expected = speed_mps + swung_m * (crab_rps + tau_s[0] * crab_rps2), tau_s[1] * crab_rps
     np.testing.assert_allclose(asked, np.array(expected).T, atol=1e-9)

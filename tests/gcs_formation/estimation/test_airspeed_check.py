@@ -37,20 +37,20 @@ class Aircraft:
         for tick in range(round(seconds / PERIOD_S)):
             north_mps = self.wind_mps[0] + self.flown_mps * math.cos(self.heading_rad)
             east_mps = self.wind_mps[1] + self.flown_mps * math.sin(self.heading_rad)
-            reading_mps = reads(tick * PERIOD_S) if reads else self.flown_mps / self.ratio
-            reported = north_mps, east_mps, self.heading_rad, reading_mps, self.ratio
+            ias_mps = reads(tick * PERIOD_S) if reads else self.flown_mps / self.ratio
+            reported = north_mps, east_mps, self.heading_rad, ias_mps, self.ratio
             accepted.append(self.check.accepts(self.now_s, *reported))
             self.now_s += PERIOD_S
         return accepted
 
 
-@pytest.mark.parametrize("reading_mps", [0.0, 5.0, 11.0, 34.0, 60.0, 400.0])
-def test_a_sensor_that_fails_is_rejected_and_the_airspeed_follows_from_the_wind_known(reading_mps: float) -> None:
+@pytest.mark.parametrize("ias_mps", [0.0, 5.0, 11.0, 34.0, 60.0, 400.0])
+def test_a_sensor_that_fails_is_rejected_and_the_airspeed_follows_from_the_wind_known(ias_mps: float) -> None:
     """The aircraft accelerates to 25 m/s while its sensor sticks."""
     plane = Aircraft(wind_mps=(-6.0, 3.0))
     assert all(plane.fly(10.0))
     plane.flown_mps = 25.0
-    assert not any(plane.fly(60.0, lambda _: reading_mps))
+    assert not any(plane.fly(60.0, lambda _: ias_mps))
     assert plane.check.synthetic_mps == pytest.approx(25.0, abs=0.01)
 
 
@@ -85,12 +85,12 @@ def test_gusts_and_turns_of_any_size_are_accepted_within_what_is_flown(
 @given(st.floats(0.7, 1.3), st.floats(1.0, 1.25), speeds, headings)
 @settings(max_examples=60, deadline=None)
 def test_sensors_with_a_scale_of_their_own_at_density_altitude_are_accepted(
-    scale: float, thin: float, reading_mps: float, heading_rad: float
+    scale: float, thin: float, ias_mps: float, heading_rad: float
 ) -> None:
     """Before anything is known about scale and density, and straight on after a turn."""
-    plane = Aircraft(flown_mps=scale * thin * reading_mps)
+    plane = Aircraft(flown_mps=scale * thin * ias_mps)
     for plane.heading_rad in (NORTH_RAD, heading_rad):
-        assert all(plane.fly(5.0, lambda _: reading_mps))
+        assert all(plane.fly(5.0, lambda _: ias_mps))
 
 
 @pytest.mark.parametrize("wind_mps", [-10.0, 0.0, 6.0, 10.0])

@@ -82,11 +82,11 @@ def test_gusts_that_last_are_not_taken_for_a_scale_beyond_what_they_leave_unknow
 def test_what_is_commanded_is_read_where_it_flies_so_fast_and_lies_within_the_limits() -> None:
     learner = flown(AirspeedScale(FIELD_M, SLOWEST_MPS, FASTEST_MPS), math.pi, scale=1.1)
     for true_mps in (20.0, 22.0, 30.0):
-        assert learner.true(learner.reading(true_mps)) == pytest.approx(true_mps)
-    assert learner.reading(5.0) == SLOWEST_MPS
-    assert learner.reading(60.0) == FASTEST_MPS
+        assert learner.true(learner.indicated(true_mps)) == pytest.approx(true_mps)
+    assert learner.indicated(5.0) == SLOWEST_MPS
+    assert learner.indicated(60.0) == FASTEST_MPS
     slowest_mps, fastest_mps = learner.speeds_mps
-    assert learner.reading(slowest_mps) == pytest.approx(SLOWEST_MPS, rel=0.006)
+    assert learner.indicated(slowest_mps) == pytest.approx(SLOWEST_MPS, rel=0.006)
     assert fastest_mps == FASTEST_MPS
 
 

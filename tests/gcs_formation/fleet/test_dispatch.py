@@ -30,9 +30,9 @@ def vehicle(index: int, up_s: float) -> SimpleNamespace:
         may_loiter=False,
         clock=SimpleNamespace(one_way_s=up_s, asymmetry_s=0.0, loop_s=0.1),
         jitter=SimpleNamespace(jitter_s=0.0),
-        round_trips=SimpleNamespace(received_at=lambda now: now, gnss=None, knows_ways=False),
+        round_trips=SimpleNamespace(received_at=lambda now: now, gnss=None, knows_asymmetry=False),
         autopilot=SimpleNamespace(speeds_mps=None),
-        stands_after_s=math.inf,
+        hovers_after_s=math.inf,
         returns_after_s=0.0,
         telemetry=SimpleNamespace(home_m=None),
         setpoints=SimpleNamespace(hurries=False),
@@ -83,16 +83,16 @@ def test_the_leaders_setpoints_wait_until_the_slowest_followers_act():
 
 
 def test_what_is_held_back_counts_as_the_leaders_lag():
-    taus_s = [link.lag_s for link in links(dispatch(0.0, 0.0, 0.3))]
-    assert taus_s == pytest.approx([0.05 + 0.3, 0.05, 0.05])
+    delays_s = [link.further_delay_s for link in links(dispatch(0.0, 0.0, 0.3))]
+    assert delays_s == pytest.approx([0.05 + 0.3, 0.05, 0.05])
 
 
 def test_a_dead_time_is_waited_for_like_a_slower_link():
     """The second follower's setpoints act last: 0.1 s by its link, 0.4 s by its autopilot."""
     served = dispatch(0.05, 0.0, 0.1, dead_s=(0.2, 0.0, 0.4))
     assert hold_s(served) == pytest.approx(0.1 + 0.4 - 0.05 - 0.2)
-    taus_s = [link.lag_s for link in links(served)]
-    assert taus_s == pytest.approx([0.05 + 0.2 + hold_s(served), 0.05, 0.05 + 0.4])
+    delays_s = [link.further_delay_s for link in links(served)]
+    assert delays_s == pytest.approx([0.05 + 0.2 + hold_s(served), 0.05, 0.05 + 0.4])
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flight_model.curve import PathPoint
-from gcs_formation.guidance.way_to_run_in import join
+from gcs_formation.guidance.join_route import join
 
 place = st.floats(-3000, 3000)
 course = st.floats(-math.pi, math.pi)

@@ -21,10 +21,10 @@ def after(north_mps: list[float]) -> RoughAir:
 
 def turbulence(sigma_mps: float, seconds: float, seed: int = 1) -> list[float]:
     """Return Dryden's spectrum across at 200 m and 22 m/s: a time constant of 13.6 s, MIL-F-8785C."""
-    lag_s, draws, state, each = 13.6, np.random.default_rng(seed), np.zeros(2), list[float]()
+    tau_s, draws, state, each = 13.6, np.random.default_rng(seed), np.zeros(2), list[float]()
     for _ in range(round(seconds / DT_S)):
-        noise = sigma_mps * math.sqrt(lag_s / DT_S) * draws.standard_normal()
-        state += DT_S / lag_s * np.array([noise - state[0], state[0] - state[1]])
+        noise = sigma_mps * math.sqrt(tau_s / DT_S) * draws.standard_normal()
+        state += DT_S / tau_s * np.array([noise - state[0], state[0] - state[1]])
         each.append(float(state[1] + math.sqrt(3.0) * (state[0] - state[1])))
     return each
 

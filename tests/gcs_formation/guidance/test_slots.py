@@ -66,17 +66,17 @@ def test_while_slots_move_their_distances_are_the_least_of_the_way_and_afterward
     plan = FormationPlan(load_scenario(scenario()))
     rest, way_m = SlotMotion.at_rest(plan.goal_m), np.full((3, 3), np.inf)
     way_m[0, 1] = way_m[1, 0] = 12.0
-    assert plan.apart_m(50.0) is None
+    assert plan.separation_m(50.0) is None
     plan.adopt(plan.arrangement, Transition(100.0, DURATION_S, rest, plan.goal_m, np.zeros(3), 0.0, way_m))
     goal_m = np.linalg.norm(plan.goal_m[:, None] - plan.goal_m, axis=-1)
-    moving_m = plan.apart_m(110.0)
+    moving_m = plan.separation_m(110.0)
     assert moving_m is not None
     assert moving_m[0, 1] == moving_m[1, 0] == 12.0 < goal_m[0, 1]
     assert moving_m[0, 2] == goal_m[0, 2]
-    assert plan.apart_m(111.0) is moving_m
-    assert plan.apart_m(100.0 + DURATION_S) is None
+    assert plan.separation_m(111.0) is moving_m
+    assert plan.separation_m(100.0 + DURATION_S) is None
     plan.fly_alongside(np.array([False, True, False]), plan.goal_m)
-    assert plan.apart_m(100.0 + DURATION_S) == pytest.approx(goal_m)
+    assert plan.separation_m(100.0 + DURATION_S) == pytest.approx(goal_m)
 
 
 def test_slots_wait_for_no_longer_than_they_may(plan: FormationPlan) -> None:
@@ -93,16 +93,16 @@ def test_who_flies_beside_a_turning_leader_keeps_its_place_over_ground_at_the_le
 ) -> None:
     speed_mps, turn_rps = 22.0, 0.1
     last = np.arange(len(plan.goal_m)) == len(plan.goal_m) - 1
-    places_m = plan.goal_m + np.array([-30.0, 110.0, 5.0])
+    positions_m = plan.goal_m + np.array([-30.0, 110.0, 5.0])
     plan.turn(200.0, turn_rps)
-    plan.fly_alongside(last, np.where(last[:, None], places_m, plan.goal_m))
+    plan.fly_alongside(last, np.where(last[:, None], positions_m, plan.goal_m))
     still = np.zeros(1)
     for elapsed_s in np.arange(0.0, 31.4, TICK_S):
         plan.turn(200.0 + elapsed_s, turn_rps)
         slots = plan.at(200.0 + elapsed_s, begun=True)
         north_east = rotated(-turn_rps * elapsed_s, slots.position_m[-1, 0], slots.position_m[-1, 1])
-        assert north_east == pytest.approx(places_m[-1, :2], abs=1e-6)
-        assert slots.position_m[-1, 2] == places_m[-1, 2]
+        assert north_east == pytest.approx(positions_m[-1, :2], abs=1e-6)
+        assert slots.position_m[-1, 2] == positions_m[-1, 2]
         assert not plan.settled(200.0 + elapsed_s)
         needs = slot_needs(LeaderFlight(speed_mps, np.array([turn_rps]), still, still, still), slots, frame)
         assert needs.speed_mps[0, -1] == pytest.approx(speed_mps, abs=1e-6)

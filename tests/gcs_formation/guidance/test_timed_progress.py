@@ -37,7 +37,7 @@ class Leader:
         for _ in range(round(duration_s / TICK_S)):
             due = self.timed.advance(self.at_m, self.now, TICK_S, None)
             setpoint_mps = 0.0 if due is None else due.setpoint_mps(LAG_S)
-            self.stood_s += TICK_S * (due is not None and due.stands)
+            self.stood_s += TICK_S * (due is not None and due.hovers)
             self.turned_s += TICK_S * (due is not None and due.turn is not None)
             change_mps = (setpoint_mps - self.speed_mps) * (1.0 - math.exp(-TICK_S / LAG_S))
             self.at_m += self.speed_mps * TICK_S + change_mps * TICK_S / 2.0
@@ -143,5 +143,5 @@ def test_a_new_leader_that_is_still_turning_ends_its_turn_first() -> None:
     other = progress()
     waits = other.advance(40.0, leader.now, TICK_S, turn)
     assert waits is not None
-    assert waits.stands
+    assert waits.hovers
     assert waits.turn is turn

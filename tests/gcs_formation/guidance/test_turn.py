@@ -16,8 +16,8 @@ angles = st.floats(-6.0, 6.0)
 reaches = st.floats(0.0, 60.0)
 
 
-def at(turn, share, lag_s=0.0):
-    return turn.setpoint(BEGUN + round(share * turn.duration_s * NANOSECONDS), lag_s)
+def at(turn, share, tau_s=0.0):
+    return turn.setpoint(BEGUN + round(share * turn.duration_s * NANOSECONDS), tau_s)
 
 
 @given(angles, angles, reaches)
@@ -43,19 +43,19 @@ def test_slots_follow_within_half_of_what_vehicles_can_do(goal, begin, reach):
 
 def test_what_follows_with_a_lag_is_led_by_it():
     """A first-order lag with this setpoint flies the turn itself."""
-    turn, lag_s, step_s = TurnOnSpot.to(1.5, 0.0, BEGUN, 24.0, SPEED_MPS, ACCEL_MPS2), 0.6, 1e-3
+    turn, tau_s, step_s = TurnOnSpot.to(1.5, 0.0, BEGUN, 24.0, SPEED_MPS, ACCEL_MPS2), 0.6, 1e-3
     heading = 0.0
     for step in range(round(turn.duration_s / step_s)):
         instant = BEGUN + round(step * step_s * NANOSECONDS)
         assert heading == pytest.approx(turn.setpoint(instant, 0.0)[0], abs=2e-3)
-        heading += step_s * (turn.setpoint(instant, lag_s)[0] - heading) / lag_s
+        heading += step_s * (turn.setpoint(instant, tau_s)[0] - heading) / tau_s
 
 
-@pytest.mark.parametrize("lag_s", [0.0, 0.6])
-def test_the_rate_of_the_setpoint_is_its_derivative(lag_s):
+@pytest.mark.parametrize("tau_s", [0.0, 0.6])
+def test_the_rate_of_the_setpoint_is_its_derivative(tau_s):
     """Followers lead the positions of their slots by it."""
     turn, step = TurnOnSpot.to(1.5, 0.0, BEGUN, 24.0, SPEED_MPS, ACCEL_MPS2), 1e-4
     for share in (0.1, 0.3, 0.5, 0.7, 0.9):
-        before, after = at(turn, share - step, lag_s), at(turn, share + step, lag_s)
+        before, after = at(turn, share - step, tau_s), at(turn, share + step, tau_s)
         derivative = (after[0] - before[0]) / (2 * step * turn.duration_s)
-        assert at(turn, share, lag_s)[1] == pytest.approx(derivative, abs=1e-4)
+        assert at(turn, share, tau_s)[1] == pytest.approx(derivative, abs=1e-4)

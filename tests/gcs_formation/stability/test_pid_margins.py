@@ -193,10 +193,10 @@ def test_predicted_loop_stands_its_nominal_delay_and_mismatch_up_to_the_margin(c
 def test_prediction_trades_margin_against_mismatch_for_the_longer_delay():
     """The x loop tolerates 0.86 s without prediction; with prediction over 1.5 s it tolerates that delay, ± 52 ms."""
     loop = Loop(*CHANNELS["x"])
-    assert predicted_mismatch_margin(loop, 0.6).least() == pytest.approx(0.13787, abs=1e-5)
-    assert predicted_mismatch_margin(loop, 1.5).least() == pytest.approx(0.05158, abs=1e-5)
+    assert predicted_mismatch_margin(loop, 0.6).min_s() == pytest.approx(0.13787, abs=1e-5)
+    assert predicted_mismatch_margin(loop, 1.5).min_s() == pytest.approx(0.05158, abs=1e-5)
     late = replace(loop, dead_time_s=0.9)
-    assert predicted_mismatch_margin(late, 0.6).least() == pytest.approx(0.05158, abs=1e-5), "both are predicted over"
+    assert predicted_mismatch_margin(late, 0.6).min_s() == pytest.approx(0.05158, abs=1e-5), "both are predicted over"
 
 
 def test_prediction_saves_no_loop_that_is_unstable_without_delay():

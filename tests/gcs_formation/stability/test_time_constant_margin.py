@@ -61,9 +61,9 @@ def test_a_loop_flown_with_time_constants_inside_its_margin_dies_out_and_beyond_
 def test_at_the_margin_no_mismatch_of_the_delay_is_left(loop):
     """The number of roots and the crossings of the imaginary axis are computed in different ways."""
     margin = tau_margin(loop, 0.7)
-    assert mismatch_margin_with_taus_off(loop, 0.7, 0.99 * margin) < 0.4 * predicted_mismatch_margin(loop, 0.7).least()
+    assert mismatch_margin_with_taus_off(loop, 0.7, 0.99 * margin) < 0.4 * predicted_mismatch_margin(loop, 0.7).min_s()
     assert mismatch_margin_with_taus_off(loop, 0.7, 1.05 * margin) == 0.0
-    assert mismatch_margin_with_taus_off(loop, 0.7, 0.0) == pytest.approx(predicted_mismatch_margin(loop, 0.7).least())
+    assert mismatch_margin_with_taus_off(loop, 0.7, 0.0) == pytest.approx(predicted_mismatch_margin(loop, 0.7).min_s())
 
 
 def test_with_the_right_time_constants_the_predicted_loop_is_stable_at_any_delay_and_an_unstable_one_never():
@@ -85,10 +85,10 @@ def test_longer_time_constants_are_the_plant_of_the_longer_time_constants():
 def test_a_loop_without_prediction_does_not_go_by_a_model_and_small_differences_count_as_none():
     delay = LoopDelay(1.1, 0.0)
     predicted = Usage([X], predicted=True)
-    assert predicted.of_lags(delay, 0.3) == pytest.approx(0.3 / tau_margin(X, 1.1))
-    assert predicted.of_lags(delay, 0.05) == pytest.approx(0.05 / tau_margin(X, 1.1))
-    assert predicted.of_lags(delay, 0.04) == predicted.of_lags(LoopDelay(math.nan, 0.0), 0.3) == 0.0
-    assert Usage([X], predicted=False).of_lags(delay, 0.3) == 0.0
+    assert predicted.of_time_constants(delay, 0.3) == pytest.approx(0.3 / tau_margin(X, 1.1))
+    assert predicted.of_time_constants(delay, 0.05) == pytest.approx(0.05 / tau_margin(X, 1.1))
+    assert predicted.of_time_constants(delay, 0.04) == predicted.of_time_constants(LoopDelay(math.nan, 0.0), 0.3) == 0.0
+    assert Usage([X], predicted=False).of_time_constants(delay, 0.3) == 0.0
 
 
 def test_time_constants_are_reckoned_with_up_to_30_percent_off() -> None:

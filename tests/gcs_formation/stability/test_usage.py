@@ -89,7 +89,7 @@ def test_around_an_aircraft_that_flies_as_equation_7_says_the_margin_is_that_of_
 
 
 def test_two_deviations_are_held_against_the_mismatch_margin() -> None:
-    margin_s = predicted_mismatch_margin(FORWARD, 0.7).least()
+    margin_s = predicted_mismatch_margin(FORWARD, 0.7).min_s()
     assert Usage([FORWARD], predicted=True).of(LoopDelay(0.7, 0.02)) == pytest.approx(0.04 / margin_s)
 
 

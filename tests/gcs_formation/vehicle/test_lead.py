@@ -23,9 +23,9 @@ class Integrator:
     def __init__(self) -> None:
         self.filled_mps = 0.0
 
-    def flies(self, told_mps: float) -> float:
-        flown_mps = PROMPT * told_mps + (1.0 - PROMPT) * self.filled_mps
-        self.filled_mps -= math.expm1(-PERIOD_S / REST_S) * (told_mps - self.filled_mps)
+    def flies(self, commanded_mps: float) -> float:
+        flown_mps = PROMPT * commanded_mps + (1.0 - PROMPT) * self.filled_mps
+        self.filled_mps -= math.expm1(-PERIOD_S / REST_S) * (commanded_mps - self.filled_mps)
         return flown_mps
 
 

@@ -67,7 +67,7 @@ def sent(setpoint: Setpoint) -> SetPositionTargetLocalNed:
     ],
 )
 def test_one_that_takes_off_or_lands_is_airborne_below_10_m(landed_state, airborne):
-    seen = tell(Telemetry(ORIGIN, COPTER.stands), COPTER.home_mode, armed=True, up_m=5.0)
+    seen = tell(Telemetry(ORIGIN, COPTER.hovers), COPTER.home_mode, armed=True, up_m=5.0)
     seen.store(ExtendedSysState(0, landed_state))
     assert COPTER.is_airborne(seen) == airborne
 
@@ -172,7 +172,7 @@ def test_it_measures_no_airspeed_and_says_so(telemetry):
     silent = VfrHud(math.nan, 3.0, 0.5, 50, 20.0, 0.0)
     telemetry.store(silent)
     assert (telemetry.implausible, math.isnan(telemetry.airspeed_mps)) == (1, True)
-    copters = Telemetry(ORIGIN, COPTER.stands)
+    copters = Telemetry(ORIGIN, COPTER.hovers)
     copters.store(silent)
     assert (copters.implausible, copters.airspeed_mps) == (0, 3.0)
 

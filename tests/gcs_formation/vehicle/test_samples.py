@@ -18,7 +18,7 @@ from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from gcs_formation.vehicle.sampler import EXTRAPOLATED_S, Sampler
-from gcs_formation.vehicle.telemetry import APART_LIMIT_S, Telemetry
+from gcs_formation.vehicle.telemetry import MAX_STAMP_DIFFERENCE_S, Telemetry
 from gcs_formation.vehicle.vehicle import Vehicle
 from tests.gcs_formation.vehicle.conftest import ORIGIN, position
 
@@ -67,7 +67,7 @@ def test_the_heading_is_that_of_the_position_s_instant_whichever_came_first(vehi
     assert vehicle.sampler.new(NOW, flew=vehicle.flew) is None, "once"
 
 
-@pytest.mark.parametrize("apart_s", [-APART_LIMIT_S - 0.1, APART_LIMIT_S + 0.1])
+@pytest.mark.parametrize("apart_s", [-MAX_STAMP_DIFFERENCE_S - 0.1, MAX_STAMP_DIFFERENCE_S + 0.1])
 def test_an_attitude_of_another_time_is_paired_with_no_position(vehicle: Vehicle, apart_s: float) -> None:
     turns(vehicle, 1.0, STAMP_S + apart_s)
     assert vehicle.sampler.new(NOW, flew=vehicle.flew) is None
@@ -91,7 +91,7 @@ def test_while_it_is_no_sample_it_is_said_why(vehicle: Vehicle, late_s: float) -
 
 
 def test_what_is_not_of_one_time_is_said_too_and_of_nothing_nothing_is_said(vehicle: Vehicle) -> None:
-    turns(vehicle, 1.0, STAMP_S - APART_LIMIT_S - 0.1)
+    turns(vehicle, 1.0, STAMP_S - MAX_STAMP_DIFFERENCE_S - 0.1)
     assert vehicle.sampler.why_unknown(NOW) == "its position, attitude and airspeed aren't of one time"
     vehicle.telemetry.store(Attitude(STAMP_S, 0.0, 0.0, math.nan, 0.0, 0.0, 0.0))
     assert vehicle.sampler.why_unknown(NOW) == "it tells no attitude: ATTITUDE's yaw is NaN"
@@ -106,22 +106,22 @@ def test_what_is_not_of_one_time_is_said_too_and_of_nothing_nothing_is_said(vehi
 
 
 @pytest.mark.parametrize(
-    ("turn_radps", "stands"), [(0.0, False), (TURN_RADPS, False), (-TURN_RADPS, False), (1.0, True)]
+    ("turn_radps", "hovers"), [(0.0, False), (TURN_RADPS, False), (-TURN_RADPS, False), (1.0, True)]
 )
 def test_a_place_is_carried_on_along_its_turn_and_a_multirotors_straight_on(
-    vehicle: Vehicle, turn_radps: float, stands: bool
+    vehicle: Vehicle, turn_radps: float, hovers: bool
 ) -> None:
     """On a circle of 22 m/s at 0.2 rad/s, a second later, it is 2.2 m beside the tangent, 22 m on."""
     motion = vehicle.telemetry.motion
     assert motion is not None
     motion.north_mps, motion.east_mps, motion.climb_mps = 0.0, 22.0, 1.0
-    vehicle.telemetry.stands = stands
+    vehicle.telemetry.hovers = hovers
     vehicle.telemetry.store(Attitude(STAMP_S, 0.0, 0.0, math.pi / 2, 0.0, 0.0, turn_radps))
     for age_s in (0.0, 0.3, 1.0, EXTRAPOLATED_S):
         state, found_s = vehicle.sampler.extrapolated(Instant(round(age_s * NANOSECONDS))) or (None, math.nan)
         assert state is not None
         assert found_s == pytest.approx(age_s, abs=1e-6)
-        turn = 0.0 if stands else turn_radps
+        turn = 0.0 if hovers else turn_radps
         along_m = 22.0 * (math.sin(turn * age_s) / turn if turn else age_s)
         right_m = 22.0 * ((1.0 - math.cos(turn * age_s)) / turn if turn else 0.0)
         assert state.north_m == pytest.approx(motion.north_m - right_m, abs=1e-4)

@@ -72,7 +72,7 @@ def test_an_aircraft_is_reported_what_its_sensor_reads_at_the_true_airspeed(kind
     """At 3000 m air has 0.742 of its density at sea level (ICAO Doc 7488): 22 m/s read as 18.95."""
     commanded = Commanded(kind)
     commanded.vehicle.autopilot.airspeed_scale = AirspeedScale(3000.0, 14.0, 29.0)
-    for true_mps, reading_mps in ((22.0, 22.0 * math.sqrt(0.7422)), (15.0, 14.0), (40.0, 29.0)):
+    for true_mps, ias_mps in ((22.0, 22.0 * math.sqrt(0.7422)), (15.0, 14.0), (40.0, 29.0)):
         messages = commanded.vehicle.new_setpoints(Setpoint(true_mps, 0.3, 200.0), SOMEWHERE, commanded.now)
         by_speed = SPEED if kind is ArduPlane else m.MAV_CMD_DO_REPOSITION
         (commanded_mps,) = (
@@ -80,7 +80,7 @@ def test_an_aircraft_is_reported_what_its_sensor_reads_at_the_true_airspeed(kind
             for each in messages
             if isinstance(each, CommandInt) and each.command == by_speed
         )
-        assert commanded_mps == pytest.approx(reading_mps, rel=1e-3)
+        assert commanded_mps == pytest.approx(ias_mps, rel=1e-3)
 
 
 def test_of_what_is_acknowledged_one_quantity_in_turn_is_repeated_after_each_second():

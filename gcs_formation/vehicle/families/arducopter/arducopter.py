@@ -39,7 +39,7 @@ from gcs_formation.vehicle.telemetry import Telemetry
 from gcs_formation.vehicle.velocity_setpoint import (
     MULTIROTOR_TYPES,
     VelocityLead,
-    stands,
+    hovers,
     velocity_lead,
     velocity_setpoint,
 )
@@ -111,9 +111,9 @@ class ArduCopter(ArduPilot):
     """BRAKE holds position; in LOITER a transmitter's throttle, or the lack of a transmitter, would move it."""
     home_mode = m.COPTER_MODE_RTL
     setpoint_commands = ()
-    stands_after_s = 3.0
+    hovers_after_s = 3.0
     """GUID_TIMEOUT."""
-    stands = True
+    hovers = True
     mode_names: ClassVar = COPTER
     failsafe_parameters = ("FS_GCS_ENABLE", "FS_GCS_TIMEOUT")
 
@@ -217,7 +217,7 @@ class ArduCopter(ArduPilot):
 
         It is repeated at every tick: ArduCopter stops 3 s (GUID_TIMEOUT) after the last one.
         """
-        nose_rad = setpoint.heading_rad if stands(setpoint) else math.nan
+        nose_rad = setpoint.heading_rad if hovers(setpoint) else math.nan
         return (velocity_setpoint(self.system, setpoint, where, self._lead, nose_rad),)
 
     def _to_take_off(self, _: Telemetry) -> tuple[Command, ...]:

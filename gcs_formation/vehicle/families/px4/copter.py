@@ -33,7 +33,7 @@ from gcs_formation.vehicle.velocity_setpoint import (
     MULTIROTOR_TYPES,
     TURNS_FROM_MPS,
     VelocityLead,
-    stands,
+    hovers,
     velocity_lead,
     velocity_setpoint,
 )
@@ -60,11 +60,11 @@ class Px4Copter(Px4):
     take_off_to_m = 20.0
     guided_mode = OFFBOARD
     setpoint_commands = ()
-    stands_after_s = 1.0
+    hovers_after_s = 1.0
     """COM_OF_LOSS_T; then it stops, and returns or lands (COM_OBL_RC_ACT)."""
     returns_after_s = 6.0
     """COM_OF_LOSS_T plus COM_FAIL_ACT_T, during which some versions hold first."""
-    stands = True
+    hovers = True
     failsafe_parameters = ("NAV_DLL_ACT", "COM_DL_LOSS_T", "COM_OBL_RC_ACT", "COM_OF_LOSS_T")
     acknowledges_early = True
     """DO_SET_MODE is acknowledged twice, the first time always with ACCEPTED."""
@@ -147,6 +147,6 @@ class Px4Copter(Px4):
         In hover the last yaw is repeated: with a yaw rate of 0 alone the heading drifts by tens of degrees. Setpoints
         are sent at every tick: COM_OF_LOSS_T after the last one the failsafe leaves OFFBOARD, until they resume.
         """
-        if setpoint.speed_mps >= TURNS_FROM_MPS or stands(setpoint):
+        if setpoint.speed_mps >= TURNS_FROM_MPS or hovers(setpoint):
             self._nose_rad = setpoint.heading_rad
         return (velocity_setpoint(self.system, setpoint, where, self._lead, self._nose_rad),)

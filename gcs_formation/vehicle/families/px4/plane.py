@@ -96,7 +96,7 @@ class Px4Plane(Px4):
 
     def checks(self, model: VehicleModel, path: PathPlan) -> tuple[Check, ...]:
         """Return the checks of failsafe and limits."""
-        ways = "raised to it", "lowered to it"
+        directions = "raised to it", "lowered to it"
         return (
             heartbeats_lost(self.left_alone),
             *envelope_checks(
@@ -107,7 +107,7 @@ class Px4Plane(Px4):
                 "FW_AIRSPD_MAX",
                 "FW_AIRSPD_TRIM",
                 "FW_R_LIM",
-                ways,
+                directions,
             ),
             Check(
                 ("NAV_LOITER_RAD",),
@@ -167,10 +167,10 @@ class Px4Plane(Px4):
         Setpoints use the same command as the position. Once the mode is acknowledged, no acknowledgement of an earlier
         setpoint is still on its way.
         """
-        place = seen.motion
-        if place is None:
+        motion = seen.motion
+        if motion is None:
             return self.hold()
-        return (*self.hold(), self._reposition(place.north_m, place.east_m, height_m))
+        return (*self.hold(), self._reposition(motion.north_m, motion.east_m, height_m))
 
     def go_home(self, height_m: float, seen: Telemetry) -> tuple[Command, ...]:
         """Return HOLD over its home, or if that is unknown RTL, whose height is the same for all."""

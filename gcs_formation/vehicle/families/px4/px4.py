@@ -144,8 +144,8 @@ class Px4(Autopilot, ABC):
 
     def _to_take_off(self, seen: Telemetry) -> tuple[Command, ...]:
         """Return NAV_TAKEOFF at its position; the altitude is above sea level."""
-        place = (UNCHANGED, UNCHANGED, UNCHANGED, self._home_above_sea_m(seen) + self.take_off_to_m)
-        return (self._command(m.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, *place),)
+        position = (UNCHANGED, UNCHANGED, UNCHANGED, self._home_above_sea_m(seen) + self.take_off_to_m)
+        return (self._command(m.MAV_CMD_NAV_TAKEOFF, 0.0, 0.0, 0.0, *position),)
 
     def _home_above_sea_m(self, seen: Telemetry) -> float:
         motion = seen.motion

@@ -49,8 +49,8 @@ class Formation:
         for each in self.vehicles.values():
             self.delay(each, 0.0)
 
-    def delay(self, vehicle: Any, one_way_s: float, scatter_s: float = 0.0) -> None:
-        vehicle.clock = SimpleNamespace(one_way_s=one_way_s, usual_jitter_s=scatter_s)
+    def delay(self, vehicle: Any, one_way_s: float, sigma_s: float = 0.0) -> None:
+        vehicle.clock = SimpleNamespace(one_way_s=one_way_s, usual_jitter_s=sigma_s)
         vehicle.round_trips = SimpleNamespace(down_s=one_way_s)
 
     def look(self, leader: Any = None) -> float:
@@ -230,7 +230,7 @@ def test_with_prediction_scatter_uses_the_margin_and_delay_does_not_and_wrong_la
     formation = Formation(delay_compensation=True)
     formation.delay(formation.follower, 0.2)
     assert formation.look() == 0.0
-    formation.delay(formation.follower, 0.2, scatter_s=0.02)
+    formation.delay(formation.follower, 0.2, sigma_s=0.02)
     assert [formation.look() for _ in range(LASTING_LOOKS)][-1] > 0.0
     formation.watch.check_loops(NOW, formation.leader, [[0.0, 0.0], [0.0, 3.0], [0.0, 0.0]])
     (said,) = formation.logged

@@ -96,7 +96,7 @@ def standing(number: int, north_m: float, east_m: float, *, yaw_deg: float = 0.0
         attitude=SimpleNamespace(yaw_rad=math.radians(yaw_deg)),
     )
     start_up = SimpleNamespace(may_arm=True, ready_to_arm=True, abandoned=False, held=True)
-    plane = SimpleNamespace(stands=False)
+    plane = SimpleNamespace(hovers=False)
     return SimpleNamespace(
         identity=VehicleId(1, number), index=number - 1, telemetry=telemetry, start_up=start_up, autopilot=plane
     )

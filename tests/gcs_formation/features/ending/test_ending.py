@@ -18,7 +18,7 @@ from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from formation_scenario.orders import End
 from gcs_formation.features.ending.ending import UNANSWERED_FOR_S, SeparatedEnding
-from gcs_formation.features.ending.holding_stack import place_of
+from gcs_formation.features.ending.holding_stack import motion_of
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.vehicle.command_delivery import REFUSES_S, Outcome
@@ -165,7 +165,7 @@ def test_a_vehicle_that_takes_off_climbs_out_before_it_circles(place: Place):
 
 
 def test_a_vehicle_that_takes_off_counts_as_there_where_it_will_be_done(place: Place):
-    climbing, flying = (place_of(place(1, mode, 12.0)) for mode in (m.PLANE_MODE_TAKEOFF, m.PLANE_MODE_GUIDED))
+    climbing, flying = (motion_of(place(1, mode, 12.0)) for mode in (m.PLANE_MODE_TAKEOFF, m.PLANE_MODE_GUIDED))
     assert climbing is not None
     assert flying is not None
     assert flying.height_m == pytest.approx(12.0, abs=0.01)

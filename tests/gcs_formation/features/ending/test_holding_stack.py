@@ -149,7 +149,7 @@ def test_one_that_comes_late_circles_above_those_that_land_before_it() -> None:
 def test_they_may_circle_once_it_no_longer_matters_who_receives(fliers: tuple[FlyingVehicle, ...], apart: bool) -> None:
     stack = HoldingStack(GAP_M)
     stack.assign(named(*fliers))
-    assert stack.apart(named(*fliers)) is apart
+    assert stack.is_separated(named(*fliers)) is apart
 
 
 def test_circles_at_one_place_are_all_apart() -> None:
@@ -157,7 +157,7 @@ def test_circles_at_one_place_are_all_apart() -> None:
     fliers = named(obeys(100.0), obeys(100.0, north_m=1000.0))
     stack.assign(fliers)
     assert heights(stack) == [150.0, 165.0]
-    assert not stack.apart(fliers)
+    assert not stack.is_separated(fliers)
 
 
 PLACES = st.tuples(st.floats(0.0, 60.0), st.floats(0.0, 900.0))
@@ -181,7 +181,7 @@ def test_whoever_lands_before_others_is_lower_once_all_follow(
         before_m = dict(stack.heights_m)
         stack.assign(fliers)
         for identity, height_m in stack.heights_m.items():
-            assert height_m == before_m.get(identity) or height_m >= fliers[identity].place.height_m
+            assert height_m == before_m.get(identity) or height_m >= fliers[identity].motion.height_m
     for _ in who:
         stack.assign(fliers)
     given_m = [stack.heights_m[who[each]] for each in order]

@@ -35,7 +35,7 @@ def possible(now_s: float, home_m: tuple[float, float] | None) -> list[tuple[flo
     history.record([(SPEED_MPS, 0.0, 60.0)])
     state = FlightState(0.0, 0.0, 60.0, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
     link = VehicleLink(at_s(10.0))
-    link.stands_after_s, link.returns_after_s, link.home_m = HELD_S, 8.0, home_m
+    link.hovers_after_s, link.returns_after_s, link.home_m = HELD_S, 8.0, home_m
     rule, now = NonConforming(history, models, 12.0, hovers=True), at_s(now_s)
     rule.update(now, [link], [True])
     measured = MeasuredStates([state], vec[i64]([at_s(10.0)]), [True], vec[i64]([now]))

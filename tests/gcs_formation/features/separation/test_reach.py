@@ -102,7 +102,7 @@ def test_the_broad_phase_check_on_plain_numbers_finds_a_pair_where_there_is_one(
             look.see(
                 place, state, slots_m[place], commands[0], commands[1], early_s[place], timing_s[place], accel[place]
             )
-        assert look.all_apart(made.kept) == (possible_pairs(made)[0].size == 0)
+        assert look.all_separated(made.kept) == (possible_pairs(made)[0].size == 0)
 
 
 @settings(max_examples=50, deadline=None)
@@ -135,9 +135,11 @@ def test_among_many_the_search_for_pairs_that_are_near_finds_all_that_a_look_at_
     reach = bound(made)
     one, other = np.triu_indices(40, 1)
     minimum = made.minimum(one, other)
-    apart_m = np.hypot(*(reach.place_m[:, other] - reach.place_m[:, one]))
+    distance_m = np.hypot(*(reach.position_m[:, other] - reach.position_m[:, one]))
     needed_m = minimum.distance_m + minimum.timing_s * (reach.fast_mps[one] + reach.fast_mps[other])
-    near = (apart_m < needed_m + reach.far_m[one] + reach.far_m[other]) & (made.commanded[one] | made.commanded[other])
+    near = (distance_m < needed_m + reach.far_m[one] + reach.far_m[other]) & (
+        made.commanded[one] | made.commanded[other]
+    )
     np.testing.assert_array_equal(possible_pairs(made), (one[near], other[near]))
     assert 0 < near.sum() < one.size
 

@@ -47,7 +47,7 @@ class Crossing:
         self.circling, self.flew = False, True
         self.height_m, self.holds_at_m = 100.0, math.nan
         """Height of the second vehicle, and the height at which it was told to loiter."""
-        self.stands_after_s, self.returns_after_s = math.inf, 0.0
+        self.hovers_after_s, self.returns_after_s = math.inf, 0.0
         self.home_m: tuple[float, float] | None = None
         self.received_s: float | None = None
         """Time until which the second is known to have received setpoints; None: now."""
@@ -61,7 +61,7 @@ class Crossing:
         links = [VehicleLink(now), VehicleLink(now)]
         links[1].circling, links[1].flew = self.circling, self.flew
         links[1].holds_at_m = self.holds_at_m
-        links[1].stands_after_s, links[1].returns_after_s = self.stands_after_s, self.returns_after_s
+        links[1].hovers_after_s, links[1].returns_after_s = self.hovers_after_s, self.returns_after_s
         links[1].home_m = self.home_m
         links[1].received_at = now if self.received_s is None else after(Instant(0), self.received_s)
         tick = Tick(now, 0.0, "flying", 0, links, [age_s] * 2, [0.0] * 2, ours)
@@ -280,17 +280,17 @@ def test_while_slots_change_two_keep_what_their_own_ways_leave() -> None:
     near_m = np.full((3, 3), 30.0)
     near_m[0, 2] = near_m[2, 0] = 6.0
     resolver = Crossing(vehicles={"count": 3}).resolver
-    kept = resolver.kept_on_the_way(near_m)
+    kept = resolver.kept_while_moving(near_m)
     assert kept.each_m is not None
     assert (kept.rows[0][2], kept.rows[0][1], kept.rows[1][2]) == (5.5, 10.5, 10.5)
     assert kept.rows == kept.each_m.tolist()
-    assert resolver.kept_on_the_way(near_m) is kept
+    assert resolver.kept_while_moving(near_m) is kept
 
 
 @pytest.mark.parametrize(("planned_m", "kept_m"), [(0.0, 5.5), (6.2, 5.7), (9.0, 7.2), (13.0, 10.4), (14.0, 10.5)])
 def test_ways_that_are_planned_nearer_leave_the_limit_and_half_a_metre(planned_m: float, kept_m: float) -> None:
     """Up to 1 m beyond the limit, as near as planned less 0.5 m; then 0.8 of it; never more than elsewhere."""
-    kept = Crossing(safety={"separation_m": 5}).resolver.kept_on_the_way(np.full((2, 2), planned_m))
+    kept = Crossing(safety={"separation_m": 5}).resolver.kept_while_moving(np.full((2, 2), planned_m))
     assert kept.rows[0][1] == pytest.approx(kept_m)
 
 
@@ -338,14 +338,14 @@ def column_of_copters() -> Crossing:
 
 
 @pytest.mark.parametrize(
-    ("stands_after_s", "silent_s", "gives"), [(3.0, 2.4, False), (3.0, 2.6, True), (math.inf, 9.0, False)]
+    ("hovers_after_s", "silent_s", "gives"), [(3.0, 2.4, False), (3.0, 2.6, True), (math.inf, 9.0, False)]
 )
 def test_one_that_receives_nothing_any_more_may_hover_where_it_is_that_kind(
-    stands_after_s: float, silent_s: float, gives: bool
+    hovers_after_s: float, silent_s: float, gives: bool
 ) -> None:
     """An ArduCopter stops 3 s after its last setpoint (GUID_TIMEOUT); those behind flew into it."""
     index = column_of_copters()
-    index.stands_after_s = stands_after_s
+    index.hovers_after_s = hovers_after_s
     for at_s in (10.0, 10.1):
         index.keep(at_s=at_s)
     index.received_s = 10.1
@@ -355,7 +355,7 @@ def test_one_that_receives_nothing_any_more_may_hover_where_it_is_that_kind(
 def standing_column(home_m: tuple[float, float] | None) -> Crossing:
     """The same, hovering; the second has received nothing since 10.1 s, stops at 11.1 s and leaves by 16.1 s."""
     index = column_of_copters()
-    index.stands_after_s, index.returns_after_s, index.home_m = 1.0, 6.0, home_m
+    index.hovers_after_s, index.returns_after_s, index.home_m = 1.0, 6.0, home_m
     index.commanded_mps, index.speed[:] = 0.0, 0.0
     for at_s in (10.0, 10.1):
         index.keep(at_s=at_s)

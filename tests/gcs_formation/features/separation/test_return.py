@@ -22,14 +22,14 @@ BESIDE_M = np.array([15.0, 0.0])
 """Slots of the two, to the right: each is beyond the other."""
 
 
-def lags(quick_s: tuple[float, float], slow_s: tuple[float, float]) -> AutopilotModels:
+def time_constants(quick_s: tuple[float, float], slow_s: tuple[float, float]) -> AutopilotModels:
     models = model(2)
     models.table[2:4] = np.array((quick_s, slow_s)).T
     return models
 
 
 def picture(
-    state: FlightStates, law: Setpoints, models: AutopilotModels, given_way_s: Array | None = None
+    state: FlightStates, law: Setpoints, models: AutopilotModels, manoeuvring_s: Array | None = None
 ) -> TrafficPicture:
     return TrafficPicture(
         traffic=Traffic(state, np.zeros(2), np.zeros(2), models, np.zeros((2, 2)), hovers=False),
@@ -41,7 +41,7 @@ def picture(
         timing_s=np.full(2, 0.04),
         floor=lambda state: np.full(state.north_m.size, 15.0),
         times_s=TIMES_S,
-        given_way_s=given_way_s,
+        manoeuvring_s=manoeuvring_s,
     )
 
 
@@ -50,24 +50,24 @@ def flown(climb_mps: float, models: AutopilotModels) -> tuple[float, float]:
 
     The law leads heights by the lags that it knows, and slots by nothing.
     """
-    true, side, given_way_s = lags(QUICK_S, SLOW_S), np.array([-1.0, 1.0]), np.zeros(2)
+    true, side, manoeuvring_s = time_constants(QUICK_S, SLOW_S), np.array([-1.0, 1.0]), np.zeros(2)
     still = np.zeros(2)
     state = FlightStates(
         still, np.array([3.0, 8.0]), np.array([100.0, 110.6]), still + climb_mps, still + SPEED_MPS, still, still, still
     )
     until_s, min_m = 0.0, np.inf
-    lag_s = models.tau_ha_s + models.tau_hb_s
+    tau_s = models.tau_ha_s + models.tau_hb_s
     for step in range(600):
-        height_m = 100.0 + climb_mps * (step * DT_S + lag_s)
-        max_m = models.climb_max_mps * lag_s
+        height_m = 100.0 + climb_mps * (step * DT_S + tau_s)
+        max_m = models.climb_max_mps * tau_s
         law = Setpoints(
             still + SPEED_MPS,
             np.clip(0.02 * (BESIDE_M - state.east_m), -0.5, 0.5),
             np.clip(height_m, state.height_m - max_m, state.height_m + max_m),
         )
-        decided = resolve(picture(state, law, models, given_way_s), side)
+        decided = resolve(picture(state, law, models, manoeuvring_s), side)
         side = decided.side
-        given_way_s = np.where(side != 0.0, given_way_s + DT_S, 0.0)
+        manoeuvring_s = np.where(side != 0.0, manoeuvring_s + DT_S, 0.0)
         until_s = step * DT_S if side.any() else until_s
         state = advance(state, decided.setpoints.table, np.full(2, DT_S), true)
         min_m = min(min_m, float(np.linalg.norm(np.diff(state.position_m))))
@@ -77,7 +77,7 @@ def flown(climb_mps: float, models: AutopilotModels) -> tuple[float, float]:
 
 @pytest.mark.parametrize("climb_mps", [0.0, 0.35, 2.0])
 def test_those_that_climb_with_time_constants_of_their_own_get_back_and_keep_the_distance(climb_mps: float) -> None:
-    until_s, min_m = flown(climb_mps, lags(QUICK_S, SLOW_S))
+    until_s, min_m = flown(climb_mps, time_constants(QUICK_S, SLOW_S))
     assert until_s < 6.0
     assert min_m > KEPT_M
 
@@ -105,7 +105,7 @@ def test_where_all_lag_alike_the_climb_changes_nothing() -> None:
     law = Setpoints(np.full(2, SPEED_MPS), np.zeros(2), np.full(2, 100.0))
     state = FlightStates(*np.tile([[0.0], [0.0], [100.0], [2.0], [SPEED_MPS], [0.0], [0.0], [0.0]], 2))
     assert picture(state, law, model(2)).trails_m.tolist() == [0.0, 0.0]
-    climbing = picture(state, law, lags(QUICK_S, SLOW_S))
+    climbing = picture(state, law, time_constants(QUICK_S, SLOW_S))
     assert climbing.trails_m.tolist() == pytest.approx([0.0, 2.0 * (5.4 - 2.1)])
     assert not replace(climbing, evades=True).trails_m.any(), "a leader that avoids climbs to a height"
 
@@ -114,6 +114,6 @@ def test_who_lags_behind_a_climb_more_than_the_leader_passes_at_heights_that_mak
     """11.5 m, 1 m more than is kept, above or below 100 m, and 2 m/s for the 3.3 s that it lags behind more."""
     law = Setpoints(np.full(2, SPEED_MPS), np.zeros(2), np.full(2, 100.0))
     state = FlightStates(*np.tile([[0.0], [0.0], [100.0], [2.0], [SPEED_MPS], [0.0], [0.0], [0.0]], 2))
-    climbing = picture(state, law, lags(QUICK_S, SLOW_S))
+    climbing = picture(state, law, time_constants(QUICK_S, SLOW_S))
     heights_m = free_heights(climbing, 1, np.array([0]), np.array([100.0]), 0.0)
     assert heights_m.tolist() == pytest.approx([111.5 + 6.6, 88.5 + 6.6])

@@ -74,13 +74,13 @@ def test_noise_that_hides_what_else_is_wrong_is_said_and_an_outlier_is_no_noise(
     flown.fly(10.0)
     flown.fly(0.1, place_of=lambda place, _s: [place[0] + 200.0, place[1]])
     flown.fly(10.0)
-    assert not flown.checked.scatters
+    assert not flown.checked.is_noisy
     flown.sigmas = 10.0, 0.3
     flown.fly(3.0)
-    assert flown.checked.scatters
+    assert flown.checked.is_noisy
     flown.sigmas = 1.0, 0.3
     flown.fly(10.0)
-    assert not flown.checked.scatters
+    assert not flown.checked.is_noisy
 
 
 def test_a_position_that_scatters_is_flown_as_its_velocity_carries_it():
@@ -88,7 +88,7 @@ def test_a_position_that_scatters_is_flown_as_its_velocity_carries_it():
     flown.fly(10.0)
     flown.sigmas = 10.0, 0.0
     flown.fly(3.0)
-    assert flown.checked.scatters
+    assert flown.checked.is_noisy
     off_m = list[float]()
     for _ in range(300):
         flown.fly(STEP_S)
@@ -188,7 +188,7 @@ def test_positions_that_begin_to_scatter_are_found_within_a_second_mostly_and_wi
         flown = Turning(seed=seed)
         flown.fly(6.0)
         begun_s, noise = flown.time_s, flown.random.standard_normal
-        while not flown.checked.scatters:
+        while not flown.checked.is_noisy:
             flown.fly(STEP_S, place_of=lambda place, _s, noise=noise: list(np.add(place, 10.0 * noise(2))))
         found_s.append(flown.time_s - begun_s)
     assert np.median(found_s) < 1.0
@@ -201,7 +201,7 @@ def test_a_single_outlier_is_no_scatter():
     flown.fly(0.1, place_of=lambda place, _s: [place[0] + 400.0, place[1]])
     for _ in range(20):
         flown.fly(0.1)
-        assert not flown.checked.scatters
+        assert not flown.checked.is_noisy
 
 
 def test_outliers_among_samples_are_no_fault():

@@ -149,8 +149,8 @@ def test_heights_that_turbulence_moves_are_not_taken_for_other_time_constants(se
 def test_a_gust_that_the_law_answers_is_not_taken_for_other_time_constants():
     """It sinks by 6 m and is commanded to climb as much. The mismatch was 1 while the calm flight around it counted."""
 
-    def share(time_s, lag_s):
-        rise, fall = 1.0 - np.exp(-(time_s - 40.0) / lag_s), np.exp(-(time_s - 55.0) / lag_s)
+    def share(time_s, tau_s):
+        rise, fall = 1.0 - np.exp(-(time_s - 40.0) / tau_s), np.exp(-(time_s - 55.0) / tau_s)
         return 0.0 if time_s < 40.0 else rise if time_s < 55.0 else fall
 
     lifted_m = [-6.0 * share(tick * TICK_S, 4.0) for tick in range(round(80 / TICK_S))]

@@ -1,4 +1,4 @@
-"""The shortest way to a run-in: a turn, a straight and a turn.
+"""The shortest route to a run-in: a turn, a straight and a turn.
 
 Source: L. E. Dubins, American Journal of Mathematics 79 (1957): shortest paths with a minimum radius between two
 points.
@@ -94,13 +94,13 @@ def _legs(start: PathPoint, end: PathPoint, radius_m: float, first: int, last: i
     """Return the legs for turns to the right (1) or left (-1); none if the circles are too near for opposite turns."""
     from_north, from_east = _centre(start, radius_m * first)
     to_north, to_east = _centre(end, radius_m * last)
-    apart_m = math.hypot(to_north - from_north, to_east - from_east)
+    between_m = math.hypot(to_north - from_north, to_east - from_east)
     bearing = math.atan2(to_east - from_east, to_north - from_north)
     if first == last:
-        course, straight_m = bearing, apart_m
-    elif apart_m >= 2 * radius_m:
-        course = bearing + first * math.asin(2 * radius_m / apart_m)
-        straight_m = math.sqrt(apart_m**2 - 4 * radius_m**2)
+        course, straight_m = bearing, between_m
+    elif between_m >= 2 * radius_m:
+        course = bearing + first * math.asin(2 * radius_m / between_m)
+        straight_m = math.sqrt(between_m**2 - 4 * radius_m**2)
     else:
         return ()
     turn = Leg(start, radius_m * ((first * (course - start.course_rad)) % TURN), first / radius_m)

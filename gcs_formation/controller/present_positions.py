@@ -15,17 +15,17 @@ from gcs_formation.estimation.vehicle_filter import VehicleFilter
 from gcs_formation.recorder import unknown_state
 
 
-def places_from_leader(filters: list[VehicleFilter], leader: int, frame: Frame, now: Instant) -> Array:
+def positions_from_leader(filters: list[VehicleFilter], leader: int, frame: Frame, now: Instant) -> Array:
     """Return all positions, (C, 3) forward, right and up of the leader."""
-    places = np.array([_place_at(each, now) for each in filters])
-    north, east, up = (places - places[leader]).T
+    positions = np.array([_position_at(each, now) for each in filters])
+    north, east, up = (positions - positions[leader]).T
     heading_rad = (filters[leader].state or unknown_state()).heading_rad
     axis = axis_rad(frame, heading_rad, heading_rad)
     cos, sin = math.cos(axis), math.sin(axis)
     return np.stack((north * cos + east * sin, east * cos - north * sin, up), axis=1)
 
 
-def _place_at(known: VehicleFilter, now: Instant) -> tuple[float, float, float]:
+def _position_at(known: VehicleFilter, now: Instant) -> tuple[float, float, float]:
     """Return where a vehicle is now if it flies straight on, north, east and up; NaN if it was never received from."""
     if known.state is None:
         return UNKNOWN

@@ -1,8 +1,8 @@
-"""Where vehicles land, and in which order, so that none comes in over the place of another, or rolls into it.
+"""Where vehicles land, and in which order, so that none comes in over the position of another, or rolls into it.
 
 Fixed wings land where they took off and in that direction, or by the landing of their mission; vehicles that hover come
 down over their homes. One that lands before another may stand in no other's way then: where one's approach leads over
-another's place, it lands first. So vehicles of one line land over one common approach, the foremost first.
+another's position, it lands first. So vehicles of one line land over one common approach, the foremost first.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
 
 BEFORE_M, BEYOND_M, LATERAL_M = 150.0, 60.0, 25.0
-"""Distances before, beyond and beside its home within which a landing aircraft is low, or rolls."""
+"""Distances before, beyond and to the side of its home within which a landing aircraft is low, or rolls."""
 BEYOND_LANDED_M: Final = 35.0
 """The same beyond its home, where one stands that has landed in this flight: of the 60 m that were between their homes
 it may have used up 25, short of its own home. Tuned: m; 20 to 60; by judgement."""
@@ -33,7 +33,7 @@ APPROACH_M = 600.0
 LEVEL_M = 5.0
 """How much higher than home the ground may be within that distance. Tuned: m; 2 to 10; by judgement."""
 
-Places = Mapping[VehicleId, tuple[float, float]]
+Positions = Mapping[VehicleId, tuple[float, float]]
 """Where vehicles stand, or will, north and east, m."""
 
 
@@ -44,9 +44,9 @@ class Landing(NamedTuple):
     east_m: float
     course_rad: float
 
-    def reaches(self, place: tuple[float, float], beyond_m: float = BEYOND_M) -> bool:
+    def reaches(self, position: tuple[float, float], beyond_m: float = BEYOND_M) -> bool:
         """Return whether it is low over a place, or rolls there, at most `beyond_m` past its home."""
-        north_m, east_m = place[0] - self.north_m, place[1] - self.east_m
+        north_m, east_m = position[0] - self.north_m, position[1] - self.east_m
         if math.isnan(self.course_rad):
             return math.hypot(north_m, east_m) < OVER_M
         along_m = north_m * math.cos(self.course_rad) + east_m * math.sin(self.course_rad)
@@ -68,7 +68,7 @@ def landing_of(vehicle: Vehicle, *, planned: bool = False) -> Landing | str:
     sequence = autopilot.landing
     if sequence is not None:
         return Landing(sequence.north_m, sequence.east_m, sequence.course_rad)
-    if autopilot.stands:
+    if autopilot.hovers:
         home_m = home_of(vehicle)
         if home_m is None and planned and seen.motion is not None:
             home_m = seen.motion.north_m, seen.motion.east_m
@@ -105,14 +105,14 @@ class LandingOrder:
                 self._landings[each] = landing
             elif not climbs:  # its take-off is being seen; this is asked again before it lands
                 self.refusal = self.refusal or landing
-        self.refusal = self.refusal or self._in_way(stand) or self._too_high(ground, flying)
+        self.refusal = self.refusal or self._in_the_way(stand) or self._too_high(ground, flying)
         if self.refusal is None:
             self.refusal = self._order()
 
-    def _in_way(self, stand: Places) -> str | None:
+    def _in_the_way(self, stand: Positions) -> str | None:
         for each, landing in self._landings.items():
-            for other, place in stand.items():
-                if landing.reaches(place, BEYOND_LANDED_M if other in self._landed else BEYOND_M):
+            for other, position in stand.items():
+                if landing.reaches(position, BEYOND_LANDED_M if other in self._landed else BEYOND_M):
                     return _over(each, other)
         return None
 
@@ -127,7 +127,7 @@ class LandingOrder:
         return None
 
     def _order(self) -> str | None:
-        """Find who must land before whom; return in words whose places block one another, None if none do."""
+        """Find who must land before whom; return in words whose positions block one another, None if none do."""
         for one, landing in self._landings.items():
             later = (other for other in self._landings if other != one)
             blocks = [other for other in later if landing.reaches(self._landings[other][:2])]
