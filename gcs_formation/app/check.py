@@ -67,7 +67,7 @@ def check_report(scenario: Scenario, flown: Rehearsal | None = None) -> dict[str
         "loop_delay_s": configured_loop_delay_s(scenario),
         "path": check_path.path_figures(scenario),
         "assembly": {
-            "least_run_in_s": None if flown is None else flown.least_run_in_s,
+            "least_run_in_s": None if flown is None else flown.min_run_in_s,
             **check_links.holding_pattern(scenario)._asdict(),
         },
         "budget": check_budget.budget_report(scenario),
@@ -110,7 +110,7 @@ def check_text(scenario: Scenario, flown: Rehearsal | None = None) -> str:
             f"# by how much every time constant may be off its model's there: {_listed(time_constants_off, '.0%')}"
         )
     lines.extend(_design_text(scenario))
-    lines.extend(f"# {line}" for line in (*(() if flown is None else rehearsal_text(flown)), _lap_text(scenario)))
+    lines.extend(f"# {line}" for line in (*(() if flown is None else rehearsal_text(flown)), _pattern_text(scenario)))
     lines.extend(f"# {line}" for line in check_budget.budget_text(scenario))
     lines.extend(f"# {line}" for line in check_parameters.parameter_text(scenario))
     lines.extend(f"# {line}" for line in (*check_path.path_text(scenario), *common_limits(scenario)))
@@ -120,7 +120,7 @@ def check_text(scenario: Scenario, flown: Rehearsal | None = None) -> str:
     return "\n".join(lines)
 
 
-def _lap_text(scenario: Scenario) -> str:
+def _pattern_text(scenario: Scenario) -> str:
     found = check_links.holding_pattern(scenario)
     return f"a lap, if the start is missed, takes {found.lap_s:.0f} s (turns of {found.lap_radius_m:.0f} m)"
 

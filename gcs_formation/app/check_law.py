@@ -69,8 +69,8 @@ def of_different_instants(scenario: Scenario) -> str | None:
     each = [(_age_variance(step), vehicle) for vehicle in scenario.followers for step in scenario.link_steps(vehicle)]
     variance, vehicle = max(each, key=lambda found: found[0], default=(0.0, None))
     rate_hz, speed_mps, periods = scenario.telemetry.rate_hz, scenario.path.begin_mps, math.sqrt(leads + variance)
-    apart_m = speed_mps * periods / rate_hz
-    if vehicle is None or apart_m < UNPAIRED_M:
+    offset_m = speed_mps * periods / rate_hz
+    if vehicle is None or offset_m < UNPAIRED_M:
         return None
     enough_hz = math.ceil(10.0 * speed_mps * periods / UNPAIRED_M) / 10.0
     enough = (
@@ -80,7 +80,7 @@ def of_different_instants(scenario: Scenario) -> str | None:
     return (
         f"law.delay_compensation: found false; at telemetry.rate_hz {rate_hz:g}{lossy} the newest states of the leader "
         f"and of vehicle {vehicle.vehicle_id} are of instants {periods / rate_hz:.2g} s apart (standard deviation), "
-        f"which looks like {apart_m:.2g} m along the path at {speed_mps:g} m/s: it may be as far off; true takes both "
+        f"which looks like {offset_m:.2g} m along the path at {speed_mps:g} m/s: it may be as far off; true takes both "
         f"at one instant{enough}"
     )
 

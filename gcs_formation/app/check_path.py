@@ -63,8 +63,8 @@ def _fence_text(slots: list[FenceDistance]) -> Iterator[str]:
     for each in slots[:LISTED]:
         found = list[str]()
         if each.least_m != math.inf:
-            place = f"at {each.at_m:.0f} m of the path (north {each.north_m:.0f}, east {each.east_m:.0f})"
-            found.append(f"{each.least_m:.0f} m from {each.area} {place}")
+            where = f"at {each.at_m:.0f} m of the path (north {each.north_m:.0f}, east {each.east_m:.0f})"
+            found.append(f"{each.least_m:.0f} m from {each.area} {where}")
         if each.height_m != math.inf:
             found.append(f"{each.height_m:.1f} m from the fence's heights")
         if found:

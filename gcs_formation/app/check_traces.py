@@ -13,9 +13,9 @@ def recorded_delays(scenario: Scenario) -> Iterator[str]:
     constant_ms = dict[Trace, float]()
     for vehicle in scenario.vehicles:
         for step in scenario.link_steps(vehicle):
-            for way in (step.uplink, step.downlink):
-                if way.recording is not None:
-                    constant_ms[way.recording] = max(way.delay_ms, constant_ms.get(way.recording, 0.0))
+            for each in (step.uplink, step.downlink):
+                if each.recording is not None:
+                    constant_ms[each.recording] = max(each.delay_ms, constant_ms.get(each.recording, 0.0))
     for trace, delay_ms in constant_ms.items():
         found, max_s = scenario.recorded_delays(trace), scenario.law.max_age_s
         delays_s = [(each + delay_ms) / 1e3 for each in found.arrived_ms]

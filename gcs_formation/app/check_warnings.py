@@ -117,8 +117,8 @@ def _unstable_loops(scenario: Scenario, margins: LawMargins, time_constants_off:
             yield f"loop {loop}: {held}; no prediction makes up for that, {enough}"
     for loop, share in time_constants_off.items():
         if share < TAUS_OFF and margins.small_signal.get(loop, math.inf) > 0.0:
-            stands = f"at {delay_s:.3f} s of delay it is stable with time constants up to {share:.0%} off their model's"
-            yield f"loop {loop}: {stands}; {TAUS_OFF:.0%} should be"
+            stable = f"at {delay_s:.3f} s of delay it is stable with time constants up to {share:.0%} off their model's"
+            yield f"loop {loop}: {stable}; {TAUS_OFF:.0%} should be"
 
 
 def steep_turns(scenario: Scenario) -> str | None:

@@ -42,8 +42,8 @@ class FlightTimes(NamedTuple):
     now: Instant
 
 
-class InjectedWays(NamedTuple):
-    """What is known of the delays of each way."""
+class InjectedLinks(NamedTuple):
+    """What is known of the delays of each direction."""
 
     delays: InjectedDelays
     links: ImpairedEngine | None
@@ -64,11 +64,11 @@ class Conclusion:
         scenario: Scenario,
         options: RunOptions,
         times: FlightTimes,
-        ways: InjectedWays,
+        injected_links: InjectedLinks,
     ) -> None:
         """Take what was flown; `recorder` is closed, `scenario` as it was planned."""
         self._station, self._recorder, self._scenario = station, recorder, scenario
-        self._options, self._times, self._ways = options, times, ways
+        self._options, self._times, self._injected = options, times, injected_links
 
     def summary(self, truth: Truth | None, wall_s: float) -> Summary:
         """Write the time series and the summary; return the summary.
@@ -78,7 +78,7 @@ class Conclusion:
         """
         spool = self._recorder.path / SPOOL
         rows, building = Spool(spool), FlightBuilder(self._scenario)
-        injected_s = self._ways.delays.series_s(rows.ticks)
+        injected_s = self._injected.delays.series_s(rows.ticks)
         radios = [self._radio_reports(each.vehicle_id) for each in self._scenario.vehicles]
         events, ended_s = recorded_events(self._recorder.path)[0], self._times.ended / NANOSECONDS
         blocks = with_radio(tables(rows.blocks(), self._scenario, truth, injected_s), radios)
@@ -146,8 +146,8 @@ class Conclusion:
         due_to_s, began = self._due_to_s(identity), self._station.flight.path_began
         due = after(began, due_to_s) if began is not None and math.isfinite(due_to_s) else self._times.ended
         vehicle.end_silence(min(self._times.ended, due))
-        knows_ways = self._ways.keeps_utc or vehicle.round_trips.own is not None
-        one_link = partial(self._one_link, identity, knows_ways=knows_ways)
+        knows_asymmetry = self._injected.keeps_utc or vehicle.round_trips.own is not None
+        one_link = partial(self._one_link, identity, knows_asymmetry=knows_asymmetry)
         whole = replace(
             one_link(vehicle.each_link[0]),
             measured_loss=self._station.cycle.findings.losses[identity].whole_loss,
@@ -164,10 +164,10 @@ class Conclusion:
         )
         return with_each_link(whole, vehicle, one_link, self._station, self._times.ended)
 
-    def _one_link(self, identity: VehicleId, link: Link, *, knows_ways: bool) -> LinkFigures:
-        uninjected = (0.0, 0.0, 0.0, 0.0) if self._ways.emulated else None
-        what = injected(self._ways.links.statistics(identity, link.number)) if self._ways.links else uninjected
-        return of_one_link(link, self._station, what, knows_ways=knows_ways)
+    def _one_link(self, identity: VehicleId, link: Link, *, knows_asymmetry: bool) -> LinkFigures:
+        uninjected = (0.0, 0.0, 0.0, 0.0) if self._injected.emulated else None
+        what = injected(self._injected.links.statistics(identity, link.number)) if self._injected.links else uninjected
+        return of_one_link(link, self._station, what, knows_asymmetry=knows_asymmetry)
 
     def _authentication(self, identity: VehicleId) -> dict[str, Any]:
         """Return whether all frames taken as a vehicle's were signed with its link's key, and how many weren't."""

@@ -26,7 +26,7 @@ SETPOINTS = "setpoints"
 
 def rehearsed(station: Station) -> dict[str, Any]:
     """Return what `--dry-run --json` prints: each vehicle's state, its parameters' findings and the messages."""
-    places = first_setpoints(station.scenario)
+    setpoints = first_setpoints(station.scenario)
     return {
         "rate_hz": station.scenario.law.rate_hz,
         "dry_run": [
@@ -37,7 +37,7 @@ def rehearsed(station: Station) -> dict[str, Any]:
                 "armed": vehicle.telemetry.armed,
                 "airborne": vehicle.airborne,
                 "parameters": list(station.gate.warnings.get(identity, ())),
-                "messages": list(_messages(vehicle, *places[str(identity)])),
+                "messages": list(_messages(vehicle, *setpoints[str(identity)])),
             }
             for identity, vehicle in station.vehicles.items()
         ],
@@ -92,8 +92,8 @@ def _messages(vehicle: Vehicle, setpoint: Setpoint, where: FlightState) -> Itera
 
 
 def _commanded(when: str, command: Command, autopilot: Autopilot) -> dict[str, Any]:
-    places = ("x", "y", "z", "frame") if isinstance(command, CommandInt) else ("param5", "param6", "param7")
-    given = [name for name in (*PARAMETERS, *places) if getattr(command, name)]
+    further = ("x", "y", "z", "frame") if isinstance(command, CommandInt) else ("param5", "param6", "param7")
+    given = [name for name in (*PARAMETERS, *further) if getattr(command, name)]
     shown = max((PARAMETERS.index(name) + 1 for name in given if name in PARAMETERS), default=0)
     names = (*PARAMETERS[:shown], *(name for name in given if name not in PARAMETERS))
     mode, named = autopilot.mode_asked(command), m.name_of("MAV_CMD", command.command)

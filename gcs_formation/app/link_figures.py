@@ -17,14 +17,14 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 
 def of_one_link(
-    link: Link, station: Station, injected: tuple[float, float, float, float] | None, *, knows_ways: bool
+    link: Link, station: Station, injected: tuple[float, float, float, float] | None, *, knows_asymmetry: bool
 ) -> LinkFigures:
     """Return one link's figures, with what was `injected` into it.
 
-    Without `knows_ways` delays up and down are left out: a UTC error that all vehicles share would show up in them.
+    Without `knows_asymmetry` delays up and down are left out: a UTC error that all vehicles share would show in them.
     """
     began, probes = station.flight.path_began, _probes(link)
-    if not knows_ways:
+    if not knows_asymmetry:
         probes[:, 2:] = np.nan
     return LinkFigures(
         delays_s=probes[:, 1:],

@@ -93,15 +93,15 @@ class LinkSchedule:
         """Whether no link has been, is or will be impaired."""
         self._translate()
 
-    def both_ways(self, vehicle: VehicleId, now: Instant, number: int = 1) -> Both:
+    def both_directions(self, vehicle: VehicleId, now: Instant, number: int = 1) -> Both:
         """Return the impairments of the uplink and the downlink of a vehicle's link."""
         links = self._links.get((vehicle, number))
         if links is None:
             return UNIMPAIRED, UNIMPAIRED
         if not links.times_s:
-            return links.ways[0]
+            return links.impairments[0]
         mission_s = self._flight.mission_time_s(now)
-        return links.ways[0 if math.isnan(mission_s) else bisect_right(links.times_s, mission_s)]
+        return links.impairments[0 if math.isnan(mission_s) else bisect_right(links.times_s, mission_s)]
 
     def change(self, change: ScriptedLink) -> bool:
         """Change links from now on; the keys that change stay so, whatever the scenario plans for later.
@@ -127,14 +127,16 @@ class LinkSchedule:
     def _translate(self) -> None:
         self._links = self._known.of(self._steps)
         distinct = {id(links): links for links in self._links.values()}.values()
-        self.clear = self.clear and all(one.transparent for links in distinct for both in links.ways for one in both)
+        self.clear = self.clear and all(
+            one.transparent for links in distinct for both in links.impairments for one in both
+        )
 
 
 class Translated(NamedTuple):
     """A link's impairments, and the mission times from which the second and later ones hold."""
 
     times_s: list[float]
-    ways: list[Both]
+    impairments: list[Both]
 
 
 class Translations:
@@ -154,22 +156,22 @@ class Translations:
         known = dict[tuple[Steps, LinkId | None], Translated]()
         found = dict[LinkId, Translated]()
         for link, steps in steps_of.items():
-            place = steps, link if any(step.uplink.process or step.downlink.process for step in steps) else None
-            if place not in known:
-                known[place] = self._links[place] if place in self._links else self._translated(link, steps)
-            found[link] = known[place]
+            key = steps, link if any(step.uplink.process or step.downlink.process for step in steps) else None
+            if key not in known:
+                known[key] = self._links[key] if key in self._links else self._translated(link, steps)
+            found[link] = known[key]
         self._links = known
         return found
 
     def _translated(self, link: LinkId, steps: Steps) -> Translated:
         up, down = Direction.UPLINK, Direction.DOWNLINK
-        ways = [
+        impairments = [
             (self._impairment(link, up, step.uplink), self._impairment(link, down, step.downlink)) for step in steps
         ]
-        return Translated([step.at_s for step in steps[1:]], ways)
+        return Translated([step.at_s for step in steps[1:]], impairments)
 
-    def _impairment(self, link: LinkId, way: Direction, planned: PlannedImpairment) -> Impairment:
-        process, recording = self._processes.of(link[0], way, planned, link[1]), planned.recording
+    def _impairment(self, link: LinkId, direction: Direction, planned: PlannedImpairment) -> Impairment:
+        process, recording = self._processes.of(link[0], direction, planned, link[1]), planned.recording
         if recording is not None:
             process = together(self._trace(recording), process)
         return Impairment(
@@ -230,7 +232,7 @@ def wrapped(station: Station, schedule: LinkSchedule) -> ImpairedEngine | None:
         return None
     each = [(identity, link) for identity, vehicle in station.vehicles.items() for link in vehicle.each_link]
     numbers = {(identity, link.connection.socket): link.number for identity, link in each if link.number > 1}
-    schedules = schedule.both_ways, schedule.seed, schedule.radios, numbers, schedule.both_ways
+    schedules = schedule.both_directions, schedule.seed, schedule.radios, numbers, schedule.both_directions
     links = ImpairedEngine(station, station.networks, *schedules)
     for identity, link in each:
         if link.connection.peer is not None:
@@ -241,7 +243,7 @@ def wrapped(station: Station, schedule: LinkSchedule) -> ImpairedEngine | None:
 def injected(statistics: tuple[ChannelStatistics, ChannelStatistics]) -> tuple[float, float, float, float]:
     """Return a link's mean injected delays up and down so far, s (0 where nothing was sent), and its losses."""
     up, down = statistics
-    up_s, down_s = (way.mean_delay_s if way.delivered else 0.0 for way in statistics)
+    up_s, down_s = (each.mean_delay_s if each.delivered else 0.0 for each in statistics)
     return up_s, down_s, up.loss, down.loss
 
 
@@ -253,12 +255,16 @@ class RecentDelay:
         self._datagrams, self._delivered, self._total_s = 0, 0, 0.0
         self._mean_s = math.nan
 
-    def look(self, way: ChannelStatistics) -> float:
+    def look(self, statistics: ChannelStatistics) -> float:
         """Return the mean delay, s; NaN if everything sent was lost, or nothing was ever sent."""
-        delivered, total_s = way.delivered - self._delivered, way.total_delay_s - self._total_s
-        if way.datagrams != self._datagrams:
+        delivered, total_s = statistics.delivered - self._delivered, statistics.total_delay_s - self._total_s
+        if statistics.datagrams != self._datagrams:
             self._mean_s = total_s / delivered if delivered else math.nan
-        self._datagrams, self._delivered, self._total_s = way.datagrams, way.delivered, way.total_delay_s
+        self._datagrams, self._delivered, self._total_s = (
+            statistics.datagrams,
+            statistics.delivered,
+            statistics.total_delay_s,
+        )
         return self._mean_s
 
 
@@ -278,7 +284,7 @@ class InjectedDelays:
         """
         self._in_use = in_use
         self._links, self._otherwise_s = links, otherwise_s
-        self._ways = dict[LinkId, tuple[RecentDelay, RecentDelay]]()
+        self._delays = dict[LinkId, tuple[RecentDelay, RecentDelay]]()
         self._series_s = {vehicle: array("d") for vehicle in vehicles}
         self._ticks = 0
 
@@ -312,7 +318,7 @@ class InjectedDelays:
 
     def _since_last_s(self, vehicle: VehicleId, links: ImpairedEngine) -> tuple[float, float]:
         link = vehicle, self._in_use(vehicle)
-        ways, (uplink, downlink) = self._ways.get(link), links.statistics(*link)
-        if ways is None:
-            ways = self._ways[link] = RecentDelay(), RecentDelay()
-        return ways[0].look(uplink), ways[1].look(downlink)
+        delays, (uplink, downlink) = self._delays.get(link), links.statistics(*link)
+        if delays is None:
+            delays = self._delays[link] = RecentDelay(), RecentDelay()
+        return delays[0].look(uplink), delays[1].look(downlink)

@@ -22,7 +22,7 @@ from gcs_formation.control.outside import guarded, made
 from gcs_formation.control.plain_values import vehicle_name
 from gcs_formation.errors import NotFiniteError, RunAbortedError
 
-Places = Callable[[VehicleId], Place]
+Positions = Callable[[VehicleId], Place]
 """Returns where a vehicle is now."""
 UNKNOWN = Place(math.nan, math.nan, math.nan)
 
@@ -35,7 +35,7 @@ class LinkProcesses:
         self._scenario = scenario
         self._station = Place(*(scenario.links.station_m or (0.0, 0.0, 0.0)))
         self._made = dict[tuple[str, str, VehicleId, int, Direction], Callable[[int, Instant], float | None]]()
-        self.places: Places = lambda _: UNKNOWN
+        self.positions: Positions = lambda _: UNKNOWN
         self.failure: str | None = None
         """What failed, with file and line; a process that failed changes nothing."""
 
@@ -45,27 +45,27 @@ class LinkProcesses:
         return bool(self._made)
 
     def of(
-        self, vehicle: VehicleId, way: Direction, link: Impairment, number: int = 1
+        self, vehicle: VehicleId, direction: Direction, link: Impairment, number: int = 1
     ) -> Callable[[int, Instant], float | None] | None:
         """Return what delays and loses datagrams of one direction of a vehicle's link; None if nothing does."""
         entry = self._scenario.registered.get(link.process, LINK)
         if entry is None:
             return None
         keys = dict(link.parameters or {})
-        place = entry.name, json.dumps(keys, sort_keys=True), vehicle, number, way
+        key = entry.name, json.dumps(keys, sort_keys=True), vehicle, number, direction
         try:
-            if place not in self._made:
-                process: LinkProcess = made(entry, keys, **self._given(vehicle, way, number))
-                self._made[place] = partial(self._carry, entry, process, vehicle)
+            if key not in self._made:
+                process: LinkProcess = made(entry, keys, **self._given(vehicle, direction, number))
+                self._made[key] = partial(self._carry, entry, process, vehicle)
         except RunAbortedError as error:
             self.failure = self.failure or f"the {error}"
             return None
-        return self._made[place]
+        return self._made[key]
 
-    def _given(self, vehicle: VehicleId, way: Direction, number: int) -> dict[str, Any]:
+    def _given(self, vehicle: VehicleId, direction: Direction, number: int) -> dict[str, Any]:
         further = () if number == 1 else (number,)
-        random = random_stream(self._scenario.seed, "link process", *vehicle, way, *further)
-        uplink = way is Direction.UPLINK
+        random = random_stream(self._scenario.seed, "link process", *vehicle, direction, *further)
+        uplink = direction is Direction.UPLINK
         return {"vehicle": vehicle_name(vehicle), "uplink": uplink, "random": random, "ground_m": self._ground_m}
 
     def _ground_m(self, north_m: float, east_m: float) -> float:
@@ -78,7 +78,7 @@ class LinkProcesses:
     ) -> float | None:
         if self.failure is not None:
             return 0.0
-        carried = Carried(now / NANOSECONDS, size_bytes, self._station, self.places(vehicle))
+        carried = Carried(now / NANOSECONDS, size_bytes, self._station, self.positions(vehicle))
         try:
             return guarded(entry, partial(_delay_s, entry, process, carried))
         except NotFiniteError as error:

@@ -15,7 +15,7 @@ NO_LOSS = 0.5
 """Mean age of the newest periodic message, in periods, without loss."""
 
 
-def message_age(way: Impairment) -> tuple[float, float]:
+def message_age(link: Impairment) -> tuple[float, float]:
     """Return mean and variance of the newest message's age, in periods, over a lossy link, without its delay.
 
     Messages are lost by Gilbert's two-state channel; both are infinite where nothing arrives.
@@ -24,10 +24,10 @@ def message_age(way: Impairment) -> tuple[float, float]:
     is geometric with the mean b, so that E[N] = 1 + g b, E[N^2] = 1 + g (b + 2 b^2) and E[N^3] = 1 + g (b + 6 b^3).
     With independent losses b = 1/(1 - loss), and the mean is (1 + loss)/(2 (1 - loss)). Without loss: 1/2 and 1/12.
     """
-    if way.outage or way.loss >= 1.0:
+    if link.outage or link.loss >= 1.0:
         return math.inf, math.inf
-    odds = way.loss / (1.0 - way.loss)
-    b = 1.0 + odds if way.mean_burst is None else max(way.mean_burst, odds, 1.0)
+    odds = link.loss / (1.0 - link.loss)
+    b = 1.0 + odds if link.mean_burst is None else max(link.mean_burst, odds, 1.0)
     mean = 1.0 + odds
     square, cube = (1.0 + odds / b * each for each in (b + 2.0 * b**2, b + 6.0 * b**3))
     mean_age = square / (2.0 * mean)
@@ -54,14 +54,14 @@ def configured_loop_delay_s(scenario: Scenario, *, lossy: bool = False) -> float
     cause; links on which nothing arrives are left out.
     """
     sample_s, tick_s = 1.0 / scenario.telemetry.rate_hz, 1.0 / scenario.law.rate_hz
-    ways = [(NO_LOSS * tick_s, NO_LOSS * sample_s)]
+    delays = [(NO_LOSS * tick_s, NO_LOSS * sample_s)]
     for step in commanded_steps(scenario):
         (up_s, down_s), (held, age) = mean_delays_s(scenario, step), _mean_ages(step) if lossy else (NO_LOSS, NO_LOSS)
         if math.isfinite(held + age):
-            ways.append((up_s + held * tick_s, down_s + age * sample_s))
+            delays.append((up_s + held * tick_s, down_s + age * sample_s))
     if law_kind(scenario).mutual:
-        return max(up_s for up_s, _ in ways) + max(down_s for _, down_s in ways)
-    return max(up_s + down_s for up_s, down_s in ways)
+        return max(up_s for up_s, _ in delays) + max(down_s for _, down_s in delays)
+    return max(up_s + down_s for up_s, down_s in delays)
 
 
 def longest_hold(scenario: Scenario) -> Hold:

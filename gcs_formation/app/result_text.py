@@ -57,7 +57,7 @@ def table(groups: Sequence[ColumnGroup], width: int) -> list[str]:
 
 
 def line(parts: Sequence[tuple[str, ...]], width: int) -> str:
-    """Return parts beside each other. While they don't fit, parts are shortened, then dropped, the last one first."""
+    """Return parts side by side. While they don't fit, parts are shortened, then dropped, the last one first."""
     wordings = [[*each, ""] for each in parts]
     while len(_joined(wordings)) > width:
         longest = max(map(len, wordings))
@@ -183,7 +183,7 @@ def _follower_groups(figures: dict[str, Any]) -> list[ColumnGroup]:
     axes = {vehicle: [follower[f"error_{axis}_m"] for axis in "xyz"] for vehicle, follower in shown.items()}
     links = [figures["links"][vehicle] for vehicle in shown]
     largest = [(vehicle, *(_number(axis["max"]) for axis in own)) for vehicle, own in axes.items()]
-    ways = [[_number(link[f"measured_{way}_ms"], 0) for way in ("up", "down")] for link in links]
+    up_down = [[_number(link[f"measured_{direction}_ms"], 0) for direction in ("up", "down")] for link in links]
     return [
         ColumnGroup(("vehicle", "max x", "y", "z"), largest, keep=4),
         ColumnGroup(
@@ -192,7 +192,7 @@ def _follower_groups(figures: dict[str, Any]) -> list[ColumnGroup]:
         ColumnGroup(("rms x", "y", "z"), [[_number(axis["rms"]) for axis in own] for own in axes.values()], keep=1),
         ColumnGroup(("settled s",), [(_settled(follower),) for follower in shown.values()], keep=3),
         ColumnGroup(("one-way ms",), [(_number(link["measured_delay_ms"]["p50"], 0),) for link in links], keep=2),
-        ColumnGroup(("up", "down"), ways, keep=0),
+        ColumnGroup(("up", "down"), up_down, keep=0),
     ]
 
 
@@ -260,15 +260,15 @@ def _groups(station: Station) -> list[ColumnGroup]:
     """Return the table's columns; errors and states are kept longest."""
     vehicles, tick = station.vehicles, station.last_tick
     errors = [UNKNOWN if tick is None else tick.error_of(each.index) for each in vehicles.values()]
-    places = [(str(identity), *_cells(own, 2)) for identity, own in zip(vehicles, errors, strict=True)]
+    error_cells = [(str(identity), *_cells(own, 2)) for identity, own in zip(vehicles, errors, strict=True)]
     used = [station.cycle.findings.margin_used[each.index] for each in vehicles.values()]
-    ways = [_cells([1e3 * way_s for way_s in each.round_trips.up_down_s], 0) for each in vehicles.values()]
+    up_down = [_cells([1e3 * delay_s for delay_s in each.round_trips.up_down_s], 0) for each in vehicles.values()]
     several = [ColumnGroup(("links ms",), [(_links(each),) for each in vehicles.values()], keep=2)]
     return [
-        ColumnGroup(("vehicle", "x", "y", "z"), places, keep=5),
+        ColumnGroup(("vehicle", "x", "y", "z"), error_cells, keep=5),
         ColumnGroup(("one-way ms",), [_cells([v.clock.one_way_s * 1e3], 0) for v in vehicles.values()], keep=2),
         *(several if any(each.links for each in vehicles.values()) else ()),
-        ColumnGroup(("up", "down"), ways, keep=1),
+        ColumnGroup(("up", "down"), up_down, keep=1),
         ColumnGroup(
             ("loss",), [(f"{station.cycle.findings.losses[each].whole_loss:.1%}",) for each in vehicles], keep=0
         ),

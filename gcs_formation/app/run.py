@@ -103,7 +103,7 @@ def in_memory(
             raise session.could_not_begin(error) from error
         if scenario.registered:
             session.emulators_failure = lambda: fleet.failure
-            session.link_processes.places = partial(_true_place, fleet)
+            session.link_processes.positions = partial(_true_position, fleet)
 
         def strike(act: ScriptedOrder, hit: frozenset[VehicleId], zero: Instant) -> None:
             if act.fault is not None:
@@ -133,7 +133,7 @@ def closed_if_it_raises(session: Session) -> Generator[None]:
             session.recorder.close()
 
 
-def _true_place(fleet: Fleet, vehicle: VehicleId) -> Place:
+def _true_position(fleet: Fleet, vehicle: VehicleId) -> Place:
     state = fleet.bodies[fleet.index_of(vehicle)].state
     return Place(state.north_m, state.east_m, state.height_m)
 
@@ -168,7 +168,7 @@ def over_udp(
             session.script.emulators, session.replace = partial(_strike, emulators), replaced or driver.replace
             if scenario.registered:
                 session.emulators_failure = process_output.failure
-                session.link_processes.places = partial(_recorded_place, session)
+                session.link_processes.positions = partial(_recorded_position, session)
             with closed_if_it_raises(session):
                 yield session, driver.run, partial(over, session, emulators, process_output)
     except PortError as error:
@@ -272,7 +272,7 @@ class _ProcessOutput:
             self.output.close()
 
 
-def _recorded_place(session: Session, vehicle: VehicleId) -> Place:
+def _recorded_position(session: Session, vehicle: VehicleId) -> Place:
     """Return where a vehicle is by the newest ground truth that its emulator has written."""
     truth = recorded_truth(session.recorder.path)
     columns = [each.vehicle_id for each in session.scenario.vehicles]

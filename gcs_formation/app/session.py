@@ -16,7 +16,7 @@ from formation_scenario.extensions import ExtensionError
 from formation_scenario.orders import Answer
 from formation_scenario.simulated import Place
 from formation_scenario.slot_assignment import ids_by_index
-from gcs_formation.app.conclusion import Conclusion, FlightTimes, InjectedWays
+from gcs_formation.app.conclusion import Conclusion, FlightTimes, InjectedLinks
 from gcs_formation.app.link_injection import (
     InjectedDelays,
     InjectedFaults,
@@ -139,7 +139,7 @@ class Session:
             self.station.gate.restoration.take_over(set_before(self.recorder.path))
             self.recorder.event(Event(resumed.at, RECORDING, GOES_ON, None, {"epoch_us": began_us}))
         schedule = LinkSchedule(scenario, self.station.flight)
-        self.link_processes, schedule.processes.places = schedule.processes, self._reported
+        self.link_processes, schedule.processes.positions = schedule.processes, self._reported
         self.script = Script(scenario, self.station, self.recorder, (schedule, self._impair), repeats=resumed is None)
         self._links = wrapped(self.station, schedule)
         self.engine: Engine = self._links or self.station
@@ -188,7 +188,7 @@ class Session:
             self.station.cycle.findings.lie(self.lying())
         left = self.interrupts.count > 0 and self.interrupts.process(self.station.phase_machine, self.clock.now())
         self._injected.record(self.station.recorded_ticks)
-        if self.recorder.is_beside and self.station.commands_anybody:
+        if self.recorder.is_in_subdirectory and self.station.commands_anybody:
             self.recorder.replace_earlier()
         if self._faults is not None and self._faults.pending:
             self._faults.record_due(self.station.flight, self.clock.now())
@@ -293,8 +293,8 @@ class Session:
     def _conclusion(self) -> Conclusion:
         self.scenario = self.script.as_planned()
         times = FlightTimes(self._began_at, self._ended, self.clock.now())
-        ways = InjectedWays(self._injected, self._links, self.emulated, self._keeps_utc)
-        return Conclusion(self.station, self.recorder, self.scenario, self.options, times, ways)
+        injected_links = InjectedLinks(self._injected, self._links, self.emulated, self._keeps_utc)
+        return Conclusion(self.station, self.recorder, self.scenario, self.options, times, injected_links)
 
     def _opened_sinks(self) -> Sinks | None:
         """Return the flight's recorders from outside, which receive every tick; None if it has none."""

@@ -36,7 +36,7 @@ class FlightSigning:
         each = list(sockets(scenario).values())
         if any(scenario.signing_of(vehicle) for vehicle in scenario.vehicles):
             firsts = {vehicle.endpoints[0] for vehicle in scenario.vehicles}
-            ids = (0 if text in firsts else 1 + place for place, text in enumerate(sockets(scenario)))
+            ids = (0 if text in firsts else 1 + index for index, text in enumerate(sockets(scenario)))
             links = [
                 self._link(scenario, vehicles[0], link_id, utc_at_0_us, keeps=keeps)
                 for vehicles, link_id in zip(each, ids, strict=True)

@@ -51,6 +51,6 @@ def _to_path(station: Station) -> str:
     guidance = station.controller.guidance
     if guidance.route is None or not guidance.speed_mps > 0.0:
         return ""
-    way_m = -guidance.distance_m if guidance.on_path else guidance.route.length_m - guidance.distance_m
-    left_s = max(way_m, 0.0) / guidance.speed_mps + (0.0 if guidance.on_path else guidance.settle_s)
+    left_m = -guidance.distance_m if guidance.on_path else guidance.route.length_m - guidance.distance_m
+    left_s = max(left_m, 0.0) / guidance.speed_mps + (0.0 if guidance.on_path else guidance.settle_s)
     return f"the leader is at the start of its path in {left_s:.0f} s at least"

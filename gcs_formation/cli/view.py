@@ -56,9 +56,9 @@ class WithView(click.Command):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Give `--view` its address where a scenario's file follows it."""
-        for place, word in enumerate(args[:-1]):
-            if word == "--view" and args[place + 1].endswith(SCENARIOS):
-                args[place] = f"--view={ANYWHERE}"
+        for index, word in enumerate(args[:-1]):
+            if word == "--view" and args[index + 1].endswith(SCENARIOS):
+                args[index] = f"--view={ANYWHERE}"
         return super().parse_args(ctx, args)
 
 

@@ -53,7 +53,7 @@ class Load:
         self._steps = [
             LoadStep(each, after(begins, PAUSE_S + number * (STEP_S + PAUSE_S))) for number, each in enumerate(rates)
         ]
-        self._next, self._sent, self._place = self._steps[0].begins, 0, 0
+        self._next, self._sent, self._index = self._steps[0].begins, 0, 0
         self._pending = dict[int, tuple[int, Instant]]()
         self.over = after(self._steps[-1].begins, STEP_S + PAUSE_S)
 
@@ -63,30 +63,30 @@ class Load:
 
     def requests(self, now: Instant) -> Iterator[Message]:
         """Yield the requests that are due now."""
-        step = self._steps[self._place]
+        step = self._steps[self._index]
         since_s = seconds_between(step.begins, now)
         if since_s >= STEP_S:
-            self._place, self._sent = min(self._place + 1, len(self._steps) - 1), 0
+            self._index, self._sent = min(self._index + 1, len(self._steps) - 1), 0
             last = step is self._steps[-1]
-            self._next = after(self.over, 1.0) if last else self._steps[self._place].begins
+            self._next = after(self.over, 1.0) if last else self._steps[self._index].begins
             return
         due = math.floor(since_s * step.kbps * 1e3 / BITS) + 1
         for number in range(self._sent, due):
             stamp = now + number  # each of another nanosecond, by which its answer is recognised
-            self._pending[stamp] = (self._place, now)
+            self._pending[stamp] = (self._index, now)
             yield Timesync(0, stamp)
         self._sent, self._next = due, after(now, TICK_S)
 
     def sent(self, key: tuple[int, int]) -> None:
         """Count a request sent over a link."""
-        asked = self._steps[self._place].asked
+        asked = self._steps[self._index].asked
         asked[key] = asked.get(key, 0) + 1
 
     def receive(self, key: tuple[int, int], message: Message | None, now: Instant) -> None:
         """Take a message, which may be an answer."""
         if isinstance(message, Timesync) and message.ts1_ns in self._pending:
-            place, sent = self._pending[message.ts1_ns]
-            self._steps[place].trips_s.setdefault(key, []).append(seconds_between(sent, now))
+            index, sent = self._pending[message.ts1_ns]
+            self._steps[index].trips_s.setdefault(key, []).append(seconds_between(sent, now))
 
     def carried_kbps(self, key: tuple[int, int], loss: float) -> tuple[float, bool] | None:
         """Return the highest rate that a link carried each way, and whether it was full above; None: not loaded.

@@ -64,15 +64,15 @@ def rehearsal(vehicles: Mapping[str, Any], rate_hz: float) -> dict[str, Any]:
 
 def _impaired(link: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keys of a link as it was measured."""
-    return {f"{way}link": {"trace": _trace(link, way)} for way in ("up", "down")}
+    return {f"{direction}link": {"trace": _trace(link, direction)} for direction in ("up", "down")}
 
 
-def _trace(link: Mapping[str, Any], way: str) -> dict[str, str]:
-    """Return the keys of one way's trace: of jitter, delays between samples vary as much as these."""
-    correlation = link["delay_ms"][way].get("correlation")
+def _trace(link: Mapping[str, Any], direction: str) -> dict[str, str]:
+    """Return the keys of one direction's trace: of jitter, delays between samples vary as much as these."""
+    correlation = link["delay_ms"][direction].get("correlation")
     jitters = correlation is not None and correlation < JITTER
     between = "drawn" if jitters else "interpolated"
-    return {"file": link["trace"], "column": f"{way}_ms", "kind": "one_way", "time": "t_s", "between": between}
+    return {"file": link["trace"], "column": f"{direction}_ms", "kind": "one_way", "time": "t_s", "between": between}
 
 
 def meaning(found: Mapping[str, Any], directory: Path) -> dict[str, Any] | None:
@@ -119,10 +119,10 @@ def parts(scenario: Scenario, length_s: float) -> Iterator[Scenario]:
     A record that is replayed from its beginning is the same link each time, whatever the seed.
     """
     traced = [
-        f"links.changes.{number}.{way}.trace.begin_s"
+        f"links.changes.{number}.{direction}.trace.begin_s"
         for number, change in enumerate(scenario.links.changes)
-        for way in ("uplink", "downlink")
-        if (patch := getattr(change, way)) is not None and patch.trace is not None
+        for direction in ("uplink", "downlink")
+        if (patch := getattr(change, direction)) is not None and patch.trace is not None
     ]
     for flight in range(FLIGHTS):
         begin_s = length_s * flight / FLIGHTS

@@ -73,22 +73,22 @@ class MeasuredLink:
         self.bytes_up[second] = self.bytes_up.get(second, 0) + size
 
     def _answered(self, answer: Timesync, now: Instant) -> None:
-        place = self._pending.pop(answer.ts1_ns, None)
-        if place is None or not 0 < answer.tc1_ns < CLOCK_LIMIT_NS:
+        index = self._pending.pop(answer.ts1_ns, None)
+        if index is None or not 0 < answer.tc1_ns < CLOCK_LIMIT_NS:
             return
         self.sequence.answers += 1
-        if self.clock.observe(self._sent[place], answer.tc1_ns, now):
+        if self.clock.observe(self._sent[index], answer.tc1_ns, now):
             self.restarts += 1
-            for earlier in range(place):  # their times are of another clock
+            for earlier in range(index):  # their times are of another clock
                 self._shown[earlier] = math.nan
-        self._received[place], self._shown[place] = now / NANOSECONDS, answer.tc1_ns / NANOSECONDS
+        self._received[index], self._shown[index] = now / NANOSECONDS, answer.tc1_ns / NANOSECONDS
 
     def delays_s(self, until: Instant) -> tuple[Array, Array, Array, Array]:
         """Return send times, round trips, and delays up and down, (n,) each, s, of what was asked; NaN: unanswered.
 
         Requests of the last moments, whose answers may still come, are left out. Delays up and down assume that both
-        ways take equally long on average. The wait for the answering loop, which is part of a round trip and of the
-        way up, is taken off: its mean, and its share of how these vary.
+        directions take equally long on average. The wait for the answering loop, which is part of a round trip and of
+        the delay up, is taken off: its mean, and its share of how these vary.
         """
         asked_s = np.array(self._sent, dtype=np.float64) / NANOSECONDS
         longest_s = 2.0 * float(np.nanmax(np.array(self._received) - asked_s, initial=0.5))

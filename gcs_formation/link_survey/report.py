@@ -94,7 +94,7 @@ def _like(delays_ms: Array) -> str:
 
 
 def _losses(link: MeasuredLink, trips_s: Array) -> dict[str, Any]:
-    """Return the loss of each way, and how many were lost in a row.
+    """Return the loss of each direction, and how many were lost in a row.
 
     Down it is counted by sequence numbers, which a filtering router breaks; up it is what is missing of round trips.
     """
@@ -146,7 +146,7 @@ def _figure(value: float, digits: int) -> float | None:
 def trace(link: MeasuredLink, loss: Mapping[str, float | None], until: Instant) -> str:
     """Return the delays of a link by time, as CSV; an empty cell is a loss.
 
-    Which way a request or its answer was lost isn't known: runs of losses are shared out to the two as these lose.
+    In which direction a request or its answer was lost isn't known: runs of losses are shared by both as these lose.
     """
     sent_s, trips_s, up_s, down_s = link.delays_s(until)
     lost_up = _lost_up(np.isnan(trips_s), loss)
@@ -155,26 +155,26 @@ def trace(link: MeasuredLink, loss: Mapping[str, float | None], until: Instant) 
     rows.writerow(TRACE)
     began_s, last = (float(sent_s[0]) if sent_s.size else 0.0), ("", "")
     for at_s, up, *delays_s in zip(sent_s.tolist(), lost_up, trips_s, up_s, down_s, strict=True):
-        trip, *ways = ("" if math.isnan(each) else f"{max(0.0, 1e3 * each):.3f}" for each in delays_s)
+        trip, *up_down = ("" if math.isnan(each) else f"{max(0.0, 1e3 * each):.3f}" for each in delays_s)
         if trip:
-            last = (ways[0], ways[1])
-        else:  # the other way, of which nothing is known then, is taken to be as before
-            ways = ["", last[1]] if up else [last[0], ""]
-        rows.writerow([f"{at_s - began_s:.4f}", trip, *ways])
+            last = (up_down[0], up_down[1])
+        else:  # the other direction, of which nothing is known then, is taken to be as before
+            up_down = ["", last[1]] if up else [last[0], ""]
+        rows.writerow([f"{at_s - began_s:.4f}", trip, *up_down])
     return text.getvalue()
 
 
 def _lost_up(lost: np.ndarray[Any, Any], loss: Mapping[str, float | None]) -> list[bool]:
-    """Return which of the losses count as lost up: runs of them, as many as is that way's share."""
+    """Return which of the losses count as lost up: runs of them, as many as is that direction's share."""
     up, down = loss["up"] or 0.0, loss["down"] or 0.0
     share, owed, before, found = up / (up + down) if up + down else 0.5, 0.0, False, list[bool]()
-    way_up = False
+    counts_up = False
     for each in lost.tolist():
         if each and not before:
-            way_up = owed + share >= 0.5
+            counts_up = owed + share >= 0.5
         if each:
-            owed += share - way_up
-        found.append(each and way_up)
+            owed += share - counts_up
+        found.append(each and counts_up)
         before = each
     return found
 

@@ -20,8 +20,8 @@ def lines(found: Mapping[str, Any]) -> Iterator[str]:
 def _vehicle(name: str, each: Mapping[str, Any]) -> Iterator[str]:
     delay, loss, bursts = each["delay_ms"], each["loss"], each["bursts"]
     yield f"vehicle {name} at {each['endpoint']}: {each['answers']} of {each['requests']} requests answered"
-    for way in ("round_trip", "up", "down"):
-        yield f"  delay {way.replace('_', ' ')}: {_spread(delay[way])}"
+    for direction in ("round_trip", "up", "down"):
+        yield f"  delay {direction.replace('_', ' ')}: {_spread(delay[direction])}"
     yield f"  loss: {_share(loss['up'])} up, {_share(loss['down'])} down; in a row down: {_bursts(bursts['down'])}"
     seen, capacity = each["rate_kbps"], each["capacity_kbps"]
     yield (

@@ -76,8 +76,8 @@ class FtpTransfer:
     def _reads(self, now: Instant) -> list[Message]:
         assert self.entry is not None, "there is one while reading"
         found = list[Message]()
-        for place in range(AT_ONCE):
-            offset = self.received + place * MAX_DATA
+        for index in range(AT_ONCE):
+            offset = self.received + index * MAX_DATA
             late = seconds_between(self._asked.get(offset, Instant(0)), now) > RETRY_S
             if offset < self.entry.size and offset not in self._ahead and (offset not in self._asked or late):
                 self._asked[offset] = now

@@ -85,11 +85,11 @@ def fetch_logs(
     clock, files = RealClock(), LogFiles(directory)
     endpoints, _, vehicles = planned(scenario)
     chosen = {str(identity): each for identity, each in vehicles.items() if not only or str(identity) in only}
-    places = {name: (each.connection.socket, each.identity.system) for name, each in chosen.items()}
+    addresses = {name: (each.connection.socket, each.identity.system) for name, each in chosen.items()}
     suffixes = {name: ".ulg" if each.autopilot.family.startswith("PX4") else ".bin" for name, each in chosen.items()}
     fetch = LogFetch(
         endpoints,
-        places,
+        addresses,
         scenario.station.ids,
         number,
         flight_signing(scenario, clock).links,

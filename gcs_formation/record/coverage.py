@@ -56,11 +56,11 @@ def coverage(times_s: Array, from_s: float, to_s: float, period_s: float, gap_s:
     whole_s, rows = to_s - from_s, int(times_s.size)
     expected = max(1, math.floor(whole_s / period_s + ROUNDING))
     edges_s = np.concatenate(([from_s], times_s, [to_s]))
-    apart_s = np.diff(edges_s)
-    gaps = apart_s > gap_s + period_s + ROUNDING
-    longest = int(apart_s.argmax())
+    intervals_s = np.diff(edges_s)
+    gaps = intervals_s > gap_s + period_s + ROUNDING
+    longest = int(intervals_s.argmax())
     gap = (float(edges_s[longest]), float(edges_s[longest + 1])) if gaps.any() else None
-    judged_s = whole_s - float(apart_s[gaps].sum()) if rows and rows >= HALF * expected else rows * period_s
+    judged_s = whole_s - float(intervals_s[gaps].sum()) if rows and rows >= HALF * expected else rows * period_s
     share = judged_s / whole_s if whole_s > 0.0 else float(rows > 0)
     return Coverage(min(1.0, max(0.0, share)), gap, rows, expected)
 

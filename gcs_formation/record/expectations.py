@@ -283,7 +283,7 @@ def _link_value(
     link = links[vehicle]
     if not percentile:
         return parts["links"][str(vehicle)][name] if link.frames_in else None
-    values_s = link.each_way_s[(link.delay_times_s >= wanted.from_s) & (link.delay_times_s <= wanted.to_s)]
+    values_s = link.one_way_s[(link.delay_times_s >= wanted.from_s) & (link.delay_times_s <= wanted.to_s)]
     if name == "jitter_ms" and values_s.size:
         values_s = flight.vehicles[vehicle]["jitter_s"][flight.window(wanted.from_s, wanted.to_s)]
     return figures.percentiles(values_s * 1e3, int(percentile))[f"p{percentile}"]

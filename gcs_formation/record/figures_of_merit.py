@@ -84,10 +84,10 @@ def settled_at_s(
         period_s: time between ticks if none is late; NaN: none counts as late.
         ends_s: mission times between which ticks are scored.
     """
-    inside, places = _in_slot(error_m), np.arange(time_s.size)
+    inside, indices = _in_slot(error_m), np.arange(time_s.size)
     since_s, until_s, gaps = _through_gaps(time_s, period_s, ends_s)
     # The tick after the last one outside, or after a long gap: since then the vehicle has been in its slot.
-    begins = np.maximum.accumulate(np.where(inside, np.where(gaps, places, 0), places + 1))
+    begins = np.maximum.accumulate(np.where(inside, np.where(gaps, indices, 0), indices + 1))
     stayed = inside & (until_s - since_s.take(begins, mode="clip") >= SETTLED_FOR_S - 1e-9)
     return float(since_s[begins[stayed.argmax()]]) if stayed.any() else None
 
@@ -139,12 +139,12 @@ def separation_m(flight: RecordedFlight, window: Mask) -> Array:
 
     As `min_separation_m`, at the ticks' positions.
     """
-    places = np.stack([flight.place_in_flight(vehicle)[window].T for vehicle in flight.vehicles], axis=1)
-    return min_separation_m(flight.common["t_s"][window], places)
+    positions_m = np.stack([flight.position_in_flight(vehicle)[window].T for vehicle in flight.vehicles], axis=1)
+    return min_separation_m(flight.common["t_s"][window], positions_m)
 
 
-def gave_way_s(flight: RecordedFlight, window: Mask, rate_hz: float) -> float:
-    """Return how long any vehicle gave way by the separation rule, s."""
+def avoidance_s(flight: RecordedFlight, window: Mask, rate_hz: float) -> float:
+    """Return how long any vehicle avoided another by the separation rule, s."""
     anybody = np.any([columns["yielding"][window] > 0 for columns in flight.vehicles.values()], axis=0)
     return float(anybody.sum() / rate_hz)
 
@@ -177,8 +177,8 @@ def percentile(values: Array, q: float) -> float:
 
 
 def _percentile(ordered: Array, q: float) -> float:
-    place = (ordered.size - 1) * (q / 100.0)
-    below = int(place)
+    rank = (ordered.size - 1) * (q / 100.0)
+    below = int(rank)
     low, high = float(ordered[below]), float(ordered[min(below + 1, ordered.size - 1)])
-    share = place - below
+    share = rank - below
     return high - (high - low) * (1.0 - share) if share >= 0.5 else low + (high - low) * share

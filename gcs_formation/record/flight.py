@@ -26,7 +26,7 @@ from gcs_formation.record.timeseries import (
     INJECTED_MEAN,
     LAW_ERROR,
     PHASES,
-    PLACE,
+    POSITION,
     SETPOINT,
     SLOT,
     TRUTH,
@@ -40,7 +40,7 @@ WHOLE = slice(None)
 SCORED = frozenset(
     (
         *("t_s", "mission_time_s", "phase", "active", "leads", "yielding", "jitter_s"),
-        *(AIRBORNE, *PLACE, *TRUTH[:3], *SETPOINT, *ERROR, GROUND[1]),
+        *(AIRBORNE, *POSITION, *TRUTH[:3], *SETPOINT, *ERROR, GROUND[1]),
         *("heading_rad", "true_heading_rad", *SLOT, *VIRTUAL_LEADER),
     )
 )
@@ -94,17 +94,17 @@ class RecordedFlight:
             return None
         return float(self.mission_time_s[window][aloft.size - int(aloft[::-1].argmax()) if aloft.any() else 0])
 
-    def place(self, vehicle: VehicleId) -> Array:
+    def position(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) north, east, height: true ones if there is ground truth."""
-        return np.stack([self.vehicles[vehicle][name] for name in (TRUTH if self.truth else PLACE)[:3]]).T
+        return np.stack([self.vehicles[vehicle][name] for name in (TRUTH if self.truth else POSITION)[:3]]).T
 
     def heading(self, vehicle: VehicleId) -> Array:
         """Return (T,) headings, rad: true ones if there is ground truth."""
         return self.vehicles[vehicle]["true_heading_rad" if self.truth else "heading_rad"]
 
-    def place_in_flight(self, vehicle: VehicleId) -> Array:
+    def position_in_flight(self, vehicle: VehicleId) -> Array:
         """Return (T, 3) the same, NaN while the vehicle doesn't fly."""
-        return np.where(self.airborne(vehicle), self.place(vehicle).T, np.nan).T
+        return np.where(self.airborne(vehicle), self.position(vehicle).T, np.nan).T
 
     def airborne(self, vehicle: VehicleId) -> Mask:
         """Return (T,) whether a vehicle flies: by ground truth if there is any, else as known to the station.
@@ -192,18 +192,18 @@ def tables(
     `truth` reads the emulators' ground truth, as named in `sim_vehicles.truth`: `time_s` (T,) since the clock's epoch,
     all else (T, V) in the scenario's order. `injected_s` has (T, 2) of all blocks' ticks.
     """
-    done, ways_s = 0, np.stack([injected_s[each.vehicle_id] for each in scenario.vehicles], axis=1)
+    done, delays_s = 0, np.stack([injected_s[each.vehicle_id] for each in scenario.vehicles], axis=1)
     for block in blocks:
         columns = _in_order(block, scenario)
         time_s = columns["t_s"][:, 0]
-        columns |= _injected(ways_s[done : done + time_s.size])
+        columns |= _injected(delays_s[done : done + time_s.size])
         done += time_s.size
         if truth is not None:
             ends_s = (float(time_s[0]), float(time_s[-1])) if time_s.size else (np.inf, np.inf)
             columns |= true_columns(truth(*ends_s), time_s)
         led = scenario.leader is not None or VIRTUAL_LEADER[0] in columns
         columns |= _errors(columns, scenario.formation.frame, seen=truth is not None and led)
-        north_m, east_m, height_m = (columns[name] for name in (TRUTH if truth is not None else PLACE)[:3])
+        north_m, east_m, height_m = (columns[name] for name in (TRUTH if truth is not None else POSITION)[:3])
         ground_m = np.zeros(north_m.shape)
         for column in range(len(scenario.vehicles) if scenario.terrain else 0):
             ground_m[:, column] = scenario.ground.height(north_m[:, column], east_m[:, column])
@@ -278,9 +278,9 @@ def _in_order(columns: Columns, scenario: Scenario) -> dict[str, Array]:
     return {name: values[rows] for name, values in columns.items()}
 
 
-def _injected(ways_s: Array) -> dict[str, Array]:
+def _injected(delays_s: Array) -> dict[str, Array]:
     """Return the columns of delays injected up and down, (T, V, 2) s, and their mean over the links in use."""
-    up_s, down_s = np.ascontiguousarray(ways_s[..., 0]), np.ascontiguousarray(ways_s[..., 1])
+    up_s, down_s = np.ascontiguousarray(delays_s[..., 0]), np.ascontiguousarray(delays_s[..., 1])
     up, down = np.isfinite(up_s), np.isfinite(down_s)
     total_s = np.where(up, up_s, 0.0) + np.where(down, down_s, 0.0)
     mean_s = total_s / np.where(up | down, up.astype(np.float64) + down, np.nan)

@@ -41,25 +41,25 @@ OBJECT = Kind("an object", (dict,))
 ANYTHING = Kind("a value", (object, bool))
 
 
-def mismatch(found: object, shape: Shape, where: str, place: str = "") -> str | None:
+def mismatch(found: object, shape: Shape, where: str, path: str = "") -> str | None:
     """Return in words the first value that doesn't fit, None if all do.
 
     Args:
         found: what was read.
         shape: what it must be.
         where: name of the file, or of a part of it.
-        place: dotted keys from there to `found`.
+        path: dotted keys from there to `found`.
     """
     if isinstance(shape, Kind):
         fits = isinstance(found, shape.types) and (not isinstance(found, bool) or bool in shape.types)
-        return None if fits else _mismatch(found, shape.words, where, place)
+        return None if fits else _mismatch(found, shape.words, where, path)
     if isinstance(shape, Each):
-        return _each(found, shape, where, place)
+        return _each(found, shape, where, path)
     if not isinstance(found, dict):
-        return _mismatch(found, OBJECT.words, where, place)
+        return _mismatch(found, OBJECT.words, where, path)
     values = cast("dict[str, Any]", found)
     for name, own in shape.items():
-        at, wanted = f"{place}.{name}" if place else name, own.shape if isinstance(own, Maybe) else own
+        at, wanted = f"{path}.{name}" if path else name, own.shape if isinstance(own, Maybe) else own
         if name in values:
             text = mismatch(values[name], wanted, where, at)
         else:
@@ -69,19 +69,19 @@ def mismatch(found: object, shape: Shape, where: str, place: str = "") -> str | 
     return None
 
 
-def _each(found: object, shape: Each, where: str, place: str) -> str | None:
+def _each(found: object, shape: Each, where: str, path: str) -> str | None:
     if not isinstance(found, dict | list):
-        return _mismatch(found, _words(shape), where, place)
+        return _mismatch(found, _words(shape), where, path)
     values = cast("dict[str, Any] | list[Any]", found)
     named = values.items() if isinstance(values, dict) else enumerate(values)
-    texts = (mismatch(value, shape.shape, where, f"{place}.{name}") for name, value in named)
+    texts = (mismatch(value, shape.shape, where, f"{path}.{name}") for name, value in named)
     return next((text for text in texts if text is not None), None)
 
 
-def _mismatch(found: object, words: str, where: str, place: str) -> str:
+def _mismatch(found: object, words: str, where: str, path: str) -> str:
     shown = json.dumps(found, ensure_ascii=False, default=str)
     shown = shown if len(shown) <= MAX_LETTERS else f"{shown[:MAX_LETTERS]}…"
-    return f"found {shown}{f' for {place}' if place else ''} in {where}; expected: {words}"
+    return f"found {shown}{f' for {path}' if path else ''} in {where}; expected: {words}"
 
 
 def _words(shape: Shape) -> str:

@@ -20,7 +20,7 @@ from formation_scenario import Scenario
 from formation_scenario.geofence import Geofence
 from gcs_formation.record.history import Interval
 from gcs_formation.record.separations import STRAIGHT_ON_S, min_separation_m
-from gcs_formation.record.timeseries import AIRBORNE, PHASES, PLACE, ROWS_AT_ONCE, TRUTH, VIRTUAL_LEADER, flying
+from gcs_formation.record.timeseries import AIRBORNE, PHASES, POSITION, ROWS_AT_ONCE, TRUTH, VIRTUAL_LEADER, flying
 
 Columns = Mapping[str, Array]
 Truth = Callable[[float, float], Mapping[str, Array]]
@@ -31,10 +31,10 @@ NONE: Final = -1
 
 
 class Track(NamedTuple):
-    """The leader's way while the formation is commanded along its path, (N,) each."""
+    """The leader's path while the formation is commanded along its path, (N,) each."""
 
     mission_s: Array
-    place: Array
+    position_m: Array
     """(3, N) north, east and height; NaN where no vehicle is commanded to lead."""
     leader: Indices
     """Who leads: its column, or `NONE` for a virtual leader."""
@@ -74,7 +74,7 @@ class _Motion(NamedTuple):
     """Positions of V vehicles at N instants."""
 
     time_s: Array
-    place: Array
+    position_m: Array
     """(3, V, N) north, east, height."""
     airborne: Mask
     """(V, N)."""
@@ -132,7 +132,7 @@ def limit_series(
     for motion in _from_ticks(vehicles) if truth is None else _from_truth(truth, ticks, len(names), ended_s):
         count = motion.time_s.size - (not motion.last)
         tick, flags = ticks.at(motion.time_s)
-        flown = np.where(motion.airborne, motion.place, np.nan)
+        flown = np.where(motion.airborne, motion.position_m, np.nan)
         lands = flags(ticks.lands)
         outside = np.zeros(motion.airborne.shape)
         if fence is not None:
@@ -151,11 +151,11 @@ def limit_series(
         [np.concatenate(parts) for parts in zip(*rows, strict=True)] if rows else [np.zeros(0)] * 4
     )
     tick, farthest, leader = np.concatenate(who, axis=1) if who else np.zeros((3, 0), dtype=np.intp)
-    place = np.concatenate(tracks, axis=1) if tracks else np.zeros((3, 0))
+    position_m = np.concatenate(tracks, axis=1) if tracks else np.zeros((3, 0))
     return LimitSeries(
         *(time_s, tick, separation_m, clearance_m, fence_m, farthest),
         by_pilots=sorted(worst.values()),
-        track=_track(vehicles, ticks, time_s, place, leader),
+        track=_track(vehicles, ticks, time_s, position_m, leader),
         unseen_s=_unseen_s(time_s, np.isfinite(clearance_m), ended_s),
     )
 
@@ -167,10 +167,10 @@ def _stacked(vehicles: Mapping[VehicleId, Columns], name: str) -> Array:
 
 def _from_ticks(vehicles: Mapping[VehicleId, Columns]) -> Iterator[_Motion]:
     common = next(iter(vehicles.values()))
-    names = (TRUTH if TRUTH[0] in common else PLACE)[:3]
-    places = np.stack([_stacked(vehicles, name) for name in names])
+    names = (TRUTH if TRUTH[0] in common else POSITION)[:3]
+    positions_m = np.stack([_stacked(vehicles, name) for name in names])
     airborne = _stacked(vehicles, AIRBORNE) > 0
-    yield _Motion(common["t_s"], places, airborne & np.isfinite(places).all(axis=0), last=True)
+    yield _Motion(common["t_s"], positions_m, airborne & np.isfinite(positions_m).all(axis=0), last=True)
 
 
 def _from_truth(truth: Truth, ticks: _Ticks, vehicles: int, ended_s: float) -> Iterator[_Motion]:
@@ -184,9 +184,9 @@ def _from_truth(truth: Truth, ticks: _Ticks, vehicles: int, ended_s: float) -> I
         first, beyond = int(time_s.searchsorted(begin_s)), int(time_s.searchsorted(min(end_s, ended_s + 1e-9)))
         within = slice(first, min(beyond + 1, time_s.size))
         if beyond > first:
-            places = np.stack([rows[name][within].T for name in PLACE])
+            positions_m = np.stack([rows[name][within].T for name in POSITION])
             ends = within.stop == beyond
-            yield _Motion(time_s[within], places, rows[AIRBORNE][within].T >= 1.0, last=ends)
+            yield _Motion(time_s[within], positions_m, rows[AIRBORNE][within].T >= 1.0, last=ends)
         begin_s = end_s
 
 
@@ -209,22 +209,26 @@ def _log_pilots(
             worst[name] = PilotOutside(name, float(own_m[farthest]), float(time_s[farthest]))
 
 
-def _clearance_m(scenario: Scenario, place: Array) -> Array:
-    """Return the heights above the ground (V, N) at places (3, V, N); without terrain it is level."""
+def _clearance_m(scenario: Scenario, position_m: Array) -> Array:
+    """Return the heights above the ground (V, N) at positions (3, V, N); without terrain it is level."""
     if scenario.terrain is None:
-        return place[2]
-    ground_m = [scenario.ground.height(north_m, east_m) for north_m, east_m in zip(place[0], place[1], strict=True)]
-    return place[2] - np.stack(ground_m)
+        return position_m[2]
+    ground_m = [
+        scenario.ground.height(north_m, east_m) for north_m, east_m in zip(position_m[0], position_m[1], strict=True)
+    ]
+    return position_m[2] - np.stack(ground_m)
 
 
-def _track(vehicles: Mapping[VehicleId, Columns], ticks: _Ticks, time_s: Array, place: Array, leader: Indices) -> Track:
+def _track(
+    vehicles: Mapping[VehicleId, Columns], ticks: _Ticks, time_s: Array, position_m: Array, leader: Indices
+) -> Track:
     """Return a vehicle's track; a virtual leader's is from the ticks: only the station knows where it is."""
     common = next(iter(vehicles.values()))
     if VIRTUAL_LEADER[0] not in common:
-        return Track(time_s - began_s(common), place, leader)
-    places = np.stack([common[name] for name in VIRTUAL_LEADER[:3]])
-    place = np.where(ticks.flying & ticks.active.any(axis=0), places, np.nan)
-    return Track(ticks.mission_s, place, np.full(ticks.time_s.size, NONE, dtype=np.intp))
+        return Track(time_s - began_s(common), position_m, leader)
+    positions_m = np.stack([common[name] for name in VIRTUAL_LEADER[:3]])
+    position_m = np.where(ticks.flying & ticks.active.any(axis=0), positions_m, np.nan)
+    return Track(ticks.mission_s, position_m, np.full(ticks.time_s.size, NONE, dtype=np.intp))
 
 
 def began_s(common: Mapping[str, Any]) -> float:
@@ -253,12 +257,12 @@ class _FenceJudge:
         self._sides = fence.sides
         self._entered = np.zeros((3, vehicles, 1), dtype=bool)
 
-    def outside_m(self, place: Array, in_formation: Mask, lands: Mask) -> Array:
-        """Return distances (V, N) from the fence's inside, 0 there, of places (3, V, N), NaN on the ground."""
-        height_m = place[2]
+    def outside_m(self, position_m: Array, in_formation: Mask, lands: Mask) -> Array:
+        """Return distances (V, N) from the fence's inside, 0 there, of positions (3, V, N), NaN on the ground."""
+        height_m = position_m[2]
         sides_m = np.full(height_m.shape, -np.inf)
         if self._sides is not None:
-            sides_m = -self._sides.inside_m(np.moveaxis(place[:2], 0, -1))
+            sides_m = -self._sides.inside_m(np.moveaxis(position_m[:2], 0, -1))
         beyond_m = np.stack((sides_m, height_m - self._highest_m, self._lowest_m - height_m))
         inside = np.concatenate((self._entered, (beyond_m <= 0.0) | in_formation), axis=-1)
         entered: Mask = np.maximum.accumulate(inside, axis=-1)

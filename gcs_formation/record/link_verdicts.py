@@ -62,21 +62,21 @@ class LinkFigures:
         return last_s if end_s - last_s > UNANSWERED_S else math.inf
 
     @property
-    def each_way_s(self) -> Array:
+    def one_way_s(self) -> Array:
         """(P,) the one-way delays, at least 0: the mean wait for the autopilot's loop may exceed the measured delay."""
         return np.maximum(self.delays_s[:, 0], 0.0)
 
 
 def is_out(scenario: Scenario, vehicle: Vehicle, at_s: float, *, either: bool = False) -> bool:
-    """Return whether by the scenario nothing comes down any of a vehicle's links, or passes `either` way."""
+    """Return whether by the scenario nothing comes down any of a vehicle's links, or passes in `either` direction."""
     numbers = range(1, 1 + len(vehicle.endpoints))
     return all(_is_out(scenario.link_steps(vehicle, number), at_s, either=either) for number in numbers)
 
 
 def _is_out(steps: Sequence[LinkStep], at_s: float, *, either: bool) -> bool:
     step = ([each for each in steps if each.at_s <= at_s] or steps[:1])[-1]  # at_s is NaN before the path
-    ways = (step.downlink, step.uplink) if either else (step.downlink,)
-    return any(way.outage or way.loss == 1.0 or step.at_s + way.delay_ms / 1e3 > at_s for way in ways)
+    directions = (step.downlink, step.uplink) if either else (step.downlink,)
+    return any(each.outage or each.loss == 1.0 or step.at_s + each.delay_ms / 1e3 > at_s for each in directions)
 
 
 def link_verdict(verdict: Verdict, link: LinkFigures, end_s: float, *, out: bool) -> Verdict:
@@ -117,11 +117,11 @@ def as_answered(verdict: Verdict, link: LinkFigures) -> Verdict:
     times_s = np.sort(link.delay_times_s)
     times_s = times_s[(times_s >= wanted.from_s) & (times_s <= wanted.to_s)]
     edges_s = np.concatenate(([wanted.from_s], times_s, [wanted.to_s]))
-    apart_s = np.diff(edges_s)
-    silent_s = float(apart_s[apart_s > UNANSWERED_S].sum())
+    intervals_s = np.diff(edges_s)
+    silent_s = float(intervals_s[intervals_s > UNANSWERED_S].sum())
     share = 1.0 - silent_s / (wanted.to_s - wanted.from_s)
     if share >= verdict.share or not times_s.size:
         return verdict
-    longest = int(apart_s.argmax())
+    longest = int(intervals_s.argmax())
     reason = f"no answer from {edges_s[longest]:.1f} s to {edges_s[longest + 1]:.1f} s"
     return weighed(replace(verdict, share=share, reason="; ".join(filter(None, (verdict.reason, reason)))))

@@ -60,10 +60,10 @@ def _compression(columns: Mapping[str, Array]) -> dict[str, str]:
     t_s = columns["t_s"]
     rows = int(np.count_nonzero(t_s == t_s[:1]))
     ticks = t_s.size // max(1, rows)
-    places = [slice(begin * rows, (begin + SAMPLED_TICKS) * rows) for begin in (ticks // 4, 3 * ticks // 4)]
+    slices = [slice(begin * rows, (begin + SAMPLED_TICKS) * rows) for begin in (ticks // 4, 3 * ticks // 4)]
     found: dict[str, str] = {}
     for name, column in columns.items():
-        some = b"".join([column[place].tobytes() for place in places])
+        some = b"".join([column[part].tobytes() for part in slices])
         noise = some and len(pa.compress(some, "lz4_raw", asbytes=True)) > NOISE_SHARE * len(some)
         found[name] = "none" if noise else "lz4"
     return found

@@ -15,10 +15,10 @@ from formation_scenario.planned_progress import planned_m
 from formation_scenario.slot_frame import axis_rad
 from gcs_formation.guidance.parts import BEFORE_M, AlongPath
 from gcs_formation.record.limits_by_truth import Track, began_s
-from gcs_formation.record.timeseries import AIRBORNE, PLACE, SLOT, TRUTH, VIRTUAL_LEADER, flying
+from gcs_formation.record.timeseries import AIRBORNE, POSITION, SLOT, TRUTH, VIRTUAL_LEADER, flying
 
 EVERY_S: Final = 1.0
-"""Interval at which the leader's way along the path is followed step by step; between them it is interpolated."""
+"""Interval at which the leader's progress along the path is followed step by step; between them it is interpolated."""
 TURNING_S: Final = 0.2
 """The same on a path with turns in place, where the nearest point changes from one leg to the other."""
 GAP_S: Final = 3.0
@@ -59,17 +59,17 @@ class OffPath(NamedTuple):
 
 
 def distances(
-    scenario: Scenario, mission_s: Array, place: Array, speeds_mps: Sequence[tuple[float, float]] = ()
+    scenario: Scenario, mission_s: Array, position_m: Array, speeds_mps: Sequence[tuple[float, float]] = ()
 ) -> Distances:
-    """Return how far places (3, N) are from the leader's path at rising mission times (N,).
+    """Return how far positions (3, N) are from the leader's path at rising mission times (N,).
 
     `speeds_mps`: mission times at which another speed was ordered, and this speed.
     """
-    known = np.isfinite(mission_s) & np.isfinite(place).all(axis=0)
+    known = np.isfinite(mission_s) & np.isfinite(position_m).all(axis=0)
     found = Distances(*(np.full(mission_s.size, np.nan) for _ in FIGURES))
     if not known.any():
         return found
-    path, times_s, (north_m, east_m, height_m) = scenario.leader_path, mission_s[known], place[:, known]
+    path, times_s, (north_m, east_m, height_m) = scenario.leader_path, mission_s[known], position_m[:, known]
     along_m = _along_m(path, scenario.path.fastest_mps, times_s, north_m, east_m)
     point = path.at(along_m)
     cos, sin = np.cos(point.course_rad), np.sin(point.course_rad)
@@ -80,7 +80,7 @@ def distances(
 
 
 def _along_m(path: FlightPath, speed_mps: float, time_s: Array, north_m: Array, east_m: Array) -> Array:
-    """Return the distances along the path (N,) of the points nearest to places on a way along it, m.
+    """Return the distances along the path (N,) of the points nearest to positions along it, m.
 
     Followed from its start, for a path may come near itself again.
     """
@@ -119,29 +119,29 @@ def _figures(values: Array) -> dict[str, float | None]:
     return {"rms": float(np.sqrt(np.mean(known**2))), "max": float(np.abs(known).max())}
 
 
-def leader_place(vehicles: Mapping[VehicleId, Columns], names: Sequence[str]) -> Array:
-    """Return the leader's place at each tick, (3, T): true if there is truth, NaN where it doesn't fly or isn't there.
+def leader_position_m(vehicles: Mapping[VehicleId, Columns], names: Sequence[str]) -> Array:
+    """Return the leader's position at each tick, (3, T): true if there is truth, NaN where it's absent or doesn't fly.
 
-    `names`: the columns of a vehicle's place.
+    `names`: the columns of a vehicle's position.
     """
     common = next(iter(vehicles.values()))
     if VIRTUAL_LEADER[0] in common:
         return np.stack([common[name] for name in VIRTUAL_LEADER[:3]])
-    place = np.full((3, common["t_s"].size), np.nan)
+    position_m = np.full((3, common["t_s"].size), np.nan)
     for own in vehicles.values():
         leads = (own["leads"] > 0) & (own[AIRBORNE] > 0)
-        place[:, leads] = np.stack([own[name][leads] for name in names])
-    return place
+        position_m[:, leads] = np.stack([own[name][leads] for name in names])
+    return position_m
 
 
 def centre(scenario: Scenario, vehicles: Mapping[VehicleId, Columns]) -> Array:
-    """Return the formation's centre at each tick, (3, T): the mean of its members' places less their own slots.
+    """Return the formation's centre at each tick, (3, T): the mean of its members' positions less their own slots.
 
     Members are commanded vehicles in flight; the leader's slot is at the leader.
     """
     common = next(iter(vehicles.values()))
     true = TRUTH[0] in common
-    names, heading_name = (TRUTH[:3], "true_heading_rad") if true else (PLACE, "heading_rad")
+    names, heading_name = (TRUTH[:3], "true_heading_rad") if true else (POSITION, "heading_rad")
     leader_rad = _leader_heading(vehicles, heading_name)
     each = list[Array]()
     for own in vehicles.values():
@@ -150,13 +150,13 @@ def centre(scenario: Scenario, vehicles: Mapping[VehicleId, Columns]) -> Array:
         heading_rad = axis_rad(scenario.formation.frame, leader_rad, own[heading_name])
         north_m, east_m, height_m = (own[name] for name in names)
         heading_rad = np.where(leads, 0.0, heading_rad)
-        place = np.stack((*offset_points(north_m, east_m, heading_rad, -forward_m, -right_m), height_m - up_m))
+        position_m = np.stack((*offset_points(north_m, east_m, heading_rad, -forward_m, -right_m), height_m - up_m))
         member = (own["active"] > 0) & (own[AIRBORNE] > 0)
-        each.append(np.where(member, place, np.nan))
-    places = np.stack(each)
-    known = np.isfinite(places).all(axis=1, keepdims=True)
+        each.append(np.where(member, position_m, np.nan))
+    positions_m = np.stack(each)
+    known = np.isfinite(positions_m).all(axis=1, keepdims=True)
     count = known.sum(axis=0)
-    return np.where(count > 0, np.where(known, places, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
+    return np.where(count > 0, np.where(known, positions_m, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
 
 
 def _leader_heading(vehicles: Mapping[VehicleId, Columns], name: str) -> Array:
@@ -180,9 +180,9 @@ def path_distances(
     mission_s = np.where(flying(common), common["mission_time_s"], np.nan)
     begun_s = began_s(common)
     speeds = [(at_s - begun_s, speed_mps) for at_s, speed_mps in speeds_mps]
-    names = (TRUTH if TRUTH[0] in common else PLACE)[:3]
-    places = {"leader": leader_place(vehicles, names), "centre": centre(scenario, vehicles)}
-    return {who: distances(scenario, mission_s, place, speeds) for who, place in places.items()}
+    names = (TRUTH if TRUTH[0] in common else POSITION)[:3]
+    positions_m = {"leader": leader_position_m(vehicles, names), "centre": centre(scenario, vehicles)}
+    return {who: distances(scenario, mission_s, position_m, speeds) for who, position_m in positions_m.items()}
 
 
 def off_path(scenario: Scenario, track: Track) -> Iterator[OffPath]:
@@ -192,7 +192,7 @@ def off_path(scenario: Scenario, track: Track) -> Iterator[OffPath]:
     again, may be as much farther away as it is then, until it is within the bound. While `path.steps` are added to its
     setpoints, it is off the path as planned.
     """
-    found = distances(scenario, track.mission_s, track.place)
+    found = distances(scenario, track.mission_s, track.position_m)
     away_m = np.hypot(found.across_m, found.height_m)
     for step in scenario.path.steps:
         away_m[(track.mission_s >= step.at_s) & (track.mission_s <= step.at_s + step.for_s)] = np.nan
@@ -208,7 +208,7 @@ def _stints(track: Track, rows: Indices) -> Iterator[Indices]:
 
 
 def _off(allowed_m: float, track: Track, away_m: Array, rows: Indices) -> Iterator[OffPath]:
-    """Yield when one stint's distances (M,) were too large; `rows` (M,) are its places in the track."""
+    """Yield when one stint's distances (M,) were too large; `rows` (M,) are its indices in the track."""
     if not rows.size:
         return
     time_s = track.mission_s[rows]

@@ -51,7 +51,7 @@ def figures(reports: Sequence[RadioReport]) -> Mapping[str, Any] | None:
     if not reports:
         return None
     values = _values(reports)[1:]
-    levels = {name: _level(values[:, 1 + place]) for place, name in enumerate(LEVELS)}
+    levels = {name: _level(values[:, 1 + index]) for index, name in enumerate(LEVELS)}
     counts = {name: _counted([getattr(each, name) for each in reports]) for name in ("rxerrors", "fixed")}
     return {"reports": len(reports), **levels, **counts}
 

@@ -119,7 +119,7 @@ class RunDirectory:
         self._tick_listener = listener
 
     def _keep_earlier(self, *, overwrite: bool) -> None:
-        """If there is an earlier run that commanded vehicles, record into a subdirectory beside it."""
+        """If there is an earlier run that commanded vehicles, record into a subdirectory of it."""
         unflown = _commanded_none(self.path)
         refused = refusal(self.path, overwrite=overwrite or unflown)
         if refused is not None:
@@ -129,7 +129,7 @@ class RunDirectory:
             self.path /= UNFLOWN
 
     @property
-    def is_beside(self) -> bool:
+    def is_in_subdirectory(self) -> bool:
         """Whether an earlier run's record is still in place."""
         return self._earlier is not None
 
@@ -137,16 +137,16 @@ class RunDirectory:
         """Replace the earlier run's record, because this run has begun."""
         if self._earlier is None:
             return
-        subdirectory, place = self.path, self.path.parent
+        subdirectory, directory = self.path, self.path.parent
         try:
-            _clear(place)
+            _clear(directory)
             for file in subdirectory.iterdir():
-                file.replace(place / file.name)
+                file.replace(directory / file.name)
             subdirectory.rmdir()
         except OSError as error:
             self._give_up(error)
         self._earlier.close()
-        self.path, self._earlier = place, None
+        self.path, self._earlier = directory, None
 
     def frames(self, now: Instant, raws: list[bytes]) -> None:
         """Record frames."""

@@ -15,7 +15,7 @@ from gcs_formation.record import figures_of_merit as figures
 from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.limits_by_truth import Columns, LimitSeries
 from gcs_formation.record.path_distance import OFF_PATH_S, off_path
-from gcs_formation.record.timeseries import PHASES, PLACE, TRUTH
+from gcs_formation.record.timeseries import PHASES, POSITION, TRUTH
 
 
 class Safety(NamedTuple):
@@ -42,7 +42,7 @@ def safety(scenario: Scenario, flight: RecordedFlight, limits: LimitSeries) -> S
         "min_clearance_m": figures.minimum(limits.clearance_m),
         "fence_m": float(limits.fence_m.max(initial=0.0)) if fenced else None,
         "violations": sum(map(_episodes, broken)) + len(off),
-        "avoidance_s": figures.gave_way_s(flight, whole, scenario.law.rate_hz) if whole.size else 0.0,
+        "avoidance_s": figures.avoidance_s(flight, whole, scenario.law.rate_hz) if whole.size else 0.0,
         "unseen_s": float(sum(to_s - from_s for from_s, to_s in limits.unseen_s)),
         "outside_by_pilot_m": {str(each.vehicle): each.outside_m for each in limits.by_pilots},
     }
@@ -83,10 +83,10 @@ def _left_by(scenario: Scenario, own: Columns, tick: int) -> tuple[str, str]:
     """Return which part of the fence a vehicle had left at a tick, and what is allowed, in words."""
     sides = None if scenario.fence is None else scenario.fence.sides
     if sides is not None and tick >= 0:
-        north, east = (TRUTH if TRUTH[0] in own else PLACE)[:2]
-        place_m = np.array((own[north][tick], own[east][tick]))
-        area = sides.nearest(place_m)
-        if not area.inclusion and sides.inside_m(place_m) < 0.0:
+        north, east = (TRUTH if TRUTH[0] in own else POSITION)[:2]
+        position_m = np.array((own[north][tick], own[east][tick]))
+        area = sides.nearest(position_m)
+        if not area.inclusion and sides.inside_m(position_m) < 0.0:
             return f"inside the {area}", f"outside it ({area.key})"
     return "outside the fence", "inside it (safety.fence)"
 

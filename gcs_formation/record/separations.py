@@ -11,24 +11,24 @@ STRAIGHT_ON_S = 1.0
 """Longest time between two instants over which flight is interpolated by straight lines."""
 
 
-def min_separation_m(time_s: Array, places: Array) -> Array:
+def min_separation_m(time_s: Array, positions: Array) -> Array:
     """Return the minimum distance of any two vehicles between each instant and the next, (T,) m.
 
     Positions are interpolated linearly over up to `STRAIGHT_ON_S`. The distance is infinite with fewer than two.
 
     Args:
         time_s: (T,) instants.
-        places: (3, V, T) positions at these; NaN where a vehicle is absent.
+        positions: (3, V, T) positions at these; NaN where a vehicle is absent.
     """
-    _, vehicles, ticks = places.shape
-    steps, at_once = np.zeros(places.shape), max(1, ROWS_AT_ONCE // vehicles)
+    _, vehicles, ticks = positions.shape
+    steps, at_once = np.zeros(positions.shape), max(1, ROWS_AT_ONCE // vehicles)
     if ticks > 1:
-        steps[..., :-1] = np.where(np.diff(time_s) <= STRAIGHT_ON_S, np.diff(places), 0.0)
+        steps[..., :-1] = np.where(np.diff(time_s) <= STRAIGHT_ON_S, np.diff(positions), 0.0)
     begins = range(0, max(1, ticks), at_once)
-    return np.concatenate([_nearest_m(*(each[..., at : at + at_once] for each in (places, steps))) for at in begins])
+    return np.concatenate([_nearest_m(*(each[..., at : at + at_once] for each in (positions, steps))) for at in begins])
 
 
-def _nearest_m(places: Array, steps: Array) -> Array:
+def _nearest_m(positions: Array, steps: Array) -> Array:
     """Return (T,) the minimum distance, m, of any two vehicles until the next tick; infinite with fewer than two.
 
     Not every pair is compared. Vehicles are sorted along the axis on which they are spread farthest: first each is
@@ -36,20 +36,20 @@ def _nearest_m(places: Array, steps: Array) -> Array:
     less what any two close in by until the next tick, is wider than the minimum distance found.
 
     Args:
-        places: (3, V, T) positions at the ticks; NaN where a vehicle is absent.
+        positions: (3, V, T) positions at the ticks; NaN where a vehicle is absent.
         steps: (3, V, T) displacements until the next tick.
     """
-    spread = np.fmax.reduce(places, axis=1, initial=-np.inf) - np.fmin.reduce(places, axis=1, initial=np.inf)
+    spread = np.fmax.reduce(positions, axis=1, initial=-np.inf) - np.fmin.reduce(positions, axis=1, initial=np.inf)
     axis = int(np.where(np.isfinite(spread), spread, 0.0).sum(axis=1).argmax())
-    _, vehicles, ticks = places.shape
-    order: Indices = places[axis].argsort(axis=0)
+    _, vehicles, ticks = positions.shape
+    order: Indices = positions[axis].argsort(axis=0)
     order = order * ticks + np.arange(ticks, dtype=np.intp)
-    ordered, moved = [each.take(order) for each in places], [each.take(order) for each in steps]
+    ordered, moved = [each.take(order) for each in positions], [each.take(order) for each in steps]
     max_m, min_m = (pick.reduce(steps[axis], axis=0) for pick in (np.fmax, np.fmin))
     closing_m = np.nan_to_num(max_m - min_m)
     squared = np.full(ticks, np.inf)
-    for apart in range(1, vehicles):
-        gaps, changes = ([each[apart:] - each[:-apart] for each in of] for of in (ordered, moved))
+    for step in range(1, vehicles):
+        gaps, changes = ([each[step:] - each[:-step] for each in of] for of in (ordered, moved))
         min_m = np.maximum(np.fmin.reduce(gaps[axis], axis=0, initial=np.inf) - closing_m, 0.0)
         if not (min_m**2 < squared).any():
             break

@@ -44,7 +44,7 @@ class OneLink:
             "endpoint": self.endpoint,
             "used_s": self.used_s,
             **{f"injected_{name}_ms": None if each_s is None else 1e3 * each_s for name, each_s in injected.items()},
-            "measured_delay_ms": percentiles(one.each_way_s * 1e3, 50, 99),
+            "measured_delay_ms": percentiles(one.one_way_s * 1e3, 50, 99),
             "measured_up_ms": percentiles(up_ms, 50)["p50"],
             "measured_down_ms": percentiles(down_ms, 50)["p50"],
             "jitter_ms": if_finite(1e3 * self.jitter_s),
@@ -118,9 +118,9 @@ def _columns(time_s: Array, links: Sequence[tuple[Uses, Sequence[Array]] | None]
             continue
         uses, probes = each
         found[IN_USE][:, column] = number_at(uses, time_s * NANOSECONDS)
-        for place, known in enumerate(probes):
+        for index, known in enumerate(probes):
             rows = np.vstack(([[-np.inf, *[np.nan] * 3]], known))
             newest = np.searchsorted(rows[:, 0], time_s * NANOSECONDS, side="right") - 1
             recent = time_s - rows[newest, 0] / NANOSECONDS <= OLD_S
-            found[f"link_{1 + place}_delay_s"][recent, column] = np.maximum(rows[newest[recent], 1], 0.0)
+            found[f"link_{1 + index}_delay_s"][recent, column] = np.maximum(rows[newest[recent], 1], 0.0)
     return found

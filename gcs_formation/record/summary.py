@@ -168,10 +168,10 @@ def _link(link: LinkFigures, jitter_s: Array) -> dict[str, Any]:
     if link.injected is not None:
         up_s, down_s, loss_up, loss = link.injected
         mean_s = (up_s + down_s) / 2
-    ways_s = {"delay": mean_s, "up": up_s, "down": down_s}
+    delays_s = {"delay": mean_s, "up": up_s, "down": down_s}
     return {
-        **{f"injected_{name}_ms": None if way_s is None else 1e3 * way_s for name, way_s in ways_s.items()},
-        "measured_delay_ms": figures.percentiles(link.each_way_s * 1e3, 50, 99),
+        **{f"injected_{name}_ms": None if delay_s is None else 1e3 * delay_s for name, delay_s in delays_s.items()},
+        "measured_delay_ms": figures.percentiles(link.one_way_s * 1e3, 50, 99),
         "measured_up_ms": figures.percentiles(up_ms, 50)["p50"],
         "measured_down_ms": figures.percentiles(down_ms, 50)["p50"],
         "jitter_ms": figures.percentiles(jitter_s * 1e3, 50, 99),

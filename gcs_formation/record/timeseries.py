@@ -44,8 +44,8 @@ GAINS = tuple(f"{gain}_{channel}" for gain in ("kp", "ki", "kd") for channel in 
 TIME = ("t_s", "mission_time_s")
 MEASURED = TIME + STATE + SETPOINT + LINK + (AIRBORNE,) + SLOT + LAW_ERROR + MIXED + GAINS
 DISTURBANCE = ("true_disturbance_north_mps", "true_disturbance_east_mps", "true_disturbance_down_mps")
-PLACE = ("north_m", "east_m", "height_m")
-PLACE_RATE = ("north_mps", "east_mps", "climb_mps")
+POSITION = ("north_m", "east_m", "height_m")
+VELOCITY = ("north_mps", "east_mps", "climb_mps")
 TRUTH = (
     "true_north_m",
     "true_east_m",
@@ -76,7 +76,7 @@ class SpoolWriter:
     """
 
     def __init__(self, path: Path, columns: Sequence[VehicleId | None]) -> None:
-        """Create the file or, if it exists, the next one beside it, since each run has its own order of vehicles.
+        """Create the file or, if it exists, the next one next to it, since each run has its own order of vehicles.
 
         `columns` names the vehicle of each of a tick's columns, None for a virtual leader.
         """
@@ -177,8 +177,8 @@ class _Part:
         for begin in range(0, max(1, self.ticks), at_once):
             ticks = min(at_once, self.ticks - begin)
             network, system = np.tile(self._vehicles, (ticks, 1)).T
-            place = self._begin + NUMBER_BYTES * len(self._values) * vehicles * begin
-            columns = columns_of(mapped(self._path, place, (ticks * vehicles, len(self._values))))
+            offset = self._begin + NUMBER_BYTES * len(self._values) * vehicles * begin
+            columns = columns_of(mapped(self._path, offset, (ticks * vehicles, len(self._values))))
             yield {"network": network, "vehicle": system} | dict(zip(self._values, columns, strict=True))
 
 
@@ -240,9 +240,9 @@ def _write_three(to: BytesWriter, values: Vector3) -> None:
 def true_columns(truth: Mapping[str, Array], time_s: Array) -> dict[str, Array]:
     """Return the vehicles' true columns (T, V) at times (T,): positions by cubic interpolation, the rest linearly."""
     moments = _Moments(truth["time_s"], time_s, truth["airborne"].shape[1])
-    place = (moments.cubic(truth[name], truth[rate]) for name, rate in zip(PLACE, PLACE_RATE, strict=True))
+    position = (moments.cubic(truth[name], truth[rate]) for name, rate in zip(POSITION, VELOCITY, strict=True))
     rest = (moments.linear(truth[name.removeprefix("true_")], angle=name == "true_heading_rad") for name in TRUTH[3:])
-    columns = dict(zip(TRUTH, (*place, *rest), strict=True))
+    columns = dict(zip(TRUTH, (*position, *rest), strict=True))
     # Between a sample in flight and one on the ground a vehicle doesn't count as airborne.
     return columns | {AIRBORNE: (moments.linear(truth["airborne"]) >= 1.0).astype(np.float64)}
 
@@ -266,7 +266,7 @@ class _Moments:
         return value.take(self._before, axis=0), value.take(self._before + 1, axis=0)
 
     def linear(self, value: Array, *, angle: bool = False) -> Array:
-        """Return values (T, V) interpolated as by `np.interp`; angles go the shorter way round."""
+        """Return values (T, V) interpolated as by `np.interp`; angles by the smaller difference."""
         before, after = self._ends(value)
         change = after - before
         if angle and (np.abs(change) >= np.pi).any():  # rarely

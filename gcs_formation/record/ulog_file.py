@@ -116,7 +116,7 @@ def _table(fields: str, rows: list[bytes]) -> dict[str, Array]:
         if found is None or found[1] not in TYPES:
             return {}
         kind, count, name = TYPES[found[1]], found[2], found[3]
-        columns += [(f"{name}[{place}]", kind) for place in range(int(count))] if count else [(name, kind)]
+        columns += [(f"{name}[{index}]", kind) for index in range(int(count))] if count else [(name, kind)]
     while columns and columns[-1][0].startswith(PADDING):
         columns.pop()
     layout = np.dtype(columns)

@@ -41,7 +41,7 @@ ACCEPTED = ": accepted"
 GAVE_UP = (Cause.FAILURE, Cause.NOT_BEGUN, Cause.GIVEN_UP)
 """Causes of an end that isn't the flight's own."""
 EVERY_S = 1.0
-"""Interval between positions used to follow the leader's way."""
+"""Interval between positions used to follow the leader's path."""
 GAP_S, REACH = 3.0, 2.0
 """A longer gap means an interruption, in which the leader flew at most this multiple of the planned distance."""
 AT_END = (Phase.ENDING, Phase.LOITERING, Phase.DONE, Phase.FAILED)
@@ -270,11 +270,11 @@ def formation_of(scenario: Scenario, events: Events, mission_s: float) -> tuple[
 
 
 def _distance_m(scenario: Scenario, rows: Mapping[str, Any]) -> float:
-    """Return the leader's distance along the path, by following its way from the path's start."""
+    """Return the leader's distance along the path, by following its track from the path's start."""
     follower, last_s = AlongPath(scenario.leader_path), math.inf
     leads = (rows["leads"] > 0) & (rows["phase"] == PHASES.index("flying")) & np.isfinite(rows["north_m"])
-    places = zip(*(rows[name][leads].tolist() for name in ("t_s", "north_m", "east_m")), strict=True)
-    for t_s, north_m, east_m in places:
+    positions = zip(*(rows[name][leads].tolist() for name in ("t_s", "north_m", "east_m")), strict=True)
+    for t_s, north_m, east_m in positions:
         unseen_s = t_s - last_s
         if unseen_s > GAP_S:  # an earlier interruption
             follower.search(north_m, east_m, REACH * scenario.path.begin_mps * unseen_s)
@@ -295,9 +295,9 @@ def _slots_m(last: Mapping[str, Any], order: Sequence[VehicleId | None]) -> Arra
 
 def nearest_to(last: Mapping[str, Any], leading: VehicleId) -> tuple[VehicleId, ...]:
     """Return the recorded vehicles, the leader first, then by their distance from it to a metre."""
-    places = np.stack([last[name] for name in ("north_m", "east_m", "height_m")], axis=1)
-    each = [_identity(last, row) for row in range(len(places))]
-    away_m: Array = np.linalg.norm(places - places[each.index(leading)], axis=1)
+    positions = np.stack([last[name] for name in ("north_m", "east_m", "height_m")], axis=1)
+    each = [_identity(last, row) for row in range(len(positions))]
+    away_m: Array = np.linalg.norm(positions - positions[each.index(leading)], axis=1)
     metres: Array = np.where(np.isfinite(away_m), np.round(away_m), np.inf)
     order: list[int] = np.argsort(metres, kind="stable").tolist()
     return tuple(each[row] for row in order)

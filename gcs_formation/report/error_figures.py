@@ -42,7 +42,7 @@ LONGEST_TRANSIENT = 0.4
 """Share of the flown time in which the transient ends; what comes later counts as steady flight."""
 STEADY = 1.3
 """The transient is over once no error exceeds this many times the largest one in steady flight."""
-STEADY_AT_LEAST_M = 0.02
+MIN_STEADY_M = 0.02
 GONE_M = 10.0
 STANDS_OUT = 50.0
 """An error above `GONE_M` and this many times the median means that a vehicle left; the scale becomes logarithmic."""
@@ -76,12 +76,12 @@ def assembly(run: RunData) -> Figure:
     group, followers = everyone(run), followers_of(run)
     before = run.whole_time_s <= 0.0
     time_s = run.whole_time_s[before]
-    places = [run.whole.place_in_flight(vehicle)[before] for vehicle in group.vehicles]
+    positions_m = [run.whole.position_in_flight(vehicle)[before] for vehicle in group.vehicles]
     figure = style.new_figure(10.0)
     above, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.2)).ravel().tolist()
-    _tracks(above.subplots(), group, places)
+    _tracks(above.subplots(), group, positions_m)
     (heights,), (distances,) = style.axes_grid(right, 2, 1, sharex=True)
-    group.draw(heights, time_s, [place[:, 2] for place in places])
+    group.draw(heights, time_s, [position_m[:, 2] for position_m in positions_m])
     heights.set_ylabel("height, m")
     away = [np.linalg.norm(run.whole.error(vehicle)[before], axis=1) for vehicle in followers.vehicles]
     followers.draw(distances, time_s, [np.maximum(distance, IN_SLOT_M) for distance in away])
@@ -91,11 +91,11 @@ def assembly(run: RunData) -> Figure:
     return figure
 
 
-def _tracks(axes: Axes, group: Group, places: list[Array]) -> None:
-    shown = style.evenly(len(places[0]), style.TRACK_POINTS)
-    for vehicle, place in zip(group.vehicles, places, strict=True):
-        axes.plot(place[shown, 1], place[shown, 0], lw=0.7, label=group.label(vehicle), **group.look(vehicle))
-        axes.plot(place[-1, 1], place[-1, 0], ls="", marker="o", ms=3, color=group.colour(vehicle))
+def _tracks(axes: Axes, group: Group, positions_m: list[Array]) -> None:
+    shown = style.evenly(len(positions_m[0]), style.TRACK_POINTS)
+    for vehicle, position_m in zip(group.vehicles, positions_m, strict=True):
+        axes.plot(position_m[shown, 1], position_m[shown, 0], lw=0.7, label=group.label(vehicle), **group.look(vehicle))
+        axes.plot(position_m[-1, 1], position_m[-1, 0], ls="", marker="o", ms=3, color=group.colour(vehicle))
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(MARGIN)
     axes.set(xlabel="east, m", ylabel="north, m")
@@ -154,7 +154,7 @@ def transient_end_s(run: RunData) -> float | None:
     steady = size[later].max(axis=0)
     if not (size.max(axis=0) > np.maximum(HIDES * steady, SETTLED_M)).any():
         return None
-    loud = np.flatnonzero((size > STEADY * np.maximum(steady, STEADY_AT_LEAST_M)).any(axis=1))
+    loud = np.flatnonzero((size > STEADY * np.maximum(steady, MIN_STEADY_M)).any(axis=1))
     over_s = float(time_s[loud[-1]]) if loud.size else float(time_s[0])
     split_s = 10.0 * np.ceil((over_s + 1.0) / 10.0)
     return float(split_s) if time_s[0] < split_s < time_s[-1] else None
@@ -187,7 +187,7 @@ def _expected(axes: Axes, wanted: tuple[Expectation, ...], axis: str) -> None:
         if bound.metric == f"error_{axis}_m.max" and bound.below and bound.below < 2.0 * max(high, -low):
             reach = max(begin, bound.from_s), min(end, bound.to_s)
             if reach[0] < reach[1]:
-                _both_ways(axes, reach, bound.below, "expected bound", color=style.LIMIT, ls=(0, (1, 1.5)))
+                _symmetric(axes, reach, bound.below, "expected bound", color=style.LIMIT, ls=(0, (1, 1.5)))
 
 
 def _after_gusts(axes: Axes, gusted: list[GustError], axis: str) -> None:
@@ -196,11 +196,11 @@ def _after_gusts(axes: Axes, gusted: list[GustError], axis: str) -> None:
     for error in gusted:
         reach = max(begin, error.at_s), min(end, error.to_s)
         if error.axis == axis and reach[0] < reach[1]:
-            _both_ways(axes, reach, error.allowed_m, ALLOWED, color=style.INK, ls=(0, (6, 2)))
-            _both_ways(axes, reach, error.min_m, MINIMUM, color=style.INK, ls=(0, (1, 1.5)))
+            _symmetric(axes, reach, error.allowed_m, ALLOWED, color=style.INK, ls=(0, (6, 2)))
+            _symmetric(axes, reach, error.min_m, MINIMUM, color=style.INK, ls=(0, (1, 1.5)))
 
 
-def _both_ways(axes: Axes, reach: tuple[float, float], size: float, label: str, **look: Any) -> None:
+def _symmetric(axes: Axes, reach: tuple[float, float], size: float, label: str, **look: Any) -> None:
     for sign in (-1, 1):
         axes.plot(reach, [sign * size] * 2, lw=style.THIN, label=label, zorder=1.8, **look)
 

@@ -21,7 +21,7 @@ from gcs_formation.report import style
 POINTS = 4000
 NUMBERED = 60
 """Up to this number of waypoints they are numbered."""
-APART = 0.02
+MIN_SPACING = 0.02
 """Distance of numbered waypoints, as a share of the mission's extent."""
 LISTED = 12
 """Number of marks that are explained below."""
@@ -43,8 +43,8 @@ def draw_plan(scenario: Scenario, violations: Sequence[Violation], file: Path, r
         OSError: a file that can't be written.
     """
     repaired = repair.found.scenario if repair is not None and repair.changes and repair.flies else None
-    placed = (each for each in violations if each.waypoint is not None or np.isfinite(each.at_m))
-    marked = sorted(placed, key=lambda each: (each.at_m if np.isfinite(each.at_m) else 0.0, each.waypoint or 0))
+    located = (each for each in violations if each.waypoint is not None or np.isfinite(each.at_m))
+    marked = sorted(located, key=lambda each: (each.at_m if np.isfinite(each.at_m) else 0.0, each.waypoint or 0))
     lines = [line for number, each in enumerate(marked[:LISTED], 1) for line in _lines(f"{number}", each, repair)]
     lines += [f"{len(marked) - LISTED} more places"] if len(marked) > LISTED else []
     lines += [line for each in violations if each not in marked for line in _lines("–", each, repair)]
@@ -87,7 +87,7 @@ def _from_above(axes: Axes, scenario: Scenario, marked: Sequence[Violation], rep
         north_m, east_m, _ = waypoints[index]
         axes.annotate(str(index), (east_m, north_m), (3, 3), textcoords="offset points", fontsize=style.FONT_PT - 2.0)
     _stops(axes, scenario)
-    _marks(axes, [(east_m, north_m) for north_m, east_m in _places(scenario, marked)])
+    _marks(axes, [(east_m, north_m) for north_m, east_m in _positions(scenario, marked)])
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="east, m", ylabel="north, m")
     axes.legend(loc="best", fontsize=style.FONT_PT - 1.5)
@@ -105,11 +105,11 @@ def _stops(axes: Axes, scenario: Scenario) -> None:
             axes.annotate(held, (east_m, north_m), (3, -9), textcoords="offset points", fontsize=style.FONT_PT - 2.0)
 
 
-def _numbered(places: Array) -> list[int]:
+def _numbered(positions: Array) -> list[int]:
     """Return the waypoints that are numbered: of those whose numbers would lie on one another, the first."""
-    spacing_m, found = APART * float(np.ptp(places, axis=0).max()), list[int]()
-    for index, place in enumerate(places):
-        if all(np.hypot(*(place - places[other])) >= spacing_m for other in found):
+    spacing_m, found = MIN_SPACING * float(np.ptp(positions, axis=0).max()), list[int]()
+    for index, position in enumerate(positions):
+        if all(np.hypot(*(position - positions[other])) >= spacing_m for other in found):
             found.append(index)
     return found
 
@@ -144,7 +144,7 @@ def _heights(axes: Axes, scenario: Scenario, marked: Sequence[Violation], repair
     axes.set(xlabel="along the path, m", ylabel="height, m")
 
 
-def _places(scenario: Scenario, marked: Sequence[Violation]) -> list[tuple[float, float]]:
+def _positions(scenario: Scenario, marked: Sequence[Violation]) -> list[tuple[float, float]]:
     """Return where marks are, north and east: on the path where that is known, else at the waypoint."""
     path, found = _path(scenario), list[tuple[float, float]]()
     for each in marked:
@@ -157,8 +157,8 @@ def _places(scenario: Scenario, marked: Sequence[Violation]) -> list[tuple[float
     return found
 
 
-def _marks(axes: Axes, places: Iterable[tuple[float, float]], numbers: Sequence[int] | None = None) -> None:
-    for at, (x, y) in enumerate(places):
+def _marks(axes: Axes, positions: Iterable[tuple[float, float]], numbers: Sequence[int] | None = None) -> None:
+    for at, (x, y) in enumerate(positions):
         number = at + 1 if numbers is None else numbers[at]
         axes.plot([x], [y], "o", ms=9.0, mfc="none", mec=style.LIMIT, mew=1.2)
         if number <= LISTED:

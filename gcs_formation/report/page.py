@@ -101,7 +101,7 @@ def write_figures(run: RunData, directory: Path, formats: Sequence[str] = ()) ->
 
 def page(run: RunData, figures: Iterable[Path]) -> str:
     """Return the page of a run; `figures` are its pictures' files."""
-    summary, compared = run.summary, page_parts.beside_the_paper(run) + page_parts.after_gusts(run)
+    summary, compared = run.summary, page_parts.compared_with_paper(run) + page_parts.after_gusts(run)
     gallery = "".join(figure(path.stem, path) for path in figures)
     return document(
         str(summary["name"]),

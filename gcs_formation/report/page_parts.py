@@ -294,7 +294,7 @@ def _share(value: float | None) -> str:
     return NONE if value is None else f"{100 * value:.2f} %"
 
 
-def beside_the_paper(run: RunData) -> str:
+def compared_with_paper(run: RunData) -> str:
     """Return the paper's figures beside the run's as HTML; nothing if they can't be compared."""
     step = _step(run)
     if step is None:

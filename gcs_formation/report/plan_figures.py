@@ -38,7 +38,7 @@ LONG_CM = 14.5
 LETTERS = "ABCDEFGH"
 LETTER_PT = 15.0
 STILLS = 12
-"""Number of times at which all vehicles' places are dotted into the plan."""
+"""Number of times at which all vehicles' positions are dotted into the plan."""
 BEFORE_CHANGE_S = 1.0
 SNAPSHOTS = 4
 FEW_S = 20.0
@@ -46,7 +46,7 @@ FEW_S = 20.0
 
 
 Side = tuple[float, float]
-Places = npt.NDArray[np.complexfloating[Any, Any]]
+Positions = npt.NDArray[np.complexfloating[Any, Any]]
 """Complex numbers: north, and east as the imaginary part."""
 
 
@@ -74,14 +74,14 @@ def trajectory(run: RunData) -> Figure:
     profile = run.scenario.terrain is not None
     figure = style.new_figure(15.0 if profile else 10.5)
     figure.set_layout_engine("none")
-    place = (-0.13, 0.26, 1.23, 0.84) if profile else (-0.13, -0.04, 1.23, 1.16)
-    axes = cast("Axes3D", figure.add_axes(place, projection="3d", computed_zorder=False))
+    rect = (-0.13, 0.26, 1.23, 0.84) if profile else (-0.13, -0.04, 1.23, 1.16)
+    axes = cast("Axes3D", figure.add_axes(rect, projection="3d", computed_zorder=False))
     shown = style.evenly(run.time_s.size, style.TRACK_POINTS)
     space = _space(run)
     _ground(axes, run, space)
     unit, name = space.unit
     for vehicle in sorted(group.vehicles, key=group.stands_out):
-        north, east, up = run.flown.place_in_flight(vehicle)[shown].T
+        north, east, up = run.flown.position_in_flight(vehicle)[shown].T
         below = run.flown.vehicles[vehicle]["ground_height_m"][shown] if profile else np.full_like(up, space.height[0])
         axes.plot(
             east / unit, north / unit, below, color="#9A9A9A" if profile else "#DCDCDC", lw=style.THIN, zorder=SHADOW
@@ -100,7 +100,7 @@ def trajectory(run: RunData) -> Figure:
 
 def _space(run: RunData) -> Extent:
     """Return limits around the flown tracks and, with terrain, the ground below them."""
-    low, high = style.reach(np.concatenate([run.flown.place_in_flight(vehicle) for vehicle in run.flown.vehicles]))
+    low, high = style.reach(np.concatenate([run.flown.position_in_flight(vehicle) for vehicle in run.flown.vehicles]))
     north, east = _sides(low[:2], high[:2], NARROWEST, 10.0, 0.52)
     if run.scenario.terrain is None:
         floor = float(low[2] - 0.15 * max((high[2] - low[2]) * 1.1, 10.0))
@@ -159,7 +159,7 @@ def _profile(axes: Axes, run: RunData, group: Group) -> None:
     below = run.flown.vehicles[group.vehicles[0]]["ground_height_m"][shown]
     span(axes, time_s)
     for vehicle in sorted(group.vehicles, key=group.stands_out):
-        axes.plot(time_s, run.flown.place_in_flight(vehicle)[shown, 2], lw=0.8, **group.look(vehicle))
+        axes.plot(time_s, run.flown.position_in_flight(vehicle)[shown, 2], lw=0.8, **group.look(vehicle))
     low = min(0.0, float(np.fmin.reduce(below, initial=0.0)))
     axes.fill_between(time_s, below, low, color="#D9D3B8", lw=0)
     axes.plot(time_s, below, color=style.GREY, lw=style.THIN)
@@ -186,7 +186,7 @@ def plan(run: RunData) -> Figure:
 def _extent(run: RunData) -> Extent:
     """Return the extent of the flown tracks, with a margin and not too slim."""
     low, high = style.reach(
-        np.concatenate([run.flown.place_in_flight(vehicle)[:, :2] for vehicle in run.flown.vehicles])
+        np.concatenate([run.flown.position_in_flight(vehicle)[:, :2] for vehicle in run.flown.vehicles])
     )
     return Extent(*_sides(low, high, SLIMMEST, SMALLEST_M, 0.5 + MARGIN))
 
@@ -216,18 +216,20 @@ def _tracks(axes: Axes, run: RunData, group: Group, path: Array) -> None:
     shown = style.evenly(run.time_s.size, style.TRACK_POINTS)
     dots = style.evenly(run.time_s.size, STILLS)
     for vehicle in sorted(group.vehicles, key=group.stands_out):
-        place = run.flown.place_in_flight(vehicle)
-        axes.plot(place[shown, 1], place[shown, 0], lw=style.THIN, label=group.label(vehicle), **group.look(vehicle))
-        axes.plot(place[dots, 1], place[dots, 0], ls="", marker=".", ms=1.5, color=group.colour(vehicle))
+        position_m = run.flown.position_in_flight(vehicle)
+        axes.plot(
+            position_m[shown, 1], position_m[shown, 0], lw=style.THIN, label=group.label(vehicle), **group.look(vehicle)
+        )
+        axes.plot(position_m[dots, 1], position_m[dots, 0], ls="", marker=".", ms=1.5, color=group.colour(vehicle))
     axes.plot(path[0, 1], path[0, 0], ls="", marker="o", ms=6, mfc="none", mec=style.INK, mew=0.9, label="start")
 
 
 def _lettered(axes: Axes, stills: Sequence[Snapshot]) -> None:
     """Letter the positions of the snapshots, to the right of the leader's direction of flight."""
     for still, letter in zip(stills, LETTERS, strict=False):
-        place, away = still.reference, (LETTER_PT * np.cos(still.up_rad), -LETTER_PT * np.sin(still.up_rad))
+        position, away = still.reference, (LETTER_PT * np.cos(still.up_rad), -LETTER_PT * np.sin(still.up_rad))
         axes.annotate(
-            letter, (place.imag, place.real), xytext=away, textcoords="offset points", fontweight="bold",
+            letter, (position.imag, position.real), xytext=away, textcoords="offset points", fontweight="bold",
             ha="center", va="center", arrowprops={"arrowstyle": "-", "lw": 0.5, "color": style.GREY, "shrinkB": 1},
         )  # fmt: skip
 
@@ -250,7 +252,7 @@ def _frame(axes: Axes, extent: Extent) -> None:
 
 def _formations(small: Sequence[Axes], run: RunData, group: Group, stills: Sequence[Snapshot], aspect: float) -> None:
     """Draw the formation at a few times, all at one scale, the leader's heading up."""
-    everything = np.concatenate([part for still in stills for part in (still.slots_m, still.places_m)])
+    everything = np.concatenate([part for still in stills for part in (still.slots_m, still.positions_m)])
     centre, half = _view(everything, aspect)
     vehicles = list(run.flown.vehicles)
     digits = 0 if run.time_s[-1] - run.time_s[0] > FEW_S else 1
@@ -259,11 +261,11 @@ def _formations(small: Sequence[Axes], run: RunData, group: Group, stills: Seque
         axes.plot(
             *still.slots_m.T, ls="", marker="o", ms=1.4 * size, mfc="none", mec=style.GREY, mew=style.THIN, label="slot"
         )
-        for vehicle, place, turn in zip(vehicles, still.places_m, still.headings_rad, strict=True):
+        for vehicle, position_m, turn in zip(vehicles, still.positions_m, still.headings_rad, strict=True):
             colour = group.colour(vehicle)
             pointed = (3, 0, float(-np.degrees(turn)) if np.isfinite(turn) else 0.0)
             shown = style.GREY if colour == style.LIGHT else colour
-            axes.plot(*place, ls="", marker=pointed, ms=size, color=shown, zorder=2 + (colour != style.LIGHT))
+            axes.plot(*position_m, ls="", marker=pointed, ms=size, color=shown, zorder=2 + (colour != style.LIGHT))
         axes.set_xlim(centre[0] - half, centre[0] + half)
         axes.set_ylim(centre[1] - half * aspect, centre[1] + half * aspect)
         axes.set_aspect("equal")
@@ -274,9 +276,9 @@ def _formations(small: Sequence[Axes], run: RunData, group: Group, stills: Seque
     small[0].set_ylabel("forward, m")
 
 
-def _view(places_m: Array, aspect: float) -> tuple[Array, float]:
+def _view(positions_m: Array, aspect: float) -> tuple[Array, float]:
     """Return the centre and half width of a view of all vehicles but one that flew off."""
-    known = places_m[np.isfinite(places_m).all(axis=1)]
+    known = positions_m[np.isfinite(positions_m).all(axis=1)]
     if not known.size:
         return np.zeros(2), 10.0
     away = np.hypot(*(known - np.median(known, axis=0)).T)
@@ -291,7 +293,7 @@ class Snapshot(NamedTuple):
     tick: int
     reference: complex
     """North, and east as the imaginary part, of the leader or the middle, m."""
-    places_m: Array
+    positions_m: Array
     slots_m: Array
     """(F, 2), the followers' only."""
     headings_rad: Array
@@ -313,28 +315,30 @@ def snapshot_ticks(run: RunData) -> list[int]:
 
 
 def snapshot(run: RunData, tick: int) -> Snapshot:
-    """Return the formation at a flown tick; places inside are complex: north, and east as the imaginary part."""
+    """Return the formation at a flown tick; positions inside are complex: north, and east as the imaginary part."""
     flight, vehicles = run.flown, list(run.flown.vehicles)
-    places, errors = (
+    positions, errors = (
         np.array([of(vehicle)[tick, :2] for vehicle in vehicles]) @ (1.0, 1.0j)
-        for of in (flight.place_in_flight, flight.error)
+        for of in (flight.position_in_flight, flight.error)
     )
     headings = np.array([flight.heading(vehicle)[tick] for vehicle in vehicles])
     leader = flight.leader_at(tick)
     lead = vehicles.index(leader) if leader is not None and flight.airborne(leader)[tick] else None
-    reference = _mean(places) if lead is None else complex(places[lead])
+    reference = _mean(positions) if lead is None else complex(positions[lead])
     up_rad = float(np.angle(_mean(np.exp(1j * headings))) if lead is None else headings[lead])
     leaders_rad = headings if lead is None else np.full_like(headings, up_rad)
-    slots = places + errors * np.exp(1j * axis_rad(run.scenario.formation.frame, leaders_rad, headings))
+    slots = positions + errors * np.exp(1j * axis_rad(run.scenario.formation.frame, leaders_rad, headings))
     following = np.arange(len(vehicles)) != lead
 
-    def right_forward(of: Places) -> Array:
+    def right_forward(of: Positions) -> Array:
         turned = (of - reference) * np.exp(-1j * up_rad)
         return np.column_stack((turned.imag, turned.real))
 
-    return Snapshot(tick, reference, right_forward(places), right_forward(slots[following]), headings - up_rad, up_rad)
+    return Snapshot(
+        tick, reference, right_forward(positions), right_forward(slots[following]), headings - up_rad, up_rad
+    )
 
 
-def _mean(values: Places) -> complex:
+def _mean(values: Positions) -> complex:
     known = values[np.isfinite(values)]
     return complex(known.mean()) if known.size else 0j

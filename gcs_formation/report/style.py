@@ -178,10 +178,10 @@ def extremes(values: Array, buckets: int) -> Indices:
     return np.unique(np.minimum(np.concatenate(kept), size - 1))
 
 
-def reach(places: Array) -> tuple[Array, Array]:
-    """Return the least and the greatest coordinates (D,) of the known ones of (N, D) places; 0 if none is known."""
-    known = places[np.isfinite(places).all(axis=1)]
-    known = known if known.size else np.zeros_like(places[:1])
+def reach(positions: Array) -> tuple[Array, Array]:
+    """Return the least and the greatest coordinates (D,) of the known ones of (N, D) positions; 0 if none is known."""
+    known = positions[np.isfinite(positions).all(axis=1)]
+    known = known if known.size else np.zeros_like(positions[:1])
     return known.min(axis=0), known.max(axis=0)
 
 
@@ -260,10 +260,10 @@ def _of(vehicles: VehicleSelection) -> str:
 
 
 def _link(change: LinkChange) -> str:
-    ways: dict[str, ImpairmentPatch | None] = {"": change, "up ": change.uplink, "down ": change.downlink}
+    patches: dict[str, ImpairmentPatch | None] = {"": change, "up ": change.uplink, "down ": change.downlink}
     words = [
-        way + text.format(value)
-        for way, patch in ways.items()
+        direction + text.format(value)
+        for direction, patch in patches.items()
         for key, text in WORDS.items()
         if (value := getattr(patch, key, None)) is not None
     ]

@@ -103,7 +103,7 @@ def _label(axes: Axes, marks: Sequence[style.Mark], beyond_pt: float) -> int:
     taken: list[list[tuple[float, float]]] = [[] for _ in range(MAX_LEVELS)]
     across = axes.get_xaxis_transform()
     for mark in reversed(marks):
-        begin_pt, end_pt, shift_pt, aligned = _place(axes, mark, beyond_pt)
+        begin_pt, end_pt, shift_pt, aligned = _label_position(axes, mark, beyond_pt)
         free = (i for i, row in enumerate(taken) if all(end_pt <= b or e <= begin_pt for b, e in row))
         level = next(free, None)
         if level is None:
@@ -115,7 +115,9 @@ def _label(axes: Axes, marks: Sequence[style.Mark], beyond_pt: float) -> int:
     return sum(bool(row) for row in taken)
 
 
-def _place(axes: Axes, mark: style.Mark, beyond_pt: float) -> tuple[float, float, float, Literal["left", "right"]]:
+def _label_position(
+    axes: Axes, mark: style.Mark, beyond_pt: float
+) -> tuple[float, float, float, Literal["left", "right"]]:
     """Choose whether a mark's name begins at its line, ends there, or, in narrow axes, runs across it.
 
     Return its begin and end from the left end of the axes and its offset from the line, in points, and its alignment.

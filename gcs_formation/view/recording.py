@@ -16,8 +16,8 @@ from flight_model.arrays import Array, Indices
 Rows = npt.NDArray[np.float32]
 """(T, V, C): ticks, vehicles, `COLUMNS`."""
 State = Literal["live", "silent", "concluding", "ended", "killed", "log"]
-PLACE = ("north_m", "east_m", "height_m")
-STATE = (*PLACE, "airspeed_mps", "heading_rad", "climb_mps")
+POSITION = ("north_m", "east_m", "height_m")
+STATE = (*POSITION, "airspeed_mps", "heading_rad", "climb_mps")
 SETPOINT = ("setpoint_speed_mps", "setpoint_heading_rad", "setpoint_height_m")
 SLOT = ("slot_north_m", "slot_east_m", "slot_height_m")
 ERROR = ("error_x_m", "error_y_m", "error_z_m")

@@ -78,7 +78,7 @@ class _Seen:
     bytes_up: float = 0.0
     rates: list[tuple[float, int, float]] = field(default_factory=list[tuple[float, int, float]])
     received_s: float = -math.inf
-    place_s: float = -math.inf
+    position_s: float = -math.inf
     mode: str = ""
     armed: bool | None = None
     chunks: dict[int, str] = field(default_factory=dict[int, str])
@@ -214,8 +214,8 @@ class FrameReader:
                     self._asked[frame.message.ts1_ns] = at_s
                     if len(self._asked) > MAX_VEHICLES:
                         del self._asked[next(iter(self._asked))]
-        place = TARGET.get(message_id)
-        target = 0 if place is None else _byte(raw, place)
+        offset = TARGET.get(message_id)
+        target = 0 if offset is None else _byte(raw, offset)
         reached = [seen for system, seen in self.seen.items() if seen.autopilot and target in {0, system}]
         for seen in reached:
             seen.bytes_up += len(raw) / len(reached) if self._copies else len(raw)
@@ -241,7 +241,7 @@ class FrameReader:
             case BatteryStatus(battery_remaining=percent, id=0) if percent >= 0:
                 row[COLUMN["battery"]] = percent / 100.0
             case GlobalPositionInt():
-                self._place(seen, message, at_s)
+                self._take_position(seen, message, at_s)
             case VfrHud(airspeed_mps=airspeed_mps):
                 row[COLUMN["airspeed_mps"]] = airspeed_mps
             case Timesync(tc1_ns=answered, ts1_ns=asked) if answered != 0:
@@ -263,20 +263,20 @@ class FrameReader:
             seen.armed = armed
             self._event(system, "arming", "armed" if armed else "disarmed", at_s)
 
-    def _place(self, seen: _Seen, place: GlobalPositionInt, at_s: float) -> None:
-        if place.lat_rad == 0.0 and place.lon_rad == 0.0:
+    def _take_position(self, seen: _Seen, position: GlobalPositionInt, at_s: float) -> None:
+        if position.lat_rad == 0.0 and position.lon_rad == 0.0:
             return
         if self._origin is None:
-            self._origin = GeodeticOrigin(place.lat_rad, place.lon_rad, place.alt_m - place.relative_alt_m)
-        north_m, east_m, down_m = self._origin.to_ned(place.lat_rad, place.lon_rad, place.alt_m)
-        ground_mps, row = math.hypot(place.vx_mps, place.vy_mps), seen.row
-        heading = place.hdg_rad if math.isfinite(place.hdg_rad) else math.atan2(place.vy_mps, place.vx_mps)
+            self._origin = GeodeticOrigin(position.lat_rad, position.lon_rad, position.alt_m - position.relative_alt_m)
+        north_m, east_m, down_m = self._origin.to_ned(position.lat_rad, position.lon_rad, position.alt_m)
+        ground_mps, row = math.hypot(position.vx_mps, position.vy_mps), seen.row
+        heading = position.hdg_rad if math.isfinite(position.hdg_rad) else math.atan2(position.vy_mps, position.vx_mps)
         row[:3] = north_m, east_m, -down_m
-        row[COLUMN["heading_rad"]], row[COLUMN["climb_mps"]] = heading, -place.vz_mps
+        row[COLUMN["heading_rad"]], row[COLUMN["climb_mps"]] = heading, -position.vz_mps
         if math.isnan(row[COLUMN["airspeed_mps"]]):
             row[COLUMN["airspeed_mps"]] = ground_mps
-        row[COLUMN["airborne"]] = float(place.relative_alt_m > 2.0)
-        seen.place_s = at_s
+        row[COLUMN["airborne"]] = float(position.relative_alt_m > 2.0)
+        seen.position_s = at_s
 
     def _text(self, system: int, seen: _Seen, text: Statustext, at_s: float) -> None:
         whole = seen.chunks.pop(text.id, "") + text.text if text.id else text.text
@@ -302,7 +302,7 @@ class FrameReader:
 
     def _sampled(self, seen: _Seen, at_s: float) -> list[float]:
         row = seen.row.copy()
-        age_s = at_s - seen.place_s
+        age_s = at_s - seen.position_s
         row[COLUMN["age_s"]] = age_s if math.isfinite(age_s) else math.nan
         row[COLUMN["active"]] = row[COLUMN["leads"]] = row[COLUMN["yielding"]] = 0.0
         seen.counted.append((at_s, seen.frames, seen.lost))
@@ -319,10 +319,10 @@ class FrameReader:
         return row
 
 
-def _byte(raw: bytes, place: int) -> int:
+def _byte(raw: bytes, offset: int) -> int:
     """Return a byte of a frame's payload; MAVLink 2 leaves out zeros at the end."""
     header = HEADER_V2 if raw[0] == MARKER_V2 else HEADER_V1
-    return raw[header + place] if place < raw[1] else 0
+    return raw[header + offset] if offset < raw[1] else 0
 
 
 def table(snapshots: Sequence[dict[int, list[float]]], systems: Sequence[int]) -> Rows:

@@ -82,7 +82,7 @@ def style() -> str:
 
 
 def _part(name: str) -> str:
-    place = files("gcs_formation.view") / "static"
+    directory = files("gcs_formation.view") / "static"
     for folder in name.split("/"):
-        place /= folder
-    return place.read_text(encoding="utf-8")
+        directory /= folder
+    return directory.read_text(encoding="utf-8")

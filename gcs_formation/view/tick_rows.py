@@ -17,12 +17,24 @@ from formation_scenario.fields import Frame
 from formation_scenario.slot_frame import axis_rad
 from gcs_formation.record.timeseries import ERROR, LAW_ERROR, PHASES, TRUTH, VIRTUAL_LEADER
 from gcs_formation.record.timeseries import SLOT as SLOT_FRU
-from gcs_formation.view.recording import COLUMN, COLUMNS, FLAGS, LINK, PLACE, RADIO, SETPOINT, SLOT, STATE, Rows, Times
+from gcs_formation.view.recording import (
+    COLUMN,
+    COLUMNS,
+    FLAGS,
+    LINK,
+    POSITION,
+    RADIO,
+    SETPOINT,
+    SLOT,
+    STATE,
+    Rows,
+    Times,
+)
 
 NUMBER_BYTES = 8
 MAX_VALUES = 200e6
 """Values of a time series in memory; of a longer one every second tick is kept, and so on."""
-TRUE = dict(zip((*PLACE, "airspeed_mps", "heading_rad"), TRUTH[:5], strict=True))
+TRUE = dict(zip((*POSITION, "airspeed_mps", "heading_rad"), TRUTH[:5], strict=True))
 TIMES = ("t_s", "mission_time_s", "phase")
 DIRECT = (*STATE, *SETPOINT, *LINK, *FLAGS)
 
@@ -46,7 +58,7 @@ def as_rows(columns: Mapping[str, Array], frame: Frame) -> Rows:
 def _slots(columns: Mapping[str, Array], frame: Frame) -> tuple[Array, Array, Array]:
     """Return where each slot is, north, east and height, (T, V): NaN for the leader and without one."""
     north, east, height, heading = (
-        columns[TRUE[name] if TRUE[name] in columns else name] for name in (*PLACE, "heading_rad")
+        columns[TRUE[name] if TRUE[name] in columns else name] for name in (*POSITION, "heading_rad")
     )
     if VIRTUAL_LEADER[0] in columns:
         leader = [columns[name] for name in VIRTUAL_LEADER]
@@ -154,9 +166,9 @@ class SeriesTicks:
 
 
 def _numbers(column: Any) -> Array:  # noqa: ANN401 - an array of Arrow's, of whatever type
-    """Return a column as numbers; phases by their place in `PHASES`."""
+    """Return a column as numbers; phases by their index in `PHASES`."""
     array = column.dictionary_decode() if isinstance(column, pa.DictionaryArray) else column
     if pa.types.is_string(array.type):
-        places = {name: place for place, name in enumerate(PHASES)}
-        return np.array([places.get(str(name), -1) for name in array.to_pylist()], dtype=np.float64)
+        indices = {name: index for index, name in enumerate(PHASES)}
+        return np.array([indices.get(str(name), -1) for name in array.to_pylist()], dtype=np.float64)
     return np.asarray(array.to_numpy(zero_copy_only=False), dtype=np.float64)

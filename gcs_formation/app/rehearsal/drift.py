@@ -24,7 +24,7 @@ class Drift(NamedTuple):
     """Standard deviations by the end of a flight, m; 0 where every vehicle's are bounded."""
 
     after_s: float
-    apart_m: float
+    level_m: float
     """Of two vehicles' positions against each other, along a horizontal axis."""
     height_m: float
     """Of a height by inertia alone."""
@@ -41,18 +41,18 @@ def drift(scenario: Scenario) -> Drift | None:
     alike = all(keys == each[0] and keys.biases == "keys" for keys in adrift) and len(adrift) == len(each)
     north_mps, east_mps = _velocity_mps(scenario)
     grows = cache(partial(growth, lat_rad=math.radians(scenario.origin.lat_deg), after_s=after_s))
-    apart = [grows(keys, north_mps=north_mps, east_mps=east_mps, biases=not alike).level_m for keys in adrift]
+    drifts_m = [grows(keys, north_mps=north_mps, east_mps=east_mps, biases=not alike).level_m for keys in adrift]
     alone = [keys for keys in adrift if keys.aiding == "none"]
     heights_m = [grows(keys, north_mps=north_mps, east_mps=east_mps).height_m for keys in alone]
-    return Drift(after_s, math.hypot(*sorted(apart)[-2:]), max(heights_m, default=0.0))
+    return Drift(after_s, math.hypot(*sorted(drifts_m)[-2:]), max(heights_m, default=0.0))
 
 
 def drifts(scenario: Scenario, found: Drift) -> Iterator[str]:
     """Yield by how much positions drift apart and heights drift, where it exceeds the room."""
     kept_m, words = _left_between_m(scenario), f"(1 sigma) within {found.after_s:.0f} s"
-    if DRIFT_SIGMAS * found.apart_m > kept_m:
+    if DRIFT_SIGMAS * found.level_m > kept_m:
         yield (
-            f"navigation: positions drift apart by {found.apart_m:.1f} m north and east {words} by inertia without "
+            f"navigation: positions drift apart by {found.level_m:.1f} m north and east {words} by inertia without "
             f"gnss, and slots leave {kept_m:.3g} m beyond safety.separation_m; aiding: gnss holds them"
         )
     if found.height_m > 0.0 and DRIFT_SIGMAS * found.height_m > (over_m := _left_below_m(scenario)):

@@ -44,9 +44,9 @@ class Rehearsal(NamedTuple):
     """Why nothing was flown."""
 
     @property
-    def least_run_in_s(self) -> float | None:
+    def min_run_in_s(self) -> float | None:
         """The shortest run-in after which the path begins at once, s; None if no start showed it."""
-        return None if self.starts is None else self.starts.least_run_in_s
+        return None if self.starts is None else self.starts.min_run_in_s
 
 
 def rehearse(scenario: Scenario, wall_s: float = WALL_S) -> Rehearsal:
@@ -61,7 +61,7 @@ def rehearse(scenario: Scenario, wall_s: float = WALL_S) -> Rehearsal:
     from_s, stretch, begun, not_flown = worst_s(scenario), None, None, None
     try:
         begun = starts(scenario, partial(over, STARTS_SHARE)) if scenario.followers else None
-        min_s = (begun and begun.least_run_in_s) or 0.0
+        min_s = (begun and begun.min_run_in_s) or 0.0
         there = from_there(scenario, from_s, min_s)
         stretch = _stretch(there, partial(over, STRETCH_SHARE)) if scenario.followers else None
     except (RunAbortedError, ScenarioError) as error:
@@ -107,9 +107,9 @@ def _stretch_text(stretch: Flown, from_s: float) -> str:
     return f"flown ahead: {stretch.seconds:.0f} s {since}{within}"
 
 
-def rehearsal_warnings(scenario: Scenario, found: Rehearsal, lap_s: float) -> Iterator[str]:
-    """Yield what a user should know of it before flying; `lap_s`: how long a holding pattern before the path takes."""
-    if found.starts is not None and (text := goes_round(scenario, found.starts, lap_s)):
+def rehearsal_warnings(scenario: Scenario, found: Rehearsal, pattern_s: float) -> Iterator[str]:
+    """Yield what a user should know of it before flying; `pattern_s`: duration of a holding pattern before the path."""
+    if found.starts is not None and (text := goes_round(scenario, found.starts, pattern_s)):
         yield text
     if found.stretch is not None:
         yield from _gusts(scenario, found.stretch_from_s, found.stretch)

@@ -89,7 +89,7 @@ def _gaps_s(
     found, last, now, index = list[float](), Instant(0), Instant(0), 0
     while (now_s := index / sent_hz) < end_s and (index % 256 or not over()):
         now, index = after(Instant(0), now_s), index + 1
-        impairment = schedule.both_ways(vehicle.vehicle_id, now)[Direction.UPLINK]
+        impairment = schedule.both_directions(vehicle.vehicle_id, now)[Direction.UPLINK]
         if impairment.outage:  # planned, and said by others
             last = now
         elif channel.pass_on(FRAME_BYTES, now, impairment):

@@ -27,7 +27,7 @@ class Start(NamedTuple):
     """When every follower had kept its slot for long enough, since the first datagram, s; None: not while it was flown.
     """
     used_s: float | None
-    """How long a run-in the leader had flown by the tick after that, as its guidance sees it, s; None on another way.
+    """How long a run-in the leader had flown by the tick after that, as its guidance sees it, s; None on another route.
     """
     went_round: bool
     """Whether the leader began a holding pattern before its path."""
@@ -55,16 +55,16 @@ class Starts(NamedTuple):
         return max(known) if known and len(known) == len(times_s) else None
 
     @property
-    def least_run_in_s(self) -> float | None:
+    def min_run_in_s(self) -> float | None:
         """The shortest run-in after which the path would have begun at once in each of them, s; None if unknown."""
         used_s = [start.used_s for start in self.each]
         known = [each for each in used_s if each is not None]
         return max(known) + DECISION_S if self.in_air and known and len(known) == len(used_s) else None
 
 
-def goes_round(scenario: Scenario, found: Starts, lap_s: float) -> str | None:
+def goes_round(scenario: Scenario, found: Starts, pattern_s: float) -> str | None:
     """Return why the leader will fly a holding pattern before the path; None if the run-in suffices, or it waits."""
-    run_in_s, min_s = scenario.start.run_in_s, found.least_run_in_s
+    run_in_s, min_s = scenario.start.run_in_s, found.min_run_in_s
     if scenario.hovers or not found.in_air or (min_s is not None and run_in_s >= min_s):
         return None
     if min_s is None and not any(each.went_round for each in found.each):
@@ -74,7 +74,7 @@ def goes_round(scenario: Scenario, found: Starts, lap_s: float) -> str | None:
     allowed = "longer" if min_s is None else f"{math.ceil(round(10 * min_s, 6)) / 10:g} or more"
     return (
         f"start.run_in_s: found {run_in_s:g}; allowed: {allowed} for the path to begin at once{sure}; else the leader "
-        f"goes round first, for about {lap_s:.0f} s"
+        f"goes round first, for about {pattern_s:.0f} s"
     )
 
 
@@ -111,5 +111,5 @@ def _start(scenario: Scenario, over: Callable[[], bool]) -> Start:
 
 
 def _by_chance(scenario: Scenario) -> bool:
-    ways = [way for vehicle in scenario.vehicles for way in scenario.link_steps(vehicle)[0][1:]]
-    return any(way.loss > 0.0 or way.jitter_ms > 0.0 or way.recording is not None for way in ways)
+    links = [each for vehicle in scenario.vehicles for each in scenario.link_steps(vehicle)[0][1:]]
+    return any(each.loss > 0.0 or each.jitter_ms > 0.0 or each.recording is not None for each in links)

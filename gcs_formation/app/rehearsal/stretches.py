@@ -52,18 +52,18 @@ def _severity(scenario: Scenario, at_s: float) -> Severity:
     gusts_mps = sum(float(each.scales(height_m)[0][0, 0]) for _, each in gusting(scenario, at_s))
     steps = [[step for step in scenario.link_steps(vehicle) if step.at_s <= at_s][-1] for vehicle in scenario.vehicles]
     delay_s = max(sum(mean_delays_s(scenario, step)) for step in steps)
-    loss = max(way.loss for step in steps for way in step[1:])
+    loss = max(each.loss for step in steps for each in step[1:])
     return Severity(gusts_mps * (delay_s + 1.0 / scenario.law.rate_hz), delay_s, loss)
 
 
-def from_there(scenario: Scenario, at_s: float, least_run_in_s: float = 0.0) -> Scenario:
+def from_there(scenario: Scenario, at_s: float, min_run_in_s: float = 0.0) -> Scenario:
     """Return the flight from a mission time on: in slots, in the air, by links and air as they are by then.
 
     Faults and orders are left out: they have expected errors of their own. Multirotors with a timetable of corners fly
-    their path from its start. `least_run_in_s`: what a start in the air is known to need.
+    their path from its start. `min_run_in_s`: what a start in the air is known to need.
     """
     found = _severity(scenario, at_s)
-    run_in_s = max(RUN_IN_S + ROUND_TRIPS * found.delay_s + LOST_S * found.loss, least_run_in_s)
+    run_in_s = max(RUN_IN_S + ROUND_TRIPS * found.delay_s + LOST_S * found.loss, min_run_in_s)
     begin = {"in_air": True, "run_in_s": run_in_s, "timeout_s": 1e-3, "offset_m": (0.0, 0.0, 0.0)}
     update = {
         "start": scenario.start.model_copy(update=begin),

@@ -21,7 +21,7 @@ from gcs_formation.app.sitl.simulator import Craft, Launch, Simulator, TrueMotio
 
 FIRST_INSTANCE: Final = 40
 """Away from simulators that are started by hand, from 0."""
-RC_PORT, PORTS_APART = 5501, 10
+RC_PORT, PORT_STEP = 5501, 10
 CALIBRATED: Final = {
     f"INS_ACC{which}{what}_{axis}": value
     for which in ("", 2)
@@ -68,20 +68,20 @@ class ArduPilotSimulator(Simulator):
 
     def ports(self, craft: Craft) -> tuple[int, ...]:
         """Return the port of its transmitter's input."""
-        return (RC_PORT + PORTS_APART * (FIRST_INSTANCE + craft.number),)
+        return (RC_PORT + PORT_STEP * (FIRST_INSTANCE + craft.number),)
 
     def launch(self, program: Path, craft: Craft) -> Launch:
         """Return the command; parameters that its version doesn't know are ignored."""
         to, home = craft.station.opposite().address, craft.home
-        place = f"{home.lat_deg:.9f},{home.lon_deg:.9f},{home.alt_m:.3f},{home.heading_deg:.3f}"
-        command = [str(program), "--model", self.model, "--speedup", f"{craft.speedup:g}", "--home", place]
+        location = f"{home.lat_deg:.9f},{home.lon_deg:.9f},{home.alt_m:.3f},{home.heading_deg:.3f}"
+        command = [str(program), "--model", self.model, "--speedup", f"{craft.speedup:g}", "--home", location]
         command += [f"-I{FIRST_INSTANCE + craft.number}", "--sysid", str(craft.system), "--defaults", DEFAULTS]
         command += ["--serial0", f"udpclient:{to.host}:{to.port}", "--serial1", "none:0", "--serial2", "none:0"]
         lines = (f"{name} {value:.9g}\n" for name, value in {**self.own, **craft.parameters}.items())
         return Launch(command, files={DEFAULTS: "".join(lines)})
 
     def true_motion(self, directory: Path) -> TrueMotion | None:
-        """Return SIM's places and headings, with SIM2's velocities and airspeeds at the same times."""
+        """Return SIM's positions and headings, with SIM2's velocities and airspeeds at the same times."""
         log = newest(directory, "*.BIN")
         if log is None:
             return None
@@ -95,9 +95,9 @@ class ArduPilotSimulator(Simulator):
         return _motion(np.array(rows["SIM"]), np.array(rows["SIM2"]))
 
 
-def _motion(placed: Array, moving: Array) -> TrueMotion:
+def _motion(positions: Array, moving: Array) -> TrueMotion:
     """Return the motion of SIM's rows (N, 5) and SIM2's (K, 5), each with its time first."""
-    boot_s, lat_deg, lon_deg, alt_m, yaw_deg = placed.T
+    boot_s, lat_deg, lon_deg, alt_m, yaw_deg = positions.T
     north_mps, east_mps, down_mps, airspeed_mps = (
         np.interp(boot_s, moving[:, 0], moving[:, column]) for column in range(1, 5)
     )

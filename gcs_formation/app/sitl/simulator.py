@@ -39,7 +39,7 @@ class Craft:
 
     system: int
     number: int
-    """Its place among the simulated vehicles, from 1: simulators tell their ports apart by it."""
+    """Its number among the simulated vehicles, from 1, by which simulators have ports of their own."""
     home: Home
     station: Endpoint
     """Where the ground station listens for it, or sends to it."""
@@ -109,8 +109,8 @@ class Simulator(ABC):
     def of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]:
         """Return the parameters that suit the scenario: failsafes on, limits as its model says, its wind."""
 
-    def found_wrong(self, program: Path) -> str:  # noqa: ARG002 - most need nothing beside it
-        """Return in words what a program lacks that it needs beside it; "" if nothing."""
+    def found_wrong(self, program: Path) -> str:  # noqa: ARG002 - most need nothing else
+        """Return in words what a program lacks that it needs with it; "" if nothing."""
         return ""
 
     def cannot(self, vehicle: Vehicle, scenario: Scenario, program: Path) -> list[str]:  # noqa: ARG002 - for versions

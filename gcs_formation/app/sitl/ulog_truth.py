@@ -29,23 +29,23 @@ def read_truth(log: Path) -> dict[str, Array]:
         ValueError: it isn't such a log.
     """
     topics, parameters, _ = read_ulog_file(log, (GLOBAL, LOCAL))
-    placed, moving = topics.get(GLOBAL, {}), topics.get(LOCAL, {})
-    if not {"lat", "lon", "alt"} <= placed.keys() or not {"vx", "vy", "vz", "heading"} <= moving.keys():
+    position, moving = topics.get(GLOBAL, {}), topics.get(LOCAL, {})
+    if not {"lat", "lon", "alt"} <= position.keys() or not {"vx", "vy", "vz", "heading"} <= moving.keys():
         return {}
     at_s = moving["at_s"]
-    if min(at_s.size, placed["at_s"].size) < FEWEST:
+    if min(at_s.size, position["at_s"].size) < FEWEST:
         return {}
 
     through_air = [moving[name] + parameters.get(wind, 0.0) for name, wind in zip(("vx", "vy"), WIND, strict=True)]
 
-    def beside(name: str) -> Array:
-        return np.interp(at_s, placed["at_s"], placed[name])
+    def interpolated(name: str) -> Array:
+        return np.interp(at_s, position["at_s"], position[name])
 
     return {
         "boot_s": at_s,
-        "lat_rad": np.radians(beside("lat")),
-        "lon_rad": np.radians(beside("lon")),
-        "alt_m": beside("alt"),
+        "lat_rad": np.radians(interpolated("lat")),
+        "lon_rad": np.radians(interpolated("lon")),
+        "alt_m": interpolated("alt"),
         "north_mps": moving["vx"],
         "east_mps": moving["vy"],
         "climb_mps": -moving["vz"],

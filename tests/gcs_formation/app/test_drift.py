@@ -83,6 +83,6 @@ def test_biases_that_all_have_alike_move_nobody_apart() -> None:
     alike, apart = (drift(load_scenario(planned(grade="navigation", biases=each))) for each in ("keys", "random"))
     assert alike is not None
     assert apart is not None
-    assert DRIFT_SIGMAS * alike.apart_m < 15.0 < DRIFT_SIGMAS * apart.apart_m
+    assert DRIFT_SIGMAS * alike.level_m < 15.0 < DRIFT_SIGMAS * apart.level_m
     assert said(grade="navigation") == []
     assert len(said(grade="navigation", biases="random")) == 1

@@ -63,7 +63,7 @@ def test_recorded_delays_are_read_once_however_many_changes_of_how_many_vehicles
     assert sorted(reads) == [one, other]
     vehicle = scenario.vehicles[2].vehicle_id
     for mission_s, delay_s in ((1.5, 0.05), (CHANGES + 1.0, 0.1)):
-        for way in schedule.both_ways(vehicle, at_s(mission_s)):
+        for way in schedule.both_directions(vehicle, at_s(mission_s)):
             assert way.process is not None
             assert way.process(100, at_s(mission_s)) == pytest.approx(delay_s)
 
@@ -89,10 +89,10 @@ def test_vehicles_with_the_same_links_share_one_translation_also_once_a_program_
     one, two, three, *_ = (each.vehicle_id for each in scenario.vehicles)
 
     def delays_s(vehicle: VehicleId) -> list[float]:
-        return [way.delay_s for way in schedule.both_ways(vehicle, at_s(20.5))]
+        return [way.delay_s for way in schedule.both_directions(vehicle, at_s(20.5))]
 
     def shared(vehicle: VehicleId = two) -> bool:
-        return schedule.both_ways(one, at_s(20.5))[0] is schedule.both_ways(vehicle, at_s(20.5))[0]
+        return schedule.both_directions(one, at_s(20.5))[0] is schedule.both_directions(vehicle, at_s(20.5))[0]
 
     assert shared()
     assert not shared(three)
@@ -100,7 +100,7 @@ def test_vehicles_with_the_same_links_share_one_translation_also_once_a_program_
     assert schedule.change(ScriptedLink(delay_ms=70))
     assert shared()
     assert delays_s(one) == delays_s(three) == [0.07, 0.07]
-    assert schedule.both_ways(three, at_s(90.5))[0].loss == 0.5
+    assert schedule.both_directions(three, at_s(90.5))[0].loss == 0.5
     assert not schedule.change(ScriptedLink(vehicles=(1,), delay_ms=70))
     assert schedule.change(ScriptedLink(vehicles=(1,), delay_ms=80))
     assert not shared()

@@ -103,7 +103,7 @@ def test_separation_is_in_three_dimensions(count):
 def with_places(places: Any, ticks: int, period_s: float = 0.1) -> Any:
     """Return a flight of vehicles at (V, T, 3) places."""
     vehicles = {each: {"t_s": np.arange(ticks) * period_s} for each in range(len(places))}
-    return SimpleNamespace(vehicles=vehicles, common=vehicles[0], place_in_flight=lambda each: places[each])
+    return SimpleNamespace(vehicles=vehicles, common=vehicles[0], position_in_flight=lambda each: places[each])
 
 
 @given(st.integers(1, 9), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.3, 1.0]), st.booleans())

@@ -216,7 +216,7 @@ def test_a_snapshot_is_of_those_that_fly_around_the_present_leader(make_run):
     own[lost] |= dict.fromkeys(("leads", "airborne"), np.zeros(run.time_s.size))
     own[heir]["leads"] = np.ones(run.time_s.size)
     still = snapshot(replace(run, flown=RecordedFlight(own)), 150)
-    places = dict(zip(own, still.places_m, strict=True))
+    places = dict(zip(own, still.positions_m, strict=True))
     assert places[heir] == pytest.approx(0.0)
     assert np.isnan(places[lost]).all()
     assert np.isfinite(places[run.followers[1]]).all()

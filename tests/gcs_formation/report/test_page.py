@@ -9,7 +9,7 @@ import pytest
 from formation_scenario import load_scenario
 from gcs_formation.report import load_run
 from gcs_formation.report.page import PLATES, as_script, embedded
-from gcs_formation.report.page_parts import beside_the_paper, cards, control, table, verdict
+from gcs_formation.report.page_parts import cards, compared_with_paper, control, table, verdict
 
 VOID = {"meta", "link", "img", "input", "br"}
 
@@ -99,7 +99,7 @@ def test_embedded_ticks_are_recorded_ones_with_the_largest_errors(report):
     for place, vehicle in enumerate(run.whole.vehicles):
         first = column("north_m")
         np.testing.assert_allclose(
-            values[:, place, first : first + 3], run.whole.place(vehicle)[at], rtol=1e-6, atol=1e-3
+            values[:, place, first : first + 3], run.whole.position(vehicle)[at], rtol=1e-6, atol=1e-3
         )
         if vehicle in run.followers:
             first, recorded = column("error_x_m"), run.whole.error(vehicle)
@@ -165,13 +165,13 @@ def test_the_papers_figures_stand_beside_ours_only_after_its_own_disturbance(mak
     step = {"at_s": 30, "velocity_mps": [0.6, 0.6, 0.0]}
     run = load_run(make_run(straight(3, 100, disturbances=[step])))
     errors = np.abs(np.concatenate([run.flown.error(v)[run.flown.window(30, 100)] for v in run.followers]))
-    cells = re.findall(r"<td>([^<]+)</td>", beside_the_paper(run))
+    cells = re.findall(r"<td>([^<]+)</td>", compared_with_paper(run))
     largest = [f"{value:.3f}" for value in errors.max(axis=0)]
     assert cells[:6] == ["0.22", largest[0], "0.50", largest[1], "–", largest[2]]
     assert cells[6::2] == ["no collision", "no collision"]
     assert cells[7::2] == [f"{run.summary['safety'][f'min_{what}_m']:.1f}" for what in ("separation", "clearance")]
     for other in ({"at_s": 60, "velocity_mps": [0.6, 0.6, 0.0]}, {"at_s": 30, "velocity_mps": [0.3, 0.6, 0.0]}):
-        assert beside_the_paper(load_run(make_run(straight(3, 100, disturbances=[other])))) == ""
+        assert compared_with_paper(load_run(make_run(straight(3, 100, disturbances=[other])))) == ""
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_the_papers_figures_stand_beside_ours_only_after_its_own_disturbance(mak
 def test_whom_a_step_moves_is_said_as_the_scenario_names_them(make_run, vehicles, whom):
     step = {"at_s": 30, "velocity_mps": [0.6, 0.6, 0.0], "vehicles": vehicles}
     run = load_run(make_run(straight(3, 100, disturbances=[step])))
-    assert f"the step acts on {whom}, from 30 s on" in beside_the_paper(run)
+    assert f"the step acts on {whom}, from 30 s on" in compared_with_paper(run)
 
 
 def test_a_run_that_never_settled_says_so(make_run):
