@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 
 def _prefer_compiled() -> None:
     """Have an installed, compiled package win over the sources beside us: that's what is measured."""
-    elsewhere = [place for place in sys.path if Path(place or ".").resolve() != ROOT]
+    elsewhere = [directory for directory in sys.path if Path(directory or ".").resolve() != ROOT]
     spec = importlib.machinery.PathFinder.find_spec("airlink", elsewhere)
     folders = [] if spec is None else spec.submodule_search_locations or []
     if any(any(Path(folder).glob("clock.*.so")) for folder in folders):
@@ -55,7 +55,7 @@ def events_of(summary: gcs_formation.Summary, kind: str) -> list[dict[str, Any]]
     return [event for event in events if event["kind"] == kind]
 
 
-def both_ways(delay_ms: float) -> dict[str, Any]:
+def both_directions(delay_ms: float) -> dict[str, Any]:
     """Return links with one delay in each direction."""
     return {"default": {"delay_ms": delay_ms}}
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any, NamedTuple
 
-from benchmarks import PAPER, both_ways, events_of, flown, parser
+from benchmarks import PAPER, both_directions, events_of, flown, parser
 from benchmarks.gust_grid import FRAMES
 from gcs_formation.studies.markdown import markdown
 
-FIRST_S, APART_S = 10.0, 70.0
+FIRST_S, INTERVAL_S = 10.0, 70.0
 ANYWHERE = ("line", "circle", "square")
 BEHIND = ("line", "arrow", "square")
 """Shapes without slots ahead of the leader: those possible in the follower's own frame."""
@@ -39,21 +39,21 @@ CASES = (
 
 def fly(case: Case) -> list[list[str]]:
     """Fly one case and return a row for each of its changes."""
-    begins_s = [FIRST_S + APART_S * i for i in range(len(case.shapes))]
+    begins_s = [FIRST_S + INTERVAL_S * i for i in range(len(case.shapes))]
     with flown(
         PAPER,
-        duration_s=begins_s[-1] + APART_S,
+        duration_s=begins_s[-1] + INTERVAL_S,
         start__offset_m=[0, 0, 0],
         vehicles__count=1 + case.followers,
         formation__frame=case.frame,
         formation__changes=[{"at_s": at_s, "shape": s} for at_s, s in zip(begins_s, case.shapes, strict=True)],
         law__heading=FRAMES[case.frame],
         path__waypoints_m=[[0, 0, 200], [9000, 0, 200]],
-        links=both_ways(case.delay_ms),
+        links=both_directions(case.delay_ms),
         disturbances=[],
         expect=[each for at_s in begins_s for each in expectations(at_s)],
     ) as summary:
-        ways_s = [float(event["duration_s"]) for event in events_of(summary, "formation")]
+        durations_s = [float(event["duration_s"]) for event in events_of(summary, "formation")]
     found: dict[tuple[float, str], float] = {}
     for verdict in summary.verdicts:
         key = verdict.expectation.from_s, verdict.expectation.metric
@@ -61,15 +61,15 @@ def fly(case: Case) -> list[list[str]]:
         found[key] = worst(found.get(key, verdict.value or 0.0), verdict.value or 0.0)
     case_cells = [case.frame.split("_")[0], f"{case.delay_ms:g} ms", str(case.followers)]
     rows: list[list[str]] = []
-    for shape, way_s, at_s in zip(case.shapes, ways_s, begins_s, strict=True):
+    for shape, duration_s, at_s in zip(case.shapes, durations_s, begins_s, strict=True):
         errors = " / ".join(f"{found[at_s, f'error_{axis}_m.max']:.2f}" for axis in "xyz")
-        rows.append([f"→ {shape}", *case_cells, f"{way_s:.1f}", f"{found[at_s, 'min_separation_m']:.1f}", errors])
+        rows.append([f"→ {shape}", *case_cells, f"{duration_s:.1f}", f"{found[at_s, 'min_separation_m']:.1f}", errors])
     return rows
 
 
 def expectations(from_s: float) -> list[dict[str, Any]]:
     """Return expectations that make the summary cover the time from one change to the next."""
-    window = {"from_s": from_s, "to_s": from_s + APART_S - 0.1, "above": 0.0}
+    window = {"from_s": from_s, "to_s": from_s + INTERVAL_S - 0.1, "above": 0.0}
     return [{"metric": metric, **window} for metric in ("min_separation_m", *(f"error_{a}_m.max" for a in "xyz"))]
 
 

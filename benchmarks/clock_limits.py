@@ -27,7 +27,9 @@ SEEDS: Final = 40
 def draws(kind: str, jitter_s: float, count: int, seed: int) -> tuple[Array, Array]:
     """Return `count` delays up and down, s."""
     shares = np.random.default_rng(seed).random((2, count)).tolist()
-    up_s, down_s = (DELAY_S + jitter_s * np.array([QUANTILE[kind](share) for share in way]) for way in shares)
+    up_s, down_s = (
+        DELAY_S + jitter_s * np.array([QUANTILE[kind](share) for share in direction]) for direction in shares
+    )
     return up_s, down_s
 
 
@@ -55,8 +57,8 @@ def corridor_error_s(up_s: Array, down_s: Array, rate_hz: float, *, both: bool) 
         return up_s - drift * at_s, down_s + drift * at_s
 
     def width_s(drift: float) -> float:
-        ways = edges(drift)
-        return float(sum(np.ptp(each) if both else -np.min(each) for each in ways))
+        directions = edges(drift)
+        return float(sum(np.ptp(each) if both else -np.min(each) for each in directions))
 
     low, high = -MAX_DRIFT, MAX_DRIFT
     for _ in range(60):

@@ -21,7 +21,7 @@ from unittest import mock
 
 import numpy as np
 
-from benchmarks import PAPER, both_ways, flown, parser
+from benchmarks import PAPER, both_directions, flown, parser
 from flight_model.arrays import Array
 from flight_model.gain_design import UNMODELLED
 from flight_model.slot import Vector3
@@ -123,17 +123,17 @@ class Flight(NamedTuple):
     settled_s: float
 
 
-Way = tuple[Path, float, list[Mapping[str, Any]]]
+Setting = tuple[Path, float, list[Mapping[str, Any]]]
 """One scenario that every point flies: its file, the delay of its links, and its disturbances."""
-WAYS: tuple[Way, ...] = ((PAPER, 0.0, []), (PAPER, 300.0, D1), (NOISE, 300.0, []))
+SETTINGS: tuple[Setting, ...] = ((PAPER, 0.0, []), (PAPER, 300.0, D1), (NOISE, 300.0, []))
 
 
-def fly(point: Point, way: Way) -> Flight:
+def fly(point: Point, setting: Setting) -> Flight:
     """Fly one scenario with a point's keys."""
-    scenario, delay_ms, disturbances = way
+    scenario, delay_ms, disturbances = setting
     keys = point.noise if scenario == NOISE else point.clean
     given: dict[str, Any] = {f"law__{key}": value for key, value in keys.items()}
-    given |= {"duration_s": END_S, "links": both_ways(delay_ms), "disturbances": disturbances, "expect": []}
+    given |= {"duration_s": END_S, "links": both_directions(delay_ms), "disturbances": disturbances, "expect": []}
     with point.in_force(), flown(scenario, **given) as summary:
         series = read_parquet(summary.run_dir / TIMESERIES)
     vehicles = [series["vehicle"] == number for number in (2, 3, 4)]
@@ -179,12 +179,12 @@ def main() -> None:
     if not follower.__file__.endswith(".py"):
         parsing.error("compiled modules don't heed what points change of them; run it where they are Python")
     chosen = [point for point in POINTS if given.only in point.name]
-    jobs = [(point, way) for point in chosen for way in WAYS]
+    jobs = [(point, setting) for point in chosen for setting in SETTINGS]
     with ProcessPoolExecutor(given.processes) as pool:
         flown = pool.map(fly, *zip(*jobs, strict=True))
         rows = list[list[str]]()
         for point in chosen:
-            rows.append(row(point, [next(flown) for _ in WAYS]))
+            rows.append(row(point, [next(flown) for _ in SETTINGS]))
             print(*rows[-1], sep=" | ", file=sys.stderr, flush=True)
     head = ["point", *(f"steps {how}: speed m/s / heading °" for how in ("on perfect links", "with noise"))]
     print(markdown([*head, "D1 at 300 ms: x / y, m", "noise at 300 ms: rms x / y, m", "settled, s", "held"], rows))

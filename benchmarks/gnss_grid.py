@@ -76,11 +76,11 @@ def row(case: Case, duration_s: float) -> list[str]:
         case.name,
         case.clock,
         *(", ".join(f"{each[f'error_{axis}_m']['rms']:.3f}" for axis in "xy") for each in errors),
-        *(_ways(each) for each in links),
+        *(_delays_text(each) for each in links),
     ]
 
 
-def _ways(link: dict[str, Any]) -> str:
+def _delays_text(link: dict[str, Any]) -> str:
     up_ms, down_ms = link["measured_up_ms"], link["measured_down_ms"]
     return "not known" if up_ms is None else f"{up_ms:.0f}/{down_ms:.0f}"
 

@@ -15,7 +15,7 @@ from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from typing import Any, NamedTuple
 
-from benchmarks import PAPER, both_ways, flown, parser
+from benchmarks import PAPER, both_directions, flown, parser
 from formation_scenario import load_scenario
 from gcs_formation.report import load_run
 from gcs_formation.report.gusts import GustError, gusts
@@ -59,7 +59,7 @@ def fly(case: Case) -> list[GustError]:
     with flown(
         PAPER,
         duration_s=FIRST_S + interval_s * count,
-        links=both_ways(case.delay_ms),
+        links=both_directions(case.delay_ms),
         expect=[],
         formation__frame=case.frame,
         law__heading=FRAMES[case.frame],

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import yaml
 
-from benchmarks import PAPER, both_ways, flown, parser
+from benchmarks import PAPER, both_directions, flown, parser
 from gcs_formation.report import load_run
 from gcs_formation.studies.markdown import markdown
 
@@ -63,7 +63,7 @@ def scenario(seed: int, delay_ms: int) -> tuple[dict[str, Any], float, float]:
         for each in range(1, 5)
     ]
     keys |= {"name": "model-draws", "seed": seed, "duration_s": END_S, "vehicles": vehicles, "expect": []}
-    keys |= {"disturbances": [{"at_s": STEP_S, "velocity_mps": step_mps}], "links": both_ways(delay_ms)}
+    keys |= {"disturbances": [{"at_s": STEP_S, "velocity_mps": step_mps}], "links": both_directions(delay_ms)}
     keys["start"] |= {"offset_m": [offset * each for each in keys["start"]["offset_m"]]}
     keys["path"] |= {"waypoints_m": list(_waypoints(rng, bend_rad))}
     return keys, math.degrees(bend_rad), offset

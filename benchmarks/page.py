@@ -216,8 +216,8 @@ def main() -> None:
     parser.add_argument("--load", action="store_true")
     parser.add_argument("--ticks", action="store_true", help="what a record that is looked at costs the station")
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as place:
-        directory = Path(place) / "run"
+    with tempfile.TemporaryDirectory() as temporary:
+        directory = Path(temporary) / "run"
         if given.ticks:
             print(json.dumps(measure_ticks(directory)))
             return

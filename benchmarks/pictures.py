@@ -76,10 +76,10 @@ def main() -> None:
     parser.add_argument("--run", type=Path)
     parser.add_argument("--to", type=Path, default=ROOT / "docs")
     given = parser.parse_args()
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory() as temporary:
         run = given.run
         if run is None:
-            run = Path(place) / "quickstart"
+            run = Path(temporary) / "quickstart"
             gcs_formation.run(SCENARIO, clock="virtual", out=run, overrides=CHANGES)
         with viewer(run) as address:
             with browser((1280, 760)) as page:

@@ -93,12 +93,12 @@ class PrototypeVehicle:
         """Return position, attitude and airspeed at each tick, and slow telemetry each second."""
         now_ms, cos, sin = cycle * 20, math.cos(self.heading_rad), math.sin(self.heading_rad)
         height_mm, speed = round(self.height_m * 1e3), self.speed_mps
-        place = round(35e7 + self.north_m * E7), round(125e7 + self.east_m * E7)
+        position = round(35e7 + self.north_m * E7), round(125e7 + self.east_m * E7)
         velocity = round(speed * cos * 100), round(speed * sin * 100), round(-self.climb_mps * 100)
         degrees = math.degrees(self.heading_rad) % 360.0
         messages = [
             dialect.MAVLink_global_position_int_message(
-                now_ms, *place, height_mm, height_mm, *velocity, round(degrees * 100) % 36000
+                now_ms, *position, height_mm, height_mm, *velocity, round(degrees * 100) % 36000
             ),
             dialect.MAVLink_attitude_message(now_ms, 0.0, 0.0, self.heading_rad, 0.0, 0.0, 0.0),
             dialect.MAVLink_vfr_hud_message(speed, speed, round(degrees) % 360, 50, self.height_m, self.climb_mps),

@@ -64,8 +64,8 @@ Fly = Callable[[int, float, Path], dict[str, Any]]
 def planned(count: int, duration_s: float) -> dict[str, Any]:
     """Return the scenario, with a port for each vehicle."""
     keys = scenario(count, duration_s)
-    for place, vehicle in enumerate(keys["vehicles"]):
-        vehicle["endpoint"] = f"udpin:127.0.0.1:{FIRST_PORT + place}"
+    for index, vehicle in enumerate(keys["vehicles"]):
+        vehicle["endpoint"] = f"udpin:127.0.0.1:{FIRST_PORT + index}"
     return keys
 
 
@@ -116,14 +116,14 @@ class Loop:
 
         self._dialect: Any = mavutil.mavlink
         self._links: list[Any] = [
-            mavutil.mavlink_connection(f"udpin:127.0.0.1:{FIRST_PORT + place}", source_system=255)
-            for place in range(count)
+            mavutil.mavlink_connection(f"udpin:127.0.0.1:{FIRST_PORT + index}", source_system=255)
+            for index in range(count)
         ]
         self._newest: list[dict[str, Any]] = [{} for _ in self._links]
         self._commanded: list[dict[int, float]] = [{} for _ in self._links]
         self._selector = selectors.DefaultSelector()
-        for place, link in enumerate(self._links):
-            self._selector.register(link.port, selectors.EVENT_READ, place)
+        for index, link in enumerate(self._links):
+            self._selector.register(link.port, selectors.EVENT_READ, index)
         self.frames = 0
 
     def run(self, duration_s: float) -> float:
@@ -136,17 +136,17 @@ class Loop:
             if time.monotonic() >= due:
                 due += PERIOD_S
                 ticks += 1
-                for place in range(len(self._links)):
-                    self._tick(place, each_second=ticks % 10 == 0)
+                for index in range(len(self._links)):
+                    self._tick(index, each_second=ticks % 10 == 0)
         return time.process_time() - began
 
     def request(self) -> None:
         """Ask each vehicle that was received for its state at 10 Hz."""
-        for place, link in enumerate(self._links):
-            for name in STREAMS if self._newest[place] else ():
+        for index, link in enumerate(self._links):
+            for name in STREAMS if self._newest[index] else ():
                 number = getattr(self._dialect, f"MAVLINK_MSG_ID_{name}")
                 interval = self._dialect.MAV_CMD_SET_MESSAGE_INTERVAL
-                link.mav.command_long_send(place + 1, 1, interval, 0, number, 1e6 * PERIOD_S, 0, 0, 0, 0, 0)
+                link.mav.command_long_send(index + 1, 1, interval, 0, number, 1e6 * PERIOD_S, 0, 0, 0, 0, 0)
 
     def close(self) -> None:
         """Close the ports."""
@@ -154,18 +154,18 @@ class Loop:
         for link in self._links:
             link.close()
 
-    def _take(self, place: int) -> None:
-        while (message := self._links[place].recv_match(blocking=False)) is not None:
-            self._newest[place][message.get_type()] = message
+    def _take(self, index: int) -> None:
+        while (message := self._links[index].recv_match(blocking=False)) is not None:
+            self._newest[index][message.get_type()] = message
             self.frames += 1
 
-    def _tick(self, place: int, *, each_second: bool) -> None:
-        position = self._newest[place].get("GLOBAL_POSITION_INT")
+    def _tick(self, index: int, *, each_second: bool) -> None:
+        position = self._newest[index].get("GLOBAL_POSITION_INT")
         if position is None:
             return
-        link = self._links[place]
-        for command, value in setpoints(self._commanded[place], (position.lon % 1e7) / E7, each_second=each_second):
-            link.mav.command_int_send(place + 1, 1, 0, command, 0, 0, 1.0, value, 5.5, 0.0, 0, 0, value)
+        link = self._links[index]
+        for command, value in setpoints(self._commanded[index], (position.lon % 1e7) / E7, each_second=each_second):
+            link.mav.command_int_send(index + 1, 1, 0, command, 0, 0, 1.0, value, 5.5, 0.0, 0, 0, value)
             self.frames += 1
         if each_second:
             link.mav.heartbeat_send(6, 8, 0, 0, 4)
@@ -189,25 +189,25 @@ class SocketsAlone(Loop):
         self._raw = bytes(tell.pack(self._links[0].mav))
         self._peers = [next(iter(link.clients)) for link in self._links]
 
-    def _take(self, place: int) -> None:
+    def _take(self, index: int) -> None:
         if self._raw:
-            self.frames += len(self._inbox.drain(self._links[place].port))
+            self.frames += len(self._inbox.drain(self._links[index].port))
         else:
-            super()._take(place)
+            super()._take(index)
 
-    def _tick(self, place: int, *, each_second: bool) -> None:
+    def _tick(self, index: int, *, each_second: bool) -> None:
         if not self._raw:
-            super()._tick(place, each_second=each_second)
+            super()._tick(index, each_second=each_second)
             return
         for _ in range(SENT_EACH_SECOND if each_second else SENT_EACH_TICK):
-            self._links[place].port.sendto(self._raw, self._peers[place])
+            self._links[index].port.sendto(self._raw, self._peers[index])
             self.frames += 1
 
 
 def loop(kind: type[Loop], count: int, duration_s: float) -> tuple[float, int]:
     """Return processor time, s, and frames of a loop."""
-    with tempfile.TemporaryDirectory() as place:
-        file = Path(place) / "scenario.yaml"
+    with tempfile.TemporaryDirectory() as directory:
+        file = Path(directory) / "scenario.yaml"
         file.write_text(yaml.safe_dump(planned(count, duration_s)))
         listening = kind(count)
         vehicles = subprocess.Popen([sys.executable, "-P", "-m", "sim_vehicles", str(file)], stdout=subprocess.DEVNULL)

@@ -45,8 +45,8 @@ def pid(gains: PidGains, mixer: Mixer, tau_s: float, tick_s: float, filter_keeps
     """Return the law of `control.follower`, at frozen gains; m = (filtered rate, integral)."""
     error = np.array((mixer.k_x, -mixer.k_v, 0.0))
     # The rate at which (7) moves at the end of the tick, under the setpoint in effect.
-    lag_s = -tick_s / math.expm1(-tick_s / tau_s) - tick_s
-    slope = np.array((0.0, mixer.k_v / lag_s - mixer.k_x, -mixer.k_v / lag_s))
+    effective_tau_s = -tick_s / math.expm1(-tick_s / tau_s) - tick_s
+    slope = np.array((0.0, mixer.k_v / effective_tau_s - mixer.k_x, -mixer.k_v / effective_tau_s))
     new = (1.0 - filter_keeps) * slope
     return SampledLaw(
         np.diag((filter_keeps, 1.0)),
@@ -109,8 +109,8 @@ def main() -> None:
     for rate_hz in RATES_HZ:
         tick_s = 1.0 / rate_hz
         flown = math.exp(-tick_s / gains.filter_s)
-        lagging = gains.filter_s / (gains.filter_s + tick_s)
-        laws = [pid(gains, mixer, model.tau_v_s, tick_s, keeps) for keeps in (flown, lagging)]
+        as_continuous = gains.filter_s / (gains.filter_s + tick_s)
+        laws = [pid(gains, mixer, model.tau_v_s, tick_s, keeps) for keeps in (flown, as_continuous)]
         found = [margin(law, model.tau_v_s, tick_s) for law in (*laws, consensus(mutual, model.tau_v_s))]
         rows.append([f"{rate_hz:g}", *(f"{each:.3f}" for each in (computed, *found[:2], agreed, found[2]))])
     heads = [

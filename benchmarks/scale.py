@@ -42,8 +42,8 @@ HEADS: dict[ClockName, tuple[str, ...]] = {
 
 def scenario(count: int, duration_s: float) -> dict[str, Any]:
     """Return `count` vehicles one behind the other on a straight path, 254 to a network."""
-    places = [divmod(index, FULL_NETWORK) for index in range(count)]
-    vehicles: list[dict[str, Any]] = [{"id": place + 1, "network": network + 1} for network, place in places]
+    members = [divmod(index, FULL_NETWORK) for index in range(count)]
+    vehicles: list[dict[str, Any]] = [{"id": number + 1, "network": network + 1} for network, number in members]
     vehicles[0]["role"] = "leader"
     return {
         "name": f"scale-{count}",

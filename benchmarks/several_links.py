@@ -15,7 +15,7 @@ import gcs_formation
 from gcs_formation.studies.markdown import markdown
 
 DIES_S, RETURNS_S = 12.0, 20.0
-WAYS: dict[str, dict[str, Any]] = {"both ways": {}, "up": {"uplink": {}}, "down": {"downlink": {}}}
+DIRECTIONS: dict[str, dict[str, Any]] = {"both ways": {}, "up": {"uplink": {}}, "down": {"downlink": {}}}
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "40 and 400 ms": ({"delay_ms": 40}, {"delay_ms": 400}),
     "both 100 ms": ({"delay_ms": 100}, {"delay_ms": 100}),
@@ -64,7 +64,7 @@ def main() -> None:
         alone = [flown(scenario(first, None), seed)[:2] for seed in seeds]
         both = [flown(scenario(first, second), seed)[:2] for seed in seeds]
         rms_m = [f"{max(x for x, _ in each):.3f}, {max(y for _, y in each):.3f}" for each in (alone, both)]
-        for way, keys in WAYS.items():
+        for direction, keys in DIRECTIONS.items():
             left_s, back_s, dead_m, left_formation = list[float](), list[float](), list[float](), 0
             for seed in seeds:
                 ends = ((DIES_S, True), (RETURNS_S, False))
@@ -81,7 +81,7 @@ def main() -> None:
             rows.append(
                 [
                     name,
-                    way,
+                    direction,
                     f"{max(left_s):.1f} ({len(left_s)})" if left_s else "–",
                     f"{max(back_s):.1f}" if back_s else "–",
                     *rms_m,

@@ -1,6 +1,6 @@
-"""Size and structure of the source tree: modules, classes, lines, import cycles, and a datagram's way.
+"""Size and structure of the source tree: modules, classes, lines, import cycles, and a datagram's path.
 
-The way is measured: the files that run, from the receipt of a position datagram to the setpoints that follow from it,
+The path is measured: the files that run, from the receipt of a position datagram to the setpoints that follow from it,
 in a flight of configs/quickstart.yaml in memory.
 """
 
@@ -106,7 +106,7 @@ def _is_position(datagram: Datagram) -> bool:
     return any(isinstance(frame.message, GlobalPositionInt) for frame in StreamParser().feed(datagram.data))
 
 
-def way() -> list[str]:
+def datagram_path() -> list[str]:
     """Return the files of station and wire that run from a position to the setpoints."""
     scenario = load_scenario(ROOT / "configs" / "quickstart.yaml")
     clock = VirtualClock()
@@ -114,9 +114,9 @@ def way() -> list[str]:
     network.attach(Fleet(fleet_config(scenario)))
     network.attach(station)
     network.run(lambda: station.done or seconds_between(Instant(0), clock.now()) > FLOWN_S)
-    places = (Path(file) for file in station.files or ())
-    within = (place.relative_to(ROOT) for place in places if place.is_relative_to(ROOT))
-    return sorted(str(place) for place in within if place.parts[0] in PACKAGES)
+    paths = (Path(file) for file in station.files or ())
+    within = (path.relative_to(ROOT) for path in paths if path.is_relative_to(ROOT))
+    return sorted(str(path) for path in within if path.parts[0] in PACKAGES)
 
 
 def main() -> None:
@@ -137,7 +137,7 @@ def main() -> None:
     lines = sum(len(everything[name].splitlines()) for name in closed_over if WRITTEN not in everything[name])
     size = f"{len(closed_over)} modules, {lines} lines but for written ones"
     print(f"imported by the station, without features and families: {size}")
-    files = way()
+    files = datagram_path()
     own = [file for file in files if file.startswith("gcs_formation")]
     brought = sum("/features/" in file or "/families/" in file for file in own)
     of_station = f"{len(own)} of the station ({len(own) - brought} without features and families)"

@@ -51,7 +51,7 @@ def main() -> None:
     ]
     print(markdown(("direction", "message", "a second", "bytes a second", "bytes"), rows))
     for up in (True, False):
-        total = sum(count for (way, _), count in octets.items() if way == up)
+        total = sum(count for (upwards, _), count in octets.items() if upwards == up)
         print(f"{'up' if up else 'down'}: {total} bytes, {total / seconds:.0f} a second")
     for number, each in summary.to_dict()["followers"].items():
         print(f"vehicle {number}: RMS {each['error_x_m']['rms']:.4f}, {each['error_y_m']['rms']:.4f} m")

@@ -61,7 +61,7 @@ class Loader(SourceFileLoader):
     def get_code(self, fullname: str) -> CodeType:  # noqa: ARG002
         """Compile the module with one more statement, behind the number's."""
         tree = ast.parse(Path(self.path).read_bytes())
-        behind = 1 + next(place for place, each in enumerate(tree.body) if defines(each, self.number))
+        behind = 1 + next(index for index, each in enumerate(tree.body) if defines(each, self.number))
         tree.body[behind:behind] = ast.parse(f"{self.number} = __multiplied__({self.number}, {self.factor!r})").body
         return compile(tree, self.path, "exec")
 

@@ -8,7 +8,7 @@ from random import Random
 from typing import Any
 
 import gcs_formation
-from benchmarks import PAPER, both_ways, events_of
+from benchmarks import PAPER, both_directions, events_of
 from benchmarks.headlines import Case, Figure, Flight, draws, guidance
 from gcs_formation.report import load_run
 from gcs_formation.report.gusts import gusts
@@ -32,13 +32,14 @@ def stepped(random: Random, whom: str | list[int] = "all", after_s: float = AFTE
 
 def delayed(random: Random, delay_ms: float, **keys: Any) -> Flight:
     """Draw a flight with a step over links of one delay."""
-    return stepped(random, links=both_ways(delay_ms), **keys)
+    return stepped(random, links=both_directions(delay_ms), **keys)
 
 
 def off_model(random: Random) -> Flight:
     """Draw a flight with a step and 300 ms, of vehicles whose time constants are up to 30 % off the model's."""
     vehicles = [
-        {"id": 1 + i, "role": "follower" if i else "leader", "true_model": draws.lags(random, 0.3)} for i in range(4)
+        {"id": 1 + i, "role": "follower" if i else "leader", "true_model": draws.time_constants(random, 0.3)}
+        for i in range(4)
     ]
     return delayed(random, 300.0, vehicles=vehicles, after_s=20.0)
 
@@ -53,7 +54,7 @@ def measuring(random: Random) -> Flight:
     """Draw a flight whose followers have links and clocks of their own."""
     changes = [
         {"at_s": 0, "vehicles": [number], "jitter_ms": random.choice([0, 20]), "reorder": True}
-        | {way: {"delay_ms": round(random.uniform(0, 600), 1)} for way in ("uplink", "downlink")}
+        | {direction: {"delay_ms": round(random.uniform(0, 600), 1)} for direction in ("uplink", "downlink")}
         for number in FOLLOWERS
     ]
     clocks = [{"id": number, "clock": {"drift_ppm": random.choice([0, 50, -50, 15000])}} for number in FOLLOWERS]
@@ -119,7 +120,7 @@ def changing(random: Random) -> Flight:
         "path__waypoints_m": draws.path(random, 110.0),
         "formation__changes": [{"at_s": 20 + 45 * i, "shape": shape} for i, shape in enumerate(shapes)],
         "start__offset_m": [0, 0, 0],
-        "links": both_ways(300.0),
+        "links": both_directions(300.0),
         "disturbances": [],
     }
     return Flight(keys, 10.0, 110.0)

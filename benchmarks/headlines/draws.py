@@ -73,7 +73,7 @@ def instant(random: Random, min_s: float, max_s: float) -> float:
     return round(random.uniform(min_s, max_s), 3)
 
 
-def lags(random: Random, share: float) -> dict[str, float]:
+def time_constants(random: Random, share: float) -> dict[str, float]:
     """Return time constants of equation (7), each off the usual ones by up to a share."""
     usual = {"tau_v_s": 4.0, "tau_psi_s": 1.5, "tau_ha_s": 1.0, "tau_hb_s": 3.0}
     return {name: round(value * random.uniform(1 - share, 1 + share), 3) for name, value in usual.items()}

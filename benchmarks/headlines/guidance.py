@@ -9,7 +9,7 @@ from random import Random
 import numpy as np
 
 import gcs_formation
-from benchmarks import PAPER, both_ways
+from benchmarks import PAPER, both_directions
 from benchmarks.headlines import Case, Figure, Flight, draws
 from gcs_formation.record.path_distance import path_distances
 from gcs_formation.report import load_run
@@ -29,7 +29,7 @@ def in_bends(random: Random) -> Flight:
         "seed": draws.seed(random),
         "path__waypoints_m": draws.tight(random, LONE_S, 0.9 * TURN_RPS),
         "vehicles": [{"id": 1, "role": "leader"}],
-        "links": both_ways(random.choice([0.0, 300.0])),
+        "links": both_directions(random.choice([0.0, 300.0])),
         "disturbances": [],
     }
     return Flight(keys, 5.0, LONE_S)
@@ -41,7 +41,7 @@ def on_legs(random: Random) -> Flight:
         "seed": draws.seed(random),
         "path__waypoints_m": draws.mission(random, MISSION_S),
         "path__kind": "legs",
-        "links": both_ways(300.0),
+        "links": both_directions(300.0),
         "start__offset_m": [0, 0, 0],
         "disturbances": [],
     }
@@ -53,7 +53,7 @@ def in_turbulence(random: Random, delay_ms: float) -> Flight:
     keys = {
         "seed": draws.seed(random),
         "path__waypoints_m": draws.path(random, TURBULENT_S, level=True),
-        "links": both_ways(delay_ms),
+        "links": both_directions(delay_ms),
         "disturbances": [{"at_s": 0, "kind": "dryden", "wind_6m_mps": 7}],
     }
     return Flight(keys, 0.0, TURBULENT_S)
@@ -66,7 +66,7 @@ def after_gust(random: Random) -> Flight:
     keys = {
         "seed": draws.seed(random),
         "path__waypoints_m": draws.path(random, at_s + JUDGED_S, level=True),
-        "links": both_ways(300.0),
+        "links": both_directions(300.0),
         "disturbances": [{"at_s": at_s, "velocity_mps": velocity_mps}],
     }
     return Flight(keys, at_s, at_s + JUDGED_S)

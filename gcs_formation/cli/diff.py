@@ -50,7 +50,7 @@ def diff(one: Path, other: Path, tolerance: float | None, ignore: tuple[str, ...
         fail(str(error))
     if as_json:
         rows = [
-            {"part": each.part, "place": each.place, "t_s": each.t_s, "one": each.one, "other": each.other}
+            {"part": each.part, "place": each.location, "t_s": each.t_s, "one": each.one, "other": each.other}
             for each in found
         ]
         click.echo(json.dumps(rows, indent=1, default=str))

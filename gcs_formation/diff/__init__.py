@@ -66,7 +66,7 @@ def differences(one: Path, other: Path, tolerance: float | None = None) -> Itera
     happened += _of_files(one, other, TIMESERIES, lambda a, b: series_differences(a, b, allowed))
     yield from sorted(happened, key=lambda each: float("inf") if each.t_s is None else each.t_s)
     for each in _values(SUMMARY, *summaries, allowed):
-        if not each.place.startswith((*FLOWN_BY, *OF_THE_SCENARIO, *OF_THE_MACHINE)):
+        if not each.location.startswith((*FLOWN_BY, *OF_THE_SCENARIO, *OF_THE_MACHINE)):
             yield each
 
 

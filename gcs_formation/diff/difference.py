@@ -12,17 +12,17 @@ WIDTH: Final = 60
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """What differs: the part of the record, the place in it, when, s since the run's start, and both values."""
+    """What differs: the part of the record, the location in it, when, s since the run's start, and both values."""
 
     part: str
-    place: str
+    location: str
     t_s: float | None
     one: object
     other: object
 
     def __str__(self) -> str:
         """Return it as a line: where, when, both values, and by how much numbers differ."""
-        where = ": ".join(each for each in (self.part, self.place) if each)
+        where = ": ".join(each for each in (self.part, self.location) if each)
         when = "" if self.t_s is None else f" at {self.t_s:.3f} s"
         return f"{where}{when}: {_shown(self.one)} | {_shown(self.other)}{_by(self.one, self.other)}"
 

@@ -64,14 +64,14 @@ def _first(part: str, number: int, t_s: float, one: _Stamped | None, other: _Sta
         or (a.system, a.message_id) != (b.system, b.message_id)
     ):
         return Difference(part, f"frame {number}", t_s, _name(one[1]), _name(other[1]))
-    place = f"frame {number}, {_name(one[1])}"
+    location = f"frame {number}, {_name(one[1])}"
     for field in a.message.kind().fields:
         values = getattr(a.message, field), getattr(b.message, field)
         if values[0] != values[1]:
-            return Difference(part, f"{place}: {field}", t_s, *values)
+            return Difference(part, f"{location}: {field}", t_s, *values)
     if a.sequence != b.sequence:
-        return Difference(part, f"{place}: sequence number", t_s, a.sequence, b.sequence)
-    return Difference(part, place, t_s, one[1].hex(), other[1].hex())
+        return Difference(part, f"{location}: sequence number", t_s, a.sequence, b.sequence)
+    return Difference(part, location, t_s, one[1].hex(), other[1].hex())
 
 
 def _parsed(raw: bytes) -> Frame | None:

@@ -56,10 +56,10 @@ def _columns(
             continue
         row = int(np.argmax(differs))
         count = int(differs.sum())
-        place = f"{name} of vehicle {_text(vehicle)}, in {count} of {length} ticks"
+        location = f"{name} of vehicle {_text(vehicle)}, in {count} of {length} ticks"
         if a.dtype.kind == "f" and count > 1:
-            place += f", at most {_greatest(name, a, b):.3g}"
-        yield Difference(part, place, float(times_s[row]), *(_plain(each[row]) for each in (a, b)))
+            location += f", at most {_greatest(name, a, b):.3g}"
+        yield Difference(part, location, float(times_s[row]), *(_plain(each[row]) for each in (a, b)))
 
 
 def _differs(name: str, one: Array, other: Array, allowed: Tolerance) -> Array:
@@ -69,18 +69,18 @@ def _differs(name: str, one: Array, other: Array, allowed: Tolerance) -> Array:
     if allowed.maximum is None:
         return ~same
     with np.errstate(invalid="ignore"):
-        return ~same & ~(_apart(name, one, other) <= allowed.maximum)
+        return ~same & ~(_difference(name, one, other) <= allowed.maximum)
 
 
-def _apart(name: str, one: Array, other: Array) -> Array:
-    apart = wrap(one - other) if name.endswith(ANGLE) else one - other
-    return np.abs(apart)
+def _difference(name: str, one: Array, other: Array) -> Array:
+    difference = wrap(one - other) if name.endswith(ANGLE) else one - other
+    return np.abs(difference)
 
 
 def _greatest(name: str, one: Array, other: Array) -> float:
     """Return the greatest difference of numbers that both runs have; NaN if there is none."""
     both = np.isfinite(one) & np.isfinite(other)
-    return float(_apart(name, one[both], other[both]).max()) if both.any() else math.nan
+    return float(_difference(name, one[both], other[both]).max()) if both.any() else math.nan
 
 
 def _read(path: Path) -> _Columns:

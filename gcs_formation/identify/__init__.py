@@ -279,7 +279,7 @@ def report(found: Mapping[str, Any]) -> str:
 
 
 def _setpoints_text(setpoints: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return where setpoints are from and what they identify, each place in the log once."""
+    """Return where setpoints are from and what they identify, each location in the log once."""
     lines = list[str]()
     for each in setpoints:
         during = f", in {', '.join(each['modes'])}" if each["modes"] else ""

@@ -29,7 +29,7 @@ STRIDE = 5
 """Points between the starts of two predictions."""
 WAIT_SIGMA_S = CYCLE_S / 2.0
 """Standard deviation of the time at which setpoints act. They act anywhere within the vehicle's cycle, but always at
-the same place of it in one flight. Half a cycle, the distance from its middle to its end, covers a vehicle that always
+the same phase of it in one flight. Half a cycle, the distance from its middle to its end, covers a vehicle that always
 acts at the end."""
 UNKNOWN = 0.5
 """Prior standard deviation of a time constant's logarithm, and of the dead time in seconds."""
@@ -47,7 +47,7 @@ DEAD_MAX_S = 2.0
 CLEAR = 1.96
 """A dead time of fewer standard deviations isn't distinguished from none; the others are then fitted without it."""
 REST = ("prompt_share", "rest_s")
-"""Also fitted for vehicles believed to leave part of a speed change to an integrator."""
+"""Also fitted for vehicles assumed to leave part of a speed change to an integrator."""
 MIN_SHARE = 0.2
 QUICK_MPS = 0.2
 """A larger change of a multirotor's velocity setpoint within `STEP_S` isn't gentle."""
@@ -58,7 +58,7 @@ MIN_KEPT = 0.2
 
 
 class Estimate(NamedTuple):
-    """A parameter and its standard deviation: by the scatter of the errors, and by when setpoints acted."""
+    """A parameter and its standard deviation: by the spread of the errors, and by when setpoints acted."""
 
     value: float
     sigma: float
@@ -197,8 +197,10 @@ def _hardly_moved(recordings: Sequence[Recording]) -> dict[str, str]:
     for channel, (minimum, unit) in MIN_MOVED.items():
         if not all(channel in each for each in moved):
             found[channel] = f"no {channel} setpoints with responses to them"
-        elif (most := max(each[channel] for each in moved)) < minimum:
-            text = f"the {channel} setpoint changed by no more than {most:.2g} {unit}: found too little to learn from"
+        elif (largest := max(each[channel] for each in moved)) < minimum:
+            text = (
+                f"the {channel} setpoint changed by no more than {largest:.2g} {unit}: found too little to learn from"
+            )
             found[channel] = f"{text}; {minimum:g} {unit} or more would do"
     if len(found) == len(CHANNELS):
         raise _too_little(found)

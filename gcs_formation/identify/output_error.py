@@ -122,9 +122,9 @@ class Search:
             pull = worth * sum(each.slopes @ each.error for each in points) + self._prior @ (self.logs - self._start)
             step = np.clip(np.linalg.solve(information, pull), -STEP_MAX, STEP_MAX)
             self.logs = self.logs - step
-            for place, each in enumerate(points):
+            for index, each in enumerate(points):
                 left = each.full - step @ each.full_slopes
-                self._begins[place] = self._begins[place] - np.linalg.lstsq(each.begin.T, left, rcond=None)[0]
+                self._begins[index] = self._begins[index] - np.linalg.lstsq(each.begin.T, left, rcond=None)[0]
             if np.abs(step).max() < close:
                 return
 
@@ -142,13 +142,13 @@ class Search:
             each_sigma = [_sigma(np.concatenate(self._there(left, channel))) for channel in range(CHANNELS)]
             self._scales = np.maximum(RESOLUTION, each_sigma)
         found = list[Point]()
-        for place, seen in enumerate(errors[0]):
-            moved = [(each[place] - seen) / NUDGE for each in errors[1 : 1 + len(logs)]]
-            begun = [(each[place] - seen) / nudge for each, nudge in zip(by_begin, BEGIN_NUDGES.tolist(), strict=True)]
+        for index, seen in enumerate(errors[0]):
+            moved = [(each[index] - seen) / NUDGE for each in errors[1 : 1 + len(logs)]]
+            begun = [(each[index] - seen) / nudge for each, nudge in zip(by_begin, BEGIN_NUDGES.tolist(), strict=True)]
             offsets = [np.repeat(each[:, None], seen.shape[1], axis=1) for each in np.eye(CHANNELS)]
             each_row = (seen, *moved, *begun, *offsets)
             error, *every = (self._unpredicted(each) / self._scales[:, None] for each in each_row)
-            weights = self._counted(place) * np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(error), TINY)))
+            weights = self._counted(index) * np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(error), TINY)))
             full, rows = (error * weights).ravel(), np.stack([(each * weights).ravel() for each in every])
             slopes, basis = rows[: len(logs)], rows[len(logs) :]
             directions = np.linalg.qr(basis.T)[0]
@@ -185,7 +185,7 @@ class Search:
 
     def _white_information(self, points: Sequence[Point]) -> Array:
         """Return the information (P, P) of errors that are as large as found, and white."""
-        counted = sum(self._counted(place).sum(axis=1) for place in range(len(points)))
+        counted = sum(self._counted(index).sum(axis=1) for index in range(len(points)))
         squares = sum((each.error.reshape(CHANNELS, -1) ** 2).sum(axis=1) for each in points)
         weights = 1.0 / np.maximum(squares / np.maximum(counted, 1), MIN_SQUARE)
         each_channel = (each.slopes.reshape(len(self.logs), CHANNELS, -1) for each in points)
@@ -215,9 +215,9 @@ class Search:
         each = zip(errors, self._predictors, strict=True)
         return np.stack([np.convolve(error, weights)[: error.size] for error, weights in each])
 
-    def _counted(self, place: int) -> Mask:
+    def _counted(self, index: int) -> Mask:
         """Return which errors (3, M) of a recording count: measured ones with enough before them."""
-        there = self._measured[place].there.copy()
+        there = self._measured[index].there.copy()
         for channel, weights in enumerate(self._predictors):
             there[channel, : weights.size - 1] = False
         return there
@@ -247,9 +247,9 @@ class _Measured(NamedTuple):
     @classmethod
     def of(cls, recording: Recording) -> _Measured:
         each, last = recording.measured(), recording.seen.shape[1] - 2
-        most = max(len(at) for at, _ in each)
-        steps = np.stack([np.pad(at, (0, most - len(at)), constant_values=-1.0) for at, _ in each])
-        value = np.stack([np.pad(value, (0, most - len(value))) for _, value in each])
+        longest = max(len(at) for at, _ in each)
+        steps = np.stack([np.pad(at, (0, longest - len(at)), constant_values=-1.0) for at, _ in each])
+        value = np.stack([np.pad(value, (0, longest - len(value))) for _, value in each])
         point = np.clip(steps.astype(np.intp), 0, last)
         return cls(point, steps - point, value, steps >= 0.0)
 
@@ -271,16 +271,16 @@ def predictor(errors: Sequence[Array]) -> Array:
     """
     count, alike = sum(each.size for each in errors), np.eye(1, ORDER_MAX + 1)[0]
     for each in errors:
-        most = OUTLYING * _sigma(each)
-        kept = np.clip(each - np.median(each), -most, most)
+        limit = OUTLYING * _sigma(each)
+        kept = np.clip(each - np.median(each), -limit, limit)
         for lag in range(min(ORDER_MAX + 1, kept.size)):
             alike[lag] += kept[lag:] @ kept[: kept.size - lag] / count
-    found, least = np.ones(1), math.inf
+    found, smallest = np.ones(1), math.inf
     for order in range(ORDER_MAX + 1):
         weights = np.append(1.0, -solve_toeplitz(alike[:order], alike[1 : order + 1])) if order else np.ones(1)
         criterion = count * math.log(weights @ alike[: order + 1]) + order * math.log(count)
-        if criterion < least:
-            found, least = weights, criterion
+        if criterion < smallest:
+            found, smallest = weights, criterion
     return found
 
 
@@ -298,17 +298,17 @@ def simulated(commanded: Sequence[Array], models: AutopilotModels, begins: Array
         models: (N,) columns, whose turn rates are changed.
         begins: (N, 4) airspeed, heading, height and climb at the start.
     """
-    count, most = len(commanded), max(each.shape[1] for each in commanded)
-    held = np.stack([np.pad(each, ((0, 0), (0, most - each.shape[1])), mode="edge") for each in commanded], axis=2)
+    count, longest = len(commanded), max(each.shape[1] for each in commanded)
+    held = np.stack([np.pad(each, ((0, 0), (0, longest - each.shape[1])), mode="edge") for each in commanded], axis=2)
     airspeed, heading, height, climb = begins.T
     none, step_s, turn_rate_max_rps = np.zeros(count), np.full(count, STEP_S), models.turn_rate_max_rps.copy()
-    state, flown = FlightStates(none, none, height, climb, airspeed, heading, none, none), np.empty((3, most, count))
-    for point in range(most):
+    state, flown = FlightStates(none, none, height, climb, airspeed, heading, none, none), np.empty((3, longest, count))
+    for point in range(longest):
         flown[:, point] = state.airspeed_mps, state.heading_rad, state.height_m
         lateral_rps = held[3, point] / np.maximum(state.airspeed_mps, MIN_SPEED_MPS)
         models.turn_rate_max_rps[:] = np.minimum(turn_rate_max_rps, lateral_rps)
         state = advance(state, held[:3, point], step_s, models)
-    return [flown[:, : each.shape[1], place] for place, each in enumerate(commanded)]
+    return [flown[:, : each.shape[1], index] for index, each in enumerate(commanded)]
 
 
 def autocovariance(errors: Array, duration_s: float) -> Array:

@@ -73,7 +73,7 @@ class Recording:
     """Those of speed, heading and height of which the log has setpoints and responses; the other rows of `commanded`
     are what was seen."""
     track: Track = field(default_factory=lambda: Track(0))
-    """The place in the log where the setpoints are."""
+    """The location in the log of the setpoints."""
     modes: tuple[str, ...] = ()
     """The vehicle's flight modes meanwhile, where they are logged."""
 

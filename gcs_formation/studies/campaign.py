@@ -218,14 +218,14 @@ def fly_study(
         RecordError: `out` holds other files or another study, or it can't be written.
         RunAbortedError: no further flight can be flown or written; what was written is kept.
     """
-    spent, place = Stopwatch(), str(out / FLIGHTS)
+    spent, location = Stopwatch(), str(out / FLIGHTS)
     if records is not None:
         require_url(records, study.record)
-        place = records.rstrip("/")
+        location = records.rstrip("/")
     with Dataset(out, study, base, resume=resume, overwrite=overwrite) as data:
         plan, written_s = Plan(study), spent.wall_s
         try:
-            for row in flights(plan, base, place, workers, shown, data.rows):
+            for row in flights(plan, base, location, workers, shown, data.rows):
                 data.add(row)
                 if spent.wall_s - written_s > TABLE_EVERY_S:
                     data.write_table()

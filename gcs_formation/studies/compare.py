@@ -40,12 +40,12 @@ from gcs_formation.studies.flight import figure as figure_of
 from gcs_formation.studies.plan import Planned
 
 SCHEMA = 1
-WAYS = (("", "law.delay_compensation=true"), ("_uncompensated", "law.delay_compensation=false"))
+COMPENSATIONS = (("", "law.delay_compensation=true"), ("_uncompensated", "law.delay_compensation=false"))
 LAWS: dict[str, tuple[str, ...]] = {
-    f"{law}{variant}{way}": (f"law.type={law}", *overrides, compensated)
+    f"{law}{variant}{suffix}": (f"law.type={law}", *overrides, compensated)
     for law, kind in laws.LAWS.items()
     for variant, overrides in kind.variants
-    for way, compensated in WAYS
+    for suffix, compensated in COMPENSATIONS
 }
 """Overrides of each law, as for `--set`; gains stay the scenario's, and the consensus law has its own."""
 SETTLING_S = 60.0
@@ -114,7 +114,11 @@ def compare_laws(  # noqa: PLR0913 - the command's options
 
 def laws_of(registry: Registry) -> dict[str, tuple[str, ...]]:
     """Return the laws that can be compared, with the overrides of each: those of `LAWS`, and those of extensions."""
-    own = {f"{name}{way}": (f"law.type={name}", how) for name in registry.names(*LAW_KINDS) for way, how in WAYS}
+    own = {
+        f"{name}{suffix}": (f"law.type={name}", how)
+        for name in registry.names(*LAW_KINDS)
+        for suffix, how in COMPENSATIONS
+    }
     return {**LAWS, **own}
 
 
@@ -217,7 +221,7 @@ def _figures(run: RunData, window_s: tuple[float, float]) -> dict[str, Any]:
 
 
 def _spans(comparison: Comparison) -> list[tuple[float, float]]:
-    """Return the spans of time that are drawn beside each other; a single one if it includes the settling."""
+    """Return the spans of time that are drawn side by side; a single one if it includes the settling."""
     from_s, to_s = comparison["from_s"], comparison["to_s"]
     return [(0.0, SETTLING_S), (from_s, to_s)] if from_s > 0.0 and to_s > SETTLING_S else [(0.0, to_s)]
 

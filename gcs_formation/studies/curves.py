@@ -85,9 +85,9 @@ def _curve(badness: Array, clusters: Array) -> Curve:
     rank[order] = np.arange(badness.size)
     ends = [share_interval(by_cluster(rank <= each, clusters), CONFIDENCE) for each in at.tolist()]
     low, high = np.array(ends).reshape(-1, 2).T
-    places = np.arange(known)
-    before, after = np.searchsorted(at, places, side="right") - 1, np.searchsorted(at, places)
-    return Curve(badness[order][:known], (1.0 + places) / max(badness.size, 1), low[before], high[after])
+    ranks = np.arange(known)
+    before, after = np.searchsorted(at, ranks, side="right") - 1, np.searchsorted(at, ranks)
+    return Curve(badness[order][:known], (1.0 + ranks) / max(badness.size, 1), low[before], high[after])
 
 
 def distributions(flights: Flights) -> Figure:

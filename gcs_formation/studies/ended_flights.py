@@ -78,6 +78,6 @@ def flights_of(study: Study, rows: Iterable[Row]) -> Flights:
             parameters[name] = column
     metrics = {name: np.array([row[name] for row in ended], dtype=np.float64) for name in study.measured}
     known = {name: values for name, values in metrics.items() if np.isfinite(values).any()}
-    some = {place: each for place, each in enumerate(study.expect) if each.where}
-    concerned = {place: np.array([concerns(each, row) for row in ended]) for place, each in some.items()}
+    some = {index: each for index, each in enumerate(study.expect) if each.where}
+    concerned = {index: np.array([concerns(each, row) for row in ended]) for index, each in some.items()}
     return Flights(study, parameters, known, levels, concerned, clusters_of(study, ended), Chance.of(study, ended))

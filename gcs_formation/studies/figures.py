@@ -157,10 +157,10 @@ def _table(flights: Flights, values: Array, pair: tuple[str, str]) -> _Table:
     columns, rows = (edges_of(flights, name, maximum) for name in pair)
     column, row = (cells_of(flights.parameters[name], edges) for name, edges in zip(pair, (columns, rows), strict=True))
     cells: Array = np.full((len(rows) - 1, len(columns) - 1), np.nan)
-    for place in np.ndindex(*cells.shape):
-        inside = values[(row == place[0]) & (column == place[1])]
+    for cell in np.ndindex(*cells.shape):
+        inside = values[(row == cell[0]) & (column == cell[1])]
         known = inside[np.isfinite(inside)]
-        cells[place] = np.median(known) if known.size else np.nan
+        cells[cell] = np.median(known) if known.size else np.nan
     return _Table(columns, rows, cells)
 
 
@@ -192,12 +192,12 @@ def _boundary(axes: Axes, table: _Table, level: float, colour: str, label: str) 
             axes.plot([at, at], table.rows[row : row + 2], color=colour, lw=1.8, label=label)
 
 
-def crossings_of(places: Array, values: Array, level: float) -> list[float]:
+def crossings_of(positions: Array, values: Array, level: float) -> list[float]:
     """Return the positions at which values cross a level, between known neighbours."""
     off = values - level
     known = np.isfinite(off[:-1]) & np.isfinite(off[1:])
     found = np.flatnonzero(known & ((off[:-1] < 0.0) != (off[1:] < 0.0)))
-    return [float(places[i] + (places[i + 1] - places[i]) * off[i] / (off[i] - off[i + 1])) for i in found]
+    return [float(positions[i] + (positions[i + 1] - positions[i]) * off[i] / (off[i] - off[i + 1])) for i in found]
 
 
 def _room(table: _Table, maps: int) -> int:
@@ -209,11 +209,11 @@ def _room(table: _Table, maps: int) -> int:
 
 def _write(axes: Axes, table: _Table, norm: Normalize, digits: int) -> None:
     for row, column in np.argwhere(np.isfinite(table.cells)):
-        place = float(table.columns[column : column + 2].mean()), float(table.rows[row : row + 2].mean())
+        centre = float(table.columns[column : column + 2].mean()), float(table.rows[row : row + 2].mean())
         value = float(table.cells[row, column])
         ink = "white" if norm(value) < 0.5 else "black"
         behind = {"facecolor": CELLS(norm(value)), "edgecolor": "none", "pad": 1.0}  # a boundary may cross the text
-        axes.text(*place, f"{value:.{digits}g}", ha="center", va="center", color=ink, bbox=behind)
+        axes.text(*centre, f"{value:.{digits}g}", ha="center", va="center", color=ink, bbox=behind)
 
 
 def searched(flights: Flights, search: Bisection, found: Sequence[Mapping[str, Any]], rows: Sequence[Row]) -> Figure:
@@ -233,23 +233,23 @@ def searched(flights: Flights, search: Bisection, found: Sequence[Mapping[str, A
     if measured:
         ends = [[_row_at(rows, entry, names, search.parameter, entry[key]) for key in KEPT] for entry in found]
         _ends(panels[1], [tuple(row.get(LOOP_DELAY) for row in each) for each in ends])
-        for place, (kept, broken) in enumerate(ends):
+        for index, (kept, broken) in enumerate(ends):
             margin_s = kept.get(MARGIN_S, broken.get(MARGIN_S))
             if margin_s is not None:
-                panels[1].plot(margin_s, place, ls="", marker="D", ms=4, color=LIMIT, label="computed delay margin")
+                panels[1].plot(margin_s, index, ls="", marker="D", ms=4, color=LIMIT, label="computed delay margin")
         panels[1].set_xlabel("loop's delay there, s")
     legend_below(figure)
     return figure
 
 
 def _ends(axes: Axes, ends: Sequence[tuple[Any, ...]]) -> None:
-    for place, (kept, broken) in enumerate(ends):
+    for index, (kept, broken) in enumerate(ends):
         if kept is not None and broken is not None:
-            axes.plot([kept, broken], [place, place], color=BAND, lw=2.5, label="kept to broken")
+            axes.plot([kept, broken], [index, index], color=BAND, lw=2.5, label="kept to broken")
         elif kept is not None:
-            axes.plot(kept, place, ls="", marker=">", color=BAND, label="kept up to the high end")
+            axes.plot(kept, index, ls="", marker=">", color=BAND, label="kept up to the high end")
         elif broken is not None:
-            axes.plot(broken, place, ls="", marker="<", color=BAND, label="broken at the low end")
+            axes.plot(broken, index, ls="", marker="<", color=BAND, label="broken at the low end")
 
 
 def _sample(entry: Mapping[str, Any], names: Sequence[str], seeds: int) -> str:

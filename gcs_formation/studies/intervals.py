@@ -34,7 +34,7 @@ one flight cover 92 % at every share; 0.4 leaves 90 % at some."""
 SHARES, CORRELATIONS = 256, 13
 """Points of p and of rho, evenly spaced in arcsin(sqrt(·)): Jeffreys' prior of p is uniform there."""
 NEARLY = 1e-6
-"""Distance of the least and the largest rho from 0 and 1."""
+"""Distance of the smallest and the largest rho from 0 and 1."""
 KEPT_UP_TO = 512
 """Outcomes of clusters whose likelihoods are remembered, 27 kB each."""
 _EDGES = np.linspace(0.0, np.pi / 2.0, SHARES + 1)
@@ -101,9 +101,9 @@ def clusters_of(study: Study, rows: Sequence[Row]) -> Array:
 
 def by_cluster(kept: Mask, clusters: Array) -> list[tuple[int, int]]:
     """Return how many flights of each cluster are kept, and how many it has, from both for each flight, (N,)."""
-    _, places = np.unique(clusters, return_inverse=True)
-    flights = np.bincount(places)
-    return list(zip(np.bincount(places, weights=kept).astype(int).tolist(), flights.tolist(), strict=True))
+    _, inverse = np.unique(clusters, return_inverse=True)
+    flights = np.bincount(inverse)
+    return list(zip(np.bincount(inverse, weights=kept).astype(int).tolist(), flights.tolist(), strict=True))
 
 
 def share_interval(clusters: Iterable[tuple[int, int]], confidence: float) -> tuple[float, float]:

@@ -206,7 +206,7 @@ def base_keys(study: Study, read: Source) -> dict[Any, Plain]:
 
 
 def _of_base(problem: Problem, read: Source) -> Problem:
-    """Return a problem of the scenario's file; if it has no line there, with its place in the study's file."""
+    """Return a problem of the scenario's file; if it has no line there, with its location in the study's file."""
     if problem.line is not None:
         return problem
     return read.problem(("base",), f"{problem.file}: {problem.found}", problem.allowed or "a scenario's file")
@@ -297,11 +297,11 @@ class _Trial:
         try:
             Task(planned, self._study, self._base).scenario()
         except ScenarioError as error:
-            return ScenarioError([self._placed(problem, sample) for problem in error.problems])
+            return ScenarioError([self._located(problem, sample) for problem in error.problems])
         return None
 
-    def _placed(self, problem: Problem, tried: Sample) -> Problem:
-        """Return a scenario's problem with the place in the study's file of what set the wrong key.
+    def _located(self, problem: Problem, tried: Sample) -> Problem:
+        """Return a scenario's problem with the location in the study's file of what set the wrong key.
 
         A problem in a key that the study doesn't set is attributed to the value that was tried.
         """

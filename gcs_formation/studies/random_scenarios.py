@@ -159,13 +159,13 @@ def _formation(rng: np.random.Generator, severity: Severity, count: int) -> Keys
 
 
 def _waypoints(rng: np.random.Generator, length_m: float) -> list[list[float]]:
-    places, course = [[0.0, 0.0, float(rng.uniform(100.0, 300.0))]], float(rng.uniform(-math.pi, math.pi))
+    waypoints, course = [[0.0, 0.0, float(rng.uniform(100.0, 300.0))]], float(rng.uniform(-math.pi, math.pi))
     for _ in range(math.ceil(length_m / LEG_M)):
-        north, east, height = places[-1]
+        north, east, height = waypoints[-1]
         course += float(rng.uniform(-0.35, 0.35))
         north, east = north + LEG_M * math.cos(course), east + LEG_M * math.sin(course)
-        places.append([north, east, float(np.clip(height + rng.uniform(-20.0, 20.0), 60.0, 400.0))])
-    return places
+        waypoints.append([north, east, float(np.clip(height + rng.uniform(-20.0, 20.0), 60.0, 400.0))])
+    return waypoints
 
 
 def _impairment(rng: np.random.Generator) -> Keys:
@@ -203,10 +203,12 @@ def _outages(rng: np.random.Generator, severity: Severity, count: int, faults: l
     if any(fault["kind"] == "pilot" and vehicle in fault["vehicles"] for fault in faults):
         vehicle = vehicle % count + 1
     ends_s = begins_s + float(rng.uniform(0.5, severity.longest_spell_s))
-    way = _one_of(rng.spawn(1)[0], "both", "uplink", "downlink")
+    direction = _one_of(rng.spawn(1)[0], "both", "uplink", "downlink")
     spell: list[Keys] = [{"outage": True}, {"outage": False}]
-    ways = spell if way == "both" else [{way: each} for each in spell]
-    return [{"at_s": at_s, "vehicles": [vehicle], **keys} for at_s, keys in zip((begins_s, ends_s), ways, strict=True)]
+    changes = spell if direction == "both" else [{direction: each} for each in spell]
+    return [
+        {"at_s": at_s, "vehicles": [vehicle], **keys} for at_s, keys in zip((begins_s, ends_s), changes, strict=True)
+    ]
 
 
 def _disturbances(rng: np.random.Generator, severity: Severity, count: int) -> list[Keys]:

@@ -22,12 +22,12 @@ Record: TypeAlias = Mapping[str, bytes]
 OPTION = "--records"
 
 
-def is_url(place: str | None) -> bool:
-    """Return whether a place is a URL, not a directory."""
-    return place is not None and "://" in place
+def is_url(location: str | None) -> bool:
+    """Return whether a location is a URL, not a directory."""
+    return location is not None and "://" in location
 
 
-def require_url(place: str, kept: str) -> None:
+def require_url(location: str, kept: str) -> None:
     """Refuse a text that isn't a URL of a kind that fsspec knows, or one at which nothing would be `kept`.
 
     Raises:
@@ -37,28 +37,30 @@ def require_url(place: str, kept: str) -> None:
         known: list[str] = import_module("fsspec").available_protocols()
     except ImportError as error:
         needed = "it needs fsspec: pip install 'gcs-formation[study]'"
-        raise refused("", f"found '{place}'", f"none here, as {needed}", OPTION) from error
-    protocol = place.partition("://")[0].partition("::")[0]
-    if not is_url(place) or protocol not in known:
+        raise refused("", f"found '{location}'", f"none here, as {needed}", OPTION) from error
+    protocol = location.partition("://")[0].partition("::")[0]
+    if not is_url(location) or protocol not in known:
         allowed = "a URL that fsspec knows, such as s3://BUCKET/PATH, gs://BUCKET/PATH or file:///PATH"
-        raise refused("", f"found '{place}'", allowed, OPTION)
+        raise refused("", f"found '{location}'", allowed, OPTION)
     if kept == "none":
-        raise refused("", f"found '{place}', and a study with record: none", "record: full, series or summary", OPTION)
+        raise refused(
+            "", f"found '{location}', and a study with record: none", "record: full, series or summary", OPTION
+        )
 
 
 @contextmanager
-def kept_at(place: str | None) -> Generator[Path | None]:
+def kept_at(location: str | None) -> Generator[Path | None]:
     """Give the directory in which a flight is recorded; None for nowhere. A URL's is uploaded when the flight is over.
 
     Raises:
         RecordingError: it can't be uploaded.
     """
-    if place is None or not is_url(place):
-        yield None if place is None else Path(place)
+    if location is None or not is_url(location):
+        yield None if location is None else Path(location)
         return
     with TemporaryDirectory() as scratch:
         yield (directory := Path(scratch) / "record")
-        _upload(packed(directory), place)
+        _upload(packed(directory), location)
 
 
 def _upload(record: Record, url: str) -> None:

@@ -74,22 +74,22 @@ class Lacking(NamedTuple):
 
 def receive(content: bytes, digest: str, dask_worker: Any = None) -> Worker:  # noqa: ANN401 - Dask passes the worker
     """Unpack a shipment on a worker, and return what the worker is."""
-    wrong, place = "", Path(dask_worker.local_directory) / digest
+    wrong, unpacked = "", Path(dask_worker.local_directory) / digest
     orders, files = pickle.loads(content)
     try:
         pickle.loads(orders)
     except ScenarioError as error:
         return Worker(VERSION, COMPILED, str(error))
-    fresh = place.with_name(f"{digest}.new")
+    fresh = unpacked.with_name(f"{digest}.new")
     shutil.rmtree(fresh, ignore_errors=True)
     try:
         for name, each in {ORDERS: orders, **{f"{FILES}/{name}": each for name, each in files.items()}}.items():
             (fresh / name).parent.mkdir(parents=True, exist_ok=True)
             (fresh / name).write_bytes(each)
-        if not place.exists():
-            fresh.rename(place)
+        if not unpacked.exists():
+            fresh.rename(unpacked)
     except OSError as error:
-        wrong = f"it cannot write {place}: {error.strerror or error}"
+        wrong = f"it cannot write {unpacked}: {error.strerror or error}"
     return Worker(VERSION, COMPILED, wrong)
 
 
@@ -110,17 +110,17 @@ def fly_shipped(planned: Planned, directory: str | None, digest: str) -> Flown |
     return fly_from(Path(worker.local_directory) / digest, planned, directory) or Lacking(worker.address)
 
 
-def fly_from(place: Path, planned: Planned, directory: str | None) -> Flown | None:
-    """Fly a flight by a shipment that was unpacked in `place`; None if there is none.
+def fly_from(unpacked: Path, planned: Planned, directory: str | None) -> Flown | None:
+    """Fly a flight by a shipment, in the directory `unpacked`; None if there is none.
 
     Raises:
         RecordingError: its record can't be written.
     """
     try:
-        study, base = pickle.loads((place / ORDERS).read_bytes())
+        study, base = pickle.loads((unpacked / ORDERS).read_bytes())
     except OSError:
         return None
-    with TemporaryDirectory() as scratch, copies_below(place / FILES):
+    with TemporaryDirectory() as scratch, copies_below(unpacked / FILES):
         here = Path(scratch) / "record"
         kept = directory if directory is None or is_url(directory) else str(here)
         return Flown(fly(Task(planned, study, base, kept)), packed(here))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import PAPER, both_ways, flown
+from benchmarks import PAPER, both_directions, flown
 from benchmarks.headlines import draws
 from gcs_formation.record.path_distance import path_distances
 from gcs_formation.report import load_run
@@ -19,7 +19,7 @@ LONE: dict[str, Any] = {"vehicles": [{"id": 1, "role": "leader"}], "disturbances
 @pytest.mark.slow
 @pytest.mark.parametrize("delay_ms", [0.0, 300.0])
 def test_a_leader_in_bends_at_nine_tenths_of_its_turn_rate_is_on_its_path(delay_ms: float) -> None:
-    keys = LONE | {"path__waypoints_m": draws.tight(Random(1), 90.0, 0.225), "links": both_ways(delay_ms)}
+    keys = LONE | {"path__waypoints_m": draws.tight(Random(1), 90.0, 0.225), "links": both_directions(delay_ms)}
     with flown(PAPER, **keys, duration_s=90) as summary:
         assert summary.to_dict()["path"]["leader"]["across_m"]["max"] < 0.3
 
@@ -27,7 +27,7 @@ def test_a_leader_in_bends_at_nine_tenths_of_its_turn_rate_is_on_its_path(delay_
 @pytest.mark.slow
 def test_twenty_seconds_after_a_step_of_wind_the_leader_is_back_and_none_left_its_slot() -> None:
     gust = [{"at_s": 20, "velocity_mps": [0, 5, 0]}]
-    with flown(PAPER, duration_s=60, disturbances=gust, links=both_ways(300.0), expect=[]) as summary:
+    with flown(PAPER, duration_s=60, disturbances=gust, links=both_directions(300.0), expect=[]) as summary:
         run, figures = load_run(summary.run_dir), summary.to_dict()
     across_m = path_distances(run.scenario, run.flown.vehicles, ())["leader"].across_m
     assert np.abs(across_m[run.time_s > 40.0]).max() < 1.0

@@ -58,8 +58,8 @@ def main() -> None:
     rows = list[list[str]]()
     for link in LINKS:
         each = [flown[link, seed] for link_, seed in wanted if link_ == link]
-        least_m, latest_s = min(one.separation_m for one in each), max(one.begins_s for one in each)
-        rows.append([link, f"{least_m:.1f}", f"{latest_s:.0f}"])
+        min_m, latest_s = min(one.separation_m for one in each), max(one.begins_s for one in each)
+        rows.append([link, f"{min_m:.1f}", f"{latest_s:.0f}"])
     print(markdown(["links", "least separation, m", "path begins after, s"], rows))
 
 

@@ -261,7 +261,7 @@ def _put_bearing(track: Track, ntun: Table) -> None:
 
 def _guided_copter(messages: _Messages) -> Track | None:
     """Return the velocities that ArduCopter received in GUIDED; height is where the vertical velocity leads."""
-    table, places = messages.table("GUIP"), messages.table("POS")
+    table, positions = messages.table("GUIP"), messages.table("POS")
     if not table:
         return None
     track = _track(messages, "GUIP", GUIP_IDENTIFIES, "arducopter")
@@ -273,18 +273,18 @@ def _guided_copter(messages: _Messages) -> Track | None:
     track.put("speed", at_s, np.hypot(north, east))
     track.put("heading", at_s, np.arctan2(east, north))
     _put_motion(track, messages)
-    _put(track, places, {"alt": "Alt"})
-    if places:
+    _put(track, positions, {"alt": "Alt"})
+    if positions:
         climb = up if scale != 1.0 else -up
-        track.put("height", at_s, np.interp(at_s, places["at_s"], places["Alt"]) + HEIGHT_S * climb)
+        track.put("height", at_s, np.interp(at_s, positions["at_s"], positions["Alt"]) + HEIGHT_S * climb)
     return track
 
 
 def _in_centimetres(messages: _Messages) -> bool:
     """Return whether GUIP is in cm/s and upwards, as before ArduPilot 4.7, by its multiplier; metres are downwards."""
     columns, multipliers = messages.formats.get("GUIP", "").split(","), messages.multipliers.get("GUIP", "")
-    place = columns.index("vX") if "vX" in columns else len(multipliers)
-    return place >= len(multipliers) or multipliers[place] == CENTI
+    index = columns.index("vX") if "vX" in columns else len(multipliers)
+    return index >= len(multipliers) or multipliers[index] == CENTI
 
 
 def _positioned_copter(messages: _Messages) -> Track | None:
@@ -295,8 +295,8 @@ def _positioned_copter(messages: _Messages) -> Track | None:
     track = _track(messages, "PSCN, PSCE and PSCD", PSC_IDENTIFIES, "arducopter")
     track.seen, track.follows = HOVERING_SEEN, POSITIONED
     at_s = north["at_s"]
-    commanded = _first(north, "DVN", "TVN"), _beside(at_s, east, "DVE", "TVE")
-    seen = north["VN"], _beside(at_s, east, "VE")
+    commanded = _first(north, "DVN", "TVN"), _interpolated(at_s, east, "DVE", "TVE")
+    seen = north["VN"], _interpolated(at_s, east, "VE")
     for (speed, course), (v_north, v_east) in ((("speed", "heading"), commanded), (HOVERING_SEEN[:2], seen)):
         track.put(speed, at_s, np.hypot(v_north, v_east))
         track.put(course, at_s, np.arctan2(v_east, v_north))
@@ -312,6 +312,6 @@ def _first(table: Table, *names: str) -> Array:
     return next(iter(found), np.full_like(table["at_s"], np.nan))
 
 
-def _beside(at_s: Array, table: Table, *names: str) -> Array:
+def _interpolated(at_s: Array, table: Table, *names: str) -> Array:
     """Return a column at other times, (N,)."""
     return np.interp(at_s, table["at_s"], _first(table, *names))

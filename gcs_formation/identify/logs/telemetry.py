@@ -76,8 +76,8 @@ class _Telemetry:
         match frame.message:
             case CommandInt(target_system=system, command=command) as sent if command in COMMANDS:
                 _take_command(self.commanded[system], at_s, sent)
-            case CommandInt(command=m.MAV_CMD_DO_REPOSITION) as place:
-                _take_place(self.commanded[place.target_system], at_s, place)
+            case CommandInt(command=m.MAV_CMD_DO_REPOSITION) as reposition:
+                _take_reposition(self.commanded[reposition.target_system], at_s, reposition)
             case SetPositionTargetLocalNed() as velocity:
                 _take_velocity(self.commanded[velocity.target_system], at_s, velocity)
             case VfrHud(airspeed_mps=airspeed):
@@ -162,15 +162,15 @@ def _take_command(track: Track, at_s: float, sent: CommandInt) -> None:
         track.add(at_s, {"lateral": max(sent.param3, MIN_LATERAL_MPS2)})
 
 
-def _take_place(track: Track, at_s: float, place: CommandInt) -> None:
-    """Take airspeed, course and height from a command that sends a fixed wing to a place ahead."""
-    flies = place.param1 > 0.0  # 0 or less: the usual speed, at the formation's end
+def _take_reposition(track: Track, at_s: float, reposition: CommandInt) -> None:
+    """Take airspeed, course and height from a command that sends a fixed wing to a position ahead."""
+    flies = reposition.param1 > 0.0  # 0 or less: the usual speed, at the formation's end
     if flies and "lat" in track.of:
         track.seen = OVER_GROUND_SEEN
         (_, lat_rad), (_, lon_rad) = track.of["lat"][-1], track.of["lon"][-1]
-        north_rad, east_rad = math.radians(place.x * 1e-7) - lat_rad, math.radians(place.y * 1e-7) - lon_rad
+        north_rad, east_rad = math.radians(reposition.x * 1e-7) - lat_rad, math.radians(reposition.y * 1e-7) - lon_rad
         course_rad = math.atan2(east_rad * math.cos(lat_rad), north_rad)
-        track.add(at_s, {"speed": place.param1, "heading": course_rad, "height": place.z})
+        track.add(at_s, {"speed": reposition.param1, "heading": course_rad, "height": reposition.z})
 
 
 def _take_velocity(track: Track, at_s: float, velocity: SetPositionTargetLocalNed) -> None:

@@ -1,4 +1,4 @@
-"""What a log's reader returns: a vehicle's setpoints from one place in the log, with the responses to them."""
+"""What a log's reader returns: a vehicle's setpoints from one location in the log, with the responses to them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flight_model.energy import GRAVITY_MPS2
 SEEN: Final = ("airspeed", "yaw", "alt", "climb")
 """Names of the quantities that follow the setpoints of speed, heading and height, and of the climb rate."""
 OVER_GROUND_SEEN: Final = ("airspeed", "course", "alt", "climb")
-"""For a fixed wing that is commanded a course over ground, or places ahead: it flies courses."""
+"""For a fixed wing that is commanded a course over ground, or positions ahead: it flies courses."""
 HOVERING_SEEN: Final = ("speed seen", "course", "alt", "climb")
 """For a vehicle that is commanded velocities over ground."""
 ABEAM_RAD: Final = math.radians(60.0)
@@ -34,7 +34,7 @@ class Mode(NamedTuple):
 
 @dataclass
 class Track:
-    """One vehicle's setpoints from one place in a log, and its responses."""
+    """One vehicle's setpoints from one location in a log, and its responses."""
 
     system: int
     setpoints: str = ""

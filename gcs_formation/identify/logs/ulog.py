@@ -160,12 +160,12 @@ def _rotors(file: ULogFile) -> list[Track]:
 
 def _fields(array: str, letter: str) -> list[tuple[str, str]]:
     """Return the names of a vector's components, of today and earlier."""
-    return [(f"{array}[{place}]", f"{letter}{axis}") for place, axis in enumerate("xyz")]
+    return [(f"{array}[{index}]", f"{letter}{axis}") for index, axis in enumerate("xyz")]
 
 
 def _height(table: Table, position: Table, down_mps: Array) -> Array:
     """Return height setpoints; where only the vertical velocity is set, they are where that leads."""
-    place = _column(table, _fields("position", "")[2])
+    height = _column(table, _fields("position", "")[2])
     seen = np.interp(table["at_s"], position["at_s"], position["z"])
     led = seen + HEIGHT_S * down_mps
-    return -led if place is None else -np.where(np.isfinite(place), place, led)
+    return -led if height is None else -np.where(np.isfinite(height), height, led)

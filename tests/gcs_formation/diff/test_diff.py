@@ -94,7 +94,7 @@ def test_causes_come_first_and_then_what_happened_first(tmp_path: Path) -> None:
     text("events.jsonl", '{"t_s": 0.0}\n{"t_s": 0.2}\n')(other)
     write_tlog(other, heartbeat(1), heartbeat(3), every_us=50_000)
     write_series(other, heading_rad=[3.0, 0.0, 3.1, 0.0])
-    parts = [each.part or each.place for each in differences(one, other)]
+    parts = [each.part or each.location for each in differences(one, other)]
     assert parts == ["version", "run.yaml", "timeseries.parquet", "flight.tlog", "events.jsonl", "summary.json"]
 
 
@@ -105,10 +105,10 @@ def test_with_a_tolerance_numbers_alone_count_and_beyond_it_alone(tmp_path: Path
     write_series(other, delay_s=[math.nan, 0.375, 0.5, 0.25], heading_rad=[3.1 - 2 * math.pi, 0.0, 3.1, 0.0])
     summary(expect=[{"value": 0.375}])(other)
     assert list(differences(one, other, 0.125)) == []
-    places = [each.place for each in differences(one, other, 0.12)]
+    places = [each.location for each in differences(one, other, 0.12)]
     assert places == ["delay_s of vehicle 2, in 1 of 2 ticks", "expect.0.value"]
     write_series(other, delay_s=[0.25, 0.25, 0.5, 0.25])
-    assert [each.place for each in differences(one, other, 1e9)] == ["delay_s of vehicle 1, in 1 of 2 ticks"]
+    assert [each.location for each in differences(one, other, 1e9)] == ["delay_s of vehicle 1, in 1 of 2 ticks"]
 
 
 def test_figures_of_the_machine_do_not_count(tmp_path: Path) -> None:
@@ -161,6 +161,6 @@ def test_one_key_is_followed_to_its_first_frame_in_a_real_pair_of_runs(tmp_path:
     assert list(differences(tmp_path / "one", tmp_path / "again")) == []
     cause, first, *later = differences(tmp_path / "one", tmp_path / "other")
     assert str(cause) == "run.yaml: law.speed.kp: 3 | 3.5 (by 0.5)"
-    assert first.place.startswith("kp_speed of vehicle 2")
+    assert first.location.startswith("kp_speed of vehicle 2")
     frame = next(each for each in later if each.part == "flight.tlog")
-    assert "COMMAND_INT of 255/" in frame.place
+    assert "COMMAND_INT of 255/" in frame.location

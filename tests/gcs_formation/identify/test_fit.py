@@ -277,17 +277,17 @@ def test_gusts_that_the_law_answers_arent_taken_for_a_vehicle_that_hardly_follow
     assert abs(share.value - 0.55) < min(2.5 * share.sigma, 0.1)
 
 
-def flown_with_limited_jerk(commanded, lag_s):
+def flown_with_limited_jerk(commanded, tau_s):
     """Return the recording of a multirotor with a lag of velocity, and with the jerk limit of ArduCopter."""
     wanted = commanded[0] * np.exp(1j * commanded[1])
     velocity, accel, cycle_s, seen = wanted[0], 0j, 0.02, []
     for each in wanted:
         seen.append(velocity)
         for _ in range(round(STEP_S / cycle_s)):
-            change = (each - velocity) / lag_s - accel
+            change = (each - velocity) / tau_s - accel
             accel += change * min(1.0, 5.0 * cycle_s / max(abs(change), 1e-9))
             velocity += cycle_s * accel
-    model = VehicleModel(hovers=True, tau_v_s=lag_s, tau_psi_s=lag_s, speed_min_mps=0.0, speed_max_mps=9.0)
+    model = VehicleModel(hovers=True, tau_v_s=tau_s, tau_psi_s=tau_s, speed_min_mps=0.0, speed_max_mps=9.0)
     begin = np.array([[5.0], [0.3], [100.0], [0.0]])
     height = flown_by_time_constants(recording(np.repeat(begin, commanded.shape[1], axis=1), commanded), model)[2]
     motion = np.stack((np.abs(seen), np.unwrap(np.angle(seen)), height, np.gradient(height, STEP_S)))
