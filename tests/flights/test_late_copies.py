@@ -179,7 +179,7 @@ class Reordering(Between):
 
 def test_frames_that_others_overtook_are_no_copies() -> None:
     """The same: such a heartbeat's number comes before its turn, and seems to follow losses that are rare here."""
-    world = flown(Reordering, seconds=60.0)
+    world = flown(Reordering, seconds=30.0)
     vehicles = world.station.vehicles.values()
     assert min(int(each.history.late) for each in vehicles) > 20, "some are overtaken by others of their kind"
     assert sum(int(each.history.copies) for each in vehicles) <= 3

@@ -2,7 +2,7 @@
 
 import importlib
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from airlink import mavlink as m
@@ -78,7 +78,6 @@ STAMPS = st.integers(NOW - 2 * A_MINUTE, NOW + 2 * A_MINUTE)
 FRAMES = st.tuples(STAMPS, st.integers(1, 2), st.integers(1, 2), st.integers(0, 1), st.sampled_from((KEY, OTHER)))
 
 
-@settings(max_examples=200)
 @given(st.lists(FRAMES, max_size=30))
 def test_the_timestamps_taken_of_a_stream_only_grow_and_forged_frames_change_nothing(frames):
     seen, undisturbed, taken = state(), state(), dict[tuple[int, int, int], int]()
@@ -101,7 +100,6 @@ def test_the_timestamps_taken_of_a_stream_only_grow_and_forged_frames_change_not
     assert seen.streams == undisturbed.streams == taken
 
 
-@settings(max_examples=100)
 @given(st.lists(FRAMES.filter(lambda each: each[-1] is KEY), max_size=30))
 def test_of_signed_frames_those_are_taken_that_pymavlink_takes(frames):
     """It looks at timestamps before signatures, so a forged frame moves a stream there; among true ones it agrees."""
