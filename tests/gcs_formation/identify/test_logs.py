@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.frame import FrameWriter
 from airlink.messages.system import Heartbeat
@@ -214,6 +215,14 @@ def test_the_time_constants_that_were_simulated_are_found(name, tmp_path):
         assert fitted.estimates[lag].value == pytest.approx(getattr(true, lag), rel=0.12)
     height_s = sum(fitted.estimates[lag].value for lag in TAUS[2:])
     assert height_s == pytest.approx(true.tau_ha_s + true.tau_hb_s, rel=0.1)
+
+
+@pytest.mark.parametrize("at_once", [1, 7, 10**6])
+def test_a_log_is_read_whole_however_much_of_it_at_once(at_once, monkeypatch, tmp_path):
+    log, kinds = str(plane_dataflash(tmp_path / "log.bin")), ("TECS", "NTUN")
+    monkeypatch.setattr(m, "AT_ONCE", at_once)
+    found = [kind for kind, _ in m.dataflash_messages(log, kinds)]
+    assert found.count("TECS") == found.count("NTUN") == POINTS
 
 
 @pytest.mark.parametrize("name", [name for name in LOGS if "GUIDED" not in name and name != "LOITER.bin"])
