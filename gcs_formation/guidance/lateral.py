@@ -71,8 +71,8 @@ TURNS_BACK_SHARE: Final = 0.5
 """Share of the angle to the route that could just be turned back before the route is crossed. Tuned: share; 0.3 to 0.8;
 by judgement."""
 MANOEUVRE_RAD: Final = math.radians(15.0)
-"""A heading setpoint that is farther from the one it replaces is a manoeuvre's. Tuned: rad; 0.1 to 0.5; shown by
-`python -m benchmarks.features.telemetry_health.faults --families copter --roles leader`."""
+"""A heading setpoint that is farther from the one it replaces is a manoeuvre's. Tuned: rad; 0.1 to 0.5; by
+judgement."""
 TWO_THIRDS: Final = 2.0 / 3.0
 TINY: Final = 1e-9
 NEAREST_SHARE: Final = 0.2

@@ -15,7 +15,7 @@ from flight_model.path_offsets import Rise
 from flight_model.slot import LEADS_FROM_MPS
 
 MIN_MPS: Final = 1.0
-"""Lower bound of a speed along a route that is divided by: a vehicle that can hover may hover."""
+"""Lower bound of a speed along a route that is divided by: a vehicle that can hover may have none."""
 NEWTON_STEPS: Final = 3
 NEAR_ENOUGH_M: Final = 1e-9
 NEAREST_STEP_M: Final = 10.0

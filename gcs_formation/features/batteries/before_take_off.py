@@ -17,10 +17,10 @@ from gcs_formation.vehicle.checks import Finding
 
 TAKE_OFF_S: Final = 120.0
 """Time from take-off until the formation is on its path, s."""
-TURN_TO_LAND_S: Final = 150.0
-"""How long each vehicle takes that lands before the last one (`finish.then: land`). Tuned: s; 100 to 300; shown by the
-flights of docs/real-autopilots.md from boot to the ground: ArduCopters 105 s, ArduPlanes 155 s, PX4 planes, which have
-a landing pattern of their own, 300 s."""
+TURN_TO_LAND_S: Final = {True: 105.0, False: 260.0}
+"""How long each vehicle takes that lands before the last one (`finish.then: land`), by whether it hovers. Tuned: s; 60
+to 400; shown by the flights of docs/real-autopilots.md from boot to the ground: multirotors 78 to 103 s, ArduPlanes 140
+to 207 s, PX4 planes, which have a landing pattern of their own, 258 s."""
 
 
 def findings(found: AsFound) -> list[Finding]:
@@ -63,5 +63,6 @@ def planned_s(scenario: Scenario, home_m: tuple[float, float]) -> float:
     """
     end = scenario.leader_path.at(float(planned_m(scenario, np.array(scenario.duration_s))))
     away_m = math.hypot(float(end.north_m) - home_m[0], float(end.east_m) - home_m[1])
-    waits_s = TURN_TO_LAND_S * (len(scenario.vehicles) - 1) if scenario.finish.then == "land" else 0.0
+    others = len(scenario.vehicles) - 1 if scenario.finish.then == "land" else 0
+    waits_s = TURN_TO_LAND_S[scenario.hovers] * others
     return TAKE_OFF_S + scenario.duration_s + away_m / max(scenario.path.begin_mps, 1.0) + waits_s + LANDING_S

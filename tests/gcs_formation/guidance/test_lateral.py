@@ -207,7 +207,7 @@ def test_it_goes_on_from_a_setpoint_that_a_filter_corrected() -> None:
 
 
 def test_corrected_a_little_at_every_tick_it_still_comes_back_to_its_route() -> None:
-    """A turn rate that began anew at each tick could never grow."""
+    """A turn rate that began at none again at each tick could never grow."""
     loop = LateralGuidance(DT_S)
     state = FlightState(0.0, 40.0, 100.0, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
     for tick in range(400):

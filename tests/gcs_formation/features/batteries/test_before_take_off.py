@@ -29,7 +29,7 @@ def test_planned_time_is_take_off_path_way_home_and_landing() -> None:
     assert planned_s(load_scenario(scenario(**GROUND)), (0.0, 0.0)) == pytest.approx(NEEDED_S, abs=0.5)
 
 
-@pytest.mark.parametrize(("then", "waits_s"), [("loiter", 0.0), ("rtl", 0.0), ("land", 2 * TURN_TO_LAND_S)])
+@pytest.mark.parametrize(("then", "waits_s"), [("loiter", 0.0), ("rtl", 0.0), ("land", 2 * TURN_TO_LAND_S[False])])
 def test_where_all_land_the_last_one_waits_for_the_others(then: str, waits_s: float) -> None:
     vehicles = [{"id": 1, "role": "leader"}, {"id": 2}, {"id": 3}]
     planned = load_scenario(scenario(**GROUND | {"vehicles": vehicles, "finish": {"then": then}}))
