@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -12,6 +13,7 @@ from librt.strings import BytesWriter, write_f64_le
 
 from airlink.clock import NANOSECONDS, Instant
 from flight_model.arrays import Array, columns_of, mapped
+from sim_vehicles.airframe.in_air import InAir
 from sim_vehicles.board_clock import LOOP_HZ
 from sim_vehicles.fleet import Fleet
 
@@ -67,11 +69,15 @@ class TruthWriter:
 
     def __call__(self, now: Instant, fleet: Fleet) -> None:
         """Take the fleet's state after a cycle of the main loop."""
+        self.take(now, fleet.bodies)
+
+    def take(self, now: Instant, bodies: Sequence[InAir]) -> None:
+        """Take the state of bodies after a cycle of the emulators' main loop."""
         self._turn += 1
         if self._full or self._turn % TURNS:
             return
         write_f64_le(self._waiting, now / NANOSECONDS)
-        for body in fleet.bodies:
+        for body in bodies:
             body.write_truth(self._waiting)
         if self._turn % self._every == 0:
             self._write()

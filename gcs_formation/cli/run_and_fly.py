@@ -131,11 +131,10 @@ def _with_simulators(sitl: tuple[str, ...], clock: str) -> Fly[Summary]:
     """Return what flies a scenario with the user's simulators, or exit with what's wrong with them."""
     from gcs_formation.app.sitl.fleet import ProgramError, programs_of  # noqa: PLC0415 - only `--sitl` starts any
     from gcs_formation.app.sitl.flight import run_simulated  # noqa: PLC0415
+    from gcs_formation.app.sitl.stepped.flight import run_stepped  # noqa: PLC0415
 
-    if clock == "virtual":
-        fail("--clock: found virtual beside --sitl, whose simulators keep their own time; allowed: real")
     try:
-        return partial(run_simulated, programs_of(sitl))
+        return partial(run_stepped if clock == "virtual" else run_simulated, programs_of(sitl))
     except ProgramError as error:
         fail(f"--sitl: {error}")
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from librt.strings import BytesWriter, write_f64_le
 
 from airlink.random_streams import random_stream
 from flight_model import energy
@@ -16,6 +15,7 @@ from flight_model.autopilot_model import AutopilotModel, advance, within
 from flight_model.energy import GRAVITY_MPS2, PHYSICAL, AirframeParameters
 from flight_model.flight_state import FlightState
 from formation_scenario.vehicles import EnergyAirframe
+from sim_vehicles.airframe.in_air import InAir
 from sim_vehicles.airframe.motion import MIN_SPEED_MPS, Motion, Steering, full_throttle_model
 from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import Pitot, VehicleConfig
@@ -159,24 +159,22 @@ def dead_cycles(dead_time_s: float) -> int:
     return round(dead_time_s / LOOP_S)
 
 
-class Body:
+class Body(InAir):
     """A vehicle that flies by equation (7), or under total-energy control if its model has an airframe."""
 
     def __init__(self, config: VehicleConfig, wind_mps: tuple[float, float, float], seed: int) -> None:
         """Start as configured; `wind_mps` is north, east and down, `seed` the fleet's."""
         start = config.start
-        self.model, self._dead_s = config.model.autopilot(), config.model.dead_time_s
-        self.state = FlightState(
+        state = FlightState(
             start.north_m, start.east_m, start.height_m, 0.0, start.airspeed_mps, start.heading_rad, 0.0, 0.0
         )
+        super().__init__(config.model.autopilot(), state, wind_mps)
+        self._dead_s = config.model.dead_time_s
         self.steering = Steering()
-        self.air_north_mps, self.air_east_mps, self.air_down_mps = wind_mps
-        self.disturbance_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
-        self.unknown_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
-        """Velocity north, east and down at which it flies without knowing, by its estimate's errors."""
-        """Velocity of the air besides the wind: north, east, down."""
         self.drift_down_mps: float = 0.0
         """Vertical velocity of the air at the vehicle, as `state.wind_*` horizontally; 0 on the ground."""
+        self.unknown_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        """Velocity north, east and down at which it flies without knowing, by its estimate's errors."""
         self.speed_commanded_mps: float = 0.0
         self.heading_commanded_rad: float = start.heading_rad
         self.height_commanded_m: float = start.height_m
@@ -216,6 +214,11 @@ class Body:
         shown.airspeed_mps = shown_mps
         return shown
 
+    @property
+    def aloft(self) -> bool:
+        """Whether its pilot has it off the ground."""
+        return self.steering.airborne
+
     def ground_velocity(self) -> tuple[float, float, float]:
         """Return ground velocity north, east and down, m/s."""
         state = self.state
@@ -224,25 +227,6 @@ class Body:
             state.wind_east_mps + state.airspeed_mps * math.sin(state.heading_rad),
             self.drift_down_mps - state.climb_mps,
         )
-
-    def write_truth(self, row: BytesWriter) -> None:
-        """Append the values of `sim_vehicles.truth.QUANTITIES`, in their order."""
-        state = self.state
-        north_mps, east_mps, down_mps = self.ground_velocity()
-        airborne = 1.0 if self.steering.airborne else 0.0
-        north, east, down = self.disturbance_mps
-        write_f64_le(row, state.north_m)
-        write_f64_le(row, state.east_m)
-        write_f64_le(row, state.height_m)
-        write_f64_le(row, north_mps)
-        write_f64_le(row, east_mps)
-        write_f64_le(row, -down_mps)
-        write_f64_le(row, state.airspeed_mps)
-        write_f64_le(row, state.heading_rad)
-        write_f64_le(row, north * airborne)
-        write_f64_le(row, east * airborne)
-        write_f64_le(row, down * airborne)
-        write_f64_le(row, airborne)
 
     def ground(self) -> None:
         """Put the vehicle on the ground, at rest."""

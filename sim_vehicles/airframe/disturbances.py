@@ -27,7 +27,7 @@ from formation_scenario.surroundings import (
     SineDisturbance,
     StepDisturbance,
 )
-from sim_vehicles.airframe.body import Body
+from sim_vehicles.airframe.in_air import InAir
 from sim_vehicles.airframe.own_air import OwnAir
 from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig
@@ -48,7 +48,7 @@ class Environment:
     Vehicles don't know the path, so mission time is received from a ground station.
     """
 
-    def __init__(self, config: FleetConfig, bodies: Sequence[Body]) -> None:
+    def __init__(self, config: FleetConfig, bodies: Sequence[InAir]) -> None:
         """Take disturbances and faults from the configuration; `bodies` are its vehicles' in the same order."""
         self.mission_zero: Instant | None = None
         self.failures = Failures()
@@ -128,7 +128,7 @@ class Environment:
 class _Steady:
     """A disturbance that depends on time only."""
 
-    def __init__(self, keys: StepDisturbance | RampDisturbance | SineDisturbance, hit: list[Body]) -> None:
+    def __init__(self, keys: StepDisturbance | RampDisturbance | SineDisturbance, hit: list[InAir]) -> None:
         self.keys, self._hit = keys, hit
         self.zero: Instant | None = None
         """From when times count; None: from mission time 0."""
@@ -180,7 +180,7 @@ class DrydenGusts:
     def __init__(
         self,
         keys: DrydenTurbulence,
-        hit: list[Body],
+        hit: list[InAir],
         streams: Sequence[np.random.Generator],
         wind_mps: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
@@ -240,7 +240,7 @@ class DrydenGusts:
 Acting: TypeAlias = "_Steady | DrydenGusts | OwnAir"
 
 
-def _add(body: Body, north_mps: float, east_mps: float, down_mps: float) -> None:
+def _add(body: InAir, north_mps: float, east_mps: float, down_mps: float) -> None:
     north, east, down = body.disturbance_mps
     body.disturbance_mps = (north + north_mps, east + east_mps, down + down_mps)
 
@@ -250,7 +250,7 @@ def _acting(
     index: int,
     keys: Disturbance,
     vehicles: frozenset[VehicleId],
-    bodies: Sequence[Body],
+    bodies: Sequence[InAir],
     failures: Failures,
 ) -> Acting:
     """Return the disturbance that is the `index`-th; each vehicle's gusts in each are independent.

@@ -11,7 +11,7 @@ from airlink.random_streams import random_stream
 from formation_scenario.extensions import DISTURBANCE, ExtensionError
 from formation_scenario.simulated import AirDisturbance, AirPoint
 from formation_scenario.surroundings import OwnDisturbance
-from sim_vehicles.airframe.body import Body
+from sim_vehicles.airframe.in_air import InAir
 from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig
 from sim_vehicles.outside import Failures, Guarded, reference
@@ -25,7 +25,7 @@ class OwnAir:
         keys: OwnDisturbance,
         config: FleetConfig,
         index: int,
-        hit: Sequence[tuple[VehicleId, Body]],
+        hit: Sequence[tuple[VehicleId, InAir]],
         failures: Failures,
     ) -> None:
         """Make the instances of the `index`-th disturbance.

@@ -15,8 +15,11 @@ from typing import ClassVar, Final
 import numpy as np
 
 from airlink import mavlink as m
+from airlink.clock import MICROSECONDS, VIRTUAL_EPOCH_US
+from airlink.endpoint import LOOPBACK
 from flight_model.arrays import Array
 from formation_scenario import Scenario, Vehicle
+from gcs_formation.app.sitl.ardupilot_json import JsonExchange
 from gcs_formation.app.sitl.simulator import Craft, Launch, Simulator, TrueMotion, newest
 
 FIRST_INSTANCE: Final = 40
@@ -40,6 +43,7 @@ class ArduPilotSimulator(Simulator):
     """A vehicle of ArduPilot's simulator, which sends to the port at which the station listens."""
 
     allowed_endpoints = "one udpin:HOST:PORT"
+    is_steppable = True
     model: ClassVar[str]
     """As `--model` names it."""
     own: ClassVar[Mapping[str, float]]
@@ -57,10 +61,14 @@ class ArduPilotSimulator(Simulator):
     @abstractmethod
     def _of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]: ...
 
-    def cannot(self, vehicle: Vehicle, scenario: Scenario, program: Path) -> list[str]:
+    def exchange(self) -> JsonExchange:
+        """Return its interface for simulators of motion."""
+        return JsonExchange()
+
+    def cannot(self, vehicle: Vehicle, scenario: Scenario, program: Path, *, stepped: bool) -> list[str]:
         """Return what the scenario says and it can't do: it has no second link by which to be given a mission."""
         landing = ["landing (AUTOLAND is used)"] if vehicle.landing else []
-        return [*super().cannot(vehicle, scenario, program), *landing]
+        return [*super().cannot(vehicle, scenario, program, stepped=stepped), *landing]
 
     def reaches(self, craft: Craft) -> bool:
         """Return whether the station listens: the simulator then sends there."""
@@ -74,9 +82,12 @@ class ArduPilotSimulator(Simulator):
         """Return the command; parameters that its version doesn't know are ignored."""
         to, home = craft.station.opposite().address, craft.home
         location = f"{home.lat_deg:.9f},{home.lon_deg:.9f},{home.alt_m:.3f},{home.heading_deg:.3f}"
-        command = [str(program), "--model", self.model, "--speedup", f"{craft.speedup:g}", "--home", location]
+        model = f"JSON:{LOOPBACK}" if craft.steps_port else self.model
+        command = [str(program), "--model", model, "--speedup", f"{craft.speedup:g}", "--home", location]
         command += [f"-I{FIRST_INSTANCE + craft.number}", "--sysid", str(craft.system), "--defaults", DEFAULTS]
         command += ["--serial0", f"udpclient:{to.host}:{to.port}", "--serial1", "none:0", "--serial2", "none:0"]
+        if craft.steps_port:  # the time of day is that of the virtual clock too, so that flights are repeatable
+            command += ["--sim-port-out", str(craft.steps_port), "--start-time", str(VIRTUAL_EPOCH_US // MICROSECONDS)]
         lines = (f"{name} {value:.9g}\n" for name, value in {**self.own, **craft.parameters}.items())
         return Launch(command, files={DEFAULTS: "".join(lines)})
 

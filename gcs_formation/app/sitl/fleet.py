@@ -29,6 +29,8 @@ SIMULATORS: Final[Mapping[str, Simulator]] = {
 }
 """Those that are here, by their families' names."""
 NAMES: Final = ", ".join(SIMULATORS)
+STEPPABLE: Final = ", ".join(name for name, each in SIMULATORS.items() if each.is_steppable)
+"""Those whose clocks can be stepped."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +71,12 @@ def programs_of(given: tuple[str, ...]) -> dict[str, Path]:
     return found
 
 
-def simulated(programs: Mapping[str, Path], scenario: Scenario, speedup: float) -> list[Simulated]:
+def simulated(
+    programs: Mapping[str, Path], scenario: Scenario, speedup: float, *, stepped: bool = False
+) -> list[Simulated]:
     """Return the simulator of each vehicle, in the scenario's order, where emulated vehicles would begin.
+
+    `stepped`: their clocks are stepped, and their motion is ours.
 
     Raises:
         ScenarioError: a vehicle is of a family without a program, or can't be simulated as the scenario says.
@@ -78,11 +84,20 @@ def simulated(programs: Mapping[str, Path], scenario: Scenario, speedup: float) 
     if scenario.start.in_air:
         raise refused("start.in_air", "found true with --sitl", "false: simulators begin on the ground")
     starts = enumerate(zip(scenario.vehicles, start_states(scenario), strict=True))
-    return [_one(programs, scenario, speedup, index, vehicle, start) for index, (vehicle, start) in starts]
+    return [
+        _one(programs, scenario, speedup, index, vehicle, start, stepped=stepped) for index, (vehicle, start) in starts
+    ]
 
 
 def _one(
-    programs: Mapping[str, Path], scenario: Scenario, speedup: float, index: int, vehicle: Vehicle, start: StartState
+    programs: Mapping[str, Path],
+    scenario: Scenario,
+    speedup: float,
+    index: int,
+    vehicle: Vehicle,
+    start: StartState,
+    *,
+    stepped: bool,
 ) -> Simulated:
     key, name = f"vehicles.{index}", vehicle.autopilot
     if name not in programs:
@@ -91,6 +106,8 @@ def _one(
     if vehicle.network != 1:
         raise refused(f"{key}.network", f"found {vehicle.network} with --sitl", "1: simulators have one network")
     simulator = SIMULATORS[name]
+    if stepped and not simulator.is_steppable:
+        raise refused(f"{key}.autopilot", f"found {name} with --clock virtual", STEPPABLE)
     craft = Craft(
         vehicle.id,
         index + 1,
@@ -98,13 +115,15 @@ def _one(
         parse_endpoint(vehicle.endpoints[0]),
         vehicle.model.hovers,
         speedup,
-        kept(simulator.of_scenario(vehicle, scenario), vehicle.autopilot_parameters),
-        () if vehicle.landing is None else items_of(landing_position(vehicle.landing, start), scenario.origin.geodetic),
+        parameters=kept(simulator.of_scenario(vehicle, scenario), vehicle.autopilot_parameters),
+        landing=()
+        if vehicle.landing is None
+        else items_of(landing_position(vehicle.landing, start), scenario.origin.geodetic),
     )
-    if len(vehicle.endpoints) > 1 or not simulator.reaches(craft):
+    if len(vehicle.endpoints) > 1 or not (stepped or simulator.reaches(craft)):
         found = f"found {', '.join(vehicle.endpoints)} of a simulated {name}"
         raise refused(f"{key}.endpoint", found, simulator.allowed_endpoints)
-    lacks = tuple(simulator.cannot(vehicle, scenario, programs[name]))
+    lacks = tuple(simulator.cannot(vehicle, scenario, programs[name], stepped=stepped))
     return Simulated(vehicle.vehicle_id, simulator, programs[name], craft, lacks)
 
 

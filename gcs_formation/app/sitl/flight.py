@@ -54,9 +54,7 @@ def run_simulated(
             running(fleet, options.out) as simulators,
             session.listening(),
         ):
-            _say(session, f"{len(simulators)} started: {', '.join(f'{path}' for path in programs.values())}")
-            for line in not_simulated(fleet):
-                _say(session, line)
+            say_started(session, fleet, programs)
             for each in fleet:
                 each.simulator.prepare(each.craft)
             session.replace = replaced or driver.replace
@@ -91,6 +89,13 @@ def _truth(session: Session, fleet: Sequence[Simulated], simulators: Sequence[Ru
     offsets = [clocks.offsets[each.identity] for each in fleet]
     hovering = [each.craft.hovers for each in fleet]
     return LoggedTruth(known, offsets, hovering, session.scenario.origin.geodetic).between
+
+
+def say_started(session: Session, fleet: Sequence[Simulated], programs: Mapping[str, Path]) -> None:
+    """Record which programs fly, and what they fly without."""
+    _say(session, f"{len(fleet)} started: {', '.join(f'{path}' for path in programs.values())}")
+    for line in not_simulated(fleet):
+        _say(session, line)
 
 
 def _say(session: Session, text: str) -> None:

@@ -14,6 +14,7 @@ from airlink.endpoint import Endpoint
 from flight_model.arrays import Array
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.stored_landing import LandingItem
+from gcs_formation.app.sitl.exchange import Exchange
 from gcs_formation.errors import RunAbortedError
 
 Parameters = Mapping[str, float]
@@ -47,6 +48,8 @@ class Craft:
     speedup: float = 1.0
     parameters: Parameters = field(default_factory=dict)
     """With which its autopilot is switched on."""
+    steps_port: int = 0
+    """The UDP port at which its motion is integrated and its clock stepped; 0: it does both itself."""
     landing: tuple[LandingItem, ...] = ()
     """The landing that its stored mission has; empty: it has none."""
 
@@ -104,6 +107,8 @@ class Simulator(ABC):
     """The family, as `autopilot:` of a vehicle and `--sitl` name it."""
     allowed_endpoints: ClassVar[str]
     """Of the scenario, in words."""
+    is_steppable: ClassVar[bool] = False
+    """Whether its clock can be stepped."""
 
     @abstractmethod
     def of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]:
@@ -113,9 +118,23 @@ class Simulator(ABC):
         """Return in words what a program lacks that it needs with it; "" if nothing."""
         return ""
 
-    def cannot(self, vehicle: Vehicle, scenario: Scenario, program: Path) -> list[str]:  # noqa: ARG002 - for versions
-        """Return in words what the scenario says of the vehicle, or of its surroundings, and the simulator can't do."""
-        lacks = ["disturbances"] if scenario.disturbances else []
+    def exchange(self) -> Exchange:
+        """Return what steps its clock, listening for it; a simulator that keeps its own time has none."""
+        raise NotImplementedError
+
+    def cannot(
+        self,
+        vehicle: Vehicle,
+        scenario: Scenario,
+        program: Path,  # noqa: ARG002 - for versions
+        *,
+        stepped: bool,
+    ) -> list[str]:
+        """Return in words what the scenario says of the vehicle, or of its surroundings, and the simulator can't do.
+
+        `stepped`: the vehicle moves in the scenario's air.
+        """
+        lacks = ["disturbances"] if scenario.disturbances and not stepped else []
         lacks += ["faults of vehicles"] if scenario.faults else []
         lacks += [f"navigation of source {vehicle.navigation.source}"] if vehicle.navigation.source != "truth" else []
         return lacks

@@ -1,0 +1,66 @@
+"""ArduPilot's interface to a simulator of motion that isn't its own (`--model JSON`).
+
+Source: libraries/SITL/examples/JSON/readme.md, SIM_JSON.cpp. The autopilot sends its outputs and waits; each answer is
+a line of JSON, whose timestamp its clock then goes on to.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+from typing import Final
+
+from airlink.endpoint import LOOPBACK
+from gcs_formation.app.sitl.exchange import STEP_S, Exchange, ExchangeError, Sample
+
+OUTPUTS: Final = struct.Struct("<HHI16H")
+MAGIC: Final = 18458
+FIRST_WAIT_S: Final = 30.0
+"""Wall time for which the autopilot is waited for while it starts."""
+WAIT_S: Final = 5.0
+TICK_S: Final = STEP_S + 1e-10
+"""Step of the timestamps: the autopilot drops what is left of a microsecond in each, so that none may be missing."""
+LINE: Final = (
+    '\n{"timestamp":%.12f,"imu":{"gyro":[%.7f, %.7f, %.7f],"accel_body":[%.6f, %.6f, %.6f]},'
+    '"position":[%.5f, %.5f, %.5f],"quaternion":[%.9f, %.9f, %.9f, %.9f],"velocity":[%.6f, %.6f, %.6f],'
+    '"airspeed":%.5f,"no_time_sync":1}\n'
+)
+
+
+class JsonExchange(Exchange):
+    """Sensors and actuators of an ArduPilot."""
+
+    def __init__(self) -> None:
+        """Listen at a free port."""
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind((LOOPBACK, 0))
+        self._socket.settimeout(FIRST_WAIT_S)
+        self.port = self._socket.getsockname()[1]
+        self._asker: tuple[str, int] = (LOOPBACK, 0)
+        self._frame = -1
+
+    def outputs_us(self) -> tuple[int, ...]:
+        """Return the pulses; outputs that it sends again because the answer is late are passed over."""
+        while True:
+            try:
+                data, self._asker = self._socket.recvfrom(OUTPUTS.size)
+            except OSError as error:
+                raise ExchangeError("its simulator asks for no sensors") from error
+            if len(data) != OUTPUTS.size:
+                continue
+            magic, _rate_hz, frame, *pulses = OUTPUTS.unpack(data)
+            if magic == MAGIC and frame != self._frame:
+                if self._frame < 0:
+                    self._socket.settimeout(WAIT_S)
+                self._frame = frame
+                return tuple(pulses)
+
+    def answer(self, sample: Sample) -> None:
+        """Send the line."""
+        number, accel, gyro, position, attitude, velocity, airspeed_mps = sample
+        line = LINE % (number * TICK_S, *gyro, *accel, *position, *attitude, *velocity, airspeed_mps)
+        self._socket.sendto(line.encode(), self._asker)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()

@@ -1,0 +1,189 @@
+"""Autopilots whose clocks are stepped: their bodies in the scenario's air, and their MAVLink on the run's network."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Final
+
+from airlink.clock import Instant, after
+from airlink.endpoint import LOOPBACK, Address, Endpoint
+from airlink.engine import Datagram, Engine
+from gcs_formation.app.sitl.exchange import STEP_S, Exchange, ExchangeError, Sample
+from sim_vehicles.airframe.disturbances import Environment
+from sim_vehicles.airframe.rigid_body.fixed_wing import FixedWing
+from sim_vehicles.airframe.rigid_body.motion import RigidBody
+from sim_vehicles.airframe.rigid_body.quadrotor import Quadrotor
+from sim_vehicles.config import FleetConfig
+from sim_vehicles.truth import TruthWriter
+
+CYCLE_STEPS: Final = 4
+CYCLE_S: Final = CYCLE_STEPS * STEP_S
+"""Between an autopilot's looks at its serial ports, s."""
+AIR_CYCLES: Final = 2
+"""Cycles for each change of the air, and for each row of ground truth: the emulators' main loop."""
+MAX_DATAGRAM: Final = 65535
+
+
+class Stepped:
+    """One autopilot: what steps its clock, its body, and its serial port."""
+
+    def __init__(self, name: str, exchange: Exchange, body: RigidBody, station: Address | None) -> None:
+        """Listen for its serial port; `station`: where the ground station listens, None if that sends first."""
+        self.exchange, self.body, self.station = exchange, body, station
+        self._name = name
+        self._serial = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._serial.bind((LOOPBACK, 0))
+        self._serial.setblocking(False)
+        self.port: int = self._serial.getsockname()[1]
+        """The UDP port to which it sends."""
+        self._sender: tuple[str, int] | None = None
+        self._number = 0
+        self._home = body.state.north_m, body.state.east_m, body.state.height_m
+        self.outputs_us: tuple[int, ...] = ()
+        """What it last put out."""
+
+    def ask(self) -> None:
+        """Wait until it has done all that its last sample made it do, and asks for the next.
+
+        Raises:
+            ExchangeError: it doesn't; the message says whose simulator it is.
+        """
+        try:
+            self.outputs_us = self.exchange.outputs_us()
+        except ExchangeError as error:
+            raise ExchangeError(f"vehicle {self._name}: {error}") from error
+
+    def answer(self) -> None:
+        """Move the body for a step, and let the autopilot measure that."""
+        body = self.body
+        sensed = body.step(self.outputs_us)
+        state, home = body.state, self._home
+        self._number += 1
+        position_m = state.north_m - home[0], state.east_m - home[1], home[2] - state.height_m
+        self.exchange.answer(
+            Sample(
+                self._number,
+                sensed.accel_mps2,
+                sensed.gyro_rps,
+                position_m,
+                body.attitude,
+                body.velocity_mps,
+                sensed.airspeed_mps,
+            )
+        )
+
+    def send(self, data: bytes) -> None:
+        """Let its serial port receive; before it has sent anything nobody is there."""
+        if self._sender is not None:
+            with suppress(OSError):
+                self._serial.sendto(data, self._sender)
+
+    def sent(self) -> list[bytes]:
+        """Return what its serial port has sent since the last call."""
+        found = list[bytes]()
+        while True:
+            try:
+                data, self._sender = self._serial.recvfrom(MAX_DATAGRAM)
+            except OSError:
+                return found
+            found.append(data)
+
+    def close(self) -> None:
+        """Free its ports."""
+        self.exchange.close()
+        self._serial.close()
+
+
+class SteppedFleet(Engine):
+    """Moves all autopilots in step: in each cycle each has done all that its samples made it do.
+
+    What they do between two steps they do at the same time, on the machine's processors.
+    """
+
+    def __init__(self, config: FleetConfig, exchanges: Sequence[Exchange], truth: TruthWriter) -> None:
+        """Set each vehicle's body at its start."""
+        self._config, self._truth = config, truth
+        self.each = [
+            Stepped(str(vehicle.identity), exchange, body_of(config, index), vehicle.endpoint.peer)
+            for index, (vehicle, exchange) in enumerate(zip(config.vehicles, exchanges, strict=True))
+        ]
+        self.bodies = [each.body for each in self.each]
+        self.environment = Environment(config, self.bodies)
+        self.failure: str | None = None
+        """What ended the exchange, in words; None if nothing did."""
+        self._outbox: list[Datagram] = []
+        self._cycles, self._next = 0, Instant(0)
+
+    def begin(self) -> None:
+        """Wait until all autopilots have started.
+
+        Raises:
+            ExchangeError: one hasn't.
+        """
+        for each in self.each:
+            each.ask()
+
+    def endpoints(self) -> tuple[Endpoint, ...]:
+        """Return each vehicle's own end of its link."""
+        return tuple(each.endpoint for each in self._config.vehicles)
+
+    def receive(self, datagrams: list[Datagram], now: Instant) -> None:  # noqa: ARG002 - they read in their own time
+        """Pass datagrams on to the vehicles' serial ports."""
+        for datagram in datagrams:
+            each = self.each[datagram.socket]
+            each.station = datagram.peer
+            each.send(datagram.data)
+
+    def datagrams_to_send(self) -> list[Datagram]:
+        """Remove and return the datagrams to send now."""
+        out, self._outbox = self._outbox, []
+        return out
+
+    def next_timer(self) -> Instant | None:
+        """Return when the next cycle ends; None once the exchange has failed."""
+        return None if self.failure else self._next
+
+    def handle_timer(self, now: Instant) -> None:
+        """Run every cycle that is due."""
+        while self._next <= now and self.failure is None:
+            if self._next > Instant(0):
+                self._cycle(self._next)
+            self._next = after(self._next, CYCLE_S)
+
+    def _cycle(self, now: Instant) -> None:
+        if self._cycles % AIR_CYCLES == 0:
+            self.environment.advance(now)
+        for body in self.bodies:
+            body.breathe()
+        try:
+            for _ in range(CYCLE_STEPS):
+                for each in self.each:
+                    each.answer()
+                for each in self.each:
+                    each.ask()
+        except ExchangeError as error:
+            self.failure = str(error)
+            return
+        self._cycles += 1
+        for index, each in enumerate(self.each):
+            each.body.settle()
+            peer = each.station
+            sent = each.sent()
+            if peer is not None:
+                self._outbox += [Datagram(index, peer, data) for data in sent]
+        if self._cycles % AIR_CYCLES == 0:
+            self._truth.take(now, self.bodies)
+
+    def close(self) -> None:
+        """Free all ports."""
+        for each in self.each:
+            each.close()
+
+
+def body_of(config: FleetConfig, index: int) -> RigidBody:
+    """Return a vehicle's body, standing at its start."""
+    vehicle = config.vehicles[index]
+    made = Quadrotor if vehicle.model.hovers else FixedWing
+    return made(vehicle, config.wind_mps, config.seed, config.origin.alt_m)

@@ -1,0 +1,100 @@
+"""A flight on the virtual clock with the user's simulators, whose clocks it steps."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+from airlink.clock import Instant, VirtualClock
+from airlink.endpoint import LOOPBACK, Address, Endpoint, PortError, VehicleId
+from airlink.engine import MemoryNetwork
+from formation_scenario import Scenario
+from formation_scenario.scripted import ScriptedOrder
+from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.progress import Progress
+from gcs_formation.app.run import conclude, require_no_program
+from gcs_formation.app.session import Session
+from gcs_formation.app.sitl.exchange import ExchangeError
+from gcs_formation.app.sitl.fleet import Simulated, simulated
+from gcs_formation.app.sitl.flight import say_started
+from gcs_formation.app.sitl.processes import Running, ended, running
+from gcs_formation.app.sitl.simulator import SimulatorError
+from gcs_formation.app.sitl.stepped.fleet import SteppedFleet
+from gcs_formation.record.run_directory import TRUTH
+from gcs_formation.record.summary import Summary
+from sim_vehicles.config import fleet_config
+from sim_vehicles.truth import TruthWriter
+
+
+def run_stepped(
+    programs: Mapping[str, Path],
+    scenario: Scenario,
+    options: RunOptions,
+    progress: Progress,
+    interrupts: Interrupts,
+) -> Summary:
+    """Fly a scenario with simulators of the user's, which this starts, steps and ends; `programs`: by family.
+
+    Raises:
+        ScenarioError: a vehicle can't be simulated by these programs.
+        RunAbortedError: a vehicle refused, a simulator ended.
+        RecordError: the run directory can't be written.
+    """
+    require_no_program(scenario)
+    simulators, clock = simulated(programs, scenario, 1.0, stepped=True), VirtualClock()
+    session = Session(scenario, options, clock, progress, interrupts, emulated=False)
+    network = MemoryNetwork(clock)
+    try:
+        with _stepped(session, simulators) as (fleet, processes):
+            say_started(session, simulators, programs)
+            network.attach(fleet)
+            network.attach(session.engine)
+            session.replace = partial(network.replace, session.engine)
+            session.script.emulators = partial(_disturb, fleet)
+            session.begin_to_wait()
+            network.run(partial(_over, session, fleet, processes))
+    except (PortError, SimulatorError, ExchangeError) as error:
+        raise session.could_not_begin(error) from error
+    return conclude(session)
+
+
+@contextmanager
+def _stepped(session: Session, simulators: Sequence[Simulated]) -> Generator[tuple[SteppedFleet, list[Running]]]:
+    """Run the simulators, each with the ports of its exchange and of its serial port."""
+    scenario, directory = session.scenario, session.recorder.path
+    with ExitStack() as stack:
+        truth = stack.enter_context(TruthWriter(directory / TRUTH, len(scenario.vehicles)))
+        exchanges = [each.simulator.exchange() for each in simulators]
+        fleet = stack.enter_context(closing(SteppedFleet(fleet_config(scenario), exchanges, truth)))
+        ported = [
+            replace(each, craft=replace(each.craft, station=_listening(one.port), steps_port=one.exchange.port))
+            for each, one in zip(simulators, fleet.each, strict=True)
+        ]
+        processes = stack.enter_context(running(ported, directory))
+        try:
+            fleet.begin()
+        except ExchangeError as error:
+            raise ExchangeError(ended(processes) or str(error)) from error
+        yield fleet, processes
+
+
+def _listening(port: int) -> Endpoint:
+    return Endpoint("udpin", Address(LOOPBACK, port))
+
+
+def _over(session: Session, fleet: SteppedFleet, processes: Sequence[Running]) -> bool:
+    """Attend to a flight, which fails if a simulator has ended; return whether it is over."""
+    now, station = session.clock.now(), session.station
+    fleet.environment.receive_mission_time(station.flight.mission_time_s(now), now)
+    if fleet.failure is not None and station.phase_machine.failure is None:
+        station.phase_machine.fail(ended(processes) or fleet.failure, now)
+    return session.attend()
+
+
+def _disturb(fleet: SteppedFleet, act: ScriptedOrder, hit: frozenset[VehicleId], zero: Instant) -> None:
+    """Let an order of a program disturb the air; autopilots that are real have no emulated faults."""
+    if act.disturbance is not None:
+        fleet.environment.disturb(act.disturbance, hit, zero)
