@@ -15,9 +15,9 @@ from gcs_formation.app.sitl.exchange import STEP_S, Exchange, ExchangeError, Sam
 
 OUTPUTS: Final = struct.Struct("<HHI16H")
 MAGIC: Final = 18458
-FIRST_WAIT_S: Final = 30.0
-"""Wall time for which the autopilot is waited for while it starts."""
-WAIT_S: Final = 5.0
+WAITS: Final = 150
+LOOK_S: Final = 0.2
+"""Wall time between looks whether an autopilot that is waited for has ended; it is given up after that many."""
 TICK_S: Final = STEP_S + 1e-10
 """Step of the timestamps: the autopilot drops what is left of a microsecond in each, so that none may be missing."""
 LINE: Final = (
@@ -34,7 +34,7 @@ class JsonExchange(Exchange):
         """Listen at a free port."""
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((LOOPBACK, 0))
-        self._socket.settimeout(FIRST_WAIT_S)
+        self._socket.settimeout(LOOK_S)
         self.port = self._socket.getsockname()[1]
         self._asker: tuple[str, int] = (LOOPBACK, 0)
         self._frame = -1
@@ -42,18 +42,24 @@ class JsonExchange(Exchange):
     def outputs_us(self) -> tuple[int, ...]:
         """Return the pulses; outputs that it sends again because the answer is late are passed over."""
         while True:
-            try:
-                data, self._asker = self._socket.recvfrom(OUTPUTS.size)
-            except OSError as error:
-                raise ExchangeError("its simulator asks for no sensors") from error
+            data = self._received()
             if len(data) != OUTPUTS.size:
                 continue
             magic, _rate_hz, frame, *pulses = OUTPUTS.unpack(data)
             if magic == MAGIC and frame != self._frame:
-                if self._frame < 0:
-                    self._socket.settimeout(WAIT_S)
                 self._frame = frame
                 return tuple(pulses)
+
+    def _received(self) -> bytes:
+        for _ in range(WAITS):
+            try:
+                data, self._asker = self._socket.recvfrom(OUTPUTS.size)
+            except TimeoutError:
+                if self.has_ended():
+                    break
+                continue
+            return data
+        raise ExchangeError("its simulator asks for no sensors")
 
     def answer(self, sample: Sample) -> None:
         """Send the line."""

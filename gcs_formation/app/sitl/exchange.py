@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import NamedTuple
 
 from gcs_formation.errors import RunAbortedError
@@ -37,6 +38,8 @@ class Exchange(ABC):
 
     port: int
     """The UDP port of this machine at which it asks."""
+    has_ended: Callable[[], bool] = staticmethod(lambda: False)
+    """Returns whether its process has ended, so that it isn't waited for."""
 
     @abstractmethod
     def outputs_us(self) -> tuple[int, ...]:

@@ -64,21 +64,27 @@ def run_stepped(
 @contextmanager
 def _stepped(session: Session, simulators: Sequence[Simulated]) -> Generator[tuple[SteppedFleet, list[Running]]]:
     """Run the simulators, each with the ports of its exchange and of its serial port."""
-    scenario, directory = session.scenario, session.recorder.path
+    scenario = session.scenario
     with ExitStack() as stack:
-        truth = stack.enter_context(TruthWriter(directory / TRUTH, len(scenario.vehicles)))
+        truth = stack.enter_context(TruthWriter(session.recorder.path / TRUTH, len(scenario.vehicles)))
         exchanges = [each.simulator.exchange() for each in simulators]
         fleet = stack.enter_context(closing(SteppedFleet(fleet_config(scenario), exchanges, truth)))
         ported = [
             replace(each, craft=replace(each.craft, station=_listening(one.port), steps_port=one.exchange.port))
             for each, one in zip(simulators, fleet.each, strict=True)
         ]
-        processes = stack.enter_context(running(ported, directory))
+        processes = stack.enter_context(running(ported, session.options.out))
+        for exchange, process in zip(exchanges, processes, strict=True):
+            exchange.has_ended = partial(_has_ended, process)
         try:
             fleet.begin()
         except ExchangeError as error:
             raise ExchangeError(ended(processes) or str(error)) from error
         yield fleet, processes
+
+
+def _has_ended(process: Running) -> bool:
+    return bool(process.ended)
 
 
 def _listening(port: int) -> Endpoint:
