@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import math
 import os
 import struct
 from collections.abc import Callable, Iterator, Sequence
@@ -93,6 +94,15 @@ def _next_messages(reader: Any, kinds: list[str]) -> list[tuple[str, dict[str, A
     while len(found) < AT_ONCE and (message := reader.recv_match(type=kinds)) is not None:
         found.append((str(message.get_type()), dict(message.to_dict())))
     return found
+
+
+def magnetic_field_gauss(lat_deg: float, lon_deg: float) -> tuple[float, float, float]:
+    """Return the Earth's magnetic field north, east and down, Gauss, by the table that autopilots have too."""
+    field: Any = importlib.import_module("pymavlink.mavextra").get_mag_field_ef
+    declination_deg, inclination_deg, gauss = field(lat_deg, lon_deg)
+    declination, inclination = math.radians(declination_deg), math.radians(inclination_deg)
+    level = gauss * math.cos(inclination)
+    return level * math.cos(declination), level * math.sin(declination), gauss * math.sin(inclination)
 
 
 class _BareErrors:

@@ -43,7 +43,6 @@ class ArduPilotSimulator(Simulator):
     """A vehicle of ArduPilot's simulator, which sends to the port at which the station listens."""
 
     allowed_endpoints = "one udpin:HOST:PORT"
-    is_steppable = True
     model: ClassVar[str]
     """As `--model` names it."""
     own: ClassVar[Mapping[str, float]]
@@ -61,7 +60,7 @@ class ArduPilotSimulator(Simulator):
     @abstractmethod
     def _of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]: ...
 
-    def exchange(self) -> JsonExchange:
+    def exchange(self, craft: Craft, seed: int) -> JsonExchange:  # noqa: ARG002 - it makes its noise itself
         """Return its interface for simulators of motion."""
         return JsonExchange()
 

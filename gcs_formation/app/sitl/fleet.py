@@ -29,8 +29,6 @@ SIMULATORS: Final[Mapping[str, Simulator]] = {
 }
 """Those that are here, by their families' names."""
 NAMES: Final = ", ".join(SIMULATORS)
-STEPPABLE: Final = ", ".join(name for name, each in SIMULATORS.items() if each.is_steppable)
-"""Those whose clocks can be stepped."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +104,6 @@ def _one(
     if vehicle.network != 1:
         raise refused(f"{key}.network", f"found {vehicle.network} with --sitl", "1: simulators have one network")
     simulator = SIMULATORS[name]
-    if stepped and not simulator.is_steppable:
-        raise refused(f"{key}.autopilot", f"found {name} with --clock virtual", STEPPABLE)
     craft = Craft(
         vehicle.id,
         index + 1,

@@ -107,8 +107,6 @@ class Simulator(ABC):
     """The family, as `autopilot:` of a vehicle and `--sitl` name it."""
     allowed_endpoints: ClassVar[str]
     """Of the scenario, in words."""
-    is_steppable: ClassVar[bool] = False
-    """Whether its clock can be stepped."""
 
     @abstractmethod
     def of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]:
@@ -118,9 +116,19 @@ class Simulator(ABC):
         """Return in words what a program lacks that it needs with it; "" if nothing."""
         return ""
 
-    def exchange(self) -> Exchange:
-        """Return what steps its clock, listening for it; a simulator that keeps its own time has none."""
-        raise NotImplementedError
+    @abstractmethod
+    def exchange(self, craft: Craft, seed: int) -> Exchange:
+        """Return what steps a vehicle's clock, listening for it.
+
+        `seed`: the run's, for what its sensors measure.
+
+        Raises:
+            SimulatorError: its port is taken.
+        """
+
+    def serial_port(self, craft: Craft) -> int:  # noqa: ARG002 - most send to the station by themselves
+        """Return the UDP port of this machine at which its link waits for a station; 0: it sends to one."""
+        return 0
 
     def cannot(
         self,

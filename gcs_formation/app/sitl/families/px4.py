@@ -8,11 +8,14 @@ simulator has had since 2026). Everybody faces north.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from airlink.random_streams import random_stream
 from formation_scenario import Scenario, Vehicle
 from gcs_formation.app.sitl.missions import give_mission, mission_of
+from gcs_formation.app.sitl.px4_hil import IMU_HZ, HilExchange
 from gcs_formation.app.sitl.simulator import Craft, Launch, Simulator, TrueMotion, endurance_s, newest
 from gcs_formation.app.sitl.ulog_truth import WIND, read_truth
 
@@ -21,6 +24,7 @@ GCS_PORT, STATION_PORT = 18570, 14550
 COMPANION_PORT = 14580
 """Plus n: of its link to a companion computer."""
 AIRFRAMES: Final = {False: ("10041", "sihsim_airplane"), True: ("10040", "sihsim_quadx")}
+ARM_M: Final = 0.35
 THRUST_N: Final = 10.0
 """With its default thrust of 6 N the simulator's aircraft hardly exceeds 14 m/s."""
 TRIM_TO_SPARE_MPS: Final = 2.0
@@ -28,6 +32,48 @@ ESTIMATOR: Final = {"EKF2_ACC_NOISE": 1.0, "EKF2_GYR_NOISE": 0.1}
 """The most that they allow. Armed, the simulator's accelerometers have noise of 0.5, 1.7 and 1.4 m/s², its gyros of
 0.14, 0.07 and 0.03 rad/s (Sih::reconstruct_sensors_signals); the defaults are for 0.35 and 0.015. With those,
 velocities are 0.3 m/s off for seconds, which turns a leader's course by 0.05 rad, and the slots behind it by metres."""
+
+
+def _rotor(number: int, forward_m: float, right_m: float, turning: float) -> dict[str, float]:
+    name = f"CA_ROTOR{number}"
+    return {f"{name}_PX": forward_m, f"{name}_PY": right_m, f"{name}_KM": turning}
+
+
+FED: Final = {
+    "SENS_EN_GPSSIM": 0,
+    "SENS_EN_BAROSIM": 0,
+    "SENS_EN_MAGSIM": 0,
+    "SENS_EN_ARSPDSIM": 0,
+    "IMU_INTEG_RATE": IMU_HZ,
+}
+"""Of one whose sensors measure our body's motion."""
+STEPPED: Final[Mapping[bool, Mapping[str, float]]] = {
+    False: FED
+    | {
+        "PWM_MAIN_FUNC1": 201,
+        "PWM_MAIN_FUNC2": 202,
+        "PWM_MAIN_FUNC3": 101,
+        "PWM_MAIN_FUNC4": 203,
+        "FW_RR_P": 0.1,
+        "FW_RR_I": 0.3,
+        "FW_RR_FF": 0.15,
+        "FW_PR_P": 0.25,
+        "FW_PR_I": 0.4,
+        "FW_PR_FF": 0.1,
+        "FW_YR_P": 0.05,
+        "FW_YR_I": 0.1,
+        "FW_YR_FF": 0.3,
+        "FW_THR_TRIM": 0.4,
+    },
+    True: FED
+    | _rotor(0, 0.0, ARM_M, 0.05)
+    | _rotor(1, 0.0, -ARM_M, 0.05)
+    | _rotor(2, ARM_M, 0.0, -0.05)
+    | _rotor(3, -ARM_M, 0.0, -0.05)
+    | {"MC_ROLLRATE_P": 0.05, "MC_ROLLRATE_I": 0.1, "MC_ROLLRATE_D": 0.001}
+    | {"MC_PITCHRATE_P": 0.05, "MC_PITCHRATE_I": 0.1, "MC_PITCHRATE_D": 0.001},
+}
+"""Outputs and gains that suit our bodies, by whether it hovers: in the order of ArduPilot's outputs."""
 
 
 class Px4Simulator(Simulator):
@@ -75,18 +121,28 @@ class Px4Simulator(Simulator):
         """Return the port of its link to ground stations."""
         return (GCS_PORT - 1 + craft.system,)
 
+    def exchange(self, craft: Craft, seed: int) -> HilExchange:
+        """Return its interface for simulators of motion."""
+        random = random_stream(seed, "HIL sensors", craft.system)
+        return HilExchange(craft.system - 1, craft.home, hovers=craft.hovers, random=random)
+
+    def serial_port(self, craft: Craft) -> int:
+        """Return the port of its link to ground stations, which it sends to another unless it is sent to first."""
+        return GCS_PORT - 1 + craft.system
+
     def launch(self, program: Path, craft: Craft) -> Launch:
         """Return the command, whose settings are environment variables."""
         airframe, model = AIRFRAMES[craft.hovers]
-        home = craft.home
+        home, stepped = craft.home, STEPPED[craft.hovers] if craft.steps_port else {}
         variables = {
             "PX4_SYS_AUTOSTART": airframe,
             "PX4_SIM_MODEL": model,
+            **({"PX4_SIMULATOR": "mavlink"} if stepped else {}),
             "PX4_SIM_SPEED_FACTOR": f"{craft.speedup:g}",
             "PX4_HOME_LAT": f"{home.lat_deg:.9f}",
             "PX4_HOME_LON": f"{home.lon_deg:.9f}",
             "PX4_HOME_ALT": f"{home.alt_m:.3f}",
-            **{f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in craft.parameters.items()},
+            **{f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in {**stepped, **craft.parameters}.items()},
         }
         return Launch([str(program), "-i", str(craft.system - 1), "-d", str(_etc(program))], variables)
 

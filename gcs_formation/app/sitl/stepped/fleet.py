@@ -24,13 +24,21 @@ CYCLE_S: Final = CYCLE_STEPS * STEP_S
 AIR_CYCLES: Final = 2
 """Cycles for each change of the air, and for each row of ground truth: the emulators' main loop."""
 MAX_DATAGRAM: Final = 65535
+CALL: Final = b"\0"
+"""Is no MAVLink: shows an autopilot that waits for a station where that is."""
 
 
 class Stepped:
     """One autopilot: what steps its clock, its body, and its serial port."""
 
-    def __init__(self, name: str, exchange: Exchange, body: RigidBody, station: Address | None) -> None:
-        """Listen for its serial port; `station`: where the ground station listens, None if that sends first."""
+    def __init__(
+        self, name: str, exchange: Exchange, body: RigidBody, station: Address | None, serial_port: int
+    ) -> None:
+        """Listen for its link.
+
+        `station`: where the ground station listens, None if that sends first; `serial_port`: where the autopilot
+        listens, 0 if it sends first.
+        """
         self.exchange, self.body, self.station = exchange, body, station
         self._name = name
         self._serial = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -38,7 +46,9 @@ class Stepped:
         self._serial.setblocking(False)
         self.port: int = self._serial.getsockname()[1]
         """The UDP port to which it sends."""
-        self._sender: tuple[str, int] | None = None
+        self._sender: tuple[str, int] | None = (LOOPBACK, serial_port) if serial_port else None
+        self.calls = bool(serial_port)
+        """Whether the autopilot must first be sent something, and has sent nothing yet."""
         self._number = 0
         self._home = body.state.north_m, body.state.east_m, body.state.height_m
         self.outputs_us: tuple[int, ...] = ()
@@ -75,13 +85,15 @@ class Stepped:
         )
 
     def send(self, data: bytes) -> None:
-        """Let its serial port receive; before it has sent anything nobody is there."""
+        """Let its link receive; before it is known where it listens, nobody is there."""
         if self._sender is not None:
             with suppress(OSError):
                 self._serial.sendto(data, self._sender)
 
     def sent(self) -> list[bytes]:
-        """Return what its serial port has sent since the last call."""
+        """Return what its link has sent since the last call."""
+        if self.calls:
+            self.send(CALL)
         found = list[bytes]()
         while True:
             try:
@@ -89,10 +101,10 @@ class Stepped:
             except OSError:
                 return found
             found.append(data)
+            self.calls = False
 
     def close(self) -> None:
-        """Free its ports."""
-        self.exchange.close()
+        """Free its link's port."""
         self._serial.close()
 
 
@@ -102,12 +114,16 @@ class SteppedFleet(Engine):
     What they do between two steps they do at the same time, on the machine's processors.
     """
 
-    def __init__(self, config: FleetConfig, exchanges: Sequence[Exchange], truth: TruthWriter) -> None:
-        """Set each vehicle's body at its start."""
+    def __init__(
+        self, config: FleetConfig, exchanges: Sequence[Exchange], serial_ports: Sequence[int], truth: TruthWriter
+    ) -> None:
+        """Set each vehicle's body at its start; `serial_ports`: where autopilots listen, 0 of those that send first."""
         self._config, self._truth = config, truth
         self.each = [
-            Stepped(str(vehicle.identity), exchange, body_of(config, index), vehicle.endpoint.peer)
-            for index, (vehicle, exchange) in enumerate(zip(config.vehicles, exchanges, strict=True))
+            Stepped(str(vehicle.identity), exchange, body_of(config, index), vehicle.endpoint.peer, serial_port)
+            for index, (vehicle, exchange, serial_port) in enumerate(
+                zip(config.vehicles, exchanges, serial_ports, strict=True)
+            )
         ]
         self.bodies = [each.body for each in self.each]
         self.environment = Environment(config, self.bodies)
@@ -122,6 +138,17 @@ class SteppedFleet(Engine):
         Raises:
             ExchangeError: one hasn't.
         """
+        for each in self.each:
+            each.ask()
+
+    def step(self) -> None:
+        """Let all go on by a step.
+
+        Raises:
+            ExchangeError: one doesn't ask for the next.
+        """
+        for each in self.each:
+            each.answer()
         for each in self.each:
             each.ask()
 
@@ -159,10 +186,7 @@ class SteppedFleet(Engine):
             body.breathe()
         try:
             for _ in range(CYCLE_STEPS):
-                for each in self.each:
-                    each.answer()
-                for each in self.each:
-                    each.ask()
+                self.step()
         except ExchangeError as error:
             self.failure = str(error)
             return

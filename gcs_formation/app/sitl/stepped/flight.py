@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from functools import partial
@@ -67,8 +68,11 @@ def _stepped(session: Session, simulators: Sequence[Simulated]) -> Generator[tup
     scenario = session.scenario
     with ExitStack() as stack:
         truth = stack.enter_context(TruthWriter(session.recorder.path / TRUTH, len(scenario.vehicles)))
-        exchanges = [each.simulator.exchange() for each in simulators]
-        fleet = stack.enter_context(closing(SteppedFleet(fleet_config(scenario), exchanges, truth)))
+        exchanges = [
+            stack.enter_context(closing(each.simulator.exchange(each.craft, scenario.seed))) for each in simulators
+        ]
+        waiting = [each.simulator.serial_port(each.craft) for each in simulators]
+        fleet = stack.enter_context(closing(SteppedFleet(fleet_config(scenario), exchanges, waiting, truth)))
         ported = [
             replace(each, craft=replace(each.craft, station=_listening(one.port), steps_port=one.exchange.port))
             for each, one in zip(simulators, fleet.each, strict=True)
@@ -80,7 +84,21 @@ def _stepped(session: Session, simulators: Sequence[Simulated]) -> Generator[tup
             fleet.begin()
         except ExchangeError as error:
             raise ExchangeError(ended(processes) or str(error)) from error
+        _prepare(fleet, simulators)
         yield fleet, processes
+
+
+def _prepare(fleet: SteppedFleet, simulators: Sequence[Simulated]) -> None:
+    """Give simulators their missions, while their clocks go on, as they answer only then."""
+    given = [each for each in simulators if each.craft.landing]
+    if not given:
+        return
+    with ThreadPoolExecutor(len(given)) as threads:
+        prepared = [threads.submit(each.simulator.prepare, each.craft) for each in given]
+        while not all(each.done() for each in prepared):
+            fleet.step()
+    for each in prepared:
+        each.result()
 
 
 def _has_ended(process: Running) -> bool:
