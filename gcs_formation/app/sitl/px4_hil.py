@@ -69,6 +69,7 @@ class HilExchange(Exchange):
         try:
             self._listener.bind((LOOPBACK, self.port))
         except OSError as error:
+            self._listener.close()
             found = f"found TCP port {self.port} taken, at which instance {instance} of PX4 asks for its sensors"
             raise SimulatorError(f"{found}; allowed: no other simulator of this instance") from error
         self._listener.listen(1)
