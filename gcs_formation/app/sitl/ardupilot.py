@@ -60,9 +60,9 @@ class ArduPilotSimulator(Simulator):
     @abstractmethod
     def _of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]: ...
 
-    def exchange(self, craft: Craft, seed: int) -> JsonExchange:  # noqa: ARG002 - it makes its noise itself
+    def exchange(self, craft: Craft, seed: int) -> JsonExchange:  # noqa: ARG002 - its noise is its own
         """Return its interface for simulators of motion."""
-        return JsonExchange()
+        return JsonExchange(craft.home)
 
     def cannot(self, vehicle: Vehicle, scenario: Scenario, program: Path, *, stepped: bool) -> list[str]:
         """Return what the scenario says and it can't do: it has no second link by which to be given a mission."""

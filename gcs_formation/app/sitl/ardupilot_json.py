@@ -6,15 +6,22 @@ a line of JSON, whose timestamp its clock then goes on to.
 
 from __future__ import annotations
 
+import math
 import socket
 import struct
 from typing import Final
 
 from airlink.endpoint import LOOPBACK
+from flight_model.autopilot_model import wrap
+from flight_model.earth import GeodeticOrigin
 from gcs_formation.app.sitl.exchange import STEP_S, Exchange, ExchangeError, Sample
+from gcs_formation.app.sitl.simulator import Home
+from sim_vehicles.airframe.rigid_body.motion import Vector
 
 OUTPUTS: Final = struct.Struct("<HHI16H")
 MAGIC: Final = 18458
+METRES_PER_DEGREE: Final = 111_318.84502145034
+"""Of ArduPilot's sphere (libraries/AP_Common/Location.cpp)."""
 WAITS: Final = 150
 LOOK_S: Final = 0.2
 """Wall time between looks whether an autopilot that is waited for has ended; it is given up after that many."""
@@ -30,8 +37,9 @@ LINE: Final = (
 class JsonExchange(Exchange):
     """Sensors and actuators of an ArduPilot."""
 
-    def __init__(self) -> None:
-        """Listen at a free port."""
+    def __init__(self, home: Home) -> None:
+        """Listen at a free port; the vehicle begins at its home."""
+        self._origin = GeodeticOrigin(math.radians(home.lat_deg), math.radians(home.lon_deg), home.alt_m)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((LOOPBACK, 0))
         self._socket.settimeout(LOOK_S)
@@ -63,9 +71,22 @@ class JsonExchange(Exchange):
 
     def answer(self, sample: Sample) -> None:
         """Send the line."""
-        number, accel, gyro, position, attitude, velocity, airspeed_mps = sample
+        number, accel, gyro, position_m, attitude, velocity, airspeed_mps = sample
+        north_m, east_m = self._on_sphere(position_m)
+        position = north_m, east_m, position_m[2]
         line = LINE % (number * TICK_S, *gyro, *accel, *position, *attitude, *velocity, airspeed_mps)
         self._socket.sendto(line.encode(), self._asker)
+
+    def _on_sphere(self, position_m: Vector) -> tuple[float, float]:
+        """Return north and east from home that the autopilot takes for where the body is: its Earth is a sphere.
+
+        Its receiver then reports the body's latitude and longitude, as a real one does.
+        """
+        lat_rad, lon_rad, _ = self._origin.from_ned(*position_m)
+        halfway_rad = (lat_rad + self._origin.lat_rad) / 2.0
+        east_deg = math.degrees(wrap(lon_rad - self._origin.lon_rad))
+        north_deg = math.degrees(lat_rad - self._origin.lat_rad)
+        return north_deg * METRES_PER_DEGREE, east_deg * math.cos(halfway_rad) * METRES_PER_DEGREE
 
     def close(self) -> None:
         """Close the socket."""

@@ -105,10 +105,13 @@ def _started(one: Simulated, directory: Path) -> Generator[Running]:
         try:
             yield Running(one.identity, process, directory)
         finally:
-            _end(process)
+            _end(process, waits=bool(one.craft.steps_port))
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def _end(process: subprocess.Popen[bytes], *, waits: bool) -> None:
+    """End a simulator; one that `waits` for its next step can't end by itself."""
+    if waits:
+        process.kill()
     process.terminate()
     try:
         process.wait(guard.END_S)

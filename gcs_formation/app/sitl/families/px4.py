@@ -101,7 +101,7 @@ class Px4Simulator(Simulator):
     def cannot(self, vehicle: Vehicle, scenario: Scenario, program: Path, *, stepped: bool) -> list[str]:
         """Return what it can't do: the air of earlier versions is still, and wind rolls fixed wings off the field."""
         found, wind = super().cannot(vehicle, scenario, program, stepped=stepped), scenario.wind.velocity_mps
-        if any(wind) and not (vehicle.model.hovers and WIND[0].encode() in program.read_bytes()):
+        if any(wind) and not stepped and not (vehicle.model.hovers and WIND[0].encode() in program.read_bytes()):
             found.append(f"wind of {math.hypot(*wind):.3g} m/s")
         return found
 

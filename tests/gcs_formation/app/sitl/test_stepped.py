@@ -21,12 +21,16 @@ from airlink.engine import Datagram
 from formation_scenario import load_scenario
 from gcs_formation.app.sitl.ardupilot_json import MAGIC, OUTPUTS, TICK_S, JsonExchange
 from gcs_formation.app.sitl.exchange import STEP_S, Exchange, ExchangeError, Sample
+from gcs_formation.app.sitl.simulator import Home
 from gcs_formation.app.sitl.stepped.fleet import CYCLE_S, SteppedFleet
 from sim_vehicles.config import fleet_config
 from sim_vehicles.truth import TruthRecord, TruthWriter
 from tests.flights.conftest import scenario
 from tests.processes import LIMIT_S, STATION, events_of, free_ports
 
+HOME = Home(35.0, 125.0, 0.0)
+SPHERE_N, SPHERE_E = 111_318.845 / 110_940.6, 111_318.845 / 111_441.5
+"""Metres of ArduPilot's sphere for each of the ellipsoid there, along a meridian and a parallel."""
 PROGRAM = Path(__file__).with_name("stepped_program.py")
 FULL = (1500, 1530, 2000, 1500)
 """With which a fixed wing takes off."""
@@ -37,7 +41,7 @@ SAMPLE = Sample(
 
 @pytest.fixture
 def exchange() -> Iterator[JsonExchange]:
-    with closing(JsonExchange()) as found:
+    with closing(JsonExchange(HOME)) as found:
         yield found
 
 
@@ -72,7 +76,7 @@ def test_it_is_answered_in_json_between_line_ends(exchange: JsonExchange, autopi
     assert json.loads(line) == {
         "timestamp": pytest.approx(4 * STEP_S, abs=1e-9),
         "imu": {"gyro": [0.1, 0.2, -0.3], "accel_body": [0.5, -0.25, -9.75]},
-        "position": [100.5, -20.25, -30.0],
+        "position": [pytest.approx(100.5 * SPHERE_N, abs=1e-3), pytest.approx(-20.25 * SPHERE_E, abs=1e-3), -30.0],
         "quaternion": [1.0, 0.0, 0.0, 0.0],
         "velocity": [20.0, 1.0, -2.0],
         "airspeed": 21.5,
