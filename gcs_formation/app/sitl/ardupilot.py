@@ -43,6 +43,8 @@ class ArduPilotSimulator(Simulator):
     """A vehicle of ArduPilot's simulator, which sends to the port at which the station listens."""
 
     allowed_endpoints = "one udpin:HOST:PORT"
+    step_s: ClassVar[float] = 0.0025
+    """Of a clock that is stepped, s."""
     model: ClassVar[str]
     """As `--model` names it."""
     own: ClassVar[Mapping[str, float]]
@@ -62,7 +64,7 @@ class ArduPilotSimulator(Simulator):
 
     def exchange(self, craft: Craft, seed: int) -> JsonExchange:  # noqa: ARG002 - its noise is its own
         """Return its interface for simulators of motion."""
-        return JsonExchange(craft.home)
+        return JsonExchange(craft.home, self.step_s)
 
     def cannot(self, vehicle: Vehicle, scenario: Scenario, program: Path, *, stepped: bool) -> list[str]:
         """Return what the scenario says and it can't do: it has no second link by which to be given a mission."""

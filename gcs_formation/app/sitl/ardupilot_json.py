@@ -14,7 +14,7 @@ from typing import Final
 from airlink.endpoint import LOOPBACK
 from flight_model.autopilot_model import wrap
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.app.sitl.exchange import STEP_S, Exchange, ExchangeError, Sample
+from gcs_formation.app.sitl.exchange import Exchange, ExchangeError, Sample
 from gcs_formation.app.sitl.simulator import Home
 from sim_vehicles.airframe.rigid_body.motion import Vector
 
@@ -25,8 +25,8 @@ METRES_PER_DEGREE: Final = 111_318.84502145034
 WAITS: Final = 150
 LOOK_S: Final = 0.2
 """Wall time between looks whether an autopilot that is waited for has ended; it is given up after that many."""
-TICK_S: Final = STEP_S + 1e-10
-"""Step of the timestamps: the autopilot drops what is left of a microsecond in each, so that none may be missing."""
+SPARE_S: Final = 1e-10
+"""Added to each step of the timestamps, of which the autopilot drops what is left of a microsecond."""
 LINE: Final = (
     '\n{"timestamp":%.12f,"imu":{"gyro":[%.7f, %.7f, %.7f],"accel_body":[%.6f, %.6f, %.6f]},'
     '"position":[%.5f, %.5f, %.5f],"quaternion":[%.9f, %.9f, %.9f, %.9f],"velocity":[%.6f, %.6f, %.6f],'
@@ -37,8 +37,9 @@ LINE: Final = (
 class JsonExchange(Exchange):
     """Sensors and actuators of an ArduPilot."""
 
-    def __init__(self, home: Home) -> None:
+    def __init__(self, home: Home, step_s: float) -> None:
         """Listen at a free port; the vehicle begins at its home."""
+        self.step_s = step_s
         self._origin = GeodeticOrigin(math.radians(home.lat_deg), math.radians(home.lon_deg), home.alt_m)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((LOOPBACK, 0))
@@ -74,7 +75,7 @@ class JsonExchange(Exchange):
         number, accel, gyro, position_m, attitude, velocity, airspeed_mps = sample
         north_m, east_m = self._on_sphere(position_m)
         position = north_m, east_m, position_m[2]
-        line = LINE % (number * TICK_S, *gyro, *accel, *position, *attitude, *velocity, airspeed_mps)
+        line = LINE % (number * (self.step_s + SPARE_S), *gyro, *accel, *position, *attitude, *velocity, airspeed_mps)
         self._socket.sendto(line.encode(), self._asker)
 
     def _on_sphere(self, position_m: Vector) -> tuple[float, float]:

@@ -7,9 +7,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from gcs_formation.errors import RunAbortedError
-from sim_vehicles.airframe.rigid_body.motion import STEP_S, Quaternion, Vector
-
-__all__ = ["STEP_S", "Exchange", "ExchangeError", "Sample"]
+from sim_vehicles.airframe.rigid_body.motion import Quaternion, Vector
 
 
 class ExchangeError(RunAbortedError):
@@ -36,8 +34,10 @@ class Sample(NamedTuple):
 class Exchange(ABC):
     """One autopilot's sensors and actuators."""
 
+    step_s: float
+    """How far each sample lets its clock go on, s: a whole number of microseconds, and of them in a cycle."""
     port: int
-    """The UDP port of this machine at which it asks."""
+    """The port of this machine at which it asks."""
     has_ended: Callable[[], bool] = staticmethod(lambda: False)
     """Returns whether its process has ended, so that it isn't waited for."""
 

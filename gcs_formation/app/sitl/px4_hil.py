@@ -23,14 +23,15 @@ from airlink.clock import MICROSECONDS, VIRTUAL_EPOCH_US
 from airlink.endpoint import LOOPBACK
 from airlink.frame import StreamParser
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.app.sitl.exchange import STEP_S, Exchange, ExchangeError, Sample
+from gcs_formation.app.sitl.exchange import Exchange, ExchangeError, Sample
 from gcs_formation.app.sitl.simulator import Home, SimulatorError
 from sim_vehicles.airframe.rigid_body.motion import to_body
 
 FIRST_PORT: Final = 4560
+IMU_HZ: Final = 200
+"""HIL_SENSORs a second, which PX4's IMU_INTEG_RATE allows."""
 EVERY: Final = 2
-"""Steps for each HIL_SENSOR: at 200 Hz, which PX4's IMU_INTEG_RATE allows."""
-IMU_HZ: Final = round(1.0 / (EVERY * STEP_S))
+"""Steps of the body for each."""
 MAG_EVERY, BARO_EVERY, GPS_EVERY = 2, 4, 20
 """HIL_SENSORs for each reading."""
 SENSOR: Final = struct.Struct("<Q13fIB")
@@ -63,7 +64,7 @@ class HilExchange(Exchange):
         Raises:
             SimulatorError: it is taken.
         """
-        self.port = FIRST_PORT + instance
+        self.port, self.step_s = FIRST_PORT + instance, 1.0 / (EVERY * IMU_HZ)
         self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -131,7 +132,7 @@ class HilExchange(Exchange):
         if sample.number % EVERY:
             return
         self._count += 1
-        self._sent_us = round(sample.number * STEP_S * MICROSECONDS)
+        self._sent_us = round(sample.number * self.step_s * MICROSECONDS)
         frames = self._gps(sample) if self._count % GPS_EVERY == 0 else b""
         assert self._socket is not None
         with suppress(OSError):  # it has ended, which is noticed when its outputs are waited for

@@ -16,7 +16,6 @@ from flight_model.autopilot_model import within
 from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.airframe.rigid_body.motion import (
     GROUND_S,
-    STEP_S,
     RigidBody,
     Vector,
     bank_of,
@@ -67,10 +66,10 @@ class FixedWing(RigidBody):
 
     def act(self, outputs_us: Sequence[int]) -> None:
         """Move surfaces as fast as their servos do; the throttle follows at once."""
-        self._aileron = _moved(self._aileron, outputs_us[0])
-        self._elevator = _moved(self._elevator, outputs_us[1])
+        self._aileron = _moved(self._aileron, outputs_us[0], self.step_s)
+        self._elevator = _moved(self._elevator, outputs_us[1], self.step_s)
         self._throttle = within((outputs_us[2] - 1000) / 1000.0, 0.0, 1.0)
-        self._rudder = _moved(self._rudder, outputs_us[3])
+        self._rudder = _moved(self._rudder, outputs_us[3], self.step_s)
 
     def forces(self, air_mps: Vector) -> tuple[Vector, Vector]:
         """Return the sum of thrust and aerodynamic force, and its moment."""
@@ -107,10 +106,10 @@ class FixedWing(RigidBody):
         stays_up = pitch_rad >= 0.0 and forward >= ROTATES_MPS
         pitching_rps = self.rates_rps[1] if stays_up else -pitch_rad / GROUND_S
         self.rates_rps = (-bank_of(self.attitude) / GROUND_S, pitching_rps, 0.0)
-        forward *= 1.0 - ROLLING_PER_S * STEP_S
+        forward *= 1.0 - ROLLING_PER_S * self.step_s
         if forward < CREEPING_MPS and self._throttle == 0.0:
             forward = 0.0
-        right = gripped(right)
+        right = gripped(right, self.step_s)
         self.velocity_mps = forward * cos - right * sin, forward * sin + right * cos, down
 
 
@@ -125,7 +124,7 @@ def coefficients(alpha_rad: float) -> tuple[float, float]:
     return lift, PARASITIC_DRAG + drag
 
 
-def _moved(surface: float, pulse_us: int) -> float:
+def _moved(surface: float, pulse_us: int, step_s: float) -> float:
     """Return where a surface is after a step, -1 to 1."""
     wanted = within((pulse_us - 1500) / 500.0, -1.0, 1.0) if pulse_us else 0.0
-    return surface + within(wanted - surface, -SERVO_PER_S * STEP_S, SERVO_PER_S * STEP_S)
+    return surface + within(wanted - surface, -SERVO_PER_S * step_s, SERVO_PER_S * step_s)

@@ -21,8 +21,6 @@ from sim_vehicles.config import VehicleConfig
 
 SEA_LEVEL_DENSITY: Final = 1.225
 """Of the standard atmosphere, kg/m³."""
-STEP_S: Final = 0.0025
-"""Integration step; ArduCopter's main loop runs at its rate."""
 ACCEL_NOISE_MPS2: Final = 0.3
 GYRO_NOISE_RPS: Final = math.radians(0.1)
 """Standard deviations at full throttle, of white noise at each step; of ArduPilot's simulator."""
@@ -58,14 +56,14 @@ class RigidBody(InAir):
     inertia_kgm2: Vector
     """Principal moments of inertia, about body axes."""
 
-    def __init__(self, config: VehicleConfig, wind_mps: Vector, seed: int, field_m: float) -> None:
-        """Stand at the configured start; `field_m` is the origin's height above sea level."""
+    def __init__(self, config: VehicleConfig, wind_mps: Vector, seed: int, field_m: float, step_s: float) -> None:
+        """Stand at the configured start; `field_m` is the origin's height above sea level, `step_s` the time step."""
         start = config.start
         state = FlightState(start.north_m, start.east_m, start.height_m, 0.0, 0.0, start.heading_rad, 0.0, 0.0)
         super().__init__(config.model.autopilot(), state, wind_mps)
         self.hovers: bool = config.model.hovers
         self.ground_m: float = start.height_m
-        self._field_m = field_m
+        self._field_m, self.step_s = field_m, step_s
         self.velocity_mps: Vector = (0.0, 0.0, 0.0)
         """Over ground: north, east, down."""
         self.attitude: Quaternion = (math.cos(start.heading_rad / 2.0), 0.0, 0.0, math.sin(start.heading_rad / 2.0))
@@ -111,13 +109,13 @@ class RigidBody(InAir):
 
     def step(self, outputs_us: Sequence[int]) -> Sensed:
         """Move for a step with servo outputs, and return what sensors then measure."""
-        state, before = self.state, self.velocity_mps
+        state, before, step_s = self.state, self.velocity_mps, self.step_s
         self.act(outputs_us)
         force, moment = self.forces(self._through_air())
         x, y, z = to_earth(self.attitude, force)
-        north = before[0] + STEP_S * x / self.mass_kg
-        east = before[1] + STEP_S * y / self.mass_kg
-        down = before[2] + STEP_S * (z / self.mass_kg + GRAVITY_MPS2)
+        north = before[0] + step_s * x / self.mass_kg
+        east = before[1] + step_s * y / self.mass_kg
+        down = before[2] + step_s * (z / self.mass_kg + GRAVITY_MPS2)
         self._spin(moment)
         if self.on_ground:
             self.velocity_mps = (north, east, min(down, 0.0))
@@ -125,11 +123,11 @@ class RigidBody(InAir):
         else:
             self.velocity_mps = (north, east, down)
         p, q, r = self.rates_rps
-        self.attitude = rotated(self.attitude, p, q, r, STEP_S)
+        self.attitude = rotated(self.attitude, p, q, r, step_s)
         north, east, down = self.velocity_mps
-        state.north_m += STEP_S * north
-        state.east_m += STEP_S * east
-        state.height_m = max(state.height_m - STEP_S * down, self.ground_m)
+        state.north_m += step_s * north
+        state.east_m += step_s * east
+        state.height_m = max(state.height_m - step_s * down, self.ground_m)
         return self._sense(before)
 
     def settle(self) -> None:
@@ -156,18 +154,18 @@ class RigidBody(InAir):
         """Change the rates for a step, by Euler's equation."""
         (ix, iy, iz), (p, q, r) = self.inertia_kgm2, self.rates_rps
         self.rates_rps = (
-            p + STEP_S * (moment[0] - (iz - iy) * q * r) / ix,
-            q + STEP_S * (moment[1] - (ix - iz) * r * p) / iy,
-            r + STEP_S * (moment[2] - (iy - ix) * p * q) / iz,
+            p + self.step_s * (moment[0] - (iz - iy) * q * r) / ix,
+            q + self.step_s * (moment[1] - (ix - iz) * r * p) / iy,
+            r + self.step_s * (moment[2] - (iy - ix) * p * q) / iz,
         )
 
     def _sense(self, before: Vector) -> Sensed:
         """Measure what the step did, including the ground's part in it."""
         now, noise = self.velocity_mps, self._next_noise()
         change = (
-            (now[0] - before[0]) / STEP_S,
-            (now[1] - before[1]) / STEP_S,
-            (now[2] - before[2]) / STEP_S - GRAVITY_MPS2,
+            (now[0] - before[0]) / self.step_s,
+            (now[1] - before[1]) / self.step_s,
+            (now[2] - before[2]) / self.step_s - GRAVITY_MPS2,
         )
         x, y, z = to_body(self.attitude, change)
         shaken, turned = self.throttle() * ACCEL_NOISE_MPS2, self.throttle() * GYRO_NOISE_RPS
@@ -183,9 +181,9 @@ class RigidBody(InAir):
         return found
 
 
-def gripped(speed_mps: float) -> float:
+def gripped(speed_mps: float, step_s: float) -> float:
     """Return a speed over ground after a step on something that doesn't roll that way."""
-    return speed_mps - within(speed_mps, -GRIP_MPS2 * STEP_S, GRIP_MPS2 * STEP_S)
+    return speed_mps - within(speed_mps, -GRIP_MPS2 * step_s, GRIP_MPS2 * step_s)
 
 
 def _bounded(accel_mps2: float) -> float:

@@ -96,7 +96,7 @@ class Quadrotor(RigidBody):
         """Stand level where it is, unless it rises."""
         self.rates_rps = (-bank_of(self.attitude) / GROUND_S, -pitch_of(self.attitude) / GROUND_S, 0.0)
         north, east, down = self.velocity_mps
-        self.velocity_mps = gripped(north), gripped(east), down
+        self.velocity_mps = gripped(north, self.step_s), gripped(east, self.step_s), down
 
     def axis_rad(self, nose_rad: float, north_mps: float, east_mps: float) -> float:
         """Return the axis of the slots behind it, as the law defines it."""

@@ -15,7 +15,6 @@ from formation_scenario.vehicles import VehicleModel
 from sim_vehicles.airframe.rigid_body import fixed_wing, quadrotor
 from sim_vehicles.airframe.rigid_body.fixed_wing import FixedWing, coefficients
 from sim_vehicles.airframe.rigid_body.motion import (
-    STEP_S,
     RigidBody,
     bank_of,
     pitch_of,
@@ -27,6 +26,7 @@ from sim_vehicles.airframe.rigid_body.motion import (
 from sim_vehicles.airframe.rigid_body.quadrotor import Quadrotor
 from sim_vehicles.config import VehicleConfig
 
+STEP_S = 0.0025
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 STILL = (0.0, 0.0, 0.0)
 REFERENCE_M = 584.0
@@ -43,7 +43,7 @@ def body(
 ) -> RigidBody:
     start = StartState(0.0, 0.0, 0.0, heading_rad, 0.0, False)
     config = VehicleConfig(VehicleId(1, 1), parse_endpoint("udpout:127.0.0.1:14550"), start, VehicleModel())
-    found = made(config, wind_mps, 1, field_m)
+    found = made(config, wind_mps, 1, field_m, STEP_S)
     found.breathe()
     return found
 

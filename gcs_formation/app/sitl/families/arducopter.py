@@ -25,6 +25,7 @@ class ArduCopterSimulator(ArduPilotSimulator):
 
     name = "arducopter"
     model = "+"
+    step_s = 0.00125  # its gyros must be 1.8 times as fast as its main loop of 400 Hz (`PreArm: Gyro 0 rate …`)
     own = (
         CALIBRATED | COMPASS | TRANSMITTER | {"FRAME_CLASS": 1, "FRAME_TYPE": 0, "FS_THR_ENABLE": 0, "BATT_MONITOR": 4}
     )

@@ -10,7 +10,7 @@ from typing import Final
 from airlink.clock import Instant, after
 from airlink.endpoint import LOOPBACK, Address, Endpoint
 from airlink.engine import Datagram, Engine
-from gcs_formation.app.sitl.exchange import STEP_S, Exchange, ExchangeError, Sample
+from gcs_formation.app.sitl.exchange import Exchange, ExchangeError, Sample
 from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.rigid_body.fixed_wing import FixedWing
 from sim_vehicles.airframe.rigid_body.motion import RigidBody
@@ -18,8 +18,7 @@ from sim_vehicles.airframe.rigid_body.quadrotor import Quadrotor
 from sim_vehicles.config import FleetConfig
 from sim_vehicles.truth import TruthWriter
 
-CYCLE_STEPS: Final = 4
-CYCLE_S: Final = CYCLE_STEPS * STEP_S
+CYCLE_S: Final = 0.01
 """Between an autopilot's looks at its serial ports, s."""
 AIR_CYCLES: Final = 2
 """Cycles for each change of the air, and for each row of ground truth: the emulators' main loop."""
@@ -40,7 +39,8 @@ class Stepped:
         listens, 0 if it sends first.
         """
         self.exchange, self.body, self.station = exchange, body, station
-        self._name = name
+        self._name, self.steps = name, round(CYCLE_S / exchange.step_s)
+        """`steps`: of its clock in a cycle."""
         self._serial = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._serial.bind((LOOPBACK, 0))
         self._serial.setblocking(False)
@@ -120,8 +120,10 @@ class SteppedFleet(Engine):
         """Set each vehicle's body at its start; `serial_ports`: where autopilots listen, 0 of those that send first."""
         self._config, self._truth = config, truth
         self.each = [
-            Stepped(str(vehicle.identity), exchange, body_of(config, index), vehicle.endpoint.peer, serial_port)
-            for index, (vehicle, exchange, serial_port) in enumerate(
+            Stepped(
+                str(vehicle.identity), exchange, body_of(config, index, exchange.step_s), vehicle.endpoint.peer, port
+            )
+            for index, (vehicle, exchange, port) in enumerate(
                 zip(config.vehicles, exchanges, serial_ports, strict=True)
             )
         ]
@@ -141,16 +143,19 @@ class SteppedFleet(Engine):
         for each in self.each:
             each.ask()
 
-    def step(self) -> None:
-        """Let all go on by a step.
+    def run_on(self) -> None:
+        """Let all go on by a cycle.
 
         Raises:
-            ExchangeError: one doesn't ask for the next.
+            ExchangeError: one doesn't ask for the next sample.
         """
-        for each in self.each:
-            each.answer()
-        for each in self.each:
-            each.ask()
+        rounds = max(each.steps for each in self.each)
+        for number in range(rounds):
+            stepped = [each for each in self.each if number * each.steps % rounds < each.steps]
+            for each in stepped:
+                each.answer()
+            for each in stepped:
+                each.ask()
 
     def endpoints(self) -> tuple[Endpoint, ...]:
         """Return each vehicle's own end of its link."""
@@ -185,8 +190,7 @@ class SteppedFleet(Engine):
         for body in self.bodies:
             body.breathe()
         try:
-            for _ in range(CYCLE_STEPS):
-                self.step()
+            self.run_on()
         except ExchangeError as error:
             self.failure = str(error)
             return
@@ -206,8 +210,8 @@ class SteppedFleet(Engine):
             each.close()
 
 
-def body_of(config: FleetConfig, index: int) -> RigidBody:
+def body_of(config: FleetConfig, index: int, step_s: float) -> RigidBody:
     """Return a vehicle's body, standing at its start."""
     vehicle = config.vehicles[index]
     made = Quadrotor if vehicle.model.hovers else FixedWing
-    return made(vehicle, config.wind_mps, config.seed, config.origin.alt_m)
+    return made(vehicle, config.wind_mps, config.seed, config.origin.alt_m, step_s)

@@ -96,7 +96,7 @@ def _prepare(fleet: SteppedFleet, simulators: Sequence[Simulated]) -> None:
     with ThreadPoolExecutor(len(given)) as threads:
         prepared = [threads.submit(each.simulator.prepare, each.craft) for each in given]
         while not all(each.done() for each in prepared):
-            fleet.step()
+            fleet.run_on()
     for each in prepared:
         each.result()
 

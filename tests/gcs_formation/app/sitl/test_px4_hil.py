@@ -14,11 +14,12 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from airlink.endpoint import LOOPBACK
 from gcs_formation.app.sitl import px4_hil
-from gcs_formation.app.sitl.exchange import STEP_S, ExchangeError, Sample
+from gcs_formation.app.sitl.exchange import ExchangeError, Sample
 from gcs_formation.app.sitl.px4_hil import GPS_EVERY, HilExchange
 from gcs_formation.app.sitl.simulator import Home, SimulatorError
 from tests.processes import LIMIT_S, free_port
 
+STEP_S = 0.0025
 HOME = Home(47.4, 8.5, 500.0, 0.0)
 NORTH_G, DOWN_G = 0.22, 0.43
 """The magnetic field there, Gauss, by the World Magnetic Model to two digits."""

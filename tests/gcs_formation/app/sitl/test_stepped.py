@@ -19,8 +19,8 @@ from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import LOOPBACK, Address
 from airlink.engine import Datagram
 from formation_scenario import load_scenario
-from gcs_formation.app.sitl.ardupilot_json import MAGIC, OUTPUTS, TICK_S, JsonExchange
-from gcs_formation.app.sitl.exchange import STEP_S, Exchange, ExchangeError, Sample
+from gcs_formation.app.sitl.ardupilot_json import MAGIC, OUTPUTS, SPARE_S, JsonExchange
+from gcs_formation.app.sitl.exchange import Exchange, ExchangeError, Sample
 from gcs_formation.app.sitl.simulator import Home
 from gcs_formation.app.sitl.stepped.fleet import CYCLE_S, SteppedFleet
 from sim_vehicles.config import fleet_config
@@ -28,6 +28,7 @@ from sim_vehicles.truth import TruthRecord, TruthWriter
 from tests.flights.conftest import scenario
 from tests.processes import LIMIT_S, STATION, events_of, free_ports
 
+STEP_S = 0.0025
 HOME = Home(35.0, 125.0, 0.0)
 SPHERE_N, SPHERE_E = 111_318.845 / 110_940.6, 111_318.845 / 111_441.5
 """Metres of ArduPilot's sphere for each of the ellipsoid there, along a meridian and a parallel."""
@@ -41,7 +42,7 @@ SAMPLE = Sample(
 
 @pytest.fixture
 def exchange() -> Iterator[JsonExchange]:
-    with closing(JsonExchange(HOME)) as found:
+    with closing(JsonExchange(HOME, STEP_S)) as found:
         yield found
 
 
@@ -88,7 +89,7 @@ def test_an_ardu_pilots_clock_loses_nothing() -> None:
     """It adds differences of timestamps to whole microseconds, and drops what is left."""
     clock_us, last_s = 0, 0.0
     for number in range(1, 400_001):
-        at_s = float(f"{number * TICK_S:.12f}")
+        at_s = float(f"{number * (STEP_S + SPARE_S):.12f}")
         clock_us = int(clock_us + (at_s - last_s) * 1e6)
         last_s = at_s
     assert clock_us == 400_000 * round(STEP_S * 1e6)
@@ -97,7 +98,7 @@ def test_an_ardu_pilots_clock_loses_nothing() -> None:
 class Scripted(Exchange):
     """An autopilot that puts out always the same, and asks a limited number of times."""
 
-    port = 0
+    port, step_s = 0, STEP_S
 
     def __init__(self, outputs_us: tuple[int, ...], times: int = 1_000_000) -> None:
         self._outputs_us, self._left, self.samples = outputs_us, times, list[Sample]()
