@@ -41,6 +41,7 @@ RUN_EXAMPLES = examples(
     "gcs-formation run quickstart.yaml --clock virtual --until 60 --json",
     'gcs-formation run quickstart.yaml --clock virtual --set formation.shape=arrow --set "wind.velocity_mps=[3, 0, 0]"',
     "gcs-formation run arduplane.yaml --sitl arduplane=build/sitl/bin/arduplane   your own simulators",
+    "gcs-formation run arduplane.yaml --sitl arduplane=arduplane --clock virtual   in step, repeatable",
 )
 FLY_EXAMPLES = examples(
     "sim-vehicles quickstart.yaml                              vehicles, in another terminal",
@@ -119,7 +120,7 @@ def _options(command: Command) -> Command:
     "--sitl",
     multiple=True,
     metavar="FAMILY=PROGRAM",
-    help="Your ArduPilot or PX4 simulator for that family's vehicles; repeatable.",
+    help="Your ArduPilot or PX4 simulator for that family's vehicles, stepped with --clock virtual; repeatable.",
 )
 @_options
 def run(sitl: tuple[str, ...], **given: Any) -> None:

@@ -11,6 +11,7 @@ import socket
 import struct
 from typing import Final
 
+from airlink.clock import MICROSECONDS
 from airlink.endpoint import LOOPBACK
 from flight_model.autopilot_model import wrap
 from flight_model.earth import GeodeticOrigin
@@ -25,6 +26,7 @@ METRES_PER_DEGREE: Final = 111_318.84502145034
 WAITS: Final = 150
 LOOK_S: Final = 0.2
 """Wall time between looks whether an autopilot that is waited for has ended; it is given up after that many."""
+TIME_LIMIT: Final = struct.pack("ll", 0, round(LOOK_S * MICROSECONDS))
 SPARE_S: Final = 1e-10
 """Added to each step of the timestamps, of which the autopilot drops what is left of a microsecond."""
 LINE: Final = (
@@ -43,7 +45,8 @@ class JsonExchange(Exchange):
         self._origin = GeodeticOrigin(math.radians(home.lat_deg), math.radians(home.lon_deg), home.alt_m)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((LOOPBACK, 0))
-        self._socket.settimeout(LOOK_S)
+        # A time limit of the kernel's: Python's own asks before each datagram whether there is one.
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, TIME_LIMIT)
         self.port = self._socket.getsockname()[1]
         self._asker: tuple[str, int] = (LOOPBACK, 0)
         self._frame = -1
@@ -63,7 +66,7 @@ class JsonExchange(Exchange):
         for _ in range(WAITS):
             try:
                 data, self._asker = self._socket.recvfrom(OUTPUTS.size)
-            except TimeoutError:
+            except BlockingIOError:
                 if self.has_ended():
                     break
                 continue

@@ -70,7 +70,8 @@ class RigidBody(InAir):
         self.rates_rps: Vector = (0.0, 0.0, 0.0)
         self.density = SEA_LEVEL_DENSITY
         self._random = random_stream(seed, "inertial sensors", *config.identity)
-        self._noise: list[float] = []
+        self._noise: list[list[float]] = []
+        self._drawn: int = BLOCK
 
     @property
     def aloft(self) -> bool:
@@ -175,10 +176,10 @@ class RigidBody(InAir):
         return Sensed(accel, gyro, max(self._through_air()[0], 0.0))
 
     def _next_noise(self) -> list[float]:
-        if not self._noise:
-            self._noise = self._random.standard_normal(6 * BLOCK).tolist()
-        found, self._noise = self._noise[-6:], self._noise[:-6]
-        return found
+        if self._drawn == BLOCK:
+            self._noise, self._drawn = self._random.standard_normal((BLOCK, 6)).tolist(), 0
+        self._drawn += 1
+        return self._noise[self._drawn - 1]
 
 
 def gripped(speed_mps: float, step_s: float) -> float:
