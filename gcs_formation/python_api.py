@@ -27,6 +27,7 @@ from gcs_formation.record.summary import Summary as RecordedSummary
 from gcs_formation.station import Station
 
 if TYPE_CHECKING:
+    from gcs_formation.app.sitl.run import Fly
     from gcs_formation.notebook import Picture
 
 OPTIONS = ("clock", "speedup", "until", "out", "overwrite", "overrides", "progress", "plugins")
@@ -108,9 +109,10 @@ def run(  # noqa: PLR0913 - options by name, as the command's
     overrides: Mapping[str, Any] | None = None,
     progress: Callable[[float, float], None] | None = None,
     plugins: Sequence[str | Path] = (),
+    sitl: Mapping[str, str | Path] | None = None,
     **keys: Any,
 ) -> Summary:
-    """Fly a scenario with emulated vehicles and return its summary.
+    """Fly a scenario with emulated vehicles, or with simulators of real autopilots, and return its summary.
 
     Args:
         scenario: a path, a mapping with the scenario's keys, or a Scenario.
@@ -122,21 +124,30 @@ def run(  # noqa: PLR0913 - options by name, as the command's
         overrides: scenario keys instead of the scenario's own, by their dotted names: {"law.rate_hz": 5}.
         progress: called a few times a second with the mission time, s (NaN before the path), and when it ends, s.
         plugins: files of extensions that the scenario names, as `--plugin`.
+        sitl: your simulators of real autopilots by their families, as `--sitl`: {"arduplane": "bin/arduplane"}.
         **keys: the same as `overrides`; `__` stands for a dot: `law__rate_hz=5`.
 
     Raises:
         ScenarioError: the scenario or an override is wrong; nothing was started.
-        ValueError: `clock`, `speedup`, `until` or `out` is wrong.
-        RunAbortedError: a port is taken, a vehicle refused, the emulators ended.
+        ValueError: `clock`, `speedup`, `until`, `out` or `sitl` is wrong.
+        RunAbortedError: a port is taken, a vehicle refused, the emulators or a simulator ended.
         RecordError: the run directory holds other files or an earlier run, or it can't be written.
     """
     given = {"clock": clock, "speedup": speedup, "until_s": until, "overwrite": overwrite}
     loaded, options = flown_by(scenario, dict(overrides or {}) | keys, out, given, plugins)
+    flies = _with_simulators(sitl, clock) if sitl else run_scenario
     with Interrupts() as interrupts:
-        summary = run_scenario(loaded, options, Progress() if progress is None else _Callback(progress), interrupts)
+        summary = flies(loaded, options, Progress() if progress is None else _Callback(progress), interrupts)
     if interrupts.count:
         raise KeyboardInterrupt
     return summary_of(summary, options.out)
+
+
+def _with_simulators(sitl: Mapping[str, str | Path], clock: ClockName) -> Fly:
+    from gcs_formation.app.sitl.fleet import programs_at  # noqa: PLC0415 - only with `sitl` any are started
+    from gcs_formation.app.sitl.run import with_simulators  # noqa: PLC0415
+
+    return with_simulators(programs_at(sitl), clock)
 
 
 class _Callback(Progress):

@@ -102,6 +102,7 @@ class Flight:
         out: str | Path | None = None,
         overwrite: bool = False,
         plugins: Sequence[str | Path] = (),
+        sitl: Mapping[str, str | Path] | None = None,
     ) -> None:
         """Prepare a flight, which begins with the `with` statement.
 
@@ -115,11 +116,16 @@ class Flight:
             out: the run directory, new or empty; default: runs/NAME-TIME.
             overwrite: replace an earlier run in `out` when this one begins.
             plugins: files of extensions that the scenario names, as `--plugin`.
+            sitl: under the virtual clock, your simulators of real autopilots by their families, whose clocks are
+                stepped: {"arduplane": "build/sitl/bin/arduplane"}.
 
         Raises:
             ScenarioError: the scenario or an override is wrong.
-            ValueError: `clock`, `speedup`, `until` or `out` is wrong.
+            ValueError: `clock`, `speedup`, `until`, `out` or `sitl` is wrong.
         """
+        if sitl and clock != "virtual":
+            raise ValueError(f"sitl: found with the {clock} clock; allowed: clock 'virtual', or gcs_formation.run")
+        self._programs = _programs(sitl) if sitl else {}
         keys = dict(overrides or {}) | ({} if seed is None else {"seed": seed})
         given = {"clock": clock, "speedup": speedup, "until_s": until, "overwrite": overwrite}
         self._scenario, self._options = flown_by(scenario, keys, out, given, plugins)
@@ -157,12 +163,13 @@ class Flight:
         """Begin the flight.
 
         Raises:
-            RunAbortedError: a port is taken.
+            RunAbortedError: a port is taken, a simulator can't be started.
+            ScenarioError: a vehicle can't be simulated by the programs given.
             RecordError: the run directory holds other files or an earlier run, or it can't be written.
         """
         if self._steps is not None or self._summary is not None:
             raise RuntimeError("a flight is entered once; make another Flight")
-        self._steps = stepped(self._scenario, self._options)
+        self._steps = stepped(self._scenario, self._options, self._programs)
         return self
 
     def __exit__(
@@ -361,6 +368,12 @@ class Flight:
         flight = session.station.flight
         if not flight.ended and flight.phase not in OVER:
             session.script.do(ScriptedOrder(at_tick=session.station.recorded_ticks, order=END), now)
+
+
+def _programs(sitl: Mapping[str, str | Path]) -> dict[str, Path]:
+    from gcs_formation.app.sitl.fleet import programs_at  # noqa: PLC0415 - only with `sitl` any are started
+
+    return programs_at(sitl)
 
 
 def _selection(vehicles: Vehicles) -> Any:  # noqa: ANN401 - as a scenario's keys are typed

@@ -6,8 +6,10 @@ import asyncio
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, ExitStack
+from functools import partial
+from pathlib import Path
 from types import FrameType
 from typing import NamedTuple, Protocol, TypeVar
 
@@ -16,7 +18,7 @@ from airlink.clock import Instant
 from formation_scenario import Scenario
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
-from gcs_formation.app.run import closed_if_it_raises, conclude, in_memory, over_udp
+from gcs_formation.app.run import Run, closed_if_it_raises, conclude, in_memory, over_udp
 from gcs_formation.app.session import Session
 from gcs_formation.phases import OVER
 from gcs_formation.record.summary import Summary
@@ -24,6 +26,8 @@ from gcs_formation.recorder import Event, Tick
 from gcs_formation.station import Station
 
 Result = TypeVar("Result")
+Opens = Callable[[Scenario, RunOptions, Progress, Interrupts], AbstractContextManager[tuple[Session, Run]]]
+"""Begins a flight, and says what runs it."""
 WAIT_S = 0.5
 """How long the program's thread sleeps at most, so that Ctrl-C reaches it."""
 
@@ -96,10 +100,11 @@ class _Signals(Interrupts):
 class VirtualSteps:
     """Under the virtual clock the flight waits for the program, whose orders come between the same events each time."""
 
-    def __init__(self, scenario: Scenario, options: RunOptions) -> None:
-        """Begin the flight; nothing happens before the first step."""
+    def __init__(self, scenario: Scenario, options: RunOptions, programs: Mapping[str, Path] | None = None) -> None:
+        """Begin the flight; nothing happens before the first step. `programs`: of simulators, by family."""
         self._events, self._signals, self._open = _EventQueue(), _Signals(), ExitStack()
-        opened = in_memory(scenario, options, self._events, self._signals)
+        opens = _with_simulators(programs) if programs else in_memory
+        opened = opens(scenario, options, self._events, self._signals)
         self.session, self._run_until = self._open.enter_context(opened)
         self._signals.__enter__()
         station = self.session.station
@@ -141,6 +146,12 @@ class VirtualSteps:
         if self._signals.count > stopped:
             raise KeyboardInterrupt
         return summary
+
+
+def _with_simulators(programs: Mapping[str, Path]) -> Opens:
+    from gcs_formation.app.sitl.stepped.flight import in_step  # noqa: PLC0415 - only with programs any are started
+
+    return partial(in_step, programs)
 
 
 def _ends(station: Station) -> bool:
@@ -241,11 +252,12 @@ async def asynchronously(what: Callable[[], Result]) -> Result:
     return await asyncio.to_thread(what)
 
 
-def stepped(scenario: Scenario, options: RunOptions) -> Stepped:
-    """Begin a flight that a program steps.
+def stepped(scenario: Scenario, options: RunOptions, programs: Mapping[str, Path] | None = None) -> Stepped:
+    """Begin a flight that a program steps; `programs`: of simulators that are stepped with it, by family.
 
     Raises:
-        RunAbortedError: a port is taken.
+        ScenarioError: a vehicle can't be simulated by these programs.
+        RunAbortedError: a port is taken, a simulator can't be started.
         RecordError: the run directory can't be written.
     """
-    return VirtualSteps(scenario, options) if options.clock == "virtual" else RealSteps(scenario, options)
+    return VirtualSteps(scenario, options, programs) if options.clock == "virtual" else RealSteps(scenario, options)

@@ -25,7 +25,7 @@ from gcs_formation.app.check_warnings import never_reached
 from gcs_formation.app.dry_run import rehearsal_text
 from gcs_formation.app.fly import fly as fly_scenario
 from gcs_formation.app.fly import rehearse
-from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import ClockName, Interrupts, RunOptions
 from gcs_formation.app.progress import Progress, progress_on
 from gcs_formation.app.result_text import NOTHING_EXPECTED, result_line, spoilt, summary_text, unjudged
 from gcs_formation.app.run import run as run_scenario
@@ -128,14 +128,13 @@ def run(sitl: tuple[str, ...], **given: Any) -> None:
     sys.exit(_done(_with_simulators(sitl, given["clock"]) if sitl else run_scenario, _conclude, **given))
 
 
-def _with_simulators(sitl: tuple[str, ...], clock: str) -> Fly[Summary]:
+def _with_simulators(sitl: tuple[str, ...], clock: ClockName) -> Fly[Summary]:
     """Return what flies a scenario with the user's simulators, or exit with what's wrong with them."""
     from gcs_formation.app.sitl.fleet import ProgramError, programs_of  # noqa: PLC0415 - only `--sitl` starts any
-    from gcs_formation.app.sitl.flight import run_simulated  # noqa: PLC0415
-    from gcs_formation.app.sitl.stepped.flight import run_stepped  # noqa: PLC0415
+    from gcs_formation.app.sitl.run import with_simulators  # noqa: PLC0415
 
     try:
-        return partial(run_stepped if clock == "virtual" else run_simulated, programs_of(sitl))
+        return with_simulators(programs_of(sitl), clock)
     except ProgramError as error:
         fail(f"--sitl: {error}")
 

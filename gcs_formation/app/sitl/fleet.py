@@ -53,13 +53,27 @@ def programs_of(given: tuple[str, ...]) -> dict[str, Path]:
     Raises:
         ProgramError: it isn't of that form, or there is no such program.
     """
-    found = dict[str, Path]()
+    found = dict[str, str]()
     for text in given:
         name, _, path = text.partition("=")
         if name not in SIMULATORS or not path:
             raise ProgramError(f"found '{text}'; allowed: FAMILY=PROGRAM, with FAMILY one of {NAMES}")
         if name in found:
             raise ProgramError(f"found {name} twice; allowed: one program a family")
+        found[name] = path
+    return programs_at(found)
+
+
+def programs_at(paths: Mapping[str, str | Path]) -> dict[str, Path]:
+    """Return the programs at paths, by family.
+
+    Raises:
+        ProgramError: there is no such family, or no such program.
+    """
+    found = dict[str, Path]()
+    for name, path in paths.items():
+        if name not in SIMULATORS:
+            raise ProgramError(f"found '{name}'; allowed: {NAMES}")
         program = Path(path).expanduser().absolute()
         if not (program.is_file() and os.access(program, os.X_OK)):
             raise ProgramError(f"found no program {path}; allowed: the path of a simulator of {name}, built by you")

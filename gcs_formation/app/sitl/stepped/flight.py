@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from airlink.cli import rare_garbage_collection
 from airlink.clock import Instant, VirtualClock
 from airlink.endpoint import LOOPBACK, Address, Endpoint, PortError, VehicleId
 from airlink.engine import MemoryNetwork
@@ -16,7 +17,7 @@ from formation_scenario import Scenario
 from formation_scenario.scripted import ScriptedOrder
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
-from gcs_formation.app.run import conclude, require_no_program
+from gcs_formation.app.run import Run, closed_if_it_raises, conclude, require_no_program
 from gcs_formation.app.session import Session
 from gcs_formation.app.sitl.exchange import ExchangeError
 from gcs_formation.app.sitl.fleet import Simulated, simulated
@@ -45,21 +46,62 @@ def run_stepped(
         RecordError: the run directory can't be written.
     """
     require_no_program(scenario)
+    with rare_garbage_collection():
+        with in_step(programs, scenario, options, progress, interrupts) as (session, run_until):
+            run_until(session.attend)
+        return conclude(session)
+
+
+@contextmanager
+def in_step(
+    programs: Mapping[str, Path],
+    scenario: Scenario,
+    options: RunOptions,
+    progress: Progress,
+    interrupts: Interrupts,
+) -> Generator[tuple[Session, Run]]:
+    """Yield a flight on the virtual clock with the user's simulators.
+
+    Raises:
+        ScenarioError: a vehicle can't be simulated by these programs.
+        RunAbortedError: a port is taken, a simulator can't be started.
+        RecordError: the run directory can't be written.
+    """
     simulators, clock = simulated(programs, scenario, 1.0, stepped=True), VirtualClock()
     session = Session(scenario, options, clock, progress, interrupts, emulated=False)
     network = MemoryNetwork(clock)
-    try:
-        with _stepped(session, simulators) as (fleet, processes):
+    with ExitStack() as stack:
+        try:
+            fleet, processes = stack.enter_context(_stepped(session, simulators))
             say_started(session, simulators, programs)
             network.attach(fleet)
             network.attach(session.engine)
-            session.replace = partial(network.replace, session.engine)
-            session.script.emulators = partial(_disturb, fleet)
-            session.begin_to_wait()
-            network.run(partial(_over, session, fleet, processes))
-    except (PortError, SimulatorError, ExchangeError) as error:
-        raise session.could_not_begin(error) from error
-    return conclude(session)
+        except (PortError, SimulatorError, ExchangeError) as error:
+            raise session.could_not_begin(error) from error
+        session.replace = partial(network.replace, session.engine)
+        session.script.emulators = partial(_disturb, fleet)
+        session.begin_to_wait()
+        with closed_if_it_raises(session):
+            yield session, partial(_run, network, session, fleet, processes)
+
+
+def _run(
+    network: MemoryNetwork,
+    session: Session,
+    fleet: SteppedFleet,
+    processes: Sequence[Running],
+    until: Callable[[], bool],
+) -> None:
+    """Run until a function holds; a flight fails if one of its simulators has ended."""
+
+    def over() -> bool:
+        now, station = session.clock.now(), session.station
+        fleet.environment.receive_mission_time(station.flight.mission_time_s(now), now)
+        if fleet.failure is not None and station.phase_machine.failure is None:
+            station.phase_machine.fail(ended(processes) or fleet.failure, now)
+        return until()
+
+    network.run(over)
 
 
 @contextmanager
@@ -107,15 +149,6 @@ def _has_ended(process: Running) -> bool:
 
 def _listening(port: int) -> Endpoint:
     return Endpoint("udpin", Address(LOOPBACK, port))
-
-
-def _over(session: Session, fleet: SteppedFleet, processes: Sequence[Running]) -> bool:
-    """Attend to a flight, which fails if a simulator has ended; return whether it is over."""
-    now, station = session.clock.now(), session.station
-    fleet.environment.receive_mission_time(station.flight.mission_time_s(now), now)
-    if fleet.failure is not None and station.phase_machine.failure is None:
-        station.phase_machine.fail(ended(processes) or fleet.failure, now)
-    return session.attend()
 
 
 def _disturb(fleet: SteppedFleet, act: ScriptedOrder, hit: frozenset[VehicleId], zero: Instant) -> None:
