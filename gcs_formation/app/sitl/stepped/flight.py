@@ -14,6 +14,7 @@ from airlink.clock import Instant, VirtualClock
 from airlink.endpoint import LOOPBACK, Address, Endpoint, PortError, VehicleId
 from airlink.engine import MemoryNetwork
 from formation_scenario import Scenario
+from formation_scenario.fields import refused
 from formation_scenario.scripted import ScriptedOrder
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
@@ -152,6 +153,12 @@ def _listening(port: int) -> Endpoint:
 
 
 def _disturb(fleet: SteppedFleet, act: ScriptedOrder, hit: frozenset[VehicleId], zero: Instant) -> None:
-    """Let an order of a program disturb the air; autopilots that are real have no emulated faults."""
+    """Let a program disturb the air.
+
+    Raises:
+        ScenarioError: it injects a fault, which only emulated vehicles have.
+    """
+    if act.fault is not None:
+        raise refused("fault.kind", f"found {act.fault.kind} of a real autopilot", "faults of emulated vehicles")
     if act.disturbance is not None:
         fleet.environment.disturb(act.disturbance, hit, zero)

@@ -18,7 +18,8 @@ import yaml
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.endpoint import LOOPBACK, Address
 from airlink.engine import Datagram
-from formation_scenario import load_scenario
+from formation_scenario import ScenarioError, load_scenario
+from gcs_formation import Flight, run
 from gcs_formation.app.sitl.ardupilot_json import MAGIC, OUTPUTS, SPARE_S, JsonExchange
 from gcs_formation.app.sitl.exchange import Exchange, ExchangeError, Sample
 from gcs_formation.app.sitl.simulator import Home
@@ -230,3 +231,32 @@ def test_a_simulator_that_crashes_is_said_with_what_it_printed(tmp_path: Path) -
     assert "its simulator has ended: Segmentation fault" in done.stderr
     said = next(each["text"] for each in events_of(tmp_path / "run") if each["kind"] == "simulators")
     assert said.startswith("2 started")
+
+
+@pytest.mark.slow
+def test_a_program_steps_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`Flight`: each tick waits for the program, and with it the autopilots."""
+    file = planned(tmp_path)
+    monkeypatch.setenv("SCENARIO", str(file))
+    with Flight(file, out=tmp_path / "run", sitl={"arduplane": tmp_path / "arduplane"}) as flight:
+        for tick in flight:
+            if tick.number == 20:
+                flight.disturb(velocity_mps=(0.0, 2.0, 0.0), for_s=1.0)
+                with pytest.raises(ScenarioError, match="found crash of a real autopilot"):
+                    flight.inject("crash", 2)
+                break
+    assert flight.summary.to_dict()["clock"] == "virtual"
+    assert tick.time_s > 1.0
+
+
+def test_from_python_too_wrong_programs_are_named(tmp_path: Path) -> None:
+    file = planned(tmp_path)
+    for given, text in (
+        ({"sitl": {"arduplane": "nowhere"}}, "found no program nowhere"),
+        ({"sitl": {"jsbsim": PROGRAM}}, "found 'jsbsim'; allowed: arducopter, arduplane, px4"),
+        ({"sitl": {"arduplane": PROGRAM}, "clock": "real"}, "found with the real clock"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            Flight(file, **given)
+    with pytest.raises(ValueError, match="found no program nowhere"):
+        run(file, sitl={"arduplane": "nowhere"})
