@@ -48,6 +48,8 @@ LOOK_S, LOOKS = 0.2, 150
 """Wall time between looks whether one that is waited for has ended; it is given up after that many."""
 MAG_NOISE_GAUSS: Final = 0.002
 BARO_NOISE_HPA: Final = 0.02
+PITOT_NOISE_HPA: Final = 0.01
+"""Sensors that show the same for two seconds count as dead."""
 GPS_NOISE_M, GPS_NOISE_MPS = 0.2, 0.06
 SEA_LEVEL_HPA, SEA_LEVEL_K, LAPSE_K_PER_M, EXPONENT = 1013.25, 288.15, 0.0065, 5.2559
 KELVIN: Final = 273.15
@@ -139,7 +141,7 @@ class HilExchange(Exchange):
             self._socket.sendall(frames + self._sensors(sample))
 
     def _sensors(self, sample: Sample) -> bytes:
-        fields, noise = INERTIAL, self._random.standard_normal(4).tolist()
+        fields, noise = INERTIAL, self._random.standard_normal(5).tolist()
         field = to_body(sample.attitude, self._field_gauss)
         mag = [part + MAG_NOISE_GAUSS * each for part, each in zip(field, noise[:3], strict=True)]
         above_sea_m = self._origin.alt_m - sample.position_m[2]
@@ -150,6 +152,7 @@ class HilExchange(Exchange):
         fields |= MAGNETIC if self._count % MAG_EVERY == 0 else 0
         fields |= PRESSURE | AIRSPEED if self._count % BARO_EVERY == 0 else 0
         pressure_hpa += BARO_NOISE_HPA * noise[3]
+        dynamic_hpa += PITOT_NOISE_HPA * noise[4]
         payload = SENSOR.pack(
             self._sent_us,
             *sample.accel_mps2,
