@@ -23,7 +23,7 @@ from gcs_formation import Flight, run
 from gcs_formation.app.sitl.ardupilot_json import MAGIC, OUTPUTS, SPARE_S, JsonExchange
 from gcs_formation.app.sitl.exchange import Exchange, ExchangeError, Sample
 from gcs_formation.app.sitl.simulator import Home
-from gcs_formation.app.sitl.stepped.fleet import CYCLE_S, SteppedFleet
+from gcs_formation.app.sitl.stepped.fleet import CALL, CYCLE_S, SteppedFleet
 from sim_vehicles.config import fleet_config
 from sim_vehicles.truth import TruthRecord, TruthWriter
 from tests.flights.conftest import scenario
@@ -178,6 +178,41 @@ def test_serial_ports_are_on_the_network(tmp_path: Path) -> None:
         assert sent.peer.port == 14551
         fleet.receive([Datagram(1, sent.peer, b"from the station")], Instant(NANOSECONDS))
         assert port.recv(1000) == b"from the station"
+
+
+def test_one_that_waits_for_a_station_is_shown_where_it_is(tmp_path: Path) -> None:
+    """As PX4's link does, which otherwise sends to a port of its own choice."""
+    planned = load_scenario(scenario(start={"in_air": False}, vehicles={"count": 2, "autopilot": "arduplane"}))
+    with (
+        closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as port,
+        TruthWriter(tmp_path / "truth", 2) as writer,
+    ):
+        port.bind((LOOPBACK, 0))
+        port.settimeout(LIMIT_S)
+        serial_ports = [port.getsockname()[1], 0]
+        fleet = SteppedFleet(fleet_config(planned), [Scripted(FULL), Scripted(FULL)], serial_ports, writer)
+        with closing(fleet):
+            fleet.begin()
+            run_to(fleet, CYCLE_S)
+            called, address = port.recvfrom(1000)
+            assert called == CALL
+            port.sendto(b"from the autopilot", address)
+            run_to(fleet, 2 * CYCLE_S)
+            port.recv(1000)  # sent before it was read
+            run_to(fleet, 5 * CYCLE_S)
+            port.setblocking(False)
+            with pytest.raises(BlockingIOError):
+                port.recv(1000)
+            assert [each.data for each in fleet.datagrams_to_send()] == [b"from the autopilot"]
+
+
+def test_clocks_of_different_steps_stay_together(tmp_path: Path) -> None:
+    slow, fast = Scripted(FULL), Scripted(FULL)
+    fast.step_s = STEP_S / 2.0
+    with TruthWriter(tmp_path / "truth", 2) as writer, closing(fleet_of([slow, fast], writer)) as fleet:
+        run_to(fleet, 1.0)
+    assert (len(slow.samples), len(fast.samples)) == (400, 800)
+    assert slow.samples[-1].position_m == pytest.approx(fast.samples[-1].position_m, abs=0.05)
 
 
 def test_one_that_asks_no_more_is_named(tmp_path: Path) -> None:
