@@ -24,11 +24,11 @@ from gcs_formation.app.sitl.exchange import ExchangeError
 from gcs_formation.app.sitl.fleet import Simulated, simulated
 from gcs_formation.app.sitl.flight import say_started
 from gcs_formation.app.sitl.processes import Running, ended, running
-from gcs_formation.app.sitl.simulator import SimulatorError
+from gcs_formation.app.sitl.simulator import Home, SimulatorError
 from gcs_formation.app.sitl.stepped.fleet import SteppedFleet
 from gcs_formation.record.run_directory import TRUTH
 from gcs_formation.record.summary import Summary
-from sim_vehicles.config import fleet_config
+from sim_vehicles.config import FleetConfig, fleet_config
 from sim_vehicles.truth import TruthWriter
 
 
@@ -115,7 +115,8 @@ def _stepped(session: Session, simulators: Sequence[Simulated]) -> Generator[tup
             stack.enter_context(closing(each.simulator.exchange(each.craft, scenario.seed))) for each in simulators
         ]
         waiting = [each.simulator.serial_port(each.craft) for each in simulators]
-        fleet = stack.enter_context(closing(SteppedFleet(fleet_config(scenario), exchanges, waiting, truth)))
+        config = on_their_ground(fleet_config(scenario), [each.craft.home for each in simulators])
+        fleet = stack.enter_context(closing(SteppedFleet(config, exchanges, waiting, truth)))
         ported = [
             replace(each, craft=replace(each.craft, station=_listening(one.port), steps_port=one.exchange.port))
             for each, one in zip(simulators, fleet.each, strict=True)
@@ -129,6 +130,16 @@ def _stepped(session: Session, simulators: Sequence[Simulated]) -> Generator[tup
             raise ExchangeError(ended(processes) or str(error)) from error
         _prepare(fleet, simulators)
         yield fleet, processes
+
+
+def on_their_ground(config: FleetConfig, homes: Sequence[Home]) -> FleetConfig:
+    """Return a fleet whose vehicles stand at their homes' heights, which over terrain are those of the ground."""
+    heights_m = [home.alt_m - config.origin.alt_m for home in homes]
+    vehicles = (
+        replace(each, start=replace(each.start, height_m=height_m))
+        for each, height_m in zip(config.vehicles, heights_m, strict=True)
+    )
+    return replace(config, vehicles=tuple(vehicles))
 
 
 def _prepare(fleet: SteppedFleet, simulators: Sequence[Simulated]) -> None:

@@ -24,6 +24,7 @@ from gcs_formation.app.sitl.ardupilot_json import MAGIC, OUTPUTS, SPARE_S, JsonE
 from gcs_formation.app.sitl.exchange import Exchange, ExchangeError, Sample
 from gcs_formation.app.sitl.simulator import Home
 from gcs_formation.app.sitl.stepped.fleet import CALL, CYCLE_S, SteppedFleet
+from gcs_formation.app.sitl.stepped.flight import on_their_ground
 from sim_vehicles.config import fleet_config
 from sim_vehicles.truth import TruthRecord, TruthWriter
 from tests.flights.conftest import scenario
@@ -213,6 +214,25 @@ def test_clocks_of_different_steps_stay_together(tmp_path: Path) -> None:
         run_to(fleet, 1.0)
     assert (len(slow.samples), len(fast.samples)) == (400, 800)
     assert slow.samples[-1].position_m == pytest.approx(fast.samples[-1].position_m, abs=0.05)
+
+
+def test_over_terrain_they_stand_on_it(tmp_path: Path) -> None:
+    planned = load_scenario(scenario(start={"in_air": False}, vehicles={"count": 2, "autopilot": "arduplane"}))
+    config = fleet_config(planned)
+    alt_m = config.origin.alt_m + 120.0
+    raised = on_their_ground(config, [HOME._replace(alt_m=alt_m)] * 2)
+    exchanges = [Scripted(FULL), Scripted((1500, 1500, 1000, 1500))]
+    with (
+        TruthWriter(tmp_path / "truth", 2) as writer,
+        closing(SteppedFleet(raised, exchanges, [0, 0], writer)) as fleet,
+    ):
+        fleet.begin()
+        run_to(fleet, 3.0)
+    rows = TruthRecord(tmp_path / "truth").between(0.0, 3.0)
+    assert rows["height_m"][-1, 1] == 120.0
+    assert exchanges[1].samples[-1].position_m[2] == 0.0
+    assert rows["height_m"][-1, 0] > 124.0
+    assert rows["airborne"][-1].tolist() == [1.0, 0.0]
 
 
 def test_one_that_asks_no_more_is_named(tmp_path: Path) -> None:
