@@ -1,7 +1,6 @@
 """`gcs-formation run` and `fly`: the ground station with emulated vehicles, alone, or in a dry run.
 
-The only module of this package that imports `sim_vehicles`: `run` starts the vehicles and adds their ground truth to
-the record.
+`run` starts the emulated vehicles and adds their ground truth to the record.
 """
 
 from __future__ import annotations

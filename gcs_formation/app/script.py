@@ -66,6 +66,8 @@ class Script:
         """When the program replaced a setpoint first, of each vehicle."""
         self.emulators: Strike | None = None
         """Reaches the emulated vehicles; None where there are none."""
+        self.refuses_faults = False
+        """Whether the vehicles are real autopilots in our air, which have no emulated faults."""
 
     def replace(self, index: int, wanted: Wanted, now: Instant) -> None:
         """Command a vehicle otherwise than the law does, until `keep_replaced` without it.
@@ -157,6 +159,8 @@ class Script:
             self._log_event("link of", act.link.vehicles, dict(_given(act)), now)
         hit = act.fault or act.disturbance
         if hit is not None and self.emulators is not None:
+            if act.fault is not None and self.refuses_faults:
+                raise refused("fault.kind", f"found {act.fault.kind} of a real autopilot", "one of emulated vehicles")
             identities = frozenset(each.vehicle_id for each in self._scenario.selected(hit.vehicles))
             if act.fault is not None and self._lasts_already(act.fault, identities):
                 return UNCHANGED

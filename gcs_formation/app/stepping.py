@@ -142,6 +142,7 @@ class VirtualSteps:
                 self._open.close()
                 summary = conclude(self.session)
         finally:
+            self._open.close()
             self._signals.__exit__()
         if self._signals.count > stopped:
             raise KeyboardInterrupt

@@ -215,7 +215,7 @@ class Body(InAir):
         return shown
 
     @property
-    def aloft(self) -> bool:
+    def airborne(self) -> bool:
         """Whether its pilot has it off the ground."""
         return self.steering.airborne
 

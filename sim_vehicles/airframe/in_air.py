@@ -24,7 +24,7 @@ class InAir(ABC):
 
     @property
     @abstractmethod
-    def aloft(self) -> bool:
+    def airborne(self) -> bool:
         """Whether it is off the ground."""
 
     @abstractmethod
@@ -35,7 +35,7 @@ class InAir(ABC):
         """Append the values of `sim_vehicles.truth.QUANTITIES`, in their order."""
         state = self.state
         north_mps, east_mps, down_mps = self.ground_velocity()
-        airborne = 1.0 if self.aloft else 0.0
+        airborne = 1.0 if self.airborne else 0.0
         north, east, down = self.disturbance_mps
         write_f64_le(row, state.north_m)
         write_f64_le(row, state.east_m)

@@ -19,8 +19,11 @@ from gcs_formation.app.sitl.exchange import Exchange, ExchangeError, Sample
 from gcs_formation.app.sitl.simulator import Home
 from sim_vehicles.airframe.rigid_body.motion import Vector
 
-OUTPUTS: Final = struct.Struct("<HHI16H")
-MAGIC: Final = 18458
+MAGIC: Final = struct.Struct("<H")
+OUTPUTS, MORE_OUTPUTS = struct.Struct("<HHI16H"), struct.Struct("<HHI32H")
+LAYOUTS: Final = {MAGIC.pack(18458): OUTPUTS, MAGIC.pack(29569): MORE_OUTPUTS}
+"""By their first bytes; of 32 outputs with SERVO_32_ENABLE."""
+MAX_BYTES: Final = 1024
 METRES_PER_DEGREE: Final = 111_318.84502145034
 """Of ArduPilot's sphere (libraries/AP_Common/Location.cpp)."""
 WAITS: Final = 150
@@ -48,29 +51,25 @@ class JsonExchange(Exchange):
         # A time limit of the kernel's: Python's own asks before each datagram whether there is one.
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, TIME_LIMIT)
         self.port = self._socket.getsockname()[1]
-        self._asker: tuple[str, int] = (LOOPBACK, 0)
+        self._autopilot: tuple[str, int] = (LOOPBACK, 0)
         self._frame = -1
 
     def outputs_us(self) -> tuple[int, ...]:
         """Return the pulses; outputs that it sends again because the answer is late are passed over."""
-        while True:
-            data = self._received()
-            if len(data) != OUTPUTS.size:
-                continue
-            magic, _rate_hz, frame, *pulses = OUTPUTS.unpack(data)
-            if magic == MAGIC and frame != self._frame:
-                self._frame = frame
-                return tuple(pulses)
-
-    def _received(self) -> bytes:
         for _ in range(WAITS):
             try:
-                data, self._asker = self._socket.recvfrom(OUTPUTS.size)
+                data, self._autopilot = self._socket.recvfrom(MAX_BYTES)
             except BlockingIOError:
                 if self.has_ended():
                     break
                 continue
-            return data
+            layout = LAYOUTS.get(data[: MAGIC.size])
+            if layout is None or len(data) != layout.size:
+                continue
+            _magic, _rate_hz, frame, *pulses = layout.unpack(data)
+            if frame != self._frame:
+                self._frame = frame
+                return tuple(pulses)
         raise ExchangeError("its simulator asks for no sensors")
 
     def answer(self, sample: Sample) -> None:
@@ -79,7 +78,7 @@ class JsonExchange(Exchange):
         north_m, east_m = self._on_sphere(position_m)
         position = north_m, east_m, position_m[2]
         line = LINE % (number * (self.step_s + SPARE_S), *gyro, *accel, *position, *attitude, *velocity, airspeed_mps)
-        self._socket.sendto(line.encode(), self._asker)
+        self._socket.sendto(line.encode(), self._autopilot)
 
     def _on_sphere(self, position_m: Vector) -> tuple[float, float]:
         """Return north and east from home that the autopilot takes for where the body is: its Earth is a sphere.

@@ -70,6 +70,8 @@ def programs_at(paths: Mapping[str, str | Path]) -> dict[str, Path]:
     Raises:
         ProgramError: there is no such family, or no such program.
     """
+    if not isinstance(paths, Mapping):
+        raise ProgramError(f"found {paths!r}; allowed: paths by family")
     found = dict[str, Path]()
     for name, path in paths.items():
         if name not in SIMULATORS:

@@ -112,7 +112,8 @@ def _end(process: subprocess.Popen[bytes], *, waits: bool) -> None:
     """End a simulator; one that `waits` for its next step can't end by itself."""
     if waits:
         process.kill()
-    process.terminate()
+    else:
+        process.terminate()
     try:
         process.wait(guard.END_S)
     except subprocess.TimeoutExpired:

@@ -4,7 +4,7 @@ Source: PX4 user guide, "Simulation", section "Simulator MAVLink API", and "Lock
 src/modules/simulation/simulator_mavlink/SimulatorMavlink.cpp. Each HIL_SENSOR sets its clock, and its outputs for that
 time come back. While it starts there are none, and its clock is stepped without.
 
-The sensors' noise is that of PX4's own modules (sensor_baro_sim, sensor_mag_sim, sensor_gps_sim), from the run's seed.
+The sensors' noise is from the run's seed.
 """
 
 from __future__ import annotations
@@ -22,10 +22,12 @@ from airlink.checksum import checksum
 from airlink.clock import MICROSECONDS, VIRTUAL_EPOCH_US
 from airlink.endpoint import LOOPBACK
 from airlink.frame import StreamParser
+from flight_model.autopilot_model import within
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.app.sitl.exchange import Exchange, ExchangeError, Sample
 from gcs_formation.app.sitl.simulator import Home, SimulatorError
 from sim_vehicles.airframe.rigid_body.motion import to_body
+from sim_vehicles.airframe.rigid_body.quadrotor import FULL_US, IDLE_US
 
 FIRST_PORT: Final = 4560
 IMU_HZ: Final = 200
@@ -55,6 +57,7 @@ SEA_LEVEL_HPA, SEA_LEVEL_K, LAPSE_K_PER_M, EXPONENT = 1013.25, 288.15, 0.0065, 5
 KELVIN: Final = 273.15
 SEA_LEVEL_DENSITY: Final = 1.225
 MAX_BYTES: Final = 65535
+MAX_CMPS: Final = 32767.0
 
 
 class HilExchange(Exchange):
@@ -84,11 +87,16 @@ class HilExchange(Exchange):
         self._parser = StreamParser()
         self._outputs_us: tuple[int, ...] = NEUTRAL
         self._sent_us, self._acted_us, self._count, self._sequence = 0, -1, 0, 0
+        self._awaits_outputs = True
+        """Whether a sample has gone out since outputs were waited for."""
 
     def outputs_us(self) -> tuple[int, ...]:
         """Return the pulses; while it starts, neutral ones."""
         if self._socket is None:
             self._connect()
+        if self._acted_us < 0 and not self._awaits_outputs:
+            return self._outputs_us
+        self._awaits_outputs = False
         for _ in range(LOOKS):
             if self._acted_us >= self._sent_us:
                 return self._outputs_us
@@ -118,8 +126,12 @@ class HilExchange(Exchange):
         self._socket.settimeout(wait_s)
         try:
             data = self._socket.recv(MAX_BYTES)
-        except OSError:
+        except TimeoutError:
             return False
+        except OSError:
+            data = b""
+        if not data:
+            raise ExchangeError("its simulator has closed its connection")
         frame = self._parser.first(data)
         while frame is not None:
             if frame.message_id == m.MAVLINK_MSG_ID_HIL_ACTUATOR_CONTROLS:
@@ -127,13 +139,14 @@ class HilExchange(Exchange):
                 self._acted_us, _flags, *controls, _mode = CONTROLS.unpack(payload[: CONTROLS.size])
                 self._outputs_us = _pulses(controls, hovers=self._hovers)
             frame = frame.following
-        return bool(data)
+        return True
 
     def answer(self, sample: Sample) -> None:
         """Send HIL_SENSOR, and HIL_GPS before it when it is due."""
         if sample.number % EVERY:
             return
         self._count += 1
+        self._awaits_outputs = True
         self._sent_us = round(sample.number * self.step_s * MICROSECONDS)
         frames = self._gps(sample) if self._count % GPS_EVERY == 0 else b""
         assert self._socket is not None
@@ -184,8 +197,8 @@ class HilExchange(Exchange):
             round(alt_m * 1e3),
             30,
             40,
-            round(math.hypot(north, east) * 100.0),
-            *(round(each * 100.0) for each in (north, east, down)),
+            _cmps(math.hypot(north, east)),
+            *(_cmps(each) for each in (north, east, down)),
             course_cdeg,
             3,
             10,
@@ -205,11 +218,16 @@ class HilExchange(Exchange):
         self._listener.close()
 
 
+def _cmps(speed_mps: float) -> int:
+    """Return a speed in cm/s, as far as the message can say it."""
+    return round(within(speed_mps * 100.0, -MAX_CMPS, MAX_CMPS))
+
+
 def _pulses(controls: list[float], *, hovers: bool) -> tuple[int, ...]:
     """Return pulses, µs, for controls: 0 to 1 of motors, -1 to 1 of surfaces; NaN, of what is disarmed, is neutral."""
-    given = [0.0 if math.isnan(each) else each for each in controls[:4]]
+    given = [0.0 if math.isnan(each) else within(each, -1.0, 1.0) for each in controls[:4]]
     if hovers:
-        return tuple(round(1150 + 800 * each) if each > 0.0 else 1000 for each in given)
+        return tuple(round(IDLE_US + (FULL_US - IDLE_US) * each) if each > 0.0 else 1000 for each in given)
     aileron, elevator, throttle, rudder = given
     surfaces = [round(1500 + 500 * each) for each in (aileron, elevator, rudder)]
     return surfaces[0], surfaces[1], round(1000 + 1000 * throttle), surfaces[2]

@@ -49,7 +49,7 @@ class Craft:
     parameters: Parameters = field(default_factory=dict)
     """With which its autopilot is switched on."""
     steps_port: int = 0
-    """The UDP port at which its motion is integrated and its clock stepped; 0: it does both itself."""
+    """The port at which its motion is integrated and its clock stepped; 0: it does both itself."""
     landing: tuple[LandingItem, ...] = ()
     """The landing that its stored mission has; empty: it has none."""
 

@@ -45,7 +45,7 @@ MAX_BEYOND_RAD: Final = 0.8
 ROLLING_PER_S: Final = 0.3
 """Rate at which wheels slow it down."""
 CREEPING_MPS: Final = 0.5
-"""Speed below which it stops when its motor does, and a tail wind doesn't push it on."""
+"""Speed below which it is held when its motor stands, as on a brake, tied down: no wind moves it."""
 ROTATES_MPS: Final = 5.0
 """Ground speed below which its nose stays down."""
 
@@ -78,7 +78,7 @@ class FixedWing(RigidBody):
         speed_mps = math.sqrt(u * u + v * v + w * w)
         if speed_mps < 1e-3:
             return (thrust_n, 0.0, 0.0), (0.0, 0.0, 0.0)
-        alpha, beta = math.atan2(w, u), math.atan2(v, u)
+        alpha, beta = math.atan2(w, u), math.asin(v / speed_mps)
         pressure_n = 0.5 * self.density * speed_mps * speed_mps * AREA_M2
         lift, drag = coefficients(alpha)
         cos, sin = math.cos(alpha), math.sin(alpha)
@@ -106,9 +106,10 @@ class FixedWing(RigidBody):
         stays_up = pitch_rad >= 0.0 and forward >= ROTATES_MPS
         pitching_rps = self.rates_rps[1] if stays_up else -pitch_rad / GROUND_S
         self.rates_rps = (-bank_of(self.attitude) / GROUND_S, pitching_rps, 0.0)
+        if self._throttle == 0.0 and math.hypot(forward, right) < CREEPING_MPS:
+            self.velocity_mps = 0.0, 0.0, 0.0
+            return
         forward *= 1.0 - ROLLING_PER_S * self.step_s
-        if forward < CREEPING_MPS and self._throttle == 0.0:
-            forward = 0.0
         right = gripped(right, self.step_s)
         self.velocity_mps = forward * cos - right * sin, forward * sin + right * cos, down
 

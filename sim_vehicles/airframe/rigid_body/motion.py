@@ -74,7 +74,7 @@ class RigidBody(InAir):
         self._drawn: int = BLOCK
 
     @property
-    def aloft(self) -> bool:
+    def airborne(self) -> bool:
         """Whether it is off the ground."""
         return self.state.height_m - self.ground_m > ALOFT_M
 
@@ -103,7 +103,7 @@ class RigidBody(InAir):
     def touch(self) -> None:
         """Let the ground act on velocity, attitude and rates, while it touches it."""
 
-    def breathe(self) -> None:
+    def update_density(self) -> None:
         """Take the density of the air at its height; before each cycle of several steps."""
         ratio = true_by_equivalent_airspeed(self._field_m + self.state.height_m)
         self.density = SEA_LEVEL_DENSITY / (ratio * ratio)
@@ -146,7 +146,7 @@ class RigidBody(InAir):
 
     def _through_air(self) -> Vector:
         north, east, down = self.velocity_mps
-        if self.on_ground:  # the wind doesn't move who stands
+        if self.on_ground:  # where no air rises or sinks
             return to_body(self.attitude, (north - self.air_north_mps, east - self.air_east_mps, down))
         relative = (north - self.air_north_mps, east - self.air_east_mps, down - self.air_down_mps)
         return to_body(self.attitude, relative)

@@ -37,8 +37,8 @@ TERMINAL_MPS: Final = 15.08
 """Horizontal speed at which it tilts by 45 degrees."""
 TORQUE_PER_N: Final = 0.05 * ARM_M
 """Torque of a rotor at full command for each newton of its thrust, N m."""
-INERTIA_KGM2: Final = MASS_KG * (ARM_M / 2.0) ** 2
-"""About the vertical axis twice as large as about the others, were all its mass on a ring; half of it is."""
+RING_KGM2: Final = MASS_KG * (ARM_M / 2.0) ** 2
+"""Of a ring about its axis; half the quadrotor's mass is on one, whose inertia about a diameter is half as large."""
 TURNING_PER_S: Final = math.radians(400.0) / 120.0
 """Rate at which air slows its turning."""
 
@@ -57,8 +57,8 @@ class Quadrotor(RigidBody):
     """The quadrotor of ArduPilot's simulator."""
 
     mass_kg = MASS_KG
-    inertia_kgm2 = (INERTIA_KGM2 / 4.0, INERTIA_KGM2 / 4.0, INERTIA_KGM2 / 2.0)
-    _commands: Vector | tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    inertia_kgm2 = (RING_KGM2 / 4.0, RING_KGM2 / 4.0, RING_KGM2 / 2.0)
+    _commands: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     def throttle(self) -> float:
         """Return the mean of the motors' commands, 0 to 1."""

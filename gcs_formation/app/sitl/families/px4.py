@@ -18,13 +18,13 @@ from gcs_formation.app.sitl.missions import give_mission, mission_of
 from gcs_formation.app.sitl.px4_hil import IMU_HZ, HilExchange
 from gcs_formation.app.sitl.simulator import Craft, Launch, Simulator, TrueMotion, endurance_s, newest
 from gcs_formation.app.sitl.ulog_truth import WIND, read_truth
+from sim_vehicles.airframe.rigid_body.quadrotor import ARM_M
 
 GCS_PORT, STATION_PORT = 18570, 14550
 """Instance n, which is system n + 1, sends from the first plus n to the second."""
 COMPANION_PORT = 14580
 """Plus n: of its link to a companion computer."""
 AIRFRAMES: Final = {False: ("10041", "sihsim_airplane"), True: ("10040", "sihsim_quadx")}
-ARM_M: Final = 0.35
 THRUST_N: Final = 10.0
 """With its default thrust of 6 N the simulator's aircraft hardly exceeds 14 m/s."""
 TRIM_TO_SPARE_MPS: Final = 2.0

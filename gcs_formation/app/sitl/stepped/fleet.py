@@ -15,19 +15,20 @@ from sim_vehicles.airframe.disturbances import Environment
 from sim_vehicles.airframe.rigid_body.fixed_wing import FixedWing
 from sim_vehicles.airframe.rigid_body.motion import RigidBody
 from sim_vehicles.airframe.rigid_body.quadrotor import Quadrotor
+from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig
 from sim_vehicles.truth import TruthWriter
 
 CYCLE_S: Final = 0.01
 """Between an autopilot's looks at its serial ports, s."""
-AIR_CYCLES: Final = 2
-"""Cycles for each change of the air, and for each row of ground truth: the emulators' main loop."""
+AIR_CYCLES: Final = round(LOOP_S / CYCLE_S)
+"""Cycles for each change of the air, and each look of the ground truth: a cycle of the emulators' main loop."""
 MAX_DATAGRAM: Final = 65535
 CALL: Final = b"\0"
 """Is no MAVLink: shows an autopilot that waits for a station where that is."""
 
 
-class Stepped:
+class SteppedVehicle:
     """One autopilot: what steps its clock, its body, and its serial port."""
 
     def __init__(
@@ -118,9 +119,9 @@ class SteppedFleet(Engine):
         self, config: FleetConfig, exchanges: Sequence[Exchange], serial_ports: Sequence[int], truth: TruthWriter
     ) -> None:
         """Set each vehicle's body at its start; `serial_ports`: where autopilots listen, 0 of those that send first."""
-        self._config, self._truth = config, truth
+        self.config, self._truth = config, truth
         self.each = [
-            Stepped(
+            SteppedVehicle(
                 str(vehicle.identity), exchange, body_of(config, index, exchange.step_s), vehicle.endpoint.peer, port
             )
             for index, (vehicle, exchange, port) in enumerate(
@@ -132,7 +133,7 @@ class SteppedFleet(Engine):
         self.failure: str | None = None
         """What ended the exchange, in words; None if nothing did."""
         self._outbox: list[Datagram] = []
-        self._cycles, self._next = 0, Instant(0)
+        self._cycles, self._next = 0, after(Instant(0), CYCLE_S)
 
     def begin(self) -> None:
         """Wait until all autopilots have started.
@@ -157,9 +158,14 @@ class SteppedFleet(Engine):
             for each in stepped:
                 each.ask()
 
+    def drop_sent(self) -> None:
+        """Drop what their links have sent: nobody listens yet."""
+        for each in self.each:
+            each.sent()
+
     def endpoints(self) -> tuple[Endpoint, ...]:
         """Return each vehicle's own end of its link."""
-        return tuple(each.endpoint for each in self._config.vehicles)
+        return tuple(each.endpoint for each in self.config.vehicles)
 
     def receive(self, datagrams: list[Datagram], now: Instant) -> None:  # noqa: ARG002 - they read in their own time
         """Pass datagrams on to the vehicles' serial ports."""
@@ -180,15 +186,14 @@ class SteppedFleet(Engine):
     def handle_timer(self, now: Instant) -> None:
         """Run every cycle that is due."""
         while self._next <= now and self.failure is None:
-            if self._next > Instant(0):
-                self._cycle(self._next)
+            self._cycle(self._next)
             self._next = after(self._next, CYCLE_S)
 
     def _cycle(self, now: Instant) -> None:
         if self._cycles % AIR_CYCLES == 0:
             self.environment.advance(now)
         for body in self.bodies:
-            body.breathe()
+            body.update_density()
         try:
             self.run_on()
         except ExchangeError as error:

@@ -14,8 +14,10 @@ from airlink.clock import Instant, VirtualClock
 from airlink.endpoint import LOOPBACK, Address, Endpoint, PortError, VehicleId
 from airlink.engine import MemoryNetwork
 from formation_scenario import Scenario
+from formation_scenario.extensions import ExtensionError
 from formation_scenario.fields import refused
 from formation_scenario.scripted import ScriptedOrder
+from formation_scenario.simulated import Place
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import Run, closed_if_it_raises, conclude, require_no_program
@@ -69,6 +71,9 @@ def in_step(
         RecordError: the run directory can't be written.
     """
     simulators, clock = simulated(programs, scenario, 1.0, stepped=True), VirtualClock()
+    for index, act in scenario.scripted:
+        if act.fault is not None:
+            raise refused(f"orders.{index}.fault", f"found {act.fault.kind} with --sitl", "faults of emulated vehicles")
     session = Session(scenario, options, clock, progress, interrupts, emulated=False)
     network = MemoryNetwork(clock)
     with ExitStack() as stack:
@@ -77,10 +82,13 @@ def in_step(
             say_started(session, simulators, programs)
             network.attach(fleet)
             network.attach(session.engine)
-        except (PortError, SimulatorError, ExchangeError) as error:
+        except (PortError, SimulatorError, ExchangeError, ExtensionError) as error:
             raise session.could_not_begin(error) from error
+        if scenario.registered:
+            session.emulators_failure = lambda: fleet.environment.failures.first
+            session.link_processes.positions = partial(_true_position, fleet, fleet.config)
         session.replace = partial(network.replace, session.engine)
-        session.script.emulators = partial(_disturb, fleet)
+        session.script.emulators, session.script.refuses_faults = partial(_disturb, fleet), True
         session.begin_to_wait()
         with closed_if_it_raises(session):
             yield session, partial(_run, network, session, fleet, processes)
@@ -123,12 +131,12 @@ def _stepped(session: Session, simulators: Sequence[Simulated]) -> Generator[tup
         ]
         processes = stack.enter_context(running(ported, session.options.out))
         for exchange, process in zip(exchanges, processes, strict=True):
-            exchange.has_ended = partial(_has_ended, process)
+            exchange.has_ended = partial(_has_ended, process, session.interrupts)
         try:
             fleet.begin()
+            _prepare(fleet, simulators)
         except ExchangeError as error:
             raise ExchangeError(ended(processes) or str(error)) from error
-        _prepare(fleet, simulators)
         yield fleet, processes
 
 
@@ -147,16 +155,21 @@ def _prepare(fleet: SteppedFleet, simulators: Sequence[Simulated]) -> None:
     given = [each for each in simulators if each.craft.landing]
     if not given:
         return
-    with ThreadPoolExecutor(len(given)) as threads:
+    threads = ThreadPoolExecutor(len(given))
+    try:
         prepared = [threads.submit(each.simulator.prepare, each.craft) for each in given]
         while not all(each.done() for each in prepared):
             fleet.run_on()
+            fleet.drop_sent()
+    finally:
+        threads.shutdown(wait=False, cancel_futures=True)
     for each in prepared:
         each.result()
 
 
-def _has_ended(process: Running) -> bool:
-    return bool(process.ended)
+def _has_ended(process: Running, interrupts: Interrupts) -> bool:
+    """Return whether a simulator needn't be waited for: it has ended, or the operator insists."""
+    return bool(process.ended) or interrupts.count > 1
 
 
 def _listening(port: int) -> Endpoint:
@@ -164,12 +177,12 @@ def _listening(port: int) -> Endpoint:
 
 
 def _disturb(fleet: SteppedFleet, act: ScriptedOrder, hit: frozenset[VehicleId], zero: Instant) -> None:
-    """Let a program disturb the air.
-
-    Raises:
-        ScenarioError: it injects a fault, which only emulated vehicles have.
-    """
-    if act.fault is not None:
-        raise refused("fault.kind", f"found {act.fault.kind} of a real autopilot", "faults of emulated vehicles")
+    """Let a program disturb the air."""
     if act.disturbance is not None:
         fleet.environment.disturb(act.disturbance, hit, zero)
+
+
+def _true_position(fleet: SteppedFleet, config: FleetConfig, vehicle: VehicleId) -> Place:
+    index = next(index for index, each in enumerate(config.vehicles) if each.identity == vehicle)
+    state = fleet.bodies[index].state
+    return Place(state.north_m, state.east_m, state.height_m)

@@ -17,10 +17,11 @@ from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import LOOPBACK, Address, parse_endpoint
 from airlink.engine import Datagram
 from formation_scenario import load_scenario
-from gcs_formation.app.sitl.ardupilot_json import MAGIC, OUTPUTS
+from gcs_formation.app.sitl.ardupilot_json import LAYOUTS, MAGIC, OUTPUTS
 from sim_vehicles.config import fleet_config
 from sim_vehicles.fleet import Fleet
 
+FIRST = MAGIC.unpack(next(iter(LAYOUTS)))[0]
 PITCH_RAD, THROTTLE_US = 0.1, 1600
 
 
@@ -48,7 +49,7 @@ def main() -> None:
     serial.setblocking(False)
     frame, pulses = 0, outputs_us([1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
     while True:
-        steps.sendto(OUTPUTS.pack(MAGIC, 1200, frame, *pulses), (LOOPBACK, int(given["--sim-port-out"])))
+        steps.sendto(OUTPUTS.pack(FIRST, 1200, frame, *pulses), (LOOPBACK, int(given["--sim-port-out"])))
         sensed = json.loads(steps.recv(1000))
         pulses = outputs_us(sensed["quaternion"], sensed["imu"]["gyro"])
         now = Instant(round(sensed["timestamp"] * NANOSECONDS))

@@ -106,6 +106,10 @@ def test_outputs_for_its_newest_time_are_waited_for(exchange: HilExchange, autop
     assert exchange.outputs_us() == px4_hil.NEUTRAL
 
 
+def test_outputs_that_no_motor_has_are_bounded() -> None:
+    assert px4_hil._pulses([math.inf, -math.inf, 7.0, -7.0], hovers=False) == (2000, 1000, 2000, 1000)
+
+
 def test_a_multirotors_motors_idle_above_their_least_pulse() -> None:
     assert px4_hil._pulses([0.0, 0.5, 1.0, math.nan], hovers=True) == (1000, 1550, 1950, 1000)
 
@@ -116,9 +120,8 @@ def test_one_that_has_ended_is_not_waited_for(exchange: HilExchange, autopilot: 
     autopilot.act(5000, 0.0, 0.0, 0.0, 0.0)
     exchange.outputs_us()
     exchange.answer(sample(4))
-    exchange.has_ended = lambda: True
     autopilot.socket.close()
-    with pytest.raises(ExchangeError, match="puts nothing out"):
+    with pytest.raises(ExchangeError, match="has closed its connection"):
         exchange.outputs_us()
 
 

@@ -20,7 +20,8 @@ from airlink.endpoint import LOOPBACK, Address
 from airlink.engine import Datagram
 from formation_scenario import ScenarioError, load_scenario
 from gcs_formation import Flight, run
-from gcs_formation.app.sitl.ardupilot_json import MAGIC, OUTPUTS, SPARE_S, JsonExchange
+from gcs_formation.app.sitl import ardupilot_json
+from gcs_formation.app.sitl.ardupilot_json import MORE_OUTPUTS, OUTPUTS, SPARE_S, JsonExchange
 from gcs_formation.app.sitl.exchange import Exchange, ExchangeError, Sample
 from gcs_formation.app.sitl.simulator import Home
 from gcs_formation.app.sitl.stepped.fleet import CALL, CYCLE_S, SteppedFleet
@@ -34,6 +35,7 @@ STEP_S = 0.0025
 HOME = Home(35.0, 125.0, 0.0)
 SPHERE_N, SPHERE_E = 111_318.845 / 110_940.6, 111_318.845 / 111_441.5
 """Metres of ArduPilot's sphere for each of the ellipsoid there, along a meridian and a parallel."""
+MAGIC, MAGIC_OF_32 = 18458, 29569
 PROGRAM = Path(__file__).with_name("stepped_program.py")
 FULL = (1500, 1530, 2000, 1500)
 """With which a fixed wing takes off."""
@@ -68,6 +70,21 @@ def test_an_ardu_pilots_outputs_are_read_once(exchange: JsonExchange, autopilot:
     ):
         autopilot.send(data)
     assert [exchange.outputs_us(), exchange.outputs_us()] == [tuple(first), tuple(second)]
+
+
+def test_of_32_outputs_all_are_read(exchange: JsonExchange, autopilot: socket.socket) -> None:
+    autopilot.send(MORE_OUTPUTS.pack(MAGIC_OF_32, 1200, 0, *range(1000, 1032)))
+    assert exchange.outputs_us() == tuple(range(1000, 1032))
+
+
+def test_one_that_asks_for_nothing_else_is_given_up(
+    exchange: JsonExchange, autopilot: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ardupilot_json, "WAITS", 5)
+    for _ in range(10):
+        autopilot.send(b"no outputs")
+    with pytest.raises(ExchangeError, match="asks for no sensors"):
+        exchange.outputs_us()
 
 
 def test_it_is_answered_in_json_between_line_ends(exchange: JsonExchange, autopilot: socket.socket) -> None:
@@ -297,11 +314,29 @@ def test_a_program_steps_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         for tick in flight:
             if tick.number == 20:
                 flight.disturb(velocity_mps=(0.0, 2.0, 0.0), for_s=1.0)
-                with pytest.raises(ScenarioError, match="found crash of a real autopilot"):
-                    flight.inject("crash", 2)
+                for _ in range(2):
+                    with pytest.raises(ScenarioError, match="found crash of a real autopilot"):
+                        flight.inject("crash", 2)
                 break
     assert flight.summary.to_dict()["clock"] == "virtual"
     assert tick.time_s > 1.0
+
+
+def test_faults_that_a_program_injected_are_refused_before_anything_starts(tmp_path: Path) -> None:
+    """As recorded in run.yaml: a real autopilot can't repeat them."""
+    file = planned(tmp_path, orders=[{"at_tick": 0, "fault": {"kind": "crash", "vehicles": [2], "at_s": 0.0}}])
+    done = flown(file, tmp_path / "run")
+    assert done.returncode == 2
+    assert "orders.0.fault" in done.stderr
+    assert not (tmp_path / "run").exists()
+
+
+def test_one_that_ends_at_once_is_not_waited_for(tmp_path: Path) -> None:
+    file = planned(tmp_path)
+    (tmp_path / "arduplane").write_text("#!/bin/sh\necho no such model\nexit 1\n")
+    done = flown(file, tmp_path / "run")
+    assert done.returncode == 3
+    assert "its simulator has ended: no such model" in done.stderr
 
 
 def test_from_python_too_wrong_programs_are_named(tmp_path: Path) -> None:
@@ -310,6 +345,7 @@ def test_from_python_too_wrong_programs_are_named(tmp_path: Path) -> None:
         ({"sitl": {"arduplane": "nowhere"}}, "found no program nowhere"),
         ({"sitl": {"jsbsim": PROGRAM}}, "found 'jsbsim'; allowed: arducopter, arduplane, px4"),
         ({"sitl": {"arduplane": PROGRAM}, "clock": "real"}, "found with the real clock"),
+        ({"sitl": "arduplane=x"}, "found 'arduplane=x'; allowed: paths by family"),
     ):
         with pytest.raises(ValueError, match=text):
             Flight(file, **given)
