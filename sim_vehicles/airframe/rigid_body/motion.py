@@ -31,6 +31,9 @@ GROUND_S: Final = 0.1
 """Time constant with which the ground levels what touches it."""
 GRIP_MPS2: Final = 50.0
 """Greatest deceleration by wheels sideways, and by skids: they hold in any wind, and stop what lands askew."""
+BOUNDARY_LAYER_M, LOWEST_M, SHEAR = 10.0, 0.1, 1.0 / 7.0
+"""Heights above the ground below which the wind is weaker, and of a vehicle that stands, and the exponent: wind is told
+for 10 m (IEC 61400-1; of open country)."""
 BLOCK: Final = 1024
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -146,9 +149,9 @@ class RigidBody(InAir):
 
     def _through_air(self) -> Vector:
         north, east, down = self.velocity_mps
-        if self.on_ground:  # where no air rises or sinks
-            return to_body(self.attitude, (north - self.air_north_mps, east - self.air_east_mps, down))
-        relative = (north - self.air_north_mps, east - self.air_east_mps, down - self.air_down_mps)
+        share = wind_share(self.state.height_m - self.ground_m)
+        air_down_mps = 0.0 if self.on_ground else self.air_down_mps
+        relative = (north - share * self.air_north_mps, east - share * self.air_east_mps, down - air_down_mps)
         return to_body(self.attitude, relative)
 
     def _spin(self, moment: Vector) -> None:
@@ -180,6 +183,13 @@ class RigidBody(InAir):
             self._noise, self._drawn = self._random.standard_normal((BLOCK, 6)).tolist(), 0
         self._drawn += 1
         return self._noise[self._drawn - 1]
+
+
+def wind_share(above_ground_m: float) -> float:
+    """Return the share of the wind that blows at a height: less near the ground, by the power law of 1/7."""
+    if above_ground_m >= BOUNDARY_LAYER_M:
+        return 1.0
+    return math.pow(max(above_ground_m, LOWEST_M) / BOUNDARY_LAYER_M, SHEAR)
 
 
 def gripped(speed_mps: float, step_s: float) -> float:

@@ -21,6 +21,7 @@ from sim_vehicles.airframe.rigid_body.motion import (
     rotated,
     to_body,
     to_earth,
+    wind_share,
     yaw_of,
 )
 from sim_vehicles.airframe.rigid_body.quadrotor import Quadrotor
@@ -230,6 +231,13 @@ def test_wind_carries_it_along() -> None:
         each.settle()
     assert windy.state.east_m - calm.state.east_m == pytest.approx(5.0, abs=1e-3)
     assert windy.state.airspeed_mps == pytest.approx(calm.state.airspeed_mps, abs=1e-6)
+
+
+def test_the_wind_is_weaker_near_the_ground() -> None:
+    """By the power law of open country, with 1/7: half of it at a hundredth of the height for which it is told."""
+    assert wind_share(10.0) == wind_share(100.0) == 1.0
+    assert wind_share(1.0) == pytest.approx(0.1 ** (1 / 7))
+    assert wind_share(0.0) == wind_share(0.1) == pytest.approx(0.518, abs=1e-3)
 
 
 def test_sensors_are_shaken_by_the_motor_alike_with_one_seed() -> None:
