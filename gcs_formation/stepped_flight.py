@@ -19,7 +19,7 @@ from formation_scenario.shapes import SHAPE
 from formation_scenario.slot_assignment import ids_by_index, index_of
 from gcs_formation.app.operator_at_terminal import ClockName
 from gcs_formation.app.script import scripted
-from gcs_formation.app.stepping import Stepped, Stop, asynchronously, stepped
+from gcs_formation.app.stepping import Stepped, Stop, asynchronously, programs_given, stepped
 from gcs_formation.control.plain_values import vehicle_name
 from gcs_formation.extend.cycle import Replace, TickView, Vehicle, Wanted
 from gcs_formation.phases import OVER
@@ -125,7 +125,7 @@ class Flight:
         """
         if sitl and clock != "virtual":
             raise ValueError(f"sitl: found with the {clock} clock; allowed: clock 'virtual', or gcs_formation.run")
-        self._programs = _programs(sitl) if sitl else {}
+        self._programs = programs_given(sitl) if sitl else {}
         keys = dict(overrides or {}) | ({} if seed is None else {"seed": seed})
         given = {"clock": clock, "speedup": speedup, "until_s": until, "overwrite": overwrite}
         self._scenario, self._options = flown_by(scenario, keys, out, given, plugins)
@@ -368,12 +368,6 @@ class Flight:
         flight = session.station.flight
         if not flight.ended and flight.phase not in OVER:
             session.script.do(ScriptedOrder(at_tick=session.station.recorded_ticks, order=END), now)
-
-
-def _programs(sitl: Mapping[str, str | Path]) -> dict[str, Path]:
-    from gcs_formation.app.sitl.fleet import programs_at  # noqa: PLC0415 - only with `sitl` any are started
-
-    return programs_at(sitl)
 
 
 def _selection(vehicles: Vehicles) -> Any:  # noqa: ANN401 - as a scenario's keys are typed

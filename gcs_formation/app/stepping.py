@@ -253,6 +253,17 @@ async def asynchronously(what: Callable[[], Result]) -> Result:
     return await asyncio.to_thread(what)
 
 
+def programs_given(sitl: Mapping[str, str | Path]) -> dict[str, Path]:
+    """Return the programs of simulators at paths, by family.
+
+    Raises:
+        ValueError: there is no such family, or no such program.
+    """
+    from gcs_formation.app.sitl.fleet import programs_at  # noqa: PLC0415 - only with `sitl` any are started
+
+    return programs_at(sitl)
+
+
 def stepped(scenario: Scenario, options: RunOptions, programs: Mapping[str, Path] | None = None) -> Stepped:
     """Begin a flight that a program steps; `programs`: of simulators that are stepped with it, by family.
 
