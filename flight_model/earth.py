@@ -30,6 +30,7 @@ LAPSE_PER_M: Final = 0.0065 / 288.15
 DENSITY_POWER: Final = 9.80665 / (287.05287 * 0.0065) - 1.0
 """Exponent that gives the ratio of densities from that of temperatures there."""
 TROPOPAUSE_M: Final = 11_000.0
+SEA_LEVEL_KGM3: Final = 1.225
 
 
 @overload
@@ -72,6 +73,12 @@ def true_by_equivalent_airspeed(above_sea_m: float) -> float:
     """
     colder: float = 1.0 - LAPSE_PER_M * min(above_sea_m, TROPOPAUSE_M)
     return math.pow(colder, -0.5 * DENSITY_POWER)
+
+
+def air_density_kgm3(above_sea_m: float) -> float:
+    """Return the density of the air in the standard atmosphere, kg/m³, up to the tropopause."""
+    ratio = true_by_equivalent_airspeed(above_sea_m)
+    return SEA_LEVEL_KGM3 / (ratio * ratio)
 
 
 @dataclass(frozen=True)

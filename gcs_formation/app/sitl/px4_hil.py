@@ -23,7 +23,7 @@ from airlink.clock import MICROSECONDS, VIRTUAL_EPOCH_US
 from airlink.endpoint import LOOPBACK
 from airlink.frame import StreamParser
 from flight_model.autopilot_model import within
-from flight_model.earth import GeodeticOrigin
+from flight_model.earth import GeodeticOrigin, air_density_kgm3
 from gcs_formation.app.sitl.exchange import Exchange, ExchangeError, Sample
 from gcs_formation.app.sitl.simulator import Home, SimulatorError
 from sim_vehicles.airframe.rigid_body.motion import to_body
@@ -55,7 +55,6 @@ PITOT_NOISE_HPA: Final = 0.01
 GPS_NOISE_M, GPS_NOISE_MPS = 0.2, 0.06
 SEA_LEVEL_HPA, SEA_LEVEL_K, LAPSE_K_PER_M, EXPONENT = 1013.25, 288.15, 0.0065, 5.2559
 KELVIN: Final = 273.15
-SEA_LEVEL_DENSITY: Final = 1.225
 MAX_BYTES: Final = 65535
 MAX_CMPS: Final = 32767.0
 
@@ -160,8 +159,7 @@ class HilExchange(Exchange):
         above_sea_m = self._origin.alt_m - sample.position_m[2]
         kelvin = SEA_LEVEL_K - LAPSE_K_PER_M * above_sea_m
         pressure_hpa = SEA_LEVEL_HPA * (kelvin / SEA_LEVEL_K) ** EXPONENT
-        density = SEA_LEVEL_DENSITY * (pressure_hpa / SEA_LEVEL_HPA) * (SEA_LEVEL_K / kelvin)
-        dynamic_hpa = 0.5 * density * sample.airspeed_mps**2 / 100.0
+        dynamic_hpa = 0.5 * air_density_kgm3(above_sea_m) * sample.airspeed_mps**2 / 100.0
         fields |= MAGNETIC if self._count % MAG_EVERY == 0 else 0
         fields |= PRESSURE | AIRSPEED if self._count % BARO_EVERY == 0 else 0
         pressure_hpa += BARO_NOISE_HPA * noise[3]

@@ -13,14 +13,12 @@ from typing import Final
 
 from airlink.random_streams import random_stream
 from flight_model.autopilot_model import within, wrap
-from flight_model.earth import true_by_equivalent_airspeed
+from flight_model.earth import air_density_kgm3
 from flight_model.energy import GRAVITY_MPS2
 from flight_model.flight_state import FlightState
 from sim_vehicles.airframe.in_air import InAir
 from sim_vehicles.config import VehicleConfig
 
-SEA_LEVEL_DENSITY: Final = 1.225
-"""Of the standard atmosphere, kg/m³."""
 ACCEL_NOISE_MPS2: Final = 0.3
 GYRO_NOISE_RPS: Final = math.radians(0.1)
 """Standard deviations at full throttle, of white noise at each step; of ArduPilot's simulator."""
@@ -32,8 +30,8 @@ GROUND_S: Final = 0.1
 GRIP_MPS2: Final = 50.0
 """Greatest deceleration by wheels sideways, and by skids: they hold in any wind, and stop what lands askew."""
 BOUNDARY_LAYER_M, LOWEST_M, SHEAR = 10.0, 0.1, 1.0 / 7.0
-"""Heights above the ground below which the wind is weaker, and of a vehicle that stands, and the exponent: wind is told
-for 10 m (IEC 61400-1; of open country)."""
+"""Heights above the ground below which the wind is weaker, and of a vehicle that stands, and the exponent: wind speeds
+are those at 10 m (of open country)."""
 BLOCK: Final = 1024
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -71,7 +69,7 @@ class RigidBody(InAir):
         """Over ground: north, east, down."""
         self.attitude: Quaternion = (math.cos(start.heading_rad / 2.0), 0.0, 0.0, math.sin(start.heading_rad / 2.0))
         self.rates_rps: Vector = (0.0, 0.0, 0.0)
-        self.density = SEA_LEVEL_DENSITY
+        self.density: float = air_density_kgm3(field_m)
         self._random = random_stream(seed, "inertial sensors", *config.identity)
         self._noise: list[list[float]] = []
         self._drawn: int = BLOCK
@@ -108,8 +106,7 @@ class RigidBody(InAir):
 
     def update_density(self) -> None:
         """Take the density of the air at its height; before each cycle of several steps."""
-        ratio = true_by_equivalent_airspeed(self._field_m + self.state.height_m)
-        self.density = SEA_LEVEL_DENSITY / (ratio * ratio)
+        self.density = air_density_kgm3(self._field_m + self.state.height_m)
 
     def step(self, outputs_us: Sequence[int]) -> Sensed:
         """Move for a step with servo outputs, and return what sensors then measure."""

@@ -234,7 +234,7 @@ def test_wind_carries_it_along() -> None:
 
 
 def test_the_wind_is_weaker_near_the_ground() -> None:
-    """By the power law of open country, with 1/7: half of it at a hundredth of the height for which it is told."""
+    """By the power law of open country, with 1/7: half of it at a hundredth of the height of its speed."""
     assert wind_share(10.0) == wind_share(100.0) == 1.0
     assert wind_share(1.0) == pytest.approx(0.1 ** (1 / 7))
     assert wind_share(0.0) == wind_share(0.1) == pytest.approx(0.518, abs=1e-3)

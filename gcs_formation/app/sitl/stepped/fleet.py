@@ -86,7 +86,7 @@ class SteppedVehicle:
         )
 
     def send(self, data: bytes) -> None:
-        """Let its link receive; before it is known where it listens, nobody is there."""
+        """Let its link receive; what comes before it is known where it listens is lost."""
         if self._sender is not None:
             with suppress(OSError):
                 self._serial.sendto(data, self._sender)
@@ -159,7 +159,7 @@ class SteppedFleet(Engine):
                 each.ask()
 
     def drop_sent(self) -> None:
-        """Drop what their links have sent: nobody listens yet."""
+        """Drop what their links have sent before the station listens."""
         for each in self.each:
             each.sent()
 

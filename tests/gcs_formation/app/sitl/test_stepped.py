@@ -188,7 +188,7 @@ def test_serial_ports_are_on_the_network(tmp_path: Path) -> None:
     ):
         port.bind((LOOPBACK, 0))
         port.settimeout(LIMIT_S)
-        fleet.receive([Datagram(1, Address(LOOPBACK, 14551), b"nobody is there yet")], Instant(0))
+        fleet.receive([Datagram(1, Address(LOOPBACK, 14551), b"too early")], Instant(0))
         port.sendto(b"from the autopilot", (LOOPBACK, fleet.each[1].port))
         run_to(fleet, CYCLE_S)
         (sent,) = fleet.datagrams_to_send()
