@@ -34,15 +34,17 @@ IMU_HZ: Final = 200
 """HIL_SENSORs a second, which PX4's IMU_INTEG_RATE allows."""
 EVERY: Final = 2
 """Steps of the body for each."""
-MAG_EVERY, BARO_EVERY, GPS_EVERY = 2, 4, 20
+MAG_EVERY, BARO_EVERY, GPS_EVERY, RANGE_EVERY = 2, 4, 20, 10
 """HIL_SENSORs for each reading."""
 SENSOR: Final = struct.Struct("<Q13fIB")
 GPS: Final = struct.Struct("<QiiiHHHhhhHBB")
+RANGE: Final = struct.Struct("<IHHHBBBB")
 CONTROLS: Final = struct.Struct("<QQ16fB")
 HEADER: Final = struct.Struct("<BBBBBBBHB")
 """Of MAVLink 2, with the message's id as 16 and 8 bits."""
 INERTIAL, MAGNETIC, PRESSURE, AIRSPEED = 0o77, 0o700, 0b1101000000000, 0b10000000000
 """Bits of `fields_updated`."""
+DOWN: Final = (0.0, 0.0, 1.0)
 NEUTRAL: Final = (1500, 1500, 1000, 1500)
 BOOTING_S: Final = 0.005
 """Wall time for each step while there are no outputs: its threads start in it."""
@@ -53,6 +55,9 @@ BARO_NOISE_HPA: Final = 0.02
 PITOT_NOISE_HPA: Final = 0.01
 """Sensors that show the same for two seconds count as dead."""
 GPS_NOISE_M, GPS_NOISE_MPS = 0.2, 0.06
+RANGE_M: Final = (0.2, 100.0)
+"""The rangefinder's, downward: without one a PX4 breaks every landing of a fixed wing off (FW_LND_USETER, FW_LND_ABORT)."""
+RANGE_NOISE_M: Final = 0.02
 SEA_LEVEL_HPA, SEA_LEVEL_K, LAPSE_K_PER_M, EXPONENT = 1013.25, 288.15, 0.0065, 5.2559
 KELVIN: Final = 273.15
 MAX_BYTES: Final = 65535
@@ -141,13 +146,15 @@ class HilExchange(Exchange):
         return True
 
     def answer(self, sample: Sample) -> None:
-        """Send HIL_SENSOR, and HIL_GPS before it when it is due."""
+        """Send HIL_SENSOR, before it HIL_GPS and DISTANCE_SENSOR when they are due."""
         if sample.number % EVERY:
             return
         self._count += 1
         self._awaits_outputs = True
         self._sent_us = round(sample.number * self.step_s * MICROSECONDS)
         frames = self._gps(sample) if self._count % GPS_EVERY == 0 else b""
+        if self._count % RANGE_EVERY == 0:
+            frames += self._range(sample)
         assert self._socket is not None
         with suppress(OSError):  # it has ended, which is noticed when its outputs are waited for
             self._socket.sendall(frames + self._sensors(sample))
@@ -202,6 +209,19 @@ class HilExchange(Exchange):
             10,
         )
         return self._framed(m.MAVLINK_MSG_ID_HIL_GPS, payload)
+
+    def _range(self, sample: Sample) -> bytes:
+        """Return the distance to the level ground below, along the body's axis; nothing beyond the sensor's range."""
+        upright = to_body(sample.attitude, DOWN)[2]
+        distance_m = -sample.position_m[2] / upright if upright > 0.0 else math.inf
+        distance_m += RANGE_NOISE_M * float(self._random.standard_normal())
+        if distance_m > RANGE_M[1]:
+            return b""
+        limits_cm = [round(100.0 * each) for each in RANGE_M]
+        time_ms, distance_cm = round(self._sent_us / 1000.0), round(100.0 * max(distance_m, RANGE_M[0]))
+        direction = m.MAV_SENSOR_ROTATION_PITCH_270
+        payload = RANGE.pack(time_ms, *limits_cm, distance_cm, m.MAV_DISTANCE_SENSOR_LASER, 0, direction, 0)
+        return self._framed(m.MAVLINK_MSG_ID_DISTANCE_SENSOR, payload)
 
     def _framed(self, message_id: int, payload: bytes) -> bytes:
         self._sequence = (self._sequence + 1) & 0xFF

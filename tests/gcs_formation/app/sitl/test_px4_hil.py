@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 from airlink.endpoint import LOOPBACK
 from gcs_formation.app.sitl import px4_hil
 from gcs_formation.app.sitl.exchange import ExchangeError, Sample
-from gcs_formation.app.sitl.px4_hil import GPS_EVERY, HilExchange
+from gcs_formation.app.sitl.px4_hil import GPS_EVERY, RANGE_EVERY, HilExchange
 from gcs_formation.app.sitl.simulator import Home, SimulatorError
 from tests.processes import LIMIT_S, free_port
 
@@ -37,6 +37,10 @@ class Autopilot:
         while not any(each.get_type() == name for each in self.messages):
             self.messages += self.mav.parse_buffer(self.socket.recv(4096)) or []
         return next(each for each in reversed(self.messages) if each.get_type() == name)
+
+    def read_to(self, time_s: float) -> None:
+        while not any(each.get_type() == "HIL_SENSOR" and each.time_usec >= 1e6 * time_s for each in self.messages):
+            self.messages += self.mav.parse_buffer(self.socket.recv(4096)) or []
 
     def act(self, time_us: int, *controls: float) -> None:
         message = self.mav.hil_actuator_controls_encode(time_us, [*controls, *[0.0] * (16 - len(controls))], 129, 1)
@@ -93,6 +97,24 @@ def test_receivers_report_at_10_hz_where_it_is(exchange: HilExchange, autopilot:
     assert (seen.vn, seen.ve, seen.vd) == pytest.approx((1000, 1000, -200), abs=30)
     assert seen.cog == pytest.approx(4500, abs=100)
     assert (seen.fix_type, seen.satellites_visible) == (3, 10)
+
+
+def test_the_rangefinder_measures_along_the_bodys_axis_as_far_as_it_reaches(
+    exchange: HilExchange, autopilot: Autopilot
+) -> None:
+    exchange.outputs_us()
+    pitched = (math.cos(math.radians(30.0)), 0.0, math.sin(math.radians(30.0)), 0.0)  # by 60 degrees
+    for number in range(1, 2 * RANGE_EVERY + 1):
+        exchange.answer(sample(number, position_m=(0.0, 0.0, -20.0), attitude=pitched))
+    seen = autopilot.read("DISTANCE_SENSOR")
+    assert seen.current_distance == pytest.approx(4000, abs=10)
+    assert (seen.min_distance, seen.max_distance) == (20, 10_000)
+    assert seen.orientation == ardupilotmega.MAV_SENSOR_ROTATION_PITCH_270
+    assert seen.time_boot_ms == 50
+    for number in range(2 * RANGE_EVERY + 1, 4 * RANGE_EVERY + 1):
+        exchange.answer(sample(number, position_m=(0.0, 0.0, -150.0)))
+    autopilot.read_to(4 * RANGE_EVERY * STEP_S)
+    assert [each.time_boot_ms for each in autopilot.messages if each.get_type() == "DISTANCE_SENSOR"][-1] == 50  # none since
 
 
 def test_outputs_for_its_newest_time_are_waited_for(exchange: HilExchange, autopilot: Autopilot) -> None:
