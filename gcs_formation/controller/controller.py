@@ -64,6 +64,8 @@ class FormationController:
         self.count = len(self._indices)
         self.models = from_scenario.autopilot_models(scenario)
         """The autopilot model of every vehicle; its time constants are updated by their estimator."""
+        self._speeds_mps = [(each.speed_min_mps, each.speed_max_mps) for each in self.models]
+        self._reached_mps = [math.inf] * self.count
         self._law = law_kind(scenario).make(scenario, self.models)
         self._leads_as_centroid = scenario.leader is None and law_kind(scenario).mutual
         self.history = SetpointHistory(scenario.law.rate_hz)
@@ -260,12 +262,21 @@ class FormationController:
         self.models[index].bound(accel_max_mps2, turn_rate_max_rps, climb_max_mps)
         self.guidance.climb_max_mps = min(self.guidance.climb_max_mps, climb_max_mps)
 
+    def bound_leader(self, max_mps: float) -> None:
+        """Bound the leader's speed from the next tick on; infinite: not."""
+        self._steering.max_mps = max_mps
+
+    def bound_speed(self, index: int, max_mps: float) -> None:
+        """Lower a vehicle's greatest speed, from the next tick on, to what it reaches at present; infinite: don't."""
+        self._reached_mps[index] = max_mps
+
     def _limit_speeds(self, links: list[VehicleLink]) -> None:
         """Set the models' speed limits to the airspeeds that vehicles can be commanded to fly now."""
         for index, link in enumerate(links):
-            speeds_mps = link.speeds_mps
-            if speeds_mps is not None:
-                self.models[index].reach(speeds_mps[0], speeds_mps[1])
+            if link.speeds_mps is not None:
+                self._speeds_mps[index] = link.speeds_mps
+            slowest_mps, fastest_mps = self._speeds_mps[index]
+            self.models[index].reach(slowest_mps, min(fastest_mps, self._reached_mps[index]))
 
     def _acts_at(self, now: Instant, links: list[VehicleLink]) -> vec[i64]:
         """Return when each vehicle's present setpoint acts; for a leader that is their centroid the mean."""

@@ -31,6 +31,9 @@ class LeaderSteering:
     leader_m: float = math.nan
     """The height setpoint by which the leader would keep to its path in still air, whatever it says of its own."""
 
+    max_mps: float = math.inf
+    """Bound of its speed: what its followers can keep up with at present."""
+
     _turning: int | None = None
     _course_tau_s: float = math.nan
     """The index of a leader that turns on the spot, and the time constant of its course."""
@@ -120,6 +123,7 @@ class LeaderSteering:
             turn_rps = path.turn_rps + model.tau_psi_s * path.bend_rps2
         if self._steps is not None:
             self._steps.add(wanted, tick.mission_time_s, state, model)
+        wanted.speed_mps = min(wanted.speed_mps, self.max_mps)
         turn = self.guidance.turn
         if turn is not None:
             wanted.heading_rad, turn_rps = turn.setpoint(at, model.tau_psi_s)

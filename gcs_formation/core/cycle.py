@@ -53,6 +53,8 @@ class Findings:
         """Begin without any; `count` is the number of vehicles, C, with a virtual leader."""
         self.doubted = [False] * count
         """(C,) whose setpoints are refused, unacknowledged or apparently not followed."""
+        self.saturated = [False] * count
+        """(C,) which fly as fast as they can, and are commanded to be faster."""
         self.sinking = set[VehicleId]()
         """Vehicles that lose height although commanded to climb."""
         self.losses = {identity: FrameLoss(vehicle) for identity, vehicle in vehicles.items()}

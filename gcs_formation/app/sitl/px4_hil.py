@@ -56,7 +56,7 @@ PITOT_NOISE_HPA: Final = 0.01
 """Sensors that show the same for two seconds count as dead."""
 GPS_NOISE_M, GPS_NOISE_MPS = 0.2, 0.06
 RANGE_M: Final = (0.2, 100.0)
-"""The rangefinder's, downward: without one a PX4 breaks every landing of a fixed wing off (FW_LND_USETER, FW_LND_ABORT)."""
+"""The rangefinder's, downward: without one a PX4 breaks every landing of a fixed wing off (FW_LND_USETER)."""
 RANGE_NOISE_M: Final = 0.02
 SEA_LEVEL_HPA, SEA_LEVEL_K, LAPSE_K_PER_M, EXPONENT = 1013.25, 288.15, 0.0065, 5.2559
 KELVIN: Final = 273.15

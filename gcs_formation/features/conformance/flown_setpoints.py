@@ -158,8 +158,13 @@ class FlownSetpoints:
         """Whether it isn't following, or has just missed two checks in a row."""
         return self.broken or self.bad[self.worst] >= CHECKS_DOUBTED
 
-    def check(self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant) -> NonConformance | None:
-        """Compare its newest state, of time `stamp`, with the prediction; return a newly found failure to follow."""
+    def check(
+        self, stamp: int, seen: FlightState, history: SetpointHistory, now: Instant, *, saturated: bool = False
+    ) -> NonConformance | None:
+        """Compare its newest state, of time `stamp`, with the prediction; return a newly found failure to follow.
+
+        One that is `saturated` needn't become faster.
+        """
         commanded_s = 0.0 if self.since is None else seconds_between(self.since, now)
         if commanded_s < CHECK_S:
             self.climbed = abs(seen.climb_mps) > CLIMBING_MPS
@@ -175,7 +180,7 @@ class FlownSetpoints:
         history.respond(end, since, max(stamp, since), self.vehicle.index, self.model)
         levels_out = self.climbed and commanded_s < LEVELS_OUT_S
         fast = max(seen.airspeed_mps, before.airspeed_mps) > FAST_SHARE * self.model.speed_max_mps
-        by_speed = by_speed and not levels_out
+        by_speed = by_speed and not levels_out and not saturated
         trades = seconds_between(self.off_at, now) < OFF_S
         by_height = by_height and not levels_out and not trades and not (fast and end.height_m > before.height_m)
         expected, flown = _changes(before, end, seen, hovers=self.model.may_hover)

@@ -74,6 +74,8 @@ class ConformanceMonitor:
         """Vehicles whose setpoints are refused, unacknowledged or apparently not followed, (C,)."""
         self.sinking = set[VehicleId]()
         """Vehicles that lose height although commanded to climb."""
+        self.saturated = [False] * len(models)
+        """(C,) which can't be faster than they are: of these no change of speed is expected."""
         self._unanswered = set[VehicleId]()
         """Vehicles that answer nothing although commanded."""
         self._refused = set[SetpointChannel]()
@@ -203,7 +205,8 @@ class ConformanceMonitor:
             state = unknown_state() if own.state is None else own.state
             if vehicle.autopilot.flies_courses:
                 state = _by_course(state, vehicle.telemetry.motion)
-            found = flier.check(own.stamp, state, self._controller.history, now)
+            at_limit = self.saturated[vehicle.index]
+            found = flier.check(own.stamp, state, self._controller.history, now, saturated=at_limit)
             if found is not None:
                 self._log_event(now, "disobeys", _words(found), vehicle, _figures(found))
             self.doubted[vehicle.index] = flier.doubted or self._refuses(vehicle, now)

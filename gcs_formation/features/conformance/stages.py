@@ -37,6 +37,7 @@ class Motion(Stage):
         """Take what judges; its findings are the cycle's."""
         self._monitor = monitor
         cycle.findings.doubted, cycle.findings.sinking = monitor.doubted, monitor.sinking
+        monitor.saturated = cycle.findings.saturated
 
     def run(self, cycle: Cycle) -> None:
         """Compare each vehicle's motion with its setpoints, every 0.4 s."""

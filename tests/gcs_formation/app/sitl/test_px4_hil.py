@@ -114,7 +114,9 @@ def test_the_rangefinder_measures_along_the_bodys_axis_as_far_as_it_reaches(
     for number in range(2 * RANGE_EVERY + 1, 4 * RANGE_EVERY + 1):
         exchange.answer(sample(number, position_m=(0.0, 0.0, -150.0)))
     autopilot.read_to(4 * RANGE_EVERY * STEP_S)
-    assert [each.time_boot_ms for each in autopilot.messages if each.get_type() == "DISTANCE_SENSOR"][-1] == 50  # none since
+    assert [each.time_boot_ms for each in autopilot.messages if each.get_type() == "DISTANCE_SENSOR"][
+        -1
+    ] == 50  # none since
 
 
 def test_outputs_for_its_newest_time_are_waited_for(exchange: HilExchange, autopilot: Autopilot) -> None:
