@@ -83,6 +83,8 @@ class Session:
     """Lets an engine that wraps the flight's take its place on the network."""
     emulators_failure: Callable[[], str | None] | None = None
     """Returns what failed of the emulated vehicles' extensions, if they have any."""
+    ends_vehicles = False
+    """Whether its vehicles end with the flight: nothing is left with which `fly --resume` could go on."""
     _orders: OrderSocket | None = None
     _is_restored = False
     """Whether parameters that were set have their values back."""
@@ -279,7 +281,7 @@ class Session:
             raise RecordingError(self.recorder.failure)
         failure = None if phase_machine.failure is None else phase_machine.failure + self._if_too_fast()
         begun = self._resumed is not None or bool(Spool(self.recorder.path / SPOOL).ticks)
-        resumable = begun and not (self.emulated or phase_machine.flown)
+        resumable = begun and not (self.emulated or self.ends_vehicles or phase_machine.flown)
         if failure is not None and resumable:  # by `fly --resume`, from what is recorded
             raise RunAbortedError(failure)
         try:

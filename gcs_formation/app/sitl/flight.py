@@ -45,6 +45,7 @@ def run_simulated(
     import_ahead()
     clock = RealClock(options.speedup)
     session = Session(scenario, options, clock, progress, interrupts, emulated=False)
+    session.ends_vehicles = True
     clocks = Clocks(session.station)
     try:
         resolve_peers(session)

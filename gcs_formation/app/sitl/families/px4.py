@@ -29,9 +29,10 @@ THRUST_N: Final = 10.0
 """With its default thrust of 6 N the simulator's aircraft hardly exceeds 14 m/s."""
 TRIM_TO_SPARE_MPS: Final = 2.0
 ESTIMATOR: Final = {"EKF2_ACC_NOISE": 1.0, "EKF2_GYR_NOISE": 0.1}
-"""The most that they allow. Armed, the simulator's accelerometers have noise of 0.5, 1.7 and 1.4 m/s², its gyros of
-0.14, 0.07 and 0.03 rad/s (Sih::reconstruct_sensors_signals); the defaults are for 0.35 and 0.015. With those,
-velocities are 0.3 m/s off for seconds, which turns a leader's course by 0.05 rad, and the slots behind it by metres."""
+"""Of one whose sensors its own simulator makes: the most that they allow. Armed, its accelerometers have noise of 0.5,
+1.7 and 1.4 m/s², its gyros of 0.14, 0.07 and 0.03 rad/s (Sih::reconstruct_sensors_signals); the defaults are for 0.35
+and 0.015. With those, velocities are 0.3 m/s off for seconds, which turns a leader's course by 0.05 rad, and the slots
+behind it by metres."""
 
 
 def _rotor(number: int, forward_m: float, right_m: float, turning: float) -> dict[str, float]:
@@ -83,9 +84,9 @@ class Px4Simulator(Simulator):
     allowed_endpoints = f"one udpin:HOST:{STATION_PORT}, or udpout:127.0.0.1:PORT with PORT {GCS_PORT - 1} + id"
 
     def of_scenario(self, vehicle: Vehicle, scenario: Scenario) -> dict[str, float]:
-        """Return its failsafe, its estimator's settings, its battery, the wind, and a fixed wing's speeds."""
+        """Return its failsafe, its battery, the wind, and a fixed wing's speeds."""
         model = vehicle.model
-        found: dict[str, float] = {"NAV_DLL_ACT": 2, **ESTIMATOR, "SIM_BAT_DRAIN": endurance_s(scenario)}
+        found: dict[str, float] = {"NAV_DLL_ACT": 2, "SIM_BAT_DRAIN": endurance_s(scenario)}
         if model.hovers and any(scenario.wind.velocity_mps):
             found |= dict(zip(WIND, (-each for each in scenario.wind.velocity_mps[:2]), strict=True))
         if not model.hovers:
@@ -133,7 +134,8 @@ class Px4Simulator(Simulator):
     def launch(self, program: Path, craft: Craft) -> Launch:
         """Return the command, whose settings are environment variables."""
         airframe, model = AIRFRAMES[craft.hovers]
-        home, stepped = craft.home, STEPPED[craft.hovers] if craft.steps_port else {}
+        home, stepped = craft.home, bool(craft.steps_port)
+        suits = STEPPED[craft.hovers] if stepped else ESTIMATOR
         variables = {
             "PX4_SYS_AUTOSTART": airframe,
             "PX4_SIM_MODEL": model,
@@ -142,7 +144,7 @@ class Px4Simulator(Simulator):
             "PX4_HOME_LAT": f"{home.lat_deg:.9f}",
             "PX4_HOME_LON": f"{home.lon_deg:.9f}",
             "PX4_HOME_ALT": f"{home.alt_m:.3f}",
-            **{f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in {**stepped, **craft.parameters}.items()},
+            **{f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in {**suits, **craft.parameters}.items()},
         }
         return Launch([str(program), "-i", str(craft.system - 1), "-d", str(_etc(program))], variables)
 

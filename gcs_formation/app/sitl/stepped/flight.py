@@ -75,6 +75,7 @@ def in_step(
         if act.fault is not None:
             raise refused(f"orders.{index}.fault", f"found {act.fault.kind} with --sitl", "faults of emulated vehicles")
     session = Session(scenario, options, clock, progress, interrupts, emulated=False)
+    session.ends_vehicles = True
     network = MemoryNetwork(clock)
     with ExitStack() as stack:
         try:

@@ -12,6 +12,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
@@ -303,6 +304,16 @@ def test_a_simulator_that_crashes_is_said_with_what_it_printed(tmp_path: Path) -
     assert "its simulator has ended: Segmentation fault" in done.stderr
     said = next(each["text"] for each in events_of(tmp_path / "run") if each["kind"] == "simulators")
     assert said.startswith("2 started")
+
+
+@pytest.mark.slow
+def test_a_flight_whose_simulator_crashed_has_a_summary(tmp_path: Path) -> None:
+    """It ends with its simulators, so nothing can go on with it as with a flight of `fly`."""
+    done = flown(planned(tmp_path), tmp_path / "run", ENDS_AT_S="80")
+    assert done.returncode == 3
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert "its simulator has ended: Segmentation fault" in summary["failure"]
+    assert pq.read_metadata(tmp_path / "run" / "timeseries.parquet").num_rows > 0
 
 
 @pytest.mark.slow
