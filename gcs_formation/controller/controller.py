@@ -6,6 +6,7 @@ measured state -> state when the setpoint acts -> leader's guidance -> slots -> 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 from librt.vecs import vec
@@ -45,6 +46,10 @@ from gcs_formation.guidance.path_ahead import path_ahead
 from gcs_formation.guidance.slots import FormationPlan
 from gcs_formation.phases import Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
+
+AT_LIMIT_M: Final = 0.5
+"""Error from which on slots wait for a follower, in a formation of which one is at its limit of speed. Tuned: m; 0.3 to
+2; shown by `pytest tests/gcs_formation/features/saturation`."""
 
 
 class FormationController:
@@ -348,14 +353,20 @@ class FormationController:
         tick.slots_m, tick.slots_left = [UNKNOWN] * self.count, True
 
     def _await_followers(self, tick: Tick) -> None:
-        """Slow down the slots' motion before the path begins while a follower is farther off than `plan.kept_m`."""
-        pace = 1.0
-        if math.isnan(tick.mission_time_s) and not self.plan.settled(tick.now / NANOSECONDS):
+        """Slow down the slots' motion while a follower is too far off."""
+        pace, from_m = 1.0, self._waits_from_m(tick)
+        if from_m < math.inf and not self.plan.settled(tick.now / NANOSECONDS):
             for index in self._indices:
                 if tick.active[index] and index != tick.leader:
                     x_m, y_m, _ = tick.error_of(index)
-                    pace = min(pace, within(2.0 - math.hypot(x_m, y_m) / self.plan.kept_m, 0.0, 1.0))
+                    pace = min(pace, within(2.0 - math.hypot(x_m, y_m) / from_m, 0.0, 1.0))
         self.plan.wait(pace, self._dt_s)
+
+    def _waits_from_m(self, tick: Tick) -> float:
+        """Return the error from which on a follower is waited for: on the path only if one is at its limit of speed."""
+        if math.isnan(tick.mission_time_s):
+            return self.plan.kept_m
+        return AT_LIMIT_M if min(self._reached_mps) < math.inf else math.inf
 
 
 def _acts(now: Instant, link: VehicleLink) -> int:
