@@ -116,14 +116,17 @@ class HeartbeatScheduler:
         When a vehicle is due depends on its own link alone, so that a change of one link leaves the others as they are.
         """
         received = [each for each in self._vehicles.values() if _is_received(each)]
-        asked = [each for each in received if now >= self._due.get(each.identity, self._next_common)]
+        asked = [each for each in received if now >= self._due_of(each)]
         if now >= self._next_common:
             self._next_common = _next_probe(now, PROBE_S)
         for each in asked:
             self._due[each.identity] = self._next(each, now)
-        self.next_probe = min((self._due[each.identity] for each in received), default=self._next_common)
-        self.next_probe = min(self.next_probe, self._next_common)
+        self.next_probe = min([self._next_common, *(self._due_of(each) for each in received)])
         return [(vehicle, vehicle.probe(now)) for vehicle in asked]
+
+    def _due_of(self, vehicle: Vehicle) -> Instant:
+        """Return when a vehicle is due for its next request; one that hasn't been asked yet, with the others."""
+        return self._due.get(vehicle.identity, self._next_common)
 
     def _next(self, vehicle: Vehicle, now: Instant) -> Instant:
         """Return when a vehicle's next request is due.

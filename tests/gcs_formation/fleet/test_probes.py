@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -75,6 +76,21 @@ def test_a_jittery_link_is_probed_ten_times_a_second_until_its_clock_is_known() 
 @pytest.mark.parametrize("kept", [{"loss": 0.05}, {"narrow": (FIRST, SECOND)}])
 def test_a_link_that_may_be_full_is_not_loaded_with_more(kept: dict[str, Any]) -> None:
     assert rate_hz(asked_s((0.02, 0.02), 30.0, **kept)[FIRST], 0.0) == pytest.approx(4.0, rel=0.02)
+
+
+@pytest.mark.parametrize("since_s", [0.05, 0.15, 0.26, 1.01, 3.33])
+def test_one_that_is_received_between_two_others_requests_is_asked_with_the_next_common_ones(since_s: float) -> None:
+    """It was in no list of those that are due yet, and the station ended by a KeyError."""
+    vehicles = {FIRST: vehicle(FIRST, 0.02, 0.0), SECOND: vehicle(SECOND, 0.0, 0.0)}
+    vehicles[SECOND].connection.state = LinkState.SEARCHING
+    schedule, first_s = HeartbeatScheduler(vehicles, lambda *_: None), math.inf
+    while schedule.next_probe < 6.0 * NANOSECONDS:
+        now = schedule.next_probe
+        if now >= since_s * NANOSECONDS:
+            vehicles[SECOND].connection.state = LinkState.CONNECTED
+        if any(asked.identity == SECOND for asked, _ in schedule.probes(now)):
+            first_s = min(first_s, now / NANOSECONDS)
+    assert since_s <= first_s < since_s + 0.4
 
 
 def test_radios_links_of_limited_rate_and_serial_lines_are_narrow() -> None:
