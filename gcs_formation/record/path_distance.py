@@ -179,7 +179,8 @@ def path_distances(
     common = next(iter(vehicles.values()))
     mission_s = np.where(flying(common), common["mission_time_s"], np.nan)
     begun_s = began_s(common)
-    speeds = [(at_s - begun_s, speed_mps) for at_s, speed_mps in speeds_mps]
+    # One ordered before the path begins is that of its start.
+    speeds = [(max(at_s - begun_s, 0.0), speed_mps) for at_s, speed_mps in speeds_mps]
     names = (TRUTH if TRUTH[0] in common else POSITION)[:3]
     positions_m = {"leader": leader_position_m(vehicles, names), "centre": centre(scenario, vehicles)}
     return {who: distances(scenario, mission_s, position_m, speeds) for who, position_m in positions_m.items()}

@@ -11,7 +11,8 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
 from gcs_formation.record.limits_by_truth import Track
-from gcs_formation.record.path_distance import OFF_PATH_S, centre, distances, figures, off_path
+from gcs_formation.record.path_distance import OFF_PATH_S, centre, distances, figures, off_path, path_distances
+from gcs_formation.record.timeseries import PHASES
 
 SPEED_MPS = 20.0
 SCENARIO = load_scenario(
@@ -102,3 +103,17 @@ def test_the_centre_is_the_mean_of_its_members_places_less_their_slots() -> None
     }
     found = centre(SCENARIO, vehicles)
     np.testing.assert_allclose(found, np.tile([[100.0], [48.5], [83.0]], ticks))
+
+
+@pytest.mark.parametrize(("at_s", "ahead_m"), [(60.0, 0.0), (99.0, 0.0), (110.0, 40.0)])
+def test_a_speed_ordered_before_the_path_is_that_of_its_start(at_s: float, ahead_m: float) -> None:
+    """The path begins at 100 s and is flown at 24 m/s; 4 m/s faster than planned for 10 s is 40 m."""
+    begun_s, speed_mps, mission_s = 100.0, SPEED_MPS + 4.0, np.arange(20.0, 40.0)
+    columns = {"slot_forward_m": np.nan, "slot_right_m": np.nan, "slot_up_m": np.nan, "heading_rad": math.pi / 2}
+    columns |= {"leads": 1.0, "active": 1.0, "airborne": 1.0, "phase": PHASES.index("flying")}
+    leader = {name: np.full(mission_s.size, value) for name, value in columns.items()}
+    point = SCENARIO.leader_path.at(speed_mps * mission_s)
+    leader |= {"t_s": begun_s + mission_s, "mission_time_s": mission_s}
+    leader |= {"north_m": point.north_m, "east_m": point.east_m, "height_m": point.height_m}
+    found = path_distances(SCENARIO, {VehicleId(1, 1): leader}, [(at_s, speed_mps)])
+    np.testing.assert_allclose(found["leader"].along_m, ahead_m, atol=0.01)
