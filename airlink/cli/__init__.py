@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import errno
 import gc
 import math
 import os
@@ -197,6 +198,8 @@ class Number(click.FloatRange):
         return number
 
 
+UNWRITABLE = (errno.ENOSPC, errno.EPIPE, errno.EIO)
+"""What a full disk, a closed pipe and a terminal that is gone say."""
 SECONDS = Number(0)
 """A duration or a mission time, s."""
 SEED = WholeNumber(0, 2**63 - 1)
@@ -260,7 +263,9 @@ def exit_if_unwritable() -> Generator[None]:
             drop(sys.__stderr__)
         sys.exit(error.exit_code)
     except OSError as error:
-        say(f"cannot go on: {error}", Status.COULD_NOT_GO_ON)
+        unwritable = error.errno in UNWRITABLE and error.filename is None
+        found = f"standard output can't be written: {error.strerror}" if unwritable else str(error)
+        say(f"cannot go on: {found}", Status.COULD_NOT_GO_ON)
         drop(sys.__stdout__)
         sys.exit(Status.COULD_NOT_GO_ON)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from airlink.cli import Status, examples, fail
+from airlink.cli import Number, Status, examples, fail
 from gcs_formation.errors import RecordError
 
 DIFF_EXAMPLES = examples(
@@ -25,7 +25,7 @@ DIFF_EXAMPLES = examples(
 @click.argument("other", type=click.Path(path_type=Path))
 @click.option(
     "--tolerance",
-    type=click.FloatRange(min=0.0),
+    type=Number(0.0),
     help="Numbers may differ by this much, in their own unit; bytes and events then don't count.",
 )
 @click.option(

@@ -42,6 +42,9 @@ ROOM: Final = 0.75
 Tuned: share; 0.5 to 0.9; by judgement."""
 TRY_AGAIN_S, TRY_AGAIN_MAX_S = 120.0, 960.0
 """Or after this time, doubled after each time that the link was full again."""
+TELLS: Final = 0.1
+"""A level is in vain if the loss doesn't fall, where it would have to by more than this. Tuned: share; 0.08 to 0.15;
+shown by `pytest tests/gcs_formation/features/link_budget`."""
 IN_VAIN_S: Final = 12.0
 """Time at the lowest rates after which the link counts as bad instead of full. Tuned: s; 6 to 30; by judgement."""
 
@@ -57,6 +60,10 @@ class VehicleBudget:
         self._since = self._full_at = self._raised = self._ignored_from = LONG_AGO
         """When the level was set, when the link was last full, when rates last went up, and since when a bad link has
         been left alone."""
+        self.is_bad = False
+        """Whether the rates were last given back because fewer bytes change nothing."""
+        self._lost = 0.0
+        """Share lost when the rates last went down."""
         self._carried, self._peak = stated.bytes_per_s, 0.0
         """What the link carried when it was full, and at most since the level was set, bytes a second."""
         self._try_again_s, self._rates_of = TRY_AGAIN_S, (-1, False, False)
@@ -81,14 +88,8 @@ class VehicleBudget:
         limits = self.vehicle.limits
         if self.load.full:
             self._full_at, limits.full = now, self.load.words
-            if at_level_s < SETTLES_S or seconds_between(self._ignored_from, now) < self._try_again_s:
-                return 0
-            if self.level == len(LEVELS) - 1:
-                return self._give_up(now) if at_level_s > IN_VAIN_S else 0
-            if seconds_between(self._raised, now) < CALM_S:
-                self._try_again_s = min(2.0 * self._try_again_s, TRY_AGAIN_MAX_S)
-            self._carried = self.load.bytes_per_s
-            return self._set(self.level + 1, now)
+            ignored = seconds_between(self._ignored_from, now) < self._try_again_s
+            return 0 if ignored or at_level_s < SETTLES_S else self._lower(now, at_level_s)
         calm_s = seconds_between(self._full_at, now)
         limits.full = limits.full if calm_s < CALM_S else ""
         if self.level == self._stated or min(calm_s, at_level_s) < CALM_S:
@@ -98,8 +99,19 @@ class VehicleBudget:
         self._raised = now
         return self._set(self.level - 1, now)
 
+    def _lower(self, now: Instant, at_level_s: float) -> int:
+        lowest = self.level == len(LEVELS) - 1
+        if (lowest and at_level_s > IN_VAIN_S) or (self.level > self._stated + 1 and self._is_in_vain()):
+            return self._give_up(now)
+        if lowest:
+            return 0
+        if seconds_between(self._raised, now) < CALM_S:
+            self._try_again_s = min(2.0 * self._try_again_s, TRY_AGAIN_MAX_S)
+        self._carried, self._lost = self.load.bytes_per_s, self.load.lost
+        return self._set(self.level + 1, now)
+
     def _set(self, level: int, now: Instant) -> int:
-        change, self.level, self._since = level - self.level, level, now
+        change, self.level, self._since, self.is_bad = level - self.level, level, now, False
         self._peak = 0.0
         self.load.settle()
         self.streams.clear()
@@ -108,10 +120,28 @@ class VehicleBudget:
     def _give_up(self, now: Instant) -> int:
         self._ignored_from = now
         self.load.clear()
-        return self._set(self._stated, now)
+        change = self._set(self._stated, now)
+        self.is_bad = True
+        return change
+
+    def _is_in_vain(self) -> bool:
+        """Return whether the loss is nearer to that of the level above than to what a full link would lose now.
+
+        A full link carries as much as before, so that it loses less of less: fewer bytes change nothing on one that
+        has become longer and loses by itself. What the first level lost was counted while the link became full.
+        """
+        present, above = self._needed()
+        if_full = max(0.0, 1.0 - (1.0 - self._lost) * above / present)
+        return self._lost - if_full > TELLS and self.load.lost > (self._lost + if_full) / 2.0
+
+    def _needed(self) -> tuple[float, float]:
+        """Return the bytes a second that the level needs, and the one above."""
+        autopilot, levels = self.vehicle.autopilot, self._levels()
+        present, above = (bytes_per_s(autopilot, self._flight_hz(each), each) for each in levels)
+        return present, above
 
     def _has_room(self) -> bool:
-        present, above = (bytes_per_s(self.vehicle.autopilot, self._flight_hz(each), each) for each in self._levels())
+        present, above = self._needed()
         return max(above, above / present * self._peak) < ROOM * self._carried
 
     def _levels(self) -> tuple[Level, Level]:
@@ -164,7 +194,7 @@ class LinkBudget:
 
         What is held back is a delay, too: where a loop has little of its margin left every change is sent.
         """
-        found, changes = list[tuple[Vehicle, Message]](), dict[int, list[VehicleBudget]]()
+        found, changes = list[tuple[Vehicle, Message]](), dict[tuple[int, bool], list[VehicleBudget]]()
         for each in self._each:
             vehicle = each.vehicle
             each.look(now, near=_is_near(vehicle.index, margins_used))
@@ -174,9 +204,9 @@ class LinkBudget:
             each.load.look(now, None if report is None else float(report.txbuf_percent))
             change = each.level_change(now)
             if change:
-                changes.setdefault(change, []).append(each)
+                changes.setdefault((change, each.is_bad), []).append(each)
             found += [(vehicle, request) for request in self._requests(each, now, leaves_unread=leaves_unread)]
-        for change, those in changes.items():
+        for (change, _), those in changes.items():
             self._tell(change, those, now)
         return found
 
@@ -197,7 +227,7 @@ class LinkBudget:
         of = f"the link of vehicle{'s' if len(those) > 1 else ''} {who}"
         if change > 0:
             text = f"{of} is full ({shown}): {level.words}"
-        elif change < -1:
+        elif those[0].is_bad:
             text = f"{of} is bad, not full: fewer bytes change nothing, and {level.words} again"
         else:
             text = f"{of} has room again: {level.words}"

@@ -140,9 +140,14 @@ class LinkLoad:
         self._shortest_s, self.queue_s, self._low = math.inf, 0.0, 0
 
     @property
+    def lost(self) -> float:
+        """Share lost up or down, whichever is more."""
+        return max(self.lost_up, self.lost_down)
+
+    @property
     def full(self) -> bool:
         """Whether the link carries no more."""
-        loses = max(self.lost_up, self.lost_down) > LOST
+        loses = self.lost > LOST
         waits = self.queue_s > QUEUE_S and len(self._looks) > WINDOW
         return self._low >= LOW_REPORTS or (waits and (loses or self._grows))
 

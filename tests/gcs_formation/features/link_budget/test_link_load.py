@@ -11,7 +11,7 @@ from airlink.endpoint import VehicleId
 from airlink.messages.system import Timesync
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.budget.levels import LEVELS
-from gcs_formation.budget.traffic import Stated
+from gcs_formation.budget.traffic import Stated, bytes_per_s, flight_hz
 from gcs_formation.features.link_budget.link_budget import CALM_S, IN_VAIN_S, SETTLES_S, TRY_AGAIN_S, LinkBudget
 from gcs_formation.features.link_budget.link_load import LinkLoad
 from gcs_formation.fleet.heartbeats import PROBE_S, HeartbeatScheduler
@@ -56,6 +56,13 @@ class Link:
     def seconds(self, count: float, *given: float) -> None:
         for _ in range(round(count)):
             self.second(*given)
+
+    def full_seconds(self, count: float, capacity: float) -> None:
+        """Let seconds pass in which it carries a share of what is sent at full rates, and loses the rest."""
+        autopilot, all_hz = self.vehicle.autopilot, self.budget._each[0]._all_hz
+        needs = [bytes_per_s(autopilot, flight_hz(autopilot, each, all_hz), each) for each in LEVELS]
+        for _ in range(round(count)):
+            self.second(WAITS, max(0.0, 1.0 - capacity * needs[0] / needs[self.level]))
 
     @property
     def level(self) -> int:
@@ -134,7 +141,7 @@ def test_requests_over_a_full_link_are_rare_and_irregular() -> None:
 def test_rates_go_down_one_level_at_a_time_and_up_again_after_a_time_with_events() -> None:
     link = Link()
     link.seconds(8, AT_ONCE)
-    link.seconds(6 + SETTLES_S + 2, WAITS, 0.3)
+    link.full_seconds(6 + SETTLES_S + 2, 0.3)
     assert link.level == 2
     assert link.vehicle.limits.full
     assert link.vehicle.setpoints.interval_s == LEVELS[2].setpoint_s
@@ -151,12 +158,31 @@ def test_rates_go_down_one_level_at_a_time_and_up_again_after_a_time_with_events
     assert again == f"the link of vehicle 2 has room again: {LEVELS[1].words}"
 
 
-def test_a_link_that_stays_as_it_is_at_the_lowest_rates_is_bad_and_gets_them_back() -> None:
+def test_a_link_that_is_still_full_at_the_lowest_rates_gets_them_back() -> None:
     link = Link()
     link.seconds(8, AT_ONCE)
-    link.seconds(len(LEVELS) * (SETTLES_S + 2) + IN_VAIN_S, WAITS, 0.3)
+    link.full_seconds((len(LEVELS) - 1) * SETTLES_S + 4, 0.03)
+    assert link.level == len(LEVELS) - 1
+    link.full_seconds(IN_VAIN_S + 4, 0.03)
     assert link.level == 0
     assert link.logged.of("link_load", 2)[-1].startswith("the link of vehicle 2 is bad, not full")
+
+
+@pytest.mark.parametrize("lost", [0.2, 0.3, 0.5])
+def test_a_link_that_loses_as_much_of_fewer_bytes_gets_them_back_soon(lost: float) -> None:
+    """It has become longer, and loses by itself: 42 s passed until it had telemetry as often as before."""
+    link = Link()
+    link.seconds(8, AT_ONCE)
+    link.seconds(6 + SETTLES_S, WAITS, lost)
+    assert link.level == 2
+    link.seconds(SETTLES_S, WAITS, lost)
+    assert link.level == 0
+    assert (
+        link.logged.of("link_load", 2)[-1]
+        == f"the link of vehicle 2 is bad, not full: fewer bytes change nothing, and {LEVELS[0].words} again"
+    )
+    link.seconds(60, WAITS, lost)
+    assert link.level == 0
 
 
 def test_a_radio_that_the_scenario_states_begins_at_what_it_carries_and_stays_there() -> None:
