@@ -265,7 +265,9 @@ MAX_ENTRIES: Final = 1000
 """Longest list of things that happen in a flight."""
 AtMost: TypeAlias = Annotated[tuple[Entry, ...], Field(max_length=MAX_ENTRIES)]
 """A list of groups of keys whose length is limited, so that a file is checked within seconds."""
-Vector: TypeAlias = Annotated[tuple[Number, Number, Number], Allowed("a list of 3 numbers")]
+Vector: TypeAlias = Annotated[
+    tuple[Number, Number, Number], Allowed(f"a list of 3 finite numbers, up to ±{MAX_NUMBER:g}")
+]
 Near = Annotated[Number, Field(ge=-MAX_NEAR_M, le=MAX_NEAR_M)]
 Offset: TypeAlias = Annotated[tuple[Near, Near, Near], Allowed(f"a list of 3 numbers, up to ±{MAX_NEAR_M:g}")]
 VehicleRef: TypeAlias = Annotated[
