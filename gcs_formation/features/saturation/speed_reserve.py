@@ -49,6 +49,8 @@ class SpeedReserve(Stage):
         self._reached = [ReachedSpeed(each.speed_max_mps) for each in cycle.controller.models]
         self._named: list[Instant | None] = [None] * cycle.controller.count
         """When each was saturated last, of those that an event has named."""
+        self._stamps = [0] * cycle.controller.count
+        """When each was as it was checked last: a sample counts once."""
         self._checked: Instant | None = None
         self._dt_s, self._max_mps = 1.0 / cycle.scenario.law.rate_hz, math.inf
 
@@ -75,7 +77,8 @@ class SpeedReserve(Stage):
         reached, seen = self._reached[index], controller.estimator.filters[index]
         if seen.state is None or not cycle.tick.active[index]:
             reached.pause()
-        else:
+        elif seen.stamp != self._stamps[index]:
+            self._stamps[index] = seen.stamp
             speed_mps, heading_rad, _ = controller.history.commanded(seen.stamp, index)
             commanded = speed_mps * math.cos(heading_rad), speed_mps * math.sin(heading_rad)
             reached.check(commanded, seen.state.ground_mps())

@@ -39,6 +39,18 @@ def test_where_the_wind_leaves_them_enough_nobody_is_slowed_down(tmp_path):
     assert not [each for each in _events(tmp_path) if each["kind"] == "saturated"]
 
 
+def test_a_sample_that_stays_the_newest_for_long_shows_no_limit(tmp_path):
+    """The downlink is silent while they accelerate: what was flown before is all that is known."""
+    keys = {
+        "orders": [{"at_s": 5, "order": "speed 0"}, {"at_s": 12, "order": "speed 5"}],
+        "formation": {"shape": "diamond", "spacing_m": 12},
+        "links": {"changes": [{"at_s": at_s, "downlink": {"loss": loss}} for at_s, loss in ((13.4, 1.0), (14.9, 0.0))]},
+        "duration_s": 20,
+    }
+    Formation((), tmp_path)(KEYS | keys).fly()
+    assert not [each for each in _events(tmp_path) if each["kind"] == "saturated"]
+
+
 def _events(directory: Any) -> list[dict[str, Any]]:
     (file,) = directory.rglob("events.jsonl")
     return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
