@@ -6,7 +6,6 @@ measured state -> state when the setpoint acts -> leader's guidance -> slots -> 
 from __future__ import annotations
 
 import math
-from typing import Final
 
 import numpy as np
 from librt.vecs import vec
@@ -47,10 +46,6 @@ from gcs_formation.guidance.slots import FormationPlan
 from gcs_formation.phases import Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 
-AT_LIMIT_M: Final = 0.5
-"""Error from which on slots wait for a follower, in a formation of which one is at its limit of speed. Tuned: m; 0.3 to
-2; shown by `pytest tests/gcs_formation/features/saturation`."""
-
 
 class FormationController:
     """Commands C vehicles, one of which is the leader. Index 0 is the scenario's leader, real or virtual.
@@ -70,7 +65,7 @@ class FormationController:
         self.models = from_scenario.autopilot_models(scenario)
         """The autopilot model of every vehicle; its time constants are updated by their estimator."""
         self._speeds_mps = [(each.speed_min_mps, each.speed_max_mps) for each in self.models]
-        self._reached_mps = [math.inf] * self.count
+        self._reached_mps, self._waits_m = [math.inf] * self.count, math.inf
         self._law = law_kind(scenario).make(scenario, self.models)
         self._leads_as_centroid = scenario.leader is None and law_kind(scenario).mutual
         self.history = SetpointHistory(scenario.law.rate_hz)
@@ -271,6 +266,10 @@ class FormationController:
         """Bound the leader's speed from the next tick on; infinite: not."""
         self._steering.max_mps = max_mps
 
+    def wait_from(self, error_m: float) -> None:
+        """Let slots that move on the path wait for followers that are farther off; infinite: for none."""
+        self._waits_m = error_m
+
     def bound_speed(self, index: int, max_mps: float) -> None:
         """Lower a vehicle's greatest speed, from the next tick on, to what it reaches at present; infinite: don't."""
         self._reached_mps[index] = max_mps
@@ -354,19 +353,13 @@ class FormationController:
 
     def _await_followers(self, tick: Tick) -> None:
         """Slow down the slots' motion while a follower is too far off."""
-        pace, from_m = 1.0, self._waits_from_m(tick)
+        pace, from_m = 1.0, self.plan.kept_m if math.isnan(tick.mission_time_s) else self._waits_m
         if from_m < math.inf and not self.plan.settled(tick.now / NANOSECONDS):
             for index in self._indices:
                 if tick.active[index] and index != tick.leader:
                     x_m, y_m, _ = tick.error_of(index)
                     pace = min(pace, within(2.0 - math.hypot(x_m, y_m) / from_m, 0.0, 1.0))
         self.plan.wait(pace, self._dt_s)
-
-    def _waits_from_m(self, tick: Tick) -> float:
-        """Return the error from which on a follower is waited for: on the path only if one is at its limit of speed."""
-        if math.isnan(tick.mission_time_s):
-            return self.plan.kept_m
-        return AT_LIMIT_M if min(self._reached_mps) < math.inf else math.inf
 
 
 def _acts(now: Instant, link: VehicleLink) -> int:

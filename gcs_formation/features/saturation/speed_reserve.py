@@ -1,6 +1,6 @@
 # Compiled by mypyc: it runs every tick.
 
-"""Bounds the leader's speed so that every multirotor of the formation has some left to correct with."""
+"""Bounds the leader's speed, and lets slots wait, so that every multirotor has some speed left to correct with."""
 
 from __future__ import annotations
 
@@ -27,6 +27,9 @@ judgement."""
 OVER_MPS: Final = 2.0
 """Once it may be so much faster than it wants to be, the leader isn't bounded any more. Tuned: m/s; 1 to 4; by
 judgement."""
+WAITS_M: Final = 0.5
+"""Error from which on slots wait for a follower as long as any has a limit. Tuned: m; 0.3 to 2; shown by `pytest
+tests/gcs_formation/features/saturation`."""
 BEYOND_MPS: Final = 1.0
 """By how much more than its limit each may be commanded: enough to see that it still can't. Tuned: m/s; 0.6 to 2; shown
 by `pytest tests/gcs_formation/features/saturation`."""
@@ -70,6 +73,8 @@ class SpeedReserve(Stage):
             if self._max_mps > leader_mps + OVER_MPS:
                 self._max_mps = math.inf
         cycle.controller.bound_leader(self._max_mps)
+        limited = any([each.max_mps < math.inf for each in self._reached])  # noqa: C419 - compiled, a list costs less
+        cycle.controller.wait_from(WAITS_M if limited else math.inf)
 
     def _check(self, cycle: Cycle, vehicle: Vehicle) -> None:
         """Compare what a vehicle flies with what it was commanded then."""
