@@ -17,10 +17,9 @@ RESERVE_MPS: Final = 0.5
 """Speed that each is left, below its limit. Tuned: m/s; 0.3 to 1; shown by `pytest
 tests/gcs_formation/features/saturation`."""
 SLOWS_MPS2: Final = 2.0
-"""How fast the leader's bound falls. Tuned: m/s²; 0.5 to 2.5; shown by `pytest
-tests/gcs_formation/features/saturation`."""
+"""How fast the leader's bound falls. Tuned: m/s²; 0.5 to 2.5; by judgement."""
 RESUMES_MPS2: Final = 0.3
-"""How fast it rises. Tuned: m/s²; 0.1 to 0.5; shown by `pytest tests/gcs_formation/features/saturation`."""
+"""How fast it rises. Tuned: m/s²; 0.1 to 0.5; by judgement."""
 MIN_MPS: Final = 1.0
 """The leader isn't bounded to less: a formation that is to hover has no slots to fly to. Tuned: m/s; 0.5 to 2; by
 judgement."""

@@ -46,6 +46,12 @@ def test_one_that_follows_or_does_not_fly_at_all_is_not(flown_mps: list[float]):
     assert reached.max_mps == math.inf
 
 
+def test_its_limit_is_the_mean_of_what_it_flew_meanwhile():
+    reached = ReachedSpeed(FASTEST_MPS)
+    flown(reached, 7.0, *(4.6 + 0.1 * number for number in range(CHECKS)))
+    assert reached.max_mps == pytest.approx(4.6 + 0.1 * (CHECKS - 1) / 2)
+
+
 def test_what_it_flies_across_its_command_does_not_count():
     reached = ReachedSpeed(FASTEST_MPS)
     for _ in range(CHECKS):
