@@ -7,6 +7,7 @@ ports), libraries/SITL/SIM_Aircraft.cpp (SIM2) and SITL.cpp (SIM).
 from __future__ import annotations
 
 import math
+import socket
 from abc import abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
@@ -75,19 +76,19 @@ class ArduPilotSimulator(Simulator):
         """Return whether the station listens: the simulator then sends there."""
         return craft.station.kind == "udpin"
 
-    def ports(self, craft: Craft) -> tuple[int, ...]:
+    def ports(self, craft: Craft) -> tuple[tuple[socket.SocketKind, int], ...]:
         """Return the port of its transmitter's input."""
-        return (RC_PORT + PORT_STEP * (FIRST_INSTANCE + craft.number),)
+        return ((socket.SOCK_DGRAM, RC_PORT + PORT_STEP * (FIRST_INSTANCE + craft.number)),)
 
     def launch(self, program: Path, craft: Craft) -> Launch:
         """Return the command; parameters that its version doesn't know are ignored."""
         to, home = craft.station.opposite().address, craft.home
         location = f"{home.lat_deg:.9f},{home.lon_deg:.9f},{home.alt_m:.3f},{home.heading_deg:.3f}"
-        model = f"JSON:{LOOPBACK}" if craft.steps_port else self.model
+        model = f"JSON:{LOOPBACK}" if craft.stepped else self.model
         command = [str(program), "--model", model, "--speedup", f"{craft.speedup:g}", "--home", location]
         command += [f"-I{FIRST_INSTANCE + craft.number}", "--sysid", str(craft.system), "--defaults", DEFAULTS]
         command += ["--serial0", f"udpclient:{to.host}:{to.port}", "--serial1", "none:0", "--serial2", "none:0"]
-        if craft.steps_port:  # the time of day is that of the virtual clock too, so that flights are repeatable
+        if craft.stepped:  # the time of day is that of the virtual clock too, so that flights are repeatable
             command += ["--sim-port-out", str(craft.steps_port), "--start-time", str(VIRTUAL_EPOCH_US // MICROSECONDS)]
         lines = (f"{name} {value:.9g}\n" for name, value in {**self.own, **craft.parameters}.items())
         return Launch(command, files={DEFAULTS: "".join(lines)})

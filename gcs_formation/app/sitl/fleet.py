@@ -127,6 +127,7 @@ def _one(
         parse_endpoint(vehicle.endpoints[0]),
         vehicle.model.hovers,
         speedup,
+        stepped=stepped,
         parameters=kept(simulator.of_scenario(vehicle, scenario), vehicle.autopilot_parameters),
         landing=()
         if vehicle.landing is None

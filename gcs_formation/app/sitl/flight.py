@@ -16,7 +16,7 @@ from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import forwarded, import_ahead, require_no_program
 from gcs_formation.app.session import Session
 from gcs_formation.app.sitl.fleet import Simulated, not_simulated, simulated
-from gcs_formation.app.sitl.processes import Running, ended, running
+from gcs_formation.app.sitl.processes import Running, ended, running, with_free_ports
 from gcs_formation.app.sitl.simulator import SimulatorError, TrueMotion
 from gcs_formation.app.sitl.truth import Clocks, LoggedTruth, lacking
 from gcs_formation.record.limits_by_truth import Truth
@@ -52,7 +52,7 @@ def run_simulated(
         engine, replaced = forwarded(session)
         with (
             Driver(engine, clock) as driver,
-            running(fleet, options.out) as simulators,
+            running(with_free_ports(fleet), options.out) as simulators,
             session.listening(),
         ):
             say_started(session, fleet, programs)

@@ -48,14 +48,13 @@ def running(fleet: Sequence[Simulated], out: Path) -> Generator[list[Running]]:
     """Run the simulators in `out`, and end them, the newest first; a process of its own does if this one is killed.
 
     Raises:
-        SimulatorError: a port that one needs is taken, or a program can't be executed.
+        SimulatorError: a program can't be executed.
     """
-    free = _with_free_ports(fleet)
     shutil.rmtree(out / DIRECTORY, ignore_errors=True)
     with ExitStack() as stack:
         guarded = stack.enter_context(_guard())
         started = list[Running]()
-        for each in free:
+        for each in fleet:
             started.append(stack.enter_context(_started(each, out / DIRECTORY / str(each.craft.system))))
             guarded.write(f"{started[-1].process.pid}\n")
             guarded.flush()
@@ -105,7 +104,7 @@ def _started(one: Simulated, directory: Path) -> Generator[Running]:
         try:
             yield Running(one.identity, process, directory)
         finally:
-            _end(process, waits=bool(one.craft.steps_port))
+            _end(process, waits=one.craft.stepped)
 
 
 def _end(process: subprocess.Popen[bytes], *, waits: bool) -> None:
@@ -121,21 +120,27 @@ def _end(process: subprocess.Popen[bytes], *, waits: bool) -> None:
         process.wait()
 
 
-def _with_free_ports(fleet: Sequence[Simulated]) -> Sequence[Simulated]:
-    """Return the simulators with numbers whose ports are free: another run may have started some."""
+def with_free_ports(fleet: Sequence[Simulated]) -> Sequence[Simulated]:
+    """Return the simulators with numbers whose ports are free: another run may have started some.
+
+    Raises:
+        SimulatorError: a port that one needs is taken, whatever its number.
+    """
     for further in range(0, MAX_NUMBERS, max(len(fleet), 1)):
         numbered = [replace(each, craft=replace(each.craft, number=each.craft.number + further)) for each in fleet]
         if not any(_taken(each) for each in numbered):
             return numbered
     each, port = next((each, port) for each in fleet if (port := _taken(each)))
-    found = f"found UDP port {port} taken, which vehicle {each.identity}'s simulator needs"
+    found = f"found port {port} taken, which vehicle {each.identity}'s simulator needs"
     raise SimulatorError(f"{found}; allowed: no other simulator of this number")
 
 
 def _taken(one: Simulated) -> int:
     """Return a port that a simulator needs and another program has; 0 if all are free."""
-    for port in one.simulator.ports(one.craft):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+    for kind, port in one.simulator.ports(one.craft):
+        with socket.socket(socket.AF_INET, kind) as probe:
+            # As simulators do: a connection that has just ended doesn't keep a port taken.
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, int(kind == socket.SOCK_STREAM))
             try:
                 probe.bind(("", port))
             except OSError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -48,8 +49,10 @@ class Craft:
     speedup: float = 1.0
     parameters: Parameters = field(default_factory=dict)
     """With which its autopilot is switched on."""
+    stepped: bool = False
+    """Whether its motion is integrated and its clock stepped by us."""
     steps_port: int = 0
-    """The port at which its motion is integrated and its clock stepped; 0: it does both itself."""
+    """The port at which it asks for that, once that is known."""
     landing: tuple[LandingItem, ...] = ()
     """The landing that its stored mission has; empty: it has none."""
 
@@ -152,8 +155,8 @@ class Simulator(ABC):
         """Return whether the simulator can be at the other end of the station's endpoint."""
 
     @abstractmethod
-    def ports(self, craft: Craft) -> tuple[int, ...]:
-        """Return the UDP ports of this machine that it listens at, which must be free."""
+    def ports(self, craft: Craft) -> tuple[tuple[socket.SocketKind, int], ...]:
+        """Return the ports of this machine that it needs, which must be free, each with its socket's kind."""
 
     @abstractmethod
     def launch(self, program: Path, craft: Craft) -> Launch:

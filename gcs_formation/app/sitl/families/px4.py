@@ -8,6 +8,7 @@ simulator has had since 2026). Everybody faces north.
 from __future__ import annotations
 
 import math
+import socket
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
@@ -15,6 +16,7 @@ from typing import Final
 from airlink.random_streams import random_stream
 from formation_scenario import Scenario, Vehicle
 from gcs_formation.app.sitl.missions import give_mission, mission_of
+from gcs_formation.app.sitl.px4_hil import FIRST_PORT as HIL_PORT
 from gcs_formation.app.sitl.px4_hil import IMU_HZ, HilExchange
 from gcs_formation.app.sitl.simulator import Craft, Launch, Simulator, TrueMotion, endurance_s, newest
 from gcs_formation.app.sitl.ulog_truth import WIND, read_truth
@@ -22,6 +24,8 @@ from sim_vehicles.airframe.rigid_body.quadrotor import ARM_M
 
 GCS_PORT, STATION_PORT = 18570, 14550
 """Instance n, which is system n + 1, sends from the first plus n to the second."""
+FIRST_STEPPED: Final = 40
+"""Instance from which stepped ones are numbered, away from simulators that are started by hand, from 0."""
 COMPANION_PORT = 14580
 """Plus n: of its link to a companion computer."""
 AIRFRAMES: Final = {False: ("10041", "sihsim_airplane"), True: ("10040", "sihsim_quadx")}
@@ -118,46 +122,53 @@ class Px4Simulator(Simulator):
             craft.station.kind in {"udpin", "udpout"}
         )
 
-    def ports(self, craft: Craft) -> tuple[int, ...]:
-        """Return the port of its link to ground stations."""
-        return (GCS_PORT - 1 + craft.system,)
+    def ports(self, craft: Craft) -> tuple[tuple[socket.SocketKind, int], ...]:
+        """Return the port of its link to ground stations, and that at which it asks for its sensors."""
+        if not craft.stepped:
+            return ((socket.SOCK_DGRAM, GCS_PORT + _instance(craft)),)
+        return (socket.SOCK_DGRAM, GCS_PORT + _instance(craft)), (socket.SOCK_STREAM, HIL_PORT + _instance(craft))
 
     def exchange(self, craft: Craft, seed: int) -> HilExchange:
         """Return its interface for simulators of motion."""
         random = random_stream(seed, "HIL sensors", craft.system)
-        return HilExchange(craft.system - 1, craft.home, hovers=craft.hovers, random=random)
+        return HilExchange(_instance(craft), craft.home, hovers=craft.hovers, random=random)
 
     def serial_port(self, craft: Craft) -> int:
         """Return the port of its link to ground stations, which it sends to another unless it is sent to first."""
-        return GCS_PORT - 1 + craft.system
+        return GCS_PORT + _instance(craft)
 
     def launch(self, program: Path, craft: Craft) -> Launch:
         """Return the command, whose settings are environment variables."""
         airframe, model = AIRFRAMES[craft.hovers]
-        home, stepped = craft.home, bool(craft.steps_port)
-        suits = STEPPED[craft.hovers] if stepped else ESTIMATOR
+        home = craft.home
+        suits = STEPPED[craft.hovers] if craft.stepped else ESTIMATOR
         variables = {
             "PX4_SYS_AUTOSTART": airframe,
             "PX4_SIM_MODEL": model,
-            **({"PX4_SIMULATOR": "mavlink"} if stepped else {}),
+            **({"PX4_SIMULATOR": "mavlink", "PX4_PARAM_MAV_SYS_ID": f"{craft.system}"} if craft.stepped else {}),
             "PX4_SIM_SPEED_FACTOR": f"{craft.speedup:g}",
             "PX4_HOME_LAT": f"{home.lat_deg:.9f}",
             "PX4_HOME_LON": f"{home.lon_deg:.9f}",
             "PX4_HOME_ALT": f"{home.alt_m:.3f}",
             **{f"PX4_PARAM_{name}": f"{value:.9g}" for name, value in {**suits, **craft.parameters}.items()},
         }
-        return Launch([str(program), "-i", str(craft.system - 1), "-d", str(_etc(program))], variables)
+        return Launch([str(program), "-i", str(_instance(craft)), "-d", str(_etc(program))], variables)
 
     def prepare(self, craft: Craft) -> None:
         """Give the vehicle the landing of its mission, by the link that its companion computer would have."""
         if craft.landing:
-            give_mission(COMPANION_PORT + craft.system - 1, mission_of(craft.system, craft.landing))
+            give_mission(COMPANION_PORT + _instance(craft), mission_of(craft.system, craft.landing))
 
     def true_motion(self, directory: Path) -> TrueMotion | None:
         """Return the topics of ground truth."""
         log = newest(directory, "*.ulg")
         columns = {} if log is None else read_truth(log)
         return TrueMotion.of(columns) if columns else None
+
+
+def _instance(craft: Craft) -> int:
+    """Return the number by which it has its ports; its system - 1 where its station must find those."""
+    return FIRST_STEPPED + craft.number if craft.stepped else craft.system - 1
 
 
 def _etc(program: Path) -> Path:

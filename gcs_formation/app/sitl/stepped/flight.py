@@ -25,7 +25,7 @@ from gcs_formation.app.session import Session
 from gcs_formation.app.sitl.exchange import ExchangeError
 from gcs_formation.app.sitl.fleet import Simulated, simulated
 from gcs_formation.app.sitl.flight import say_started
-from gcs_formation.app.sitl.processes import Running, ended, running
+from gcs_formation.app.sitl.processes import Running, ended, running, with_free_ports
 from gcs_formation.app.sitl.simulator import Home, SimulatorError
 from gcs_formation.app.sitl.stepped.fleet import SteppedFleet
 from gcs_formation.record.run_directory import TRUTH
@@ -79,7 +79,7 @@ def in_step(
     network = MemoryNetwork(clock)
     with ExitStack() as stack:
         try:
-            fleet, processes = stack.enter_context(_stepped(session, simulators))
+            fleet, processes = stack.enter_context(_stepped(session, with_free_ports(simulators)))
             say_started(session, simulators, programs)
             network.attach(fleet)
             network.attach(session.engine)

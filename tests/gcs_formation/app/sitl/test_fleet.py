@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import sys
 from pathlib import Path
 from typing import Any
@@ -28,8 +29,8 @@ def planned(family: str = "arduplane", **keys: Any) -> Scenario:
     return load_scenario(scenario(**({"start": {"in_air": False}, "vehicles": each} | keys)))
 
 
-def fleet(family: str = "arduplane", speedup: float = 1.0, **keys: Any) -> list[Simulated]:
-    return simulated({family: PROGRAM}, planned(family, **keys), speedup)
+def fleet(family: str = "arduplane", speedup: float = 1.0, *, stepped: bool = False, **keys: Any) -> list[Simulated]:
+    return simulated({family: PROGRAM}, planned(family, **keys), speedup, stepped=stepped)
 
 
 def px4(tmp_path: Path) -> Path:
@@ -94,7 +95,7 @@ def test_a_px4_is_known_by_its_instance(tmp_path: Path) -> None:
     assert launch.variables["PX4_SIM_MODEL"] == "sihsim_airplane"
     assert launch.variables["PX4_SIM_SPEED_FACTOR"] == "2"
     assert launch.variables["PX4_PARAM_FW_AIRSPD_TRIM"] == "14"
-    assert other.simulator.ports(other.craft) == (18571,)
+    assert other.simulator.ports(other.craft) == ((socket.SOCK_DGRAM, 18571),)
     assert other.identity == VehicleId(1, 2)
 
 

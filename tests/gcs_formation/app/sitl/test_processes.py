@@ -16,7 +16,7 @@ import pytest
 from airlink.host_system import STATUS_OF_PROCESS
 from gcs_formation.app.sitl import guard
 from gcs_formation.app.sitl.fleet import Simulated
-from gcs_formation.app.sitl.processes import ended, running
+from gcs_formation.app.sitl.processes import ended, running, with_free_ports
 from gcs_formation.app.sitl.simulator import Craft, Launch, SimulatorError
 from tests.gcs_formation.app.sitl.test_fleet import PX4_PATH, fleet
 from tests.processes import wait_for
@@ -50,24 +50,42 @@ def test_one_that_ends_is_named_with_its_last_words(tmp_path: Path) -> None:
         assert ended(both).startswith("vehicle 2: its simulator has ended: no such model")
 
 
-def test_where_another_runs_simulator_has_the_port_the_next_numbers_are_taken(tmp_path: Path) -> None:
-    one = as_python(fleet()[0], WAITS)
-    (port,) = one.simulator.ports(one.craft)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+def test_where_another_runs_simulator_has_the_port_the_next_numbers_are_taken() -> None:
+    one = fleet()[0]
+    ((kind, port),) = one.simulator.ports(one.craft)
+    with socket.socket(socket.AF_INET, kind) as taken:
         with suppress(OSError):  # a simulator on this machine has it
             taken.bind(("", port))
-        with running([one], tmp_path) as (only,):
-            assert only.process.poll() is None
+        (other,) = with_free_ports([one])
+    assert other.craft.number > one.craft.number
+    assert port not in [each for _, each in other.simulator.ports(other.craft)]
 
 
-def test_a_port_that_its_id_says_and_another_program_has_is_named(tmp_path: Path) -> None:
+def test_a_stepped_px4_has_a_free_instance_of_its_own_and_the_scenario_s_id() -> None:
+    vehicles = {"count": 2, "autopilot": "px4"}
+    first = fleet("px4", vehicles=vehicles, path=PX4_PATH, stepped=True)
+    needs = [each.simulator.ports(each.craft) for each in first]
+    assert not set(needs[0]) & set(needs[1])
+    for kind in (socket.SOCK_DGRAM, socket.SOCK_STREAM):
+        (port,) = (each for needed, each in needs[1] if needed == kind)
+        with socket.socket(socket.AF_INET, kind) as taken:
+            with suppress(OSError):  # a simulator on this machine has it
+                taken.bind(("", port))
+            other = with_free_ports(first)
+        assert all(port not in (each for _, each in one.simulator.ports(one.craft)) for one in other)
+        launched = [one.simulator.launch(one.program, one.craft) for one in other]
+        assert [each.variables["PX4_PARAM_MAV_SYS_ID"] for each in launched] == ["1", "2"]
+        assert len({each.command[2] for each in launched}) == 2
+
+
+def test_a_port_that_its_id_says_and_another_program_has_is_named() -> None:
     vehicles = {"count": 1, "autopilot": "px4", "endpoint": "udpin:127.0.0.1:14550"}
     (one,) = fleet("px4", vehicles=vehicles, path=PX4_PATH)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         with suppress(OSError):  # a simulator on this machine has it
             taken.bind(("", 18570))
-        with pytest.raises(SimulatorError, match="found UDP port 18570 taken, which vehicle 1's"):
-            running([one], tmp_path).__enter__()
+        with pytest.raises(SimulatorError, match="found port 18570 taken, which vehicle 1's"):
+            with_free_ports([one])
 
 
 def test_a_program_that_can_not_be_executed_is_named(tmp_path: Path) -> None:
