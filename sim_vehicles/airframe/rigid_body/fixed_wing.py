@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from flight_model.autopilot_model import within
+from flight_model.earth import air_density_kgm3
 from flight_model.energy import GRAVITY_MPS2
 from sim_vehicles.airframe.rigid_body.motion import (
     GROUND_S,
@@ -112,6 +113,36 @@ class FixedWing(RigidBody):
         forward *= 1.0 - ROLLING_PER_S * self.step_s
         right = gripped(right, self.step_s)
         self.velocity_mps = forward * cos - right * sin, forward * sin + right * cos, down
+
+
+class Trim(NamedTuple):
+    """Level flight at an airspeed, and what it can do from there."""
+
+    throttle: float
+    """0 to 1."""
+    climb_mps: float
+    """At full throttle and the same airspeed."""
+    sink_mps: float
+    """Without thrust."""
+    roll_rps: float
+    """Steady rate for full aileron."""
+    pitch_rps: float
+    """Steady rate for full elevator, against its damping alone."""
+
+
+def trim_of(airspeed_mps: float) -> Trim:
+    """Return the trim in the air of the sea's level; climbs and sinks by the power that level flight doesn't need."""
+    pressure_n = 0.5 * air_density_kgm3(0.0) * airspeed_mps * airspeed_mps * AREA_M2
+    weight_n = MASS_KG * GRAVITY_MPS2
+    lift = weight_n / pressure_n
+    drag_n = pressure_n * (PARASITIC_DRAG + DRAG_OF_LIFT * lift * lift)
+    return Trim(
+        drag_n / THRUST_N,
+        airspeed_mps * (THRUST_N - drag_n) / weight_n,
+        airspeed_mps * drag_n / weight_n,
+        2.0 * airspeed_mps * ROLL_AILERON / -(SPAN_M * ROLL_P),
+        2.0 * airspeed_mps * PITCH_ELEVATOR / -(CHORD_M * PITCH_Q),
+    )
 
 
 def coefficients(alpha_rad: float) -> tuple[float, float]:

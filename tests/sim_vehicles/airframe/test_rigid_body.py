@@ -175,6 +175,37 @@ def test_lift_grows_with_the_angle_of_attack_until_the_stall_and_then_is_a_plate
     assert coefficients(-0.8)[0] == pytest.approx(-coefficients(0.8)[0], abs=1e-6)
 
 
+@pytest.mark.parametrize("airspeed_mps", [12.0, 14.0, 22.0])
+def test_at_its_trim_a_fixed_wing_flies_level_and_climbs_by_the_power_that_is_left(airspeed_mps: float) -> None:
+    """Lift carries its weight, and thrust its drag, at the angle of attack that its lift curve says."""
+    trim, weight_n = fixed_wing.trim_of(airspeed_mps), fixed_wing.MASS_KG * GRAVITY_MPS2
+    flying = body()
+    lift = weight_n / (0.5 * flying.density * airspeed_mps**2 * fixed_wing.AREA_M2)
+    alpha = (lift - fixed_wing.LIFT_0) / fixed_wing.LIFT_ALPHA
+    flying.act([1500, 1500, round(1000 + 1000 * trim.throttle), 1500])
+    air = (airspeed_mps * math.cos(alpha), 0.0, airspeed_mps * math.sin(alpha))
+    x, _, z = flying.forces(air)[0]
+    ahead_n, below_n = x * math.cos(alpha) + z * math.sin(alpha), z * math.cos(alpha) - x * math.sin(alpha)
+    assert ahead_n == pytest.approx(0.0, abs=0.02)  # a pulse is rounded to 1 µs
+    thrust_below_n = -trim.throttle * fixed_wing.THRUST_N * math.sin(alpha)
+    assert below_n == pytest.approx(thrust_below_n - weight_n, rel=1e-3)
+    assert trim.climb_mps + trim.sink_mps == pytest.approx(airspeed_mps * fixed_wing.THRUST_N / weight_n)
+    assert trim.throttle == pytest.approx(trim.sink_mps / (trim.climb_mps + trim.sink_mps))
+
+
+@pytest.mark.parametrize(("output", "axis"), [(0, 0), (1, 1)])
+def test_at_the_steady_rate_for_a_deflection_damping_holds_the_surfaces_moment(output: int, axis: int) -> None:
+    trim, air = fixed_wing.trim_of(14.0), (14.0, 0.0, 0.0)
+    turning = aloft(velocity_mps=air)
+    still = turning.forces(air)[1][axis]
+    for _ in range(100):
+        turning.act([1600 if each == output else 1500 for each in range(4)])
+    rates = [0.0, 0.0, 0.0]
+    rates[axis] = 0.2 * (trim.roll_rps if axis == 0 else trim.pitch_rps)
+    turning.rates_rps = (rates[0], rates[1], rates[2])
+    assert turning.forces(air)[1][axis] == pytest.approx(still, abs=1e-6)
+
+
 @pytest.mark.parametrize(("output", "axis", "sign"), [(0, 0, 1), (1, 1, 1), (3, 2, 1)])
 def test_a_longer_pulse_rolls_right_pitches_up_and_yaws_right(output: int, axis: int, sign: int) -> None:
     moments = []

@@ -20,6 +20,7 @@ from gcs_formation.app.sitl.px4_hil import FIRST_PORT as HIL_PORT
 from gcs_formation.app.sitl.px4_hil import IMU_HZ, HilExchange
 from gcs_formation.app.sitl.simulator import Craft, Launch, Simulator, TrueMotion, endurance_s, newest
 from gcs_formation.app.sitl.ulog_truth import WIND, read_truth
+from sim_vehicles.airframe.rigid_body.fixed_wing import trim_of
 from sim_vehicles.airframe.rigid_body.quadrotor import ARM_M
 
 GCS_PORT, STATION_PORT = 18570, 14550
@@ -59,16 +60,9 @@ STEPPED: Final[Mapping[bool, Mapping[str, float]]] = {
         "PWM_MAIN_FUNC2": 202,
         "PWM_MAIN_FUNC3": 101,
         "PWM_MAIN_FUNC4": 203,
-        "FW_RR_P": 0.1,
-        "FW_RR_I": 0.3,
-        "FW_RR_FF": 0.15,
-        "FW_PR_P": 0.25,
-        "FW_PR_I": 0.4,
-        "FW_PR_FF": 0.1,
         "FW_YR_P": 0.05,
         "FW_YR_I": 0.1,
         "FW_YR_FF": 0.3,
-        "FW_THR_TRIM": 0.4,
     },
     True: FED
     | _rotor(0, 0.0, ARM_M, 0.05)
@@ -78,7 +72,12 @@ STEPPED: Final[Mapping[bool, Mapping[str, float]]] = {
     | {"MC_ROLLRATE_P": 0.05, "MC_ROLLRATE_I": 0.1, "MC_ROLLRATE_D": 0.001}
     | {"MC_PITCHRATE_P": 0.05, "MC_PITCHRATE_I": 0.1, "MC_PITCHRATE_D": 0.001},
 }
-"""Outputs and gains that suit our bodies, by whether it hovers: in the order of ArduPilot's outputs."""
+"""Outputs and gains that suit our bodies, by whether it hovers: in the order of ArduPilot's outputs. A fixed wing's
+further ones follow from its trim."""
+ROLL_P, ROLL_I, PITCH_P, PITCH_I = 0.4, 1.1, 1.5, 2.4
+"""Gains of its rates, in units of the gain that holds a rate against its damping: of feedback, and for each second."""
+MOST_CLIMB_MPS, MOST_SINK_MPS = 15.0, 5.0
+"""That parameters allow."""
 
 
 class Px4Simulator(Simulator):
@@ -141,7 +140,7 @@ class Px4Simulator(Simulator):
         """Return the command, whose settings are environment variables."""
         airframe, model = AIRFRAMES[craft.hovers]
         home = craft.home
-        suits = STEPPED[craft.hovers] if craft.stepped else ESTIMATOR
+        suits = _stepped(craft) if craft.stepped else ESTIMATOR
         variables = {
             "PX4_SYS_AUTOSTART": airframe,
             "PX4_SIM_MODEL": model,
@@ -164,6 +163,25 @@ class Px4Simulator(Simulator):
         log = newest(directory, "*.ulg")
         columns = {} if log is None else read_truth(log)
         return TrueMotion.of(columns) if columns else None
+
+
+def _stepped(craft: Craft) -> Mapping[str, float]:
+    """Return the parameters that suit our body."""
+    if craft.hovers:
+        return STEPPED[True]
+    trim = trim_of(craft.parameters["FW_AIRSPD_TRIM"])
+    return {
+        **STEPPED[False],
+        "FW_THR_TRIM": trim.throttle,
+        "FW_T_CLMB_MAX": min(trim.climb_mps, MOST_CLIMB_MPS),
+        "FW_T_SINK_MIN": min(trim.sink_mps, MOST_SINK_MPS),
+        "FW_RR_FF": 1.0 / trim.roll_rps,
+        "FW_RR_P": ROLL_P / trim.roll_rps,
+        "FW_RR_I": ROLL_I / trim.roll_rps,
+        "FW_PR_FF": 1.0 / trim.pitch_rps,
+        "FW_PR_P": PITCH_P / trim.pitch_rps,
+        "FW_PR_I": PITCH_I / trim.pitch_rps,
+    }
 
 
 def _instance(craft: Craft) -> int:
