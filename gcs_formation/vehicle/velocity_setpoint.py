@@ -99,9 +99,13 @@ class SpeedLead:
         self._begun = False
 
     def led(self, speed_mps: float, airspeed_mps: float) -> float:
-        """Return the airspeed to command in order to fly `speed_mps`; `airspeed_mps` is the present one."""
+        """Return the airspeed to command in order to fly `speed_mps`; `airspeed_mps` is the present one.
+
+        One beyond the limits, as of a take-off at full throttle, has never been commanded: no integrator is there.
+        """
         if not self._begun:
-            self._integrator.integrated_mps, self._begun = airspeed_mps, True
+            steady = self._limits_mps[0] <= airspeed_mps <= self._limits_mps[1]
+            self._integrator.integrated_mps, self._begun = airspeed_mps if steady else speed_mps, True
         return within(self._integrator.command_for(speed_mps), self._limits_mps[0], self._limits_mps[1])
 
     def lead(self, speed_mps: float, airspeed_mps: float) -> float:

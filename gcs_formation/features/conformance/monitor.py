@@ -17,6 +17,7 @@ from formation_scenario.navigation import NoisyNavigation
 from formation_scenario.slot_assignment import models_by_index, vehicles_by_index
 from gcs_formation.controller.controller import FormationController
 from gcs_formation.estimation.sample import heading_shown
+from gcs_formation.estimation.vehicle_filter import MIN_AIRSPEED_MPS
 from gcs_formation.features.conformance.flown_setpoints import CHECK_S, FlownSetpoints, NonConformance
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.recorder import Detail, LogEvent, Tick, unknown_state
@@ -204,7 +205,8 @@ class ConformanceMonitor:
             vehicle, own = flier.vehicle, filters[flier.vehicle.index]
             state = unknown_state() if own.state is None else own.state
             if vehicle.autopilot.flies_courses:
-                state = _by_course(state, vehicle.telemetry.motion)
+                commanded_mps = self._controller.history.commanded(own.stamp, vehicle.index)[0]
+                state = _by_course(state, vehicle.telemetry.motion, commanded_mps)
             at_limit = self.saturated[vehicle.index]
             found = flier.check(own.stamp, state, self._controller.history, now, saturated=at_limit)
             if found is not None:
@@ -219,11 +221,17 @@ class ConformanceMonitor:
                 self._log_event(now, "obeys", "follows its setpoints again", flier.vehicle, {"order": "setpoints"})
 
 
-def _by_course(state: FlightState, seen: ReportedMotion | None) -> FlightState:
-    """Return a state whose heading is derived from the course over ground."""
+def _by_course(state: FlightState, seen: ReportedMotion | None, commanded_mps: float) -> FlightState:
+    """Return a state whose heading is that which has its course over ground at the airspeed commanded.
+
+    The course was commanded for that airspeed: one that is slower keeps it by crabbing more.
+    """
     shown = state.copy()
     if seen is not None:
-        shown.heading_rad = heading_shown(state, seen.north_mps, seen.east_mps)
+        at_speed = state.copy()
+        if commanded_mps > MIN_AIRSPEED_MPS:
+            at_speed.airspeed_mps = commanded_mps
+        shown.heading_rad = heading_shown(at_speed, seen.north_mps, seen.east_mps)
     return shown
 
 

@@ -93,6 +93,12 @@ def test_after_something_else_has_led_it_a_lead_begins_with_what_it_flies() -> N
     assert hovering.lead((3.0, 1.0), (3.0, 1.0)) == pytest.approx((3.0, 1.0))
 
 
+def test_a_lead_that_begins_at_an_airspeed_which_was_never_commanded_begins_with_what_is_wanted() -> None:
+    """A PX4 comes out of its take-off with 26 m/s, its throttle's integrator for its trim of 14."""
+    lead = SpeedLead(PROMPT, REST_S, (11.0, 20.0), PERIOD_S)
+    assert lead.lead(14.5, 26.0) == pytest.approx(14.5)
+
+
 @given(st.floats(0.85, 1.2), st.lists(st.floats(9.0, 22.0), min_size=1, max_size=40))
 def test_a_px4_whose_sensor_reads_wrong_flies_the_true_airspeed_asked_within_what_it_says_is_in_reach(ratio, asked):
     """Its limits and its integrator refer to the sensor's reading: taken for true airspeeds they were out of reach."""

@@ -66,6 +66,7 @@ class Ground:
         commanded_m: Callable[[float], float] = lambda _: 100.0,
         commanded_mps: Callable[[float], float] = lambda _: 27.0,
         climb_mps: Callable[[float], float] = lambda _: 0.0,
+        wind_east_mps: float = 0.0,
     ) -> list[float]:
         """Command the second vehicle 27 m/s from the start, heading and height; return when it is reported."""
         for tenth in range(round(10 * seconds)):
@@ -82,7 +83,7 @@ class Ground:
                         channel.acknowledged(now)
             flown = [FlightState(0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0) for _ in NUMBERS]
             motion = height_m(at_s), climb_mps(at_s), airspeed_mps(at_s), heading_rad(at_s)
-            flown[1] = FlightState(0.0, 0.0, *motion, 0.0, 0.0)
+            flown[1] = FlightState(0.0, 0.0, *motion, 0.0, wind_east_mps)
             self.controller.estimator.filters = [SimpleNamespace(state=each, stamp=now) for each in flown]
             tick: Any = SimpleNamespace(active=[True, commanded(at_s), True])
             self.monitor.judge_motion(tick, now)
@@ -295,6 +296,38 @@ def test_setpoints_that_are_not_acknowledged_all_the_time_are_no_disobedience(
     acknowledges: Acknowledges,
 ) -> None:
     assert Ground().fly(20.0, acknowledges) == []
+
+
+@pytest.mark.parametrize("obeys", [True, False])
+def test_one_that_flies_the_course_it_is_commanded_with_less_airspeed_crabs_more_and_obeys(*, obeys: bool) -> None:
+    """Commanded 14 m/s and courses that swing by 9 degrees, in 4 m/s from the west; it flies them with 10 m/s."""
+    ground, wind_mps, commanded_mps, flown_mps = Ground(), 4.0, 14.0, 10.0
+    pilot: Any = ground.second().autopilot
+    pilot.flies_courses, ground.monitor.saturated[1] = True, True
+
+    def crabbing(course_rad: float, airspeed_mps: float) -> float:
+        return course_rad - math.asin(wind_mps / airspeed_mps * math.cos(course_rad))
+
+    def course(at_s: float) -> float:
+        return 0.15 * math.sin(0.2 * at_s) if obeys else 0.0
+
+    def moves(at_s: float) -> float:
+        heading_rad = crabbing(course(at_s), flown_mps)
+        north_mps = flown_mps * math.cos(heading_rad)
+        motion = SimpleNamespace(north_mps=north_mps, east_mps=flown_mps * math.sin(heading_rad) + wind_mps)
+        ground.second().telemetry.motion = motion  # type: ignore[assignment]
+        return heading_rad
+
+    ground.fly(
+        60.0,
+        airspeed_mps=lambda _: flown_mps,
+        commanded_mps=lambda _: commanded_mps,
+        commanded_rad=lambda at_s: crabbing(0.15 * math.sin(0.2 * (at_s + 1.0)), commanded_mps),
+        heading_rad=moves,
+        wind_east_mps=wind_mps,
+    )
+    said = [each.details["channel"] for each in ground.logged if each.kind == "disobeys" and each.vehicle == 2]
+    assert ("heading" in said) == (not obeys)
 
 
 def test_time_in_which_it_was_not_commanded_does_not_count() -> None:
