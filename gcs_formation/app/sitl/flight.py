@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -57,7 +58,7 @@ def run_simulated(
         ):
             say_started(session, fleet, programs)
             for each in fleet:
-                each.simulator.prepare(each.craft)
+                each.simulator.prepare(each.craft, time.monotonic)
             session.replace = replaced or driver.replace
             session.begin_to_wait()
             driver.run(partial(_over, session, simulators, clocks))

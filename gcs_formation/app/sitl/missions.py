@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from airlink import mavlink as m
@@ -20,7 +20,7 @@ from gcs_formation.app.sitl.simulator import SimulatorError
 PLANNER: Final = (254, m.MAV_COMP_ID_MISSIONPLANNER)
 """System and component that give it, neither the station's."""
 LIMIT_S: Final = 60.0
-"""Wall time for all of it, the simulator's boot included, s."""
+"""Time of the simulator for all of it, its boot included, s."""
 RETRY_S: Final = 1.0
 LOOK_S: Final = 0.1
 MAX_BYTES: Final = 2048
@@ -67,20 +67,19 @@ class Upload:
         return None
 
 
-def give_mission(port: int, items: Sequence[MissionItemInt]) -> None:
-    """Give the vehicle behind a UDP port of this machine a mission, as soon as it answers.
+def give_mission(port: int, items: Sequence[MissionItemInt], clock_s: Callable[[], float]) -> None:
+    """Give the vehicle behind a UDP port of this machine a mission, as soon as it answers; `clock_s` is its time, s.
 
     Raises:
         SimulatorError: it refuses it, or doesn't answer within `LIMIT_S`.
     """
     upload, writer, parser = Upload(items), FrameWriter(*PLANNER), StreamParser()
-    # Real time and sleep, as a simulator of the machine is waited for before the flight has a clock.
-    began_s = next_s = time.monotonic()
+    began_s = next_s = clock_s()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
         link.settimeout(LOOK_S)
         link.connect(("127.0.0.1", port))
         while not upload.over:
-            now_s = time.monotonic()
+            now_s = clock_s()
             if now_s - began_s > LIMIT_S:
                 raise SimulatorError(f"vehicle {upload.system}: its simulator took no mission within {LIMIT_S:g} s")
             if now_s >= next_s:
@@ -97,7 +96,7 @@ def give_mission(port: int, items: Sequence[MissionItemInt]) -> None:
 def _send(link: socket.socket, data: bytes) -> None:
     try:
         link.send(data)
-    except ConnectionError:  # it isn't up yet
+    except ConnectionError:  # it isn't up yet; there is no time but real time to wait in until it is
         time.sleep(LOOK_S)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Final, NamedTuple
@@ -162,8 +162,8 @@ class Simulator(ABC):
     def launch(self, program: Path, craft: Craft) -> Launch:
         """Return how a vehicle is started."""
 
-    def prepare(self, craft: Craft) -> None:  # noqa: B027 - most families have all by their parameters
-        """Give a simulator that has just been started what it can't be started with.
+    def prepare(self, craft: Craft, clock_s: Callable[[], float]) -> None:  # noqa: B027 - most have all by parameters
+        """Give a simulator that has just been started what it can't be started with; `clock_s` is its time, s.
 
         Raises:
             SimulatorError: it doesn't take it.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import socket
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -153,10 +153,10 @@ class Px4Simulator(Simulator):
         }
         return Launch([str(program), "-i", str(_instance(craft)), "-d", str(_etc(program))], variables)
 
-    def prepare(self, craft: Craft) -> None:
+    def prepare(self, craft: Craft, clock_s: Callable[[], float]) -> None:
         """Give the vehicle the landing of its mission, by the link that its companion computer would have."""
         if craft.landing:
-            give_mission(COMPANION_PORT + _instance(craft), mission_of(craft.system, craft.landing))
+            give_mission(COMPANION_PORT + _instance(craft), mission_of(craft.system, craft.landing), clock_s)
 
     def true_motion(self, directory: Path) -> TrueMotion | None:
         """Return the topics of ground truth."""

@@ -55,6 +55,10 @@ class SteppedVehicle:
         self.outputs_us: tuple[int, ...] = ()
         """What it last put out."""
 
+    def clock_s(self) -> float:
+        """Return how far its clock has been stepped, s."""
+        return self._number * self.exchange.step_s
+
     def ask(self) -> None:
         """Wait until it has done all that its last sample made it do, and asks for the next.
 

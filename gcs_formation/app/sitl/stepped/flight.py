@@ -153,12 +153,12 @@ def on_their_ground(config: FleetConfig, homes: Sequence[Home]) -> FleetConfig:
 
 def _prepare(fleet: SteppedFleet, simulators: Sequence[Simulated]) -> None:
     """Give simulators their missions, while their clocks go on, as they answer only then."""
-    given = [each for each in simulators if each.craft.landing]
+    given = [(each, fleet.each[index]) for index, each in enumerate(simulators) if each.craft.landing]
     if not given:
         return
     threads = ThreadPoolExecutor(len(given))
     try:
-        prepared = [threads.submit(each.simulator.prepare, each.craft) for each in given]
+        prepared = [threads.submit(each.simulator.prepare, each.craft, one.clock_s) for each, one in given]
         while not all(each.done() for each in prepared):
             fleet.run_on()
             fleet.drop_sent()

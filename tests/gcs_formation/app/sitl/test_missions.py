@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import math
+import socket
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega
 
 from airlink import mavlink as m
 from airlink.clock import Instant
+from airlink.endpoint import LOOPBACK
 from airlink.messages.mission import MissionAck, MissionCount, MissionItemInt, MissionRequest, MissionRequestInt
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.app.sitl.fleet import not_simulated, simulated
-from gcs_formation.app.sitl.missions import Upload, mission_of
+from gcs_formation.app.sitl.missions import Upload, give_mission, mission_of
 from gcs_formation.app.sitl.simulator import SimulatorError
 from gcs_formation.vehicle.stored_mission import LandingSequence, StoredMission
 from tests.gcs_formation.app.sitl.test_fleet import PX4_PATH, fleet, planned
+from tests.processes import LIMIT_S, free_port
 
 PX4S = {"count": 2, "autopilot": "px4", "endpoint": "udpin:127.0.0.1:14550"}
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
@@ -60,6 +65,42 @@ def test_it_is_over_when_the_vehicle_accepts_it() -> None:
 def test_a_vehicle_that_refuses_it_is_named() -> None:
     with pytest.raises(SimulatorError, match=r"vehicle 2: .* refused its mission \(MAV_MISSION_NO_SPACE\)"):
         Upload(given()).answer(MissionAck(254, 190, m.MAV_MISSION_NO_SPACE))
+
+
+def vehicle_that_takes(link: socket.socket, taken: list[Any]) -> None:
+    """Be PX4's side of the protocol, by pymavlink."""
+    writer = ardupilotmega.MAVLink(None, srcSystem=2, srcComponent=1)
+    count = -1
+    while len(taken) != count:
+        data, peer = link.recvfrom(2048)
+        for message in writer.parse_buffer(data) or []:
+            if message.get_type() == "MISSION_COUNT":
+                count = message.count
+            else:
+                taken.append(message)
+            wanted = writer.mission_request_int_encode(254, 190, len(taken))
+            answer = writer.mission_ack_encode(254, 190, 0) if len(taken) == count else wanted
+            link.sendto(answer.pack(writer), peer)
+
+
+def test_a_mission_is_given_over_its_link_however_long_that_takes_on_this_machine() -> None:
+    """Its time stands still meanwhile: it's the simulator's, not the machine's."""
+    taken = list[Any]()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
+        link.bind((LOOPBACK, 0))
+        link.settimeout(LIMIT_S)
+        vehicle = Thread(target=vehicle_that_takes, args=(link, taken))
+        vehicle.start()
+        give_mission(link.getsockname()[1], given(), lambda: 0.0)
+        vehicle.join()
+    assert [(each.seq, each.target_system) for each in taken] == [(seq, 2) for seq in range(len(given()))]
+
+
+def test_one_that_takes_no_mission_in_a_minute_of_its_time_is_named() -> None:
+    clock = iter(range(0, 1000, 10))
+    with pytest.raises(SimulatorError, match="vehicle 2: its simulator took no mission within 60 s"):
+        give_mission(free_port(), given(), lambda: float(next(clock)))
+    assert next(clock) == 80
 
 
 def test_what_a_simulator_can_not_do_is_said_in_a_line(tmp_path: Path) -> None:
