@@ -314,7 +314,10 @@ class _Reader:
     def _broken(self, error: yaml.YAMLError) -> Problem:
         if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
             mark, allowed = error.problem_mark, "spaces to indent by" if "'\\t'" in str(error.problem) else ""
-            return Problem(self._file, mark.line + 1, mark.column + 1, "", f"broken YAML: {error.problem}", allowed)
+            found = f"broken YAML: {error.problem}"
+            if isinstance(error, yaml.composer.ComposerError) and "another document" in str(error.problem):
+                found, allowed = "found another document", "one in a file"
+            return Problem(self._file, mark.line + 1, mark.column + 1, "", found, allowed)
         if isinstance(error, yaml.reader.ReaderError):
             line = self._text.count("\n", 0, error.position) + 1
             return Problem(self._file, line, None, "", f"broken YAML: {error.reason}")

@@ -41,6 +41,7 @@ def test_a_key_that_is_not_in_the_file_is_placed_at_the_group_around_it():
         ("a: [1, 2\nb: 3\n", "a.yaml:2:2: broken YAML: expected ',' or ']', but got ':'"),
         ("- 1\n", "a.yaml:1:1: found a list; allowed: a mapping of scenario keys"),
         ("", "a.yaml:1:1: found nothing; allowed: a mapping of scenario keys"),
+        ("a: 1\n---\na: 2\n", "a.yaml:2:1: found another document; allowed: one in a file"),
         ("? [1]\n: 2\n", "a.yaml:1:3: broken YAML: found a list or mapping as a key"),
         ("a: !!python/name:os.system\n", "a.yaml:1:4: broken YAML: could not determine a constructor"),
         ("a:\n\t- 1\n", r"a.yaml:2:1: broken YAML: found character '\t' that cannot start any token; allowed: spaces"),
