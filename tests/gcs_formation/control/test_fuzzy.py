@@ -69,6 +69,12 @@ def test_the_printed_tables_do_mind_it() -> None:
     assert np.abs(scheduler.infer(1.0, -1.0) - scheduler.infer(-1.0, 1.0)).max() == 1.0
 
 
+def test_symmetric_tables_are_the_mean_of_the_printed_ones_and_of_their_mirror_image() -> None:
+    error, rate = np.meshgrid(np.linspace(-1.0, 1.0, 7), np.linspace(-1.0, 1.0, 9))
+    mean = (FuzzyGainScheduler().infer(error, rate) + FuzzyGainScheduler().infer(-error, -rate)) / 2.0
+    assert FuzzyGainScheduler("symmetric").infer(error, rate) == pytest.approx(mean, abs=1e-12)
+
+
 def test_any_shape_goes_through() -> None:
     assert FuzzyGainScheduler().infer(np.zeros((7, 3)), np.zeros((7, 3))).shape == (7, 3, 3)
 

@@ -12,7 +12,7 @@ from flight_model.slot import Slot
 from formation_scenario import load_scenario
 from gcs_formation.control.follower import FollowerController
 from gcs_formation.control.follower_loops import LawInput
-from gcs_formation.control.fuzzy_pid import ChannelConstants, Pid, PidGains
+from gcs_formation.control.fuzzy_pid import FIXED_GAINS, ChannelConstants, FuzzyGainScheduler, Pid, PidGains
 from gcs_formation.control.laws import law_parameters
 from gcs_formation.control.setpoint import AS_DECIDED, LeaderMotion
 
@@ -41,6 +41,78 @@ def test_the_filter_is_exact_for_a_constant_slope() -> None:
         for _ in range(round(1.0 / dt_s)):
             controller.filter_rate(3.0, dt_s)
         assert controller.rate == pytest.approx(3.0 * (1 - math.exp(-1.0 / 0.4)), rel=1e-12)
+
+
+@pytest.mark.parametrize("filter_s", [0.05, 0.4, 2.0])
+def test_it_answers_as_its_transfer_function_says(filter_s: float) -> None:
+    """An error that grows as exp(s t) is answered by C(s) times it, C = kp + ki/s + kd s/(T s + 1), at s = 3/s."""
+    s, step_s = 3.0, 0.01
+    controller, error = pid(0.7, 1.9, 0.6, filter_s), 1.0
+    for tick in range(400):
+        error = math.exp(s * step_s * tick)
+        controller.filter_rate(s * error * (1.0 - s * step_s / 2.0), step_s)
+        if tick < 399:
+            controller.integrate(error * (1.0 + s * step_s / 2.0), 0.0, step_s)
+    response = 0.7 + 1.9 / s + 0.6 * s / (filter_s * s + 1.0)
+    assert controller.output(error) / error == pytest.approx(response, rel=2e-3)
+
+
+@pytest.mark.parametrize("dt_s", [1.0, 0.25])
+def test_a_filter_begins_with_its_first_tick_and_with_other_constants_again(dt_s: float) -> None:
+    """1 - exp(-dt / T) of the slope in a tick, with T = 0.5 s and then 2 s; nothing over no time."""
+    controller = pid(filter_s=0.5)
+    controller.filter_rate(8.0, 0.0)
+    assert controller.rate == 0.0
+    controller.filter_rate(8.0, dt_s)
+    first = 8.0 * (1.0 - math.exp(-dt_s / 0.5))
+    assert controller.rate == pytest.approx(first)
+    controller.retune(ChannelConstants(PidGains(1.0, 1.0, 1.0, 2.0), 1.0, 1.0, 1.0))
+    controller.filter_rate(8.0, dt_s)
+    assert controller.rate == pytest.approx(8.0 - (8.0 - first) * math.exp(-dt_s / 2.0))
+    controller.integral = 5.0
+    controller.reset()
+    assert (controller.rate, controller.integral) == (0.0, 0.0)
+    controller.retune(ChannelConstants(PidGains(1.0, 1.0, 1.0, 2.0), 1.0, 1.0, 1.0))
+    controller.filter_rate(8.0, 0.0)
+    assert controller.rate == 0.0
+
+
+def test_a_step_of_slope_decays_by_the_filter_alone() -> None:
+    controller = pid(filter_s=0.5)
+    controller.rate = 4.0
+    controller.filter_rate(0.0, 0.1)
+    assert controller.rate == pytest.approx(4.0 * math.exp(-0.2))
+
+
+def test_each_gain_is_scheduled_by_its_own_table_and_by_error_and_rate_over_their_scales() -> None:
+    """An error of 1.2 on a scale of 2 and a rate of -0.9 on one of 3: (0.6, -0.3), whose F are 0.6, 0.7, 0.44.
+
+    Gains are nominal (0.7 + 0.6 F); half the bandwidth is half of kp and kd and a quarter of ki.
+    """
+    channel = ChannelConstants(PidGains(2.0, 3.0, 5.0, 0.1), 2.0, 3.0, 1.0)
+    controller = Pid(channel, FuzzyGainScheduler())
+    assert (controller.kp, controller.ki, controller.kd) == (2.0, 3.0, 5.0)
+    controller.rate = -0.9
+    controller.schedule(1.2, 1.0)
+    assert (controller.kp, controller.ki, controller.kd) == pytest.approx((2.0 * 1.06, 3.0 * 1.12, 5.0 * 0.964))
+    assert controller.output(1.2) == pytest.approx(2.12 * 1.2 - 4.82 * 0.9)
+    controller.schedule(1.2, 0.5)
+    assert (controller.kp, controller.ki, controller.kd) == pytest.approx((1.06, 0.84, 2.41))
+
+
+def test_a_slower_loop_keeps_the_derivatives_corner_and_lowers_the_integrals_with_its_crossover() -> None:
+    """At a quarter of the crossover kp is a quarter; kd/kp, which cancels the autopilot's lag, stays; ki/kp falls."""
+    usual, slowed = PidGains(2.0, 3.0, 5.0, 0.2), PidGains(2.0, 3.0, 5.0, 0.2).slowed(0.25)
+    assert slowed.kp == 0.25 * usual.kp
+    assert slowed.kd / slowed.kp == usual.kd / usual.kp
+    assert slowed.ki / slowed.kp == 0.25 * usual.ki / usual.kp
+    assert slowed.filter_s == usual.filter_s
+    assert PidGains(1.0, 1.0, 1.0).filter_s == 0.1
+
+
+@pytest.mark.parametrize("outputs", [(0.0, 0.5, 1.0), (1.0, 0.0, 0.3)])
+def test_fixed_gains_are_the_nominal_ones_whatever_the_tables_say(outputs: tuple[float, float, float]) -> None:
+    assert FIXED_GAINS.gains(PidGains(2.0, 3.0, 5.0, 0.2), outputs) == PidGains(2.0, 3.0, 5.0, 0.2)
 
 
 def test_a_change_of_gain_does_not_kick_the_integral_part() -> None:

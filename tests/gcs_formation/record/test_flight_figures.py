@@ -8,15 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gcs_formation.record.figures_of_merit import (
     axis_figures,
     effort,
+    if_finite,
     in_slot_share,
     left_at_s,
     percentile,
+    percentiles,
     separation_m,
     settled_at_s,
 )
@@ -127,9 +129,77 @@ def test_separation_is_that_of_the_nearest_two_that_fly_from_tick_to_tick(count,
     assert found == pytest.approx(nearest, abs=resolved_m + 1e-9)
 
 
+def test_the_outermost_of_three_in_a_row_may_be_the_nearest():
+    """They change places through one another within a tick; the one between is 15 m aside."""
+    first = np.array([[0.0, 0.0, 0.0], [20.0, 0.0, 0.0]])
+    between = np.array([[10.0, 15.0, 0.0], [10.0, 15.0, 0.0]])
+    flight = with_places([first, between, first[::-1]], 2)
+    assert separation_m(flight, np.ones(2, dtype=bool))[0] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_two_that_pass_each_other_between_ticks_were_as_near_as_they_passed():
     """At 2 Hz, 22 m/s each and 0.05 m aside, the ticks alone show 11 m."""
     along = 22.0 * (np.arange(8) * 0.5 - 1.75)
     one = np.stack((along, np.zeros(8), np.zeros(8)), axis=1)
     other = np.stack((-along, np.full(8, 0.05), np.zeros(8)), axis=1)
     assert separation_m(with_places([one, other], 8, 0.5), np.ones(8, dtype=bool)).min() == pytest.approx(0.05)
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([None, 0.0, 12.3, 60.0]))
+def test_figures_of_an_axis_are_numpys(seed, settled_s):
+    """Steady flight begins 30 s after settling, that instant included."""
+    draws = np.random.default_rng(seed)
+    time_s = np.sort(draws.uniform(0.0, 100.0, draws.integers(1, 30)))
+    error_m = draws.normal(0.0, 1.0, time_s.size)
+    if settled_s is not None:
+        time_s[-1] = max(settled_s + 30.0, time_s[-1])
+    found, size = axis_figures(time_s, error_m, settled_s), np.abs(error_m)
+    assert found["rms"] == pytest.approx(np.sqrt(np.mean(error_m**2)))
+    assert found["max"] == size.max()
+    assert [found[f"p{q}"] for q in (50, 95, 99)] == list(np.percentile(size, [50, 95, 99]))
+    steady = size[time_s >= (np.inf if settled_s is None else settled_s + 30.0)]
+    assert found["steady_max"] == (steady.max() if steady.size else None)
+
+
+@pytest.mark.parametrize(("ends_s", "settled_s"), [(9.9, None), (10.0, 0.0), (10.1, 0.0)])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_vehicle_has_settled_that_stays_within_half_a_metre_for_10_s(ends_s, settled_s, axis):
+    """On every axis; half a metre itself is within, an unknown error is not."""
+    time_s = np.arange(0.0, ends_s + 0.05, 0.1)
+    error_m = np.full((time_s.size, 3), -0.5)
+    assert settled_at_s(time_s, error_m) == settled_s
+    for outside in (0.5 + 1e-9, -0.5 - 1e-9, np.nan):
+        error_m[0, axis] = outside
+        assert settled_at_s(time_s, error_m) == (0.1 if ends_s > 10.05 else None)
+    assert settled_at_s(time_s[:0], error_m[:0]) is None
+
+
+def test_a_share_in_the_slot_counts_the_bound_itself_and_every_axis():
+    error_m = np.array([[0.5, -0.5, 0.5], [0.51, 0.0, 0.0], [0.0, -0.51, 0.0], [0.0, 0.0, 0.51]])
+    assert in_slot_share(error_m) == 0.25
+    assert in_slot_share(error_m, missed=4) == 0.125
+    assert in_slot_share(error_m[:0], missed=2) == 0.0
+    time_s = np.array([0.0, 1.0, 2.0, 3.0])
+    assert [left_at_s(time_s, error_m, at_s) for at_s in (0.0, 1.0, 1.5, 3.5)] == [1.0, 1.0, 2.0, None]
+
+
+def test_effort_is_by_the_time_that_passed_between_setpoints():
+    """At ticks that come late, and over a part of the flight."""
+    found = effort(columns(t_s=np.arange(101) / 4.0), np.arange(101) >= 50)
+    assert found["speed"]["variation_per_s"] == pytest.approx(0.8)
+    unknown = columns(setpoint_speed_mps=np.full(101, np.nan))
+    assert effort(unknown, np.ones(101, dtype=bool))["speed"] == {"variation_per_s": None, "step_p95": None}
+
+
+def test_figures_that_are_not_finite_have_no_place_in_a_summary():
+    assert [if_finite(value) for value in (1.5, np.nan, np.inf, -np.inf)] == [1.5, None, None, None]
+    assert percentiles(np.array([np.nan, 3.0, 1.0, np.inf]), 50, 99) == {"p50": 2.0, "p99": pytest.approx(2.98)}
+    assert percentiles(np.array([np.nan]), 50) == {"p50": None}
+
+
+def test_a_tick_that_comes_one_and_a_half_periods_after_another_is_not_late():
+    """A later one shows what has held since the tick that is missing."""
+    error_m = np.zeros((7, 3))
+    assert settled_at_s(np.arange(3.0, 16.0, 2.0), error_m, 2.0, (0.0, 15.0)) == 3.0
+    assert settled_at_s(np.arange(3.5, 16.0, 2.0), error_m, 2.0, (0.0, 15.5)) == 2.0

@@ -11,14 +11,32 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario, load_scenario
 from gcs_formation.record.limits_by_truth import Track
-from gcs_formation.record.path_distance import OFF_PATH_S, centre, distances, figures, off_path, path_distances
-from gcs_formation.record.timeseries import PHASES
+from gcs_formation.record.path_distance import (
+    FIGURES,
+    OFF_PATH_S,
+    Distances,
+    centre,
+    distances,
+    figures,
+    leader_position_m,
+    off_path,
+    path_distances,
+    unknown,
+)
+from gcs_formation.record.timeseries import PHASES, POSITION, VIRTUAL_LEADER
 
 SPEED_MPS = 20.0
 SCENARIO = load_scenario(
     {
         "vehicles": {"count": 3},
         "path": {"speed_mps": SPEED_MPS, "waypoints_m": [[0, 0, 100], [1500, 0, 100], [2000, 900, 130]]},
+        "safety": {"path_distance_m": 15},
+    }
+)
+STRAIGHT = load_scenario(
+    {
+        "vehicles": {"count": 2},
+        "path": {"speed_mps": SPEED_MPS, "waypoints_m": [[0, 0, 100], [4000, 0, 100]]},
         "safety": {"path_distance_m": 15},
     }
 )
@@ -78,6 +96,8 @@ def test_one_that_begins_to_lead_off_the_path_may_be_as_much_farther_away_as_it_
     mission_s, place, _ = flown(np.where(after, 10.0, 34.0) + np.where(MISSION_S == 0.0, -14.0, 0.0))
     leads = np.zeros(mission_s.size, dtype=int)
     assert list(off_path(SCENARIO, Track(mission_s, place, leads))) == []
+    mission_s, place, _ = flown(np.where(after, 10.0, 36.0) + np.where(MISSION_S == 0.0, -16.0, 0.0))
+    assert [each.from_s for each in off_path(SCENARIO, Track(mission_s, place, leads))] == [0.5]
     mission_s, place, _ = flown(np.where(after, 34.0, 10.0))
     (one,) = off_path(SCENARIO, Track(mission_s, place, leads))
     assert one.from_s == 60.0
@@ -117,3 +137,108 @@ def test_a_speed_ordered_before_the_path_is_that_of_its_start(at_s: float, ahead
     leader |= {"north_m": point.north_m, "east_m": point.east_m, "height_m": point.height_m}
     found = path_distances(SCENARIO, {VehicleId(1, 1): leader}, [(at_s, speed_mps)])
     np.testing.assert_allclose(found["leader"].along_m, ahead_m, atol=0.01)
+
+
+def test_after_an_interruption_the_nearest_point_is_found_ahead() -> None:
+    """Half a minute isn't known, in which the leader flew 600 m on; before the first place, too."""
+    mission_s, place, _ = flown(7.0)
+    gone = ((mission_s > 20.0) & (mission_s < 50.0)) | (mission_s < 8.0)
+    place[:, gone] = np.nan
+    found = distances(SCENARIO, mission_s, place)
+    np.testing.assert_allclose(found.across_m[~gone], 7.0, atol=0.01)
+    np.testing.assert_allclose(found.along_m[~gone], 0.0, atol=0.01)
+    assert np.isnan(found.across_m[gone]).all()
+
+
+def test_places_are_followed_along_a_path_that_comes_near_itself_again() -> None:
+    """A leg northwards, and 10 m beside it the same way back: after the turn, distances are from the second leg."""
+    legs = [[0, 0, 100], [1500, 0, 100], [1900, 300, 100], [1500, 600, 100], [900, 10, 100], [0, 10, 100]]
+    scenario = load_scenario(
+        {"vehicles": {"count": 2}, "path": {"speed_mps": SPEED_MPS, "waypoints_m": legs}}, flown=True
+    )
+    length_m = scenario.leader_path.length_m
+    along_m = np.arange(0.0, length_m - 20.0, 10.0)
+    point = scenario.leader_path.at(along_m)
+    found = distances(scenario, along_m / SPEED_MPS, np.stack((point.north_m, point.east_m, point.height_m)))
+    for values in found:
+        np.testing.assert_allclose(values, 0.0, atol=0.05)
+
+
+@pytest.mark.parametrize(("seconds", "off"), [(9.5, False), (10.0, True), (10.5, True)])
+@pytest.mark.parametrize("beyond_m", [0.0, 1e-3])
+def test_off_its_path_is_farther_than_the_bound_for_10_s_or_more(seconds: float, beyond_m: float, *, off: bool) -> None:
+    """Two such times are told one by one, each with its own farthest; one that lasts to the end too."""
+    away = np.zeros(MISSION_S.size)
+    for begin_s in (20.0, 60.0, 119.5 - seconds):
+        since_s = MISSION_S - begin_s
+        away += (since_s >= 0.0) & (since_s <= seconds)
+    north_m = SPEED_MPS * MISSION_S
+    place = np.stack((north_m, (15.0 + beyond_m) * away, np.full(north_m.size, 100.0)))
+    found = list(off_path(STRAIGHT, Track(MISSION_S, place, np.full(MISSION_S.size, 2))))
+    assert [(each.vehicle, each.from_s, each.for_s) for each in found] == (
+        [(2, begin_s, seconds) for begin_s in (20.0, 60.0, 119.5 - seconds)] if off and beyond_m else []
+    )
+
+
+def test_a_leader_is_off_as_planned_while_steps_are_added_to_its_setpoints() -> None:
+    """From 20 s to 40 s; what is left of the time before and after doesn't last for 10 s."""
+    keys = {"vehicles": {"count": 2}, "safety": {"path_distance_m": 15}}
+    path = {"speed_mps": SPEED_MPS, "waypoints_m": [[0, 0, 100], [4000, 0, 100]]}
+    steps = [{"at_s": 20, "for_s": 20, "height_m": 30}]
+    place = np.stack((SPEED_MPS * MISSION_S, np.zeros(MISSION_S.size), np.full(MISSION_S.size, 130.0)))
+    place[2, (MISSION_S < 12.0) | (MISSION_S > 48.0)] = 100.0
+    for own, off in ((path, True), (path | {"steps": steps}, False)):
+        scenario = load_scenario(keys | {"path": own}, flown=True)
+        found = list(off_path(scenario, Track(MISSION_S, place, np.zeros(MISSION_S.size, dtype=int))))
+        assert [each.for_s for each in found] == [36.0] * off
+
+
+@pytest.mark.parametrize(("gap_s", "again"), [(0.5, False), (1.0, False), (1.5, True)])
+def test_a_leader_that_was_out_of_sight_for_more_than_a_second_begins_anew(gap_s: float, *, again: bool) -> None:
+    """It comes back 26 m beside the path, which is as far as it may be until it has come near."""
+    time_s = np.arange(0.0, 60.0, 0.25)
+    away_m = np.where(time_s >= 30.0, 26.0, 0.0)
+    place = np.stack((SPEED_MPS * time_s, away_m, np.full(time_s.size, 100.0)))
+    place[:, (time_s > 30.0 - gap_s) & (time_s < 30.0)] = np.nan
+    found = list(off_path(STRAIGHT, Track(time_s, place, np.zeros(time_s.size, dtype=int))))
+    assert bool(found) is not again
+
+
+def test_figures_are_of_the_known_distances_in_the_window() -> None:
+    values = np.array([3.0, -4.0, np.nan, 100.0])
+    found = figures(Distances(values, -values, 2.0 * values), np.array([True, True, True, False]))
+    assert found["across_m"] == {"rms": pytest.approx(np.sqrt(12.5)), "max": 4.0}
+    assert found["along_m"] == {"rms": pytest.approx(np.sqrt(12.5)), "max": 4.0}
+    assert found["height_m"] == {"rms": pytest.approx(2.0 * np.sqrt(12.5)), "max": 8.0}
+    assert unknown() == {who: {name: {"rms": None, "max": None} for name in FIGURES} for who in ("leader", "centre")}
+
+
+def row(**values: float) -> dict[str, Array]:
+    """Return the columns of one vehicle at one tick, commanded and in flight at the origin."""
+    plain = {"t_s": 0.0, "north_m": 0.0, "east_m": 0.0, "height_m": 100.0, "heading_rad": 0.0, "leads": 0.0}
+    plain |= {"active": 1.0, "airborne": 1.0, "slot_forward_m": 0.0, "slot_right_m": 0.0, "slot_up_m": 0.0}
+    return {name: np.array([value]) for name, value in (plain | values).items()}
+
+
+def test_the_centre_behind_a_virtual_leader_turns_slots_by_its_heading() -> None:
+    """It heads east, and is none of the members. One is 30 m behind its place; true places and headings come first."""
+    virtual = dict(zip(VIRTUAL_LEADER, (500.0, 0.0, 100.0, math.pi / 2), strict=True))
+    one = row(north_m=-10.0, east_m=20.0, slot_forward_m=20.0, slot_right_m=10.0, **virtual)
+    other = row(east_m=-30.0, height_m=106.0, slot_up_m=2.0, **virtual)
+    vehicles = {VehicleId(1, 1): one, VehicleId(1, 2): other}
+    np.testing.assert_allclose(centre(SCENARIO, vehicles), [[0.0], [-15.0], [102.0]], atol=1e-9)
+    np.testing.assert_allclose(leader_position_m(vehicles, POSITION), [[500.0], [0.0], [100.0]])
+    seen = {
+        vehicle: own | {f"true_{name}": own[name] + 1.0 for name in POSITION} | {"true_heading_rad": own["heading_rad"]}
+        for vehicle, own in vehicles.items()
+    }
+    np.testing.assert_allclose(centre(SCENARIO, seen), [[1.0], [-14.0], [103.0]], atol=1e-9)
+    grounded = {vehicle: own | {"airborne": np.zeros(1)} for vehicle, own in vehicles.items()}
+    assert np.isnan(centre(SCENARIO, grounded)).all()
+
+
+def test_the_leaders_place_is_its_own_in_flight() -> None:
+    vehicles = {VehicleId(1, 1): row(north_m=5.0), VehicleId(1, 2): row(north_m=7.0, east_m=8.0, leads=1.0)}
+    np.testing.assert_array_equal(leader_position_m(vehicles, POSITION), [[7.0], [8.0], [100.0]])
+    vehicles[VehicleId(1, 2)]["airborne"] = np.zeros(1)
+    assert np.isnan(leader_position_m(vehicles, POSITION)).all()
