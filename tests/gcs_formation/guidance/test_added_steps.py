@@ -66,3 +66,43 @@ def test_nothing_is_left_of_steps_that_something_else_replaced() -> None:
     assert added_steps.without(state).heading_rad < -0.1
     added_steps.drop_state()
     assert added_steps.without(state).values() == state.values()
+
+
+@pytest.mark.parametrize("course_rad", [0.0, 2.5])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_turn_at_the_limit_leads_to_the_side_as_far_as_an_arc_does(course_rad: float, side: float) -> None:
+    """Five seconds at 0.1 rad/s turn by 0.5 rad, and lead v (1 - cos 0.5) / 0.1 to the side, in any direction."""
+    turns_slowly = AutopilotModel(4.0, 1.5, 1.0, 3.0, 16.0, 28.0, 1.5, 0.1, 3.0)
+    added_steps = AddedSteps((Step(at_s=0, for_s=60, heading_deg=45 * side),), DT_S)
+    state = FlightState(500.0, -300.0, 100.0, 0.0, SPEED_MPS, course_rad + 0.5 * side, 0.0, 0.0)
+    for tick in range(50):
+        added_steps.add(Setpoint(SPEED_MPS, course_rad, 100.0), tick * DT_S, state, turns_slowly)
+    steered, to_side_m = added_steps.without(state), side * SPEED_MPS * (1.0 - math.cos(0.5)) / 0.1
+    assert steered.heading_rad == pytest.approx(course_rad)
+    assert state.north_m - steered.north_m == pytest.approx(-to_side_m * math.sin(course_rad), abs=0.01)
+    assert state.east_m - steered.east_m == pytest.approx(to_side_m * math.cos(course_rad), abs=0.01)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_response_to_a_step_is_over_at_half_a_degree(side: float) -> None:
+    """By (7), 10 degrees have become half a degree after tau ln 20 = 4.49 s; a step of 5 degrees begins with less."""
+    state = FlightState(0.0, 0.0, 100.0, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
+    for size_deg, ticks in ((10.0, 45), (5.0, 35)):
+        added_steps = AddedSteps((Step(at_s=0, for_s=20, heading_deg=size_deg * side),), DT_S)
+        for tick in range(200):
+            added_steps.add(Setpoint(SPEED_MPS, 0.0, 100.0), tick * DT_S, state, MODEL)
+        assert added_steps.without(state).heading_rad == pytest.approx(-math.radians(size_deg) * side, abs=1e-4)
+        for _ in range(ticks - 1):
+            added_steps.add(Setpoint(SPEED_MPS, 0.0, 100.0), 30.0, state, MODEL)
+        assert abs(added_steps.without(state).heading_rad) == pytest.approx(math.radians(0.5), abs=1e-3)
+        added_steps.add(Setpoint(SPEED_MPS, 0.0, 100.0), 30.0, state, MODEL)
+        assert added_steps.without(state).values() == state.values()
+
+
+@pytest.mark.parametrize(("at_s", "share"), [(math.nan, 0.0), (4.0, 0.0), (6.0, 1.0), (9.0, 0.0)])
+def test_all_three_setpoints_are_stepped_while_the_step_lasts(at_s: float, share: float) -> None:
+    added_steps = AddedSteps((Step(at_s=5, for_s=3, speed_mps=2, heading_deg=-10, height_m=5),), DT_S)
+    state, wanted = FlightState(0.0, 0.0, 100.0, 0.0, SPEED_MPS, 0.0, 0.0, 0.0), Setpoint(SPEED_MPS, 1.0, 100.0)
+    added_steps.add(wanted, at_s, state, MODEL)
+    expected = SPEED_MPS + 2.0 * share, 1.0 - math.radians(10.0) * share, 100.0 + 5.0 * share
+    assert (wanted.speed_mps, wanted.heading_rad, wanted.height_m) == pytest.approx(expected)

@@ -49,3 +49,33 @@ def test_another_leader_has_not_turned_from_where_the_last_one_headed():
     commands.add(instant(2.4), LeaderCommand(20.0, -1.0, 100.0, 0.0))
     begun = commands.at(instant(2.0))
     assert (begun.heading_rad, begun.turn_rps) == (-1.0, 0.0)
+
+
+def sent(dt_s: float, acts_s: list[float]) -> LeaderCommands:
+    """Return commands that act at these times, each 10 m higher than the one before."""
+    commands = LeaderCommands(dt_s)
+    for count, at_s in enumerate(acts_s):
+        commands.add(instant(at_s), LeaderCommand(20.0, 0.0, 10.0 * count, 0.1 * count))
+    return commands
+
+
+def test_between_two_ticks_all_of_a_command_is_linear():
+    commands = sent(1.0, [1.0, 2.0, 3.0])
+    heights_m = [commands.at(instant(at_s)).height_m for at_s in (0.5, 1.0, 1.3, 2.0, 2.9, 3.0, 3.5)]
+    rates_rps = [commands.at(instant(at_s)).turn_rps for at_s in (0.5, 1.0, 1.3, 2.0, 2.9, 3.0, 3.5)]
+    assert heights_m == pytest.approx([0.0, 0.0, 3.0, 10.0, 19.0, 20.0, 20.0])
+    assert rates_rps == pytest.approx([each / 100.0 for each in heights_m])
+
+
+def test_a_setpoint_that_acts_sooner_than_the_one_before_replaces_it():
+    """The delay of the link may fall between two ticks; the later setpoint still is the one that lasts."""
+    commands = sent(1.0, [1.0, 2.0, 1.8, 3.0])
+    heights_m = [commands.at(instant(at_s)).height_m for at_s in (1.5, 2.0, 2.5)]
+    assert heights_m == pytest.approx([5.0, 20.0, 25.0])
+
+
+@pytest.mark.parametrize(("dt_s", "kept"), [(0.1, 60), (0.5, 12), (10.0, 2)])
+def test_the_last_six_seconds_are_kept_and_two_ticks_at_least(dt_s: float, kept: int):
+    commands = sent(dt_s, [dt_s * each for each in range(100)])
+    assert commands.at(instant(0.0)).height_m == 10.0 * (100 - kept)
+    assert commands.at(instant(98.5 * dt_s)).height_m == pytest.approx(985.0)

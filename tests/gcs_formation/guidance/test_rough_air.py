@@ -50,3 +50,42 @@ def test_another_vehicles_wind_is_no_gust() -> None:
 def test_it_is_over_after_a_few_minutes(calm_s: float) -> None:
     air = after([*turbulence(0.8, 120.0), *[0.0] * round(calm_s / DT_S)])
     assert (air.share == 0.0) == (calm_s > 100.0)
+
+
+def growing(mps2: float, seconds: float, dt_s: float = DT_S, course_rad: float = 0.0) -> RoughAir:
+    """Observe a wind that grows steadily, of which a second's worth counts as a fast change."""
+    air = RoughAir(dt_s)
+    for tick in range(round(seconds / dt_s)):
+        size_mps = mps2 * tick * dt_s
+        air.observe(3.0 + size_mps * math.cos(course_rad), -8.0 + size_mps * math.sin(course_rad))
+    return air
+
+
+@pytest.mark.parametrize(("mps2", "changes_mps"), [(0.06, 0.06), (0.12, 0.12), (0.4, 0.4), (0.6, 0.5), (-2.0, 0.5)])
+def test_changes_of_up_to_half_a_metre_a_second_count_in_full(mps2: float, changes_mps: float) -> None:
+    """The wind that is filtered at 1 rad/s lags one that grows by c m/s² by c m/s."""
+    assert growing(mps2, 600.0).changes_mps == pytest.approx(changes_mps, rel=1e-3)
+
+
+@pytest.mark.parametrize("course_rad", [0.3, 2.0, -1.8])
+@pytest.mark.parametrize("dt_s", [0.05, 0.2])
+def test_the_direction_of_a_change_and_the_rate_of_ticks_do_not_matter(course_rad: float, dt_s: float) -> None:
+    assert growing(0.3, 40.0, dt_s, course_rad).changes_mps == pytest.approx(growing(0.3, 40.0).changes_mps, rel=0.01)
+
+
+def test_what_a_minute_remembers_fades_by_an_e_th_in_a_minute() -> None:
+    """The filtered wind needs a second to lag by all of it."""
+    assert growing(0.12, 61.0).changes_mps == pytest.approx(0.12 * (1.0 - math.exp(-1.0)), rel=0.01)
+
+
+@pytest.mark.parametrize(("mps2", "share"), [(0.07, 0.0), (0.1, 0.25), (0.12, 0.5), (0.15, 0.875), (0.17, 1.0)])
+def test_between_calm_and_rough_air_the_share_grows_with_the_changes(mps2: float, share: float) -> None:
+    """From 0.08 to 0.16 m/s."""
+    assert growing(mps2, 600.0).share == pytest.approx(share, abs=1e-3)
+
+
+def test_with_ticks_of_minutes_only_the_last_change_counts() -> None:
+    air = RoughAir(120.0)
+    for north_mps, changes_mps in ((3.0, 0.0), (3.3, 0.3), (3.3, 0.0), (3.1, 0.2)):
+        air.observe(north_mps, 1.0)
+        assert air.changes_mps == pytest.approx(changes_mps)

@@ -9,12 +9,16 @@ import pytest
 import scipy.optimize
 
 from flight_model.arrays import Array
+from flight_model.curve import PathPoint
 from flight_model.flight_state import FlightState
 from flight_model.path_offsets import TRIFLE_M, Bounds
+from flight_model.slot import Slot
 from flight_model.spline import SplinePath
 from formation_scenario import load_scenario
+from formation_scenario.fields import Frame
 from formation_scenario.surroundings import Hill
 from formation_scenario.terrain import Hills
+from gcs_formation.guidance.join_route import JoinRoute, Leg
 from gcs_formation.guidance.slot_clearance import ADVANCE_M, SlotClearance, TrackAhead
 from gcs_formation.guidance.slots import FormationPlan
 from tests.flights.conftest import scenario
@@ -41,14 +45,15 @@ class Flight:
         self.slots_m = SLOTS + np.array([[0.0, 0.0, 0.0], [0.0, 0.0, up_m]])
         hills = [Hill(north_m=each, east_m=RIGHT_M, height_m=40.0, radius_m=250.0) for each in TOPS_M]
         self.ground = Hills(0.0, hills)
-        self.offsets_m = SlotClearance(self.ground, CLEARANCE_M, lambda _: BOUNDS, "leader_heading")
+        self.bounds = BOUNDS
+        self.offsets_m = SlotClearance(self.ground, CLEARANCE_M, lambda _: self.bounds, "leader_heading")
         self.take_route()
         self.plan = FormationPlan(load_scenario(scenario())).arrangement
         self.at_m = 0.0
 
     def take_route(self) -> None:
         """Fly along a new route, which lies where the one before did."""
-        self._route = straight()
+        self.route = straight()
 
     def on(self, by_m: float, wind_east_mps: float = 0.0) -> None:
         """Fly on."""
@@ -56,7 +61,7 @@ class Flight:
         while self.at_m < until_m:
             self.at_m += TICK_M
             leader = FlightState(self.at_m, 0.0, HEIGHT_M, 0.0, SPEED_MPS, 0.0, 0.0, wind_east_mps)
-            ahead = TrackAhead(self._route, leader, 0, self.at_m, SPEED_MPS, lambda _: self.slots_m, self.plan)
+            ahead = TrackAhead(self.route, leader, 0, self.at_m, SPEED_MPS, lambda _: self.slots_m, self.plan)
             self.offsets_m.look_ahead(ahead, [self.at_m, self.at_m])
 
     def missing_m(self, wind_east_mps: float = 0.0) -> float:
@@ -135,3 +140,161 @@ def test_on_another_route_a_slot_goes_on_at_its_height_with_its_slope() -> None:
     flight.take_route()
     flight.on(TICK_M)
     assert flight.offsets_m.offsets([flight.at_m] * 2)[1][:2] == pytest.approx((offset_m, slope), rel=0.02)
+
+
+@pytest.mark.parametrize(("share", "computed"), [(1.0, 0), (0.995, 0), (1.005, 0), (0.985, 1), (1.015, 1)])
+def test_a_bound_of_slope_that_differs_by_a_hundredth_has_offsets_computed_again(
+    programmes: list[object], share: float, computed: int
+) -> None:
+    """As the leader's speed over ground makes it; they are checked each 100 m, not before."""
+    flight = Flight()
+    flight.on(TICK_M)
+    flight.bounds = Bounds(share * BOUNDS.slope, BOUNDS.curvature_1pm)
+    flight.on(90.0)
+    assert len(programmes) == 1
+    flight.on(TICK_M)
+    assert len(programmes) == 1 + computed
+
+
+def test_another_plan_has_offsets_computed_again_at_once(programmes: list[object]) -> None:
+    flight = Flight()
+    flight.on(2 * TICK_M)
+    assert len(programmes) == 1
+    flight.plan = FormationPlan(load_scenario(scenario())).arrangement
+    flight.on(TICK_M)
+    assert len(programmes) == 2
+    flight.on(TICK_M)
+    assert len(programmes) == 2
+
+
+def test_what_is_near_is_not_changed_when_offsets_are_computed_again() -> None:
+    """Setpoints act at different times: within 40 m of each vehicle's own place on the path nothing jumps."""
+    flight, near_m = Flight(), np.arange(-55.0, 41.0, 5.0)
+    flight.on(1250.0)
+    before = [flight.offsets_m.offsets([each, each])[1] for each in (flight.at_m + near_m).tolist()]
+    ahead_m = flight.offsets_m.offsets([flight.at_m + 400.0] * 2)[1][0]
+    flight.slots_m = flight.slots_m - np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 7.0]])
+    flight.plan = FormationPlan(load_scenario(scenario())).arrangement
+    leader = FlightState(flight.at_m, 0.0, HEIGHT_M, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
+    ahead = TrackAhead(flight.route, leader, 0, flight.at_m, SPEED_MPS, lambda _: flight.slots_m, flight.plan)
+    flight.offsets_m.look_ahead(ahead, [flight.at_m, flight.at_m - 15.0])
+    after = [flight.offsets_m.offsets([each, each])[1] for each in (flight.at_m + near_m).tolist()]
+    assert np.array(after) == pytest.approx(np.array(before), abs=1e-9)
+    assert flight.offsets_m.offsets([flight.at_m + 400.0] * 2)[1][0] > ahead_m + 1.0
+
+
+@pytest.mark.parametrize("leading", [0, 1])
+def test_on_another_route_height_slope_and_curvature_go_on_relative_to_the_leaders_own(leading: int) -> None:
+    """A new leader's route begins at its raised height: one that wasn't raised is below its slot by as much."""
+    flight = Flight()
+    flight.on(1370.0)
+    held = np.array(flight.offsets_m.offsets([flight.at_m] * 2))
+    assert held[1, 0] > 5.0
+    assert abs(held[1, 1]) > 0.01
+    assert abs(held[1, 2]) > 1e-5
+    flight.take_route()
+    leader = FlightState(flight.at_m, 0.0, HEIGHT_M, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
+    slots_m, at_m = flight.slots_m - flight.slots_m[leading], [flight.at_m - 313.0 * leading] * 2
+    ahead = TrackAhead(flight.route, leader, leading, at_m[0], SPEED_MPS, lambda _: slots_m, flight.plan)
+    flight.offsets_m.look_ahead(ahead, at_m)
+    assert np.array(flight.offsets_m.offsets(at_m)) == pytest.approx(held - held[leading], abs=1e-9)
+
+
+def test_a_slot_rises_as_fast_as_its_leader_passes_the_offsets_slope() -> None:
+    """Rates by time are the derivatives at 22 m/s, whatever the slot's own are."""
+    flight, step_s = Flight(), 0.01
+    flight.on(1310.0)
+    slots = [Slot([0.0] * 3, [0.0] * 3, [0.0] * 3), Slot([-60.0, 100.0, 4.0], [1.0, 2.0, 0.3], [0.1, 0.2, -0.02])]
+
+    def raised(later_s: float) -> Slot:
+        at_m = flight.at_m + SPEED_MPS * later_s
+        return flight.offsets_m.raised(slots, [at_m, at_m], SPEED_MPS)[1]
+
+    before, here, after = (raised(each) for each in (-step_s, 0.0, step_s))
+    assert (here.forward_m, here.right_m, here.forward_mps, here.right_mps2) == (-60.0, 100.0, 1.0, 0.2)
+    assert here.up_m == pytest.approx(4.0 + flight.offsets_m.offsets([flight.at_m] * 2)[1][0])
+    assert here.up_mps - 0.3 == pytest.approx((after.up_m - before.up_m) / (2.0 * step_s), rel=1e-3)
+    assert here.up_mps2 + 0.02 == pytest.approx((after.up_mps - before.up_mps) / (2.0 * step_s), rel=1e-2)
+
+
+class Seen:
+    """Flat ground far below, that keeps where it was asked for."""
+
+    def __init__(self) -> None:
+        self.places = list[tuple[Array, Array]]()
+
+    def height(self, north_m: Array, east_m: Array) -> Array:
+        self.places.append((north_m, east_m))
+        return np.full_like(north_m, -500.0)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("frame", ["leader_heading", "follower_heading", "north"])
+@pytest.mark.parametrize("crosswind", [False, True])
+def test_the_ground_is_looked_at_where_slots_will_be(frame: Frame, crosswind: bool, side: float) -> None:
+    """In a turn of 400 m radius, of a slot that moves back by 0.5 m/s, 60 m behind at first, and 100 m to the side.
+
+    In its own frame a follower heads at right angles to the line from the turn's centre. A crosswind of half of the
+    airspeed turns the nose by 30 degrees.
+    """
+    ground, seconds = Seen(), list[float]()
+
+    def slots(later_s: float) -> Array:
+        seconds.append(later_s)
+        return np.array([[0.0, 0.0, 0.0], [-60.0 - 0.5 * later_s, 100.0, 0.0]])
+
+    offsets = SlotClearance(ground, CLEARANCE_M, lambda _: BOUNDS, frame)  # type: ignore[arg-type]
+    route = JoinRoute((Leg(PathPoint(0.0, 0.0, HEIGHT_M, 0.0), 1e5, side / 400.0),), HEIGHT_M, HEIGHT_M, 0.1)
+    wind_mps = 11.0 if crosswind else 0.0
+    leader = FlightState(0.0, 0.0, HEIGHT_M, 0.0, SPEED_MPS, 0.0, 0.0, wind_mps)
+    plan = FormationPlan(load_scenario(scenario())).arrangement
+    offsets.look_ahead(TrackAhead(route, leader, 0, 100.0, SPEED_MPS, slots, plan), [100.0, 95.0])
+    (north, east), begin_m = ground.places[0], 40.0
+    assert seconds == pytest.approx([(begin_m + 20.0 * each - 100.0) / SPEED_MPS for each in range(141)])
+    assert north.shape == (2, 561)
+    for sample in range(0, 561, 7):
+        at_m = begin_m + 5.0 * sample
+        here, later_s = route.at(at_m), (at_m - 100.0) / SPEED_MPS
+        assert (north[0, sample], east[0, sample]) == pytest.approx((here.north_m, here.east_m))
+        away = np.array([north[1, sample] - here.north_m, east[1, sample] - here.east_m])
+        forward_m, nose_rad = -60.0 - 0.5 * later_s, 0.0
+        if frame != "north":
+            nose_rad = here.course_rad - math.asin(wind_mps / SPEED_MPS * math.cos(here.course_rad))
+        if frame != "follower_heading":
+            cos, sin = math.cos(nose_rad), math.sin(nose_rad)
+            assert away == pytest.approx([forward_m * cos - 100.0 * sin, forward_m * sin + 100.0 * cos])
+        elif not crosswind:
+            assert math.hypot(*away) == pytest.approx(math.hypot(forward_m, 100.0))
+            centre = np.array([-math.sin(here.course_rad), math.cos(here.course_rad)]) * 400.0 * side
+            own_rad = math.atan2(away[1], away[0]) - math.atan2(100.0, forward_m)
+            along = np.array([math.cos(own_rad), math.sin(own_rad)])
+            assert float(along @ (away - centre)) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_in_a_crosswind_that_it_cannot_outfly_a_leader_faces_the_wind() -> None:
+    """From the left on its way to the north: what is behind it lies to the east, what is to its right to the north."""
+    ground = Seen()
+    offsets = SlotClearance(ground, CLEARANCE_M, lambda _: BOUNDS, "leader_heading")  # type: ignore[arg-type]
+    leader = FlightState(0.0, 0.0, HEIGHT_M, 0.0, SPEED_MPS, 0.0, 0.0, 30.0)
+    plan = FormationPlan(load_scenario(scenario())).arrangement
+    offsets.look_ahead(TrackAhead(straight(), leader, 0, 0.0, SPEED_MPS, lambda _: SLOTS, plan), [0.0, 0.0])
+    (north, east), ahead_m = ground.places[0], 5.0 * np.arange(561) - 40.0
+    assert north[1] - ahead_m == pytest.approx(np.full(561, RIGHT_M))
+    assert east[1] == pytest.approx(np.full(561, BEHIND_M))
+
+
+def test_slower_than_one_metre_a_second_slots_are_looked_at_as_at_that() -> None:
+    """A leader that stands would be at no place ahead, ever."""
+    seconds = list[float]()
+
+    def slots(later_s: float) -> Array:
+        seconds.append(later_s)
+        return SLOTS
+
+    for along_mps in (0.0, 1.0, 2.0):
+        offsets = SlotClearance(Seen(), CLEARANCE_M, lambda _: BOUNDS, "leader_heading")  # type: ignore[arg-type]
+        leader = FlightState(0.0, 0.0, HEIGHT_M, 0.0, 0.0, 0.0, 0.0, 0.0)
+        plan = FormationPlan(load_scenario(scenario())).arrangement
+        offsets.look_ahead(TrackAhead(straight(), leader, 0, 0.0, along_mps, slots, plan), [0.0, 0.0])
+    assert seconds[:141] == seconds[141:282] == pytest.approx([2.0 * each for each in seconds[282:]])
+    assert seconds[:3] == pytest.approx([-40.0, -20.0, 0.0])

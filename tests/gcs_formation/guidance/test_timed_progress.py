@@ -6,14 +6,15 @@ import math
 
 import pytest
 
-from airlink.clock import Instant, after
+from airlink.clock import NANOSECONDS, Instant, after, seconds_between
 from flight_model.legs.heights import Climbs
 from flight_model.legs.turn import TurnLimits
 from flight_model.stops.corners import Pass
 from flight_model.stops.pacing import Rates
 from flight_model.stops.path import PathWithStops, StopPlan
 from flight_model.stops.timetable import SETTLE_S, Passage, Timetable
-from gcs_formation.guidance.timed_progress import BACK_RADPS, OFF_M, TimedProgress
+from gcs_formation.guidance.timed_progress import BACK_RADPS, OFF_M, Due, TimedProgress
+from gcs_formation.guidance.turn_on_spot import TurnOnSpot
 
 CRUISE_MPS, STOP_M, LENGTH_M, HOLD_S, TURN_S = 5.0, 100.0, 180.0, 4.0, 3.0
 TICK_S, LAG_S = 0.1, 0.5
@@ -145,3 +146,156 @@ def test_a_new_leader_that_is_still_turning_ends_its_turn_first() -> None:
     assert waits is not None
     assert waits.hovers
     assert waits.turn is turn
+
+
+def at_s(seconds: float) -> Instant:
+    return Instant(round(seconds * NANOSECONDS))
+
+
+def due_at(timed: TimedProgress, distance_m: float, now_s: float, turn: TurnOnSpot | None = None) -> Due:
+    """Return what is due; the leader wasn't ordered to hover."""
+    due = timed.advance(distance_m, at_s(now_s), TICK_S, turn)
+    assert due is not None
+    return due
+
+
+@pytest.mark.parametrize(
+    ("due", "setpoint_mps"),
+    [
+        (Due(5.0, 0.0, 0.0, hovers=False, turn=None), 5.0),
+        (Due(5.0, 1.0, -2.0, hovers=False, turn=None), 5.0 + 0.5 - 0.6),
+        (Due(5.0, -2.0, 3.0, hovers=False, turn=None), 5.0 - 1.0 + 0.9),
+        (Due(1.0, -4.0, 0.0, hovers=False, turn=None), 0.0),
+        (Due(0.0, 0.0, 4.0, hovers=True, turn=None), 0.0),
+    ],
+)
+def test_the_setpoint_leads_the_speed_by_the_lag_and_makes_up_three_tenths_of_a_distance_a_second(
+    due: Due, setpoint_mps: float
+) -> None:
+    """By (7) with a time constant of 0.5 s; no vehicle flies backwards."""
+    assert due.setpoint_mps(LAG_S) == pytest.approx(setpoint_mps)
+
+
+@pytest.mark.parametrize(("elapsed_s", "counted_s"), [(0.1, 0.1), (0.7, 0.7), (1.7, 1.0), (-0.4, 0.0)])
+def test_it_is_due_by_the_time_between_two_setpoints_up_to_a_second(elapsed_s: float, counted_s: float) -> None:
+    timed = progress()
+    assert due_at(timed, 20.0, 3.0).ahead_m == pytest.approx(0.0, abs=1e-6)
+    assert due_at(timed, 21.0, 3.0 + elapsed_s).ahead_m == pytest.approx(CRUISE_MPS * counted_s - 1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("off_m", "ahead_m"), [(4.9, -4.9), (-4.9, 4.9), (5.1, 0.0), (-5.1, 0.0)])
+def test_up_to_five_metres_off_it_is_led_to_where_it_is_due(off_m: float, ahead_m: float) -> None:
+    timed = progress()
+    due_at(timed, 30.0, 0.0)
+    assert due_at(timed, 30.5 + off_m, 0.1).ahead_m == pytest.approx(ahead_m, abs=1e-6)
+
+
+def test_from_its_path_s_first_metre_on_it_is_led_to_where_it_is_due() -> None:
+    timed = progress()
+    due_at(timed, 0.3, 0.0)
+    assert due_at(timed, 0.5, 0.1).ahead_m == pytest.approx(0.3)
+
+
+def test_the_acceleration_that_is_due_is_the_mean_over_the_tick() -> None:
+    """Before the stop it brakes; what it flies in each tick adds up to what the timetable says."""
+    timed = progress()
+    begins_s, speeds_mps, accels_mps2 = timed.timetable.pauses[0].begin_s, list[float](), list[float]()
+    for tick in range(int(begins_s / TICK_S)):
+        distance_m, _, _ = timed.timetable.after(TICK_S * tick)
+        due = due_at(timed, distance_m, TICK_S * tick)
+        speeds_mps.append(due.speed_mps)
+        accels_mps2.append(due.accel_mps2)
+        assert due.ahead_m == pytest.approx(0.0, abs=1e-3)
+    assert min(accels_mps2) < -0.8
+    for before, after_it, accel_mps2 in zip(speeds_mps, speeds_mps[1:], accels_mps2, strict=False):
+        assert after_it - before == pytest.approx(TICK_S * accel_mps2, abs=1e-6)
+
+
+def test_at_a_stop_it_settles_for_two_seconds_holds_and_then_turns_as_long_as_is_planned() -> None:
+    """Whenever ticks are: the turn begins when it is due, and followers have the last two seconds of it."""
+    timed, pause = progress(), progress().timetable.pauses[0]
+    now_s, turns = 0.03, list[TurnOnSpot]()
+    while now_s < pause.end_s + 0.2:
+        distance_m, _, _ = timed.timetable.after(now_s - 0.03)
+        due = due_at(timed, min(distance_m, STOP_M), now_s)
+        since_s = now_s - 0.03 - pause.begin_s
+        if abs(since_s) > 0.01 and abs(since_s - STOP.pause_s) > 0.01:
+            assert timed.pauses == (0.0 < since_s < STOP.pause_s)
+        if abs(since_s - SETTLE_S) > 0.01:
+            assert due.hovers == (SETTLE_S < since_s < STOP.pause_s)
+        if abs(since_s - SETTLE_S - HOLD_S) > 0.01:
+            assert (due.turn is not None) == (SETTLE_S + HOLD_S < since_s < STOP.pause_s)
+        turns += [due.turn] if due.turn is not None else []
+        now_s += 0.09
+    turn = turns[0]
+    assert all(each is turn for each in turns)
+    assert (turn.begin_rad, turn.by_rad, turn.duration_s) == pytest.approx((0.0, math.pi / 2, TURN_S - 2.0))
+    assert seconds_between(Instant(0), turn.begun) == pytest.approx(0.03 + pause.begin_s + SETTLE_S + HOLD_S, abs=1e-6)
+
+
+def test_who_takes_the_lead_in_mid_turn_is_at_the_stop_until_its_first_setpoint() -> None:
+    timed, pause = progress(), progress().timetable.pauses[0]
+    leader = Leader(timed)
+    leader.fly(pause.begin_s + SETTLE_S + HOLD_S + TURN_S / 2.0)
+    timed.take_over()
+    assert timed.pauses
+    assert not due_at(timed, STOP_M, pause.end_s).hovers
+    assert not timed.pauses
+
+
+def test_where_no_turn_is_planned_it_stands_without_one() -> None:
+    straight_on = Passage(STOP_M, STOP_M, 0.0, hold_s=HOLD_S)
+    timed = TimedProgress(Timetable(CRUISE_MPS, [CRUISE_MPS] * 2, [straight_on], LENGTH_M, Rates(1.0, 2.0)))
+    leader = Leader(timed)
+    leader.fly(timed.timetable.end_s)
+    assert leader.stood_s == pytest.approx(HOLD_S, abs=2.0 * TICK_S)
+    assert leader.turned_s == 0.0
+
+
+@pytest.mark.parametrize(("off_m", "hovers"), [(-5.2, True), (-4.8, False), (4.8, False), (5.2, True)])
+def test_a_new_leader_that_is_far_from_the_stop_stays_where_it_is(off_m: float, hovers: bool) -> None:
+    """One that is near still has the rest of two seconds to reach it."""
+    timed, pause = progress(), progress().timetable.pauses[0]
+    leader = Leader(timed)
+    leader.fly(pause.begin_s + 1.0)
+    timed.take_over()
+    due = timed.advance(STOP_M + off_m, leader.now, TICK_S, None)
+    assert due is not None
+    assert (due.hovers, due.turn) == (hovers, None)
+    assert (due.speed_mps, due.accel_mps2, due.ahead_m) == pytest.approx((0.0, 0.0, -off_m))
+
+
+def test_a_new_leader_from_before_the_last_stop_is_due_right_after_it() -> None:
+    timed = progress()
+    leader = Leader(timed)
+    leader.fly(timed.timetable.pauses[0].end_s + 4.0)
+    timed.take_over()
+    due = timed.advance(STOP_M - 20.0, leader.now, TICK_S, None)
+    assert due is not None
+    assert due.ahead_m == pytest.approx(20.0, abs=0.01)
+    assert not timed.pauses
+
+
+def test_a_new_leader_flies_on_from_where_it_is_once_its_own_turn_is_over() -> None:
+    """The turn lasts 2 s, and followers are given as long to end theirs."""
+    timed, turn = progress(), TurnOnSpot(0.0, 1.0, at_s(1.0), 2.0)
+    due_at(timed, 40.0, 0.9)
+    for now_s in (1.0, 3.0, 4.9):
+        due = due_at(timed, 40.0, now_s, turn)
+        assert (due.speed_mps, due.accel_mps2, due.ahead_m, due.hovers, due.turn) == (0.0, 0.0, 0.0, True, turn)
+    due = due_at(timed, 40.0, 5.1, turn)
+    assert (due.speed_mps, due.hovers, due.turn) == (CRUISE_MPS, False, None)
+
+
+def test_ordered_to_fly_at_a_stop_it_is_due_where_it_is() -> None:
+    timed = progress()
+    leader = Leader(timed)
+    leader.fly(timed.timetable.pauses[0].begin_s + SETTLE_S + 1.0)
+    timed.order(0.0)
+    assert not timed.pauses
+    assert timed.advance(leader.at_m, leader.now, TICK_S, None) is None
+    timed.order(3.0)
+    assert timed.timetable.begin_mps == 3.0
+    due = timed.advance(STOP_M + 20.0, leader.now, TICK_S, None)
+    assert due is not None
+    assert (due.speed_mps, due.ahead_m) == pytest.approx((3.0, 0.0), abs=1e-6)

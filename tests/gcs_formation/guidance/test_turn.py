@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airlink.clock import NANOSECONDS, Instant
+from airlink.clock import NANOSECONDS, Instant, after
 from flight_model.stops.turning import SHARE
-from gcs_formation.guidance.turn_on_spot import TurnOnSpot
+from gcs_formation.guidance.turn_on_spot import NOSE_TAU_S, TurnOnSpot
 
 BEGUN = Instant(7 * NANOSECONDS)
 SPEED_MPS, ACCEL_MPS2 = 9.0, 2.5
@@ -27,6 +27,17 @@ def test_it_ends_where_it_is_commanded_to_by_the_shorter_way(goal, begin, reach)
     assert abs(turn.by_rad) <= math.pi + 1e-9
     assert at(turn, -1.0) == pytest.approx((begin, 0.0))
     assert at(turn, 2.0) == pytest.approx((turn.goal_rad, 0.0))
+
+
+@pytest.mark.parametrize("by_rad", [1.5, -1.5])
+def test_half_of_it_is_turned_in_half_its_time_and_it_is_over_two_seconds_after_its_end(by_rad):
+    """A minimum-jerk turn's largest rate is 15/8 of its mean one (Flash and Hogan, 1985), here 0.5 rad/s."""
+    turn = TurnOnSpot.to(0.4 + by_rad, 0.4, BEGUN, 0.0, SPEED_MPS, ACCEL_MPS2)
+    assert turn.duration_s == pytest.approx(1.875 * 1.5 / 0.5)
+    assert at(turn, 0.5) == pytest.approx((0.4 + by_rad / 2.0, math.copysign(0.5, by_rad)))
+    assert at(turn, 0.5, NOSE_TAU_S) == pytest.approx((0.4 + by_rad / 2.0 + by_rad / 3.0 * 0.44, by_rad / 3.0))
+    ends = [turn.over(after(BEGUN, turn.duration_s + each)) for each in (0.0, 1.9, 2.0, 2.1)]
+    assert ends == [False, False, True, True]
 
 
 @given(angles, angles, reaches)
