@@ -136,7 +136,7 @@ class FormationPlan:
         transition = self._transition.seen_from(leader, swing_rad)
         self.goal_m = SlotMotion.at_rest(self.goal_m).seen_from(leader, swing_rad).position_m
         self.arrangement = self.arrangement._replace(leader=leader)
-        self.offset_m = self.offset_m - self.offset_m[leader]
+        self.offset_m = SlotMotion.at_rest(self.offset_m).seen_from(leader, swing_rad).position_m
         self._fly(transition)
 
     def adopt(self, arrangement: Arrangement, transition: Transition) -> None:

@@ -36,7 +36,7 @@ PROMISING: Final = 2.2
 """The same by a line along the means, which blurs the edges, or of the longest where the shortest are sharp. Tuned:
 ratio; 1.9 to below `SHARP`; shown by `python -m benchmarks.clock_limits`."""
 MAX_DRIFT: Final = 3e-4
-"""Largest drift of a clock against the filter's, for which edges are searched. Tuned: a number; 1e-4 to 1e-3; by
+"""Largest drift of a clock for which edges are searched. Tuned: a number; 1e-4 to 1e-3; by
 judgement."""
 ITERATIONS: Final = 28
 GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0

@@ -206,7 +206,7 @@ class SequenceTracker:
         ahead = (self._newest - sequence) % MODULUS
         if self._newest == ANY or not SKIPPED <= ahead <= LATE:
             return
-        skipped = {each for each in self._missing if 0 < (each - sequence) % MODULUS <= ahead}
+        skipped = {each for each in self._missing if 0 <= (each - sequence) % MODULUS <= ahead}
         self._missing -= skipped
         self.lost -= len(skipped)
         self._newest = (sequence - 1) % MODULUS

@@ -130,7 +130,7 @@ def over_ground(slots_m: Array, heading_rad: float) -> Array:
 
 
 @pytest.mark.parametrize("now_s", [90.0, 107.3, 130.0])
-@pytest.mark.parametrize(("begun", "swing_rad"), [(True, 0.4), (True, -2.0), (False, 0.0)])
+@pytest.mark.parametrize(("begun", "swing_rad"), [(True, 0.4), (True, -2.0), (False, 0.0), (False, 0.4), (False, -2.0)])
 def test_another_leader_changes_no_position_over_ground(now_s: float, begun: bool, swing_rad: float) -> None:
     """Nor any velocity; its own slot is where it is, however much its heading differs."""
     plan = FormationPlan(load_scenario(scenario(start={"in_air": True, "run_in_s": 6, "offset_m": [8, 6, 4]})))
