@@ -58,6 +58,8 @@ def agreed_s(bounds: Sequence[UtcBounds], before_s: float = math.nan) -> float:
         return math.nan
     low_s = max(each.middle_s - each.half_round_trip_s for each in agreeing)
     high_s = min(each.middle_s + each.half_round_trip_s for each in agreeing)
+    if low_s > high_s:  # they agree by the slack alone
+        return (low_s + high_s) / 2.0
     return max(low_s, min(high_s, median(each.middle_s for each in agreeing)))
 
 
