@@ -58,7 +58,7 @@ def test_an_earlier_value_is_kept_exactly_while_a_majority_allows_it(bounds: lis
 
 
 def test_those_that_agree_by_the_slack_alone_agree_on_the_middle() -> None:
-    """-0.05, 0.058 and -0.046 s, each by 0.05: the first ends at 0, the second begins at 0.008; all three allow 0.004."""
+    """-0.05, 0.058 and -0.046 s, each by 0.05: one ends at 0, another begins at 0.008; all three allow 0.004."""
     middles_s = -0.05, 0.058, -0.046, 5.0, 9.0
     bounds = [UtcBounds(each, 0.05) for each in middles_s]
     assert agreed_s(bounds) == pytest.approx(0.004)
