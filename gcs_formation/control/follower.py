@@ -32,19 +32,20 @@ SWING_S: Final = 0.6
 """Lateral offset, divided by airspeed, at which the heading loop has half its bandwidth in the follower's own frame.
 Tuned: s; 0.3 to 1.2; shown by `python -m benchmarks.gust_swing`."""
 BRAKING_SHARE: Final = 0.5
-"""Share of the acceleration limit that is planned for slowing down to the slot's speed. Tuned: share; 0.3 to 0.8; by
-judgement."""
+"""Share of the acceleration limit that is planned for slowing down to the slot's speed. Tuned: share; 0.3 to 0.8; shown
+by `pytest tests/gcs_formation/control`."""
 MIN_CLOSING_MPS: Final = 1.0
-"""Closing speed that is allowed at any distance. Tuned: m/s; 0.5 to 2; by judgement."""
+"""Closing speed that is allowed at any distance. Tuned: m/s; 0.5 to 2; shown by `pytest
+tests/gcs_formation/control`."""
 FAR_M: Final = 10.0
 """A vehicle with a larger forward error, closing or overshooting faster than `SLOW_MPS`, is arriving at its slot.
-Tuned: m; 5 to 20; by judgement."""
+Tuned: m; 5 to 20; shown by `pytest tests/gcs_formation/control`."""
 SLOW_MPS: Final = 0.5
-"""Closing speed from which on a far vehicle is arriving, and below which it isn't any more. Tuned: m/s; 0.3 to 1; by
-judgement."""
+"""Closing speed from which on a far vehicle is arriving, and below which it isn't any more. Tuned: m/s; 0.3 to 1; shown
+by `pytest tests/gcs_formation/control`."""
 SETTLES_S: Final = 5.0
 """The arrival ends once the vehicle has been slower for so long; until then the speed integral may only shrink. Tuned:
-s; 3 to 10; by judgement."""
+s; 3 to 10; shown by `pytest tests/gcs_formation/control`."""
 
 
 def swing_share(right_m: float, airspeed_mps: float) -> float:

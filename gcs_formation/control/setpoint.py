@@ -33,15 +33,12 @@ CRAB_RADPS: Final = 0.65
 Tuned: rad/s; 0.4 to 0.9; shown by `python -m benchmarks.gust_swing`."""
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
 """Largest deviation of a heading setpoint from the slot's own heading, so that a follower far off doesn't circle.
-Tuned: rad; 0.7 to 1.2; by judgement."""
+Tuned: rad; 0.7 to 1.2; shown by `pytest tests/gcs_formation/control`."""
 AWAY_RAD: Final = math.radians(120.0)
 """A follower whose heading differs from its slot's by more gets the slot's heading, so that it turns to one side.
-
 Between `INTERCEPT_MAX_RAD` and this angle, the allowed correction shrinks to zero. Without this limit, a follower that
-flies away from the leader would be commanded left and right in alternation, and so fly straight on.
-
-Tuned: rad; 1.6 to 2.6; by judgement.
-"""
+flies away from the leader would be commanded left and right in alternation, and so fly straight on. Tuned: rad; 1.6 to
+2.6; shown by `pytest tests/gcs_formation/control`."""
 
 
 @dataclass(frozen=True)
@@ -227,7 +224,8 @@ def lead_velocity(
 
 TINY_RAD: Final = 1e-6
 MIN_SLOPE: Final = 0.05
-"""Lower bound of a sine's mean slope, at angles near a right one. Tuned: a number; 0.01 to 0.1; by judgement."""
+"""Lower bound of a sine's mean slope, at angles near a right one. Tuned: a number; 0.01 to 0.1; shown by `pytest
+tests/gcs_formation/control`."""
 
 
 class TrailingSlot:

@@ -29,44 +29,52 @@ from flight_model.earth import true_by_equivalent_airspeed
 
 SLOWEST_SHARE: Final = 0.7
 """Lower end of the envelope, by the lower airspeed limit: there a wing needs twice its lift coefficient. Tuned: share;
-0.6 to 0.8; by judgement."""
+0.6 to 0.8; shown by `pytest tests/gcs_formation/estimation`."""
 FASTEST_SHARE: Final = 1.2
-"""Upper end of the envelope, by the upper airspeed limit: there drag is larger by half. Tuned: share; 1.1 to 1.4; by
-judgement."""
+"""Upper end of the envelope, by the upper airspeed limit: there drag is larger by half. Tuned: share; 1.1 to 1.4; shown
+by `pytest tests/gcs_formation/estimation`."""
 OFF_SHARE: Final = 0.25
 """A rejected reading also differs from the synthetic airspeed by more than this share of the lower airspeed limit.
-Tuned: share; 0.15 to 0.4; by judgement."""
+Tuned: share; 0.15 to 0.4; shown by `pytest tests/gcs_formation/estimation`."""
 RETURN_SHARE: Final = 0.5
-"""Share of these margins that a reading must keep, for `RETURN_S`, to be accepted again. Tuned: share; 0.3 to 0.7; by
-judgement."""
+"""Share of these margins that a reading must keep, for `RETURN_S`, to be accepted again. Tuned: share; 0.3 to 0.7;
+shown by `pytest tests/gcs_formation/estimation`."""
 RETURN_S: Final = 2.0
-"""How long a rejected reading must keep that share. Tuned: s; 1 to 5; by judgement."""
+"""How long a rejected reading must keep that share. Tuned: s; 1 to 5; shown by `pytest
+tests/gcs_formation/estimation`."""
 WIND_S: Final = 30.0
 """Averaging time of the wind: a sensor that ices up, and so loses 1 m/s each second, changes it little before it is
-detected. Tuned: s; 15 to 60; by judgement."""
+detected. Tuned: s; 15 to 60; shown by `pytest tests/gcs_formation/estimation`."""
 
 SCALE_SIGMA: Final = 0.08
-"""Prior standard deviation of a sensor's scale about 1. Tuned: a number; 0.05 to 0.15; by judgement."""
+"""Prior standard deviation of a sensor's scale about 1. Tuned: a number; 0.05 to 0.15; shown by `pytest
+tests/gcs_formation/estimation`."""
 SCALE_WALK: Final = 2e-4
-"""Random walk of the scale, per square root of a second. Tuned: 1/√s; 5e-5 to 1e-3; by judgement."""
+"""Random walk of the scale, per square root of a second. Tuned: 1/√s; 5e-5 to 1e-3; shown by `pytest
+tests/gcs_formation/estimation`."""
 SCALES: Final[tuple[float, ...]] = (0.75, 1.35)
-"""Limits of the estimated scale. Tuned: a number; 0.6 to 1.5; by judgement."""
+"""Limits of the estimated scale. Tuned: a number; 0.6 to 1.5; shown by `pytest tests/gcs_formation/estimation`."""
 WIND_SIGMA_MPS: Final = 15.0
-"""Prior standard deviation of each component of the wind. Tuned: m/s; 8 to 20; by judgement."""
+"""Prior standard deviation of each component of the wind. Tuned: m/s; 8 to 20; shown by `pytest
+tests/gcs_formation/estimation`."""
 WIND_WALK_MPS: Final = 0.1
-"""Random walk of each component of the wind, per square root of a second. Tuned: m/s/√s; 0.05 to 0.3; by judgement."""
+"""Random walk of each component of the wind, per square root of a second. Tuned: m/s/√s; 0.05 to 0.3; shown by `pytest
+tests/gcs_formation/estimation`."""
 TRIANGLE_SIGMA_MPS: Final = 3.0
 """Standard deviation of a wind triangle's error: gusts, sideslip, and time constants of the measurements. It makes up
 for correlation: gusts of 0.7 m/s that last for 10 s give all triangles in that time the same error. Tuned: m/s; 2 to 5;
-by judgement."""
+shown by `pytest tests/gcs_formation/estimation`."""
 PERIOD_S: Final = 0.5
-"""Least time between two wind triangles that are used. Tuned: s; 0.2 to 2; by judgement."""
+"""Least time between two wind triangles that are used. Tuned: s; 0.2 to 2; shown by `pytest
+tests/gcs_formation/estimation`."""
 GAP_S: Final = 10.0
-"""After a longer gap in the telemetry the wind is unknown again. Tuned: s; 5 to 60; by judgement."""
+"""After a longer gap in the telemetry the wind is unknown again. Tuned: s; 5 to 60; shown by `pytest
+tests/gcs_formation/estimation`."""
 MIN_MPS: Final = 5.0
-"""Smaller readings aren't used. Tuned: m/s; 3 to 8; by judgement."""
+"""Smaller readings aren't used. Tuned: m/s; 3 to 8; shown by `pytest tests/gcs_formation/estimation`."""
 LIMITS_STEP: Final = 0.005
-"""Smallest change of the ratio that the airspeed limits follow. Tuned: a number; 0.001 to 0.02; by judgement."""
+"""Smallest change of the ratio that the airspeed limits follow. Tuned: a number; 0.001 to 0.02; shown by `pytest
+tests/gcs_formation/estimation`."""
 
 
 class AirspeedCheck:

@@ -17,7 +17,8 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.estimation.vehicle_filter import VehicleFilter, min_mps
 
 FORGOTTEN_S: Final = 5.0
-"""The filter restarts from a sample if its state is older than this. Tuned: s; 2 to 10; by judgement."""
+"""The filter restarts from a sample if its state is older than this. Tuned: s; 2 to 10; shown by `pytest
+tests/gcs_formation/estimation`."""
 
 
 class StateEstimator:

@@ -28,39 +28,42 @@ RESOLUTION = np.array((0.003, 0.001, 0.003, 0.003, 0.0001, 0.00002))
 """Least standard deviations, m, m/s and rad: rounding by 1e-7 degrees, 1 mm and 1 cm/s; the last two are floats."""
 UNDECLARED = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 """Initial standard deviations where none are declared, for a real autopilot's estimates. Tuned: m, m, m/s, m/s, m/s,
-rad; 0.3 to 3 times these; by judgement."""
+rad; 0.3 to 3 times these; shown by `pytest tests/gcs_formation/estimation`."""
 MAX_POSITION: Final = 30.0 * 30.0
-"""Largest variance of positions and heights, m². Tuned: m²; 20² to 50²; by judgement."""
+"""Largest variance of positions and heights, m². Tuned: m²; 20² to 50²; shown by `pytest
+tests/gcs_formation/estimation`."""
 MAX_VELOCITY: Final = 5.0 * 5.0
-"""Largest variance of velocities and climbs, (m/s)². Tuned: (m/s)²; 3² to 8²; by judgement."""
+"""Largest variance of velocities and climbs, (m/s)². Tuned: (m/s)²; 3² to 8²; shown by `pytest
+tests/gcs_formation/estimation`."""
 MAX_AIRSPEED: Final = 10.0 * 10.0
-"""Largest variance of airspeeds, (m/s)². Tuned: (m/s)²; 5² to 15²; by judgement."""
+"""Largest variance of airspeeds, (m/s)². Tuned: (m/s)²; 5² to 15²; shown by `pytest tests/gcs_formation/estimation`."""
 MAX_HEADING: Final = 0.5 * 0.5
-"""Largest variance of headings, rad². Tuned: rad²; 0.3² to 0.8²; by judgement."""
+"""Largest variance of headings, rad². Tuned: rad²; 0.3² to 0.8²; shown by `pytest tests/gcs_formation/estimation`."""
 MEMORY: Final = 100.0
-"""Number of samples in the mean. Tuned: samples; 50 to 300; by judgement."""
+"""Number of samples in the mean. Tuned: samples; 50 to 300; shown by `pytest tests/gcs_formation/estimation`."""
 FIRST_MEMORY: Final = 20.0
-"""Initial weight of the declared noise, in samples. Tuned: samples; 10 to 50; by judgement."""
+"""Initial weight of the declared noise, in samples. Tuned: samples; 10 to 50; shown by `pytest
+tests/gcs_formation/estimation`."""
 CLIPPED_AT: Final = 2.0
 """Standard deviations at which increments are clipped, so that an outlier isn't taken for noise. Tuned: standard
-deviations; 1.5 to 3; by judgement."""
+deviations; 1.5 to 3; shown by `pytest tests/gcs_formation/estimation`."""
 IMPLAUSIBLE_SIGMAS: Final = 3.0
 """Standard deviations beyond which a sample's value has less weight, by the square of the excess. Tuned: standard
-deviations; 2.5 to 5; by judgement."""
+deviations; 2.5 to 5; shown by `pytest tests/gcs_formation/estimation`."""
 UNKNOWN_MOTION: Final = 1.0
 """Added to their variance, (m/s)²: motion between two samples that the model doesn't know. For positions and heights it
-is the square of the interval, in m². Tuned: (m/s)²; 0.5 to 3; by judgement."""
+is the square of the interval, in m². Tuned: (m/s)²; 0.5 to 3; shown by `pytest tests/gcs_formation/estimation`."""
 UNKNOWN_TURN: Final = 0.1 * 0.1
-"""The same for headings, rad². Tuned: rad²; 0.05² to 0.2²; by judgement."""
+"""The same for headings, rad². Tuned: rad²; 0.05² to 0.2²; shown by `pytest tests/gcs_formation/estimation`."""
 MAX_DRIFT: Final = 0.05 * 0.05
 """Largest variance per second of the drift of positions from integrated velocities, m²: with it, positions are followed
-anyway. Tuned: m²/s; 0.02² to 0.1²; by judgement."""
+anyway. Tuned: m²/s; 0.02² to 0.1²; shown by `pytest tests/gcs_formation/estimation`."""
 DRIFT_S: Final = 3.0
 """Memory of the sum of what positions gain on integrated velocities; an autopilot corrects both more slowly. Tuned: s;
-2 to 6; by judgement."""
+2 to 6; shown by `pytest tests/gcs_formation/estimation`."""
 DRIFT_EXCESS: Final = 4.0
 """Positions drift where the mean square of that sum exceeds this many times the one that noise gives. Tuned: a number;
-3 to 8; by judgement."""
+3 to 8; shown by `pytest tests/gcs_formation/estimation`."""
 DRIFT_GAP_S: Final = 0.3
 """After a longer interval between samples velocities can't be integrated accurately. Tuned: s; 0.2 to 0.6; by
 judgement."""

@@ -20,13 +20,13 @@ HEADING: Final = 5
 """Index of the value of a state that is an angle."""
 MISSED: Final = 2
 """Telemetry periods between two vehicles' newest samples beyond which a message is missing. Tuned: periods; 1.5 to 4;
-by judgement."""
+shown by `pytest tests/gcs_formation/estimation`."""
 FORGOTTEN_AFTER_S: Final = 30.0
 """A vehicle whose state is older is ignored: nothing is planned around where it may be. Tuned: s; 15 to 60; shown by
 the tests of what is kept clear of silent vehicles."""
 LOST_NS: Final = 2 * NANOSECONDS
 """A vehicle that isn't commanded and whose state is older stays where it was last seen, which saves its prediction.
-Tuned: ns; 1 to 5 s; by judgement."""
+Tuned: ns; 1 to 5 s; shown by `pytest tests/gcs_formation/estimation`."""
 
 
 class States(ABC):

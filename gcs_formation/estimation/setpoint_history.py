@@ -14,10 +14,11 @@ from flight_model.flight_state import FlightState
 from flight_model.slot import Vector3
 
 HISTORY_S: Final = 6.0
-"""How long setpoints are kept. Tuned: s; the largest loop delay and more, 4 to 20; by judgement."""
+"""How long setpoints are kept. Tuned: s; the largest loop delay and more, 4 to 20; shown by `pytest
+tests/gcs_formation/estimation`."""
 RESPOND_NS: Final = 280_000_000
-"""Longest step in which a model answers the mean of the setpoints that act in it. Tuned: ns; 100 to 300 ms; by
-judgement."""
+"""Longest step in which a model answers the mean of the setpoints that act in it. Tuned: ns; 100 to 300 ms; shown by
+`pytest tests/gcs_formation/estimation`."""
 
 
 class SentSetpoints:

@@ -18,10 +18,10 @@ Tuned: m/m; 1 to 4; shown by flights of PX4's simulator.
 """
 UPDRAUGHT_SIGMAS: Final = 2.0
 """Updraughts within this many standard deviations of the telemetry's climb are taken for noise. Tuned: standard
-deviations; 1.5 to 3; by judgement."""
+deviations; 1.5 to 3; shown by `pytest tests/gcs_formation/estimation`."""
 SWAY_MEMORY_S: Final = 60.0
-"""Averaging time of `Updraught.sway_m2`; turbulence lasts for minutes, a gust for seconds. Tuned: s; 30 to 180; by
-judgement."""
+"""Averaging time of `Updraught.sway_m2`; turbulence lasts for minutes, a gust for seconds. Tuned: s; 30 to 180; shown
+by `pytest tests/gcs_formation/estimation`."""
 
 
 class Updraught:

@@ -44,22 +44,23 @@ MIN_AIRSPEED_MPS: Final = 1.0
 COMMANDED_WALK: Final[tuple[float, float, float]] = UNMODELLED
 UNCOMMANDED_WALK: Final[tuple[float, float, float]] = (1.0, 1.0, 0.3)
 """Random walk of climb, airspeed and heading, per square root of a second, of a vehicle we command and of others.
-Tuned: m/s, m/s, rad, each/√s; 0.5 to 2 times these; by judgement."""
+Tuned: m/s, m/s, rad, each/√s; 0.5 to 2 times these; shown by `pytest tests/gcs_formation/estimation`."""
 BEYOND_LIMIT: Final = 1.1
 """Share of the climb limit above which a climb doesn't follow our setpoints yet: the end of a take-off. Tuned: share;
-1.05 to 1.3; by judgement."""
+1.05 to 1.3; shown by `pytest tests/gcs_formation/estimation`."""
 WITHOUT_WIND: Final = 0.1
-"""Random walk of positions, m per square root of a second, where the wind isn't estimated. Tuned: m/√s; 0.05 to 0.3; by
-judgement."""
+"""Random walk of positions, m per square root of a second, where the wind isn't estimated. Tuned: m/√s; 0.05 to 0.3;
+shown by `pytest tests/gcs_formation/estimation`."""
 GUST_RADPS: Final = 1.0
 """Least bandwidth of the wind estimate at which gusts are accepted at once. A lower one is set where airspeed lags or
 is biased, which would look like gusts. Tuned: rad/s; 0.5 to 2; shown by `python -m benchmarks.gust_grid`."""
 FIRST_WIND_RADPS: Final = 0.2
 """Initial bandwidth of the wind estimate where a lower one is set: it takes out the noise of the first sample, which
-would otherwise persist as long as the slow estimate does. Tuned: rad/s; 0.1 to 0.5; by judgement."""
+would otherwise persist as long as the slow estimate does. Tuned: rad/s; 0.1 to 0.5; shown by `pytest
+tests/gcs_formation/estimation`."""
 IMPLAUSIBLE_SAMPLES: Final = 5
 """This many in a row aren't outliers: somebody else flies the vehicle. The filter restarts from the newest sample.
-Tuned: samples; 3 to 10; by judgement."""
+Tuned: samples; 3 to 10; shown by `pytest tests/gcs_formation/estimation`."""
 
 
 class VehicleFilter:

@@ -35,21 +35,21 @@ after a step of 0.6 m/s at 500 ms, in place of 0.008 m. Tuned: rad/s; `BANDWIDTH
 named here."""
 ROUGH_NOISE_RATIO: Final = 3.0
 """The same in rough air, over that in calm air: gusts move setpoints anyway, and while one is being recognised the
-course counts as noisy. In turbulence of a wind of 7 m/s p would fall to 0.48 again and again. Tuned: ratio; 2 to 5; by
-judgement."""
+course counts as noisy. In turbulence of a wind of 7 m/s p would fall to 0.48 again and again. Tuned: ratio; 2 to 5;
+shown by `pytest tests/gcs_formation/guidance`."""
 ROUGH_RATIO: Final = 1.25
 """Bandwidth in rough air, where followers' own gusts are larger than what they'd be spared, over that in calm air. In
 turbulence of a wind of 7 m/s a simulated leader at 300 ms is 16 % less off its path; with 1.5 it would be 20 % less.
 Tuned: ratio; 1 to 1.5; shown by the flights named here."""
 GUST_MPS: Final = 1.0
 """A gust of this size may use up the change of turn rate that followers can keep up with, and no smaller one. Tuned:
-m/s; 0.6 to 2; by judgement."""
+m/s; 0.6 to 2; shown by `pytest tests/gcs_formation/guidance`."""
 ACCELERATION_SHARE: Final = 0.7
-"""Share of the followers' acceleration that a gust may use; the law needs the rest. Tuned: share; 0.5 to 0.9; by
-judgement."""
+"""Share of the followers' acceleration that a gust may use; the law needs the rest. Tuned: share; 0.5 to 0.9; shown by
+`pytest tests/gcs_formation/guidance`."""
 BEND_MAX_RPS2: Final = 0.15
 """How fast the turn rate of a leader without followers may change, besides the route's own bends. Tuned: rad/s²; 0.05
-to 0.3; by judgement."""
+to 0.3; shown by `pytest tests/gcs_formation/guidance`."""
 NOISE_RPS2: Final = 3e-4
 """Largest standard deviation that noise of the course, times p^2, may have: followers lead their speed by what it does
 to the turn rate's change. `configs/noise.yaml` has setpoints as quiet as with a third of the bandwidth then. Tuned:
@@ -60,24 +60,25 @@ slots swing, off by what it would have changed, in proportion to p^2. A loss of 
 0.6 m/s followers are then 0.010 m off across (median of eight flights), and with 3.4e-3 0.012 m. Tuned: (rad/s)⁴; 1e-3
 to 4e-3; shown by the flights named here."""
 INTERCEPT_MAX_RAD: Final = math.radians(60.0)
-"""Largest angle at which the route is intercepted. Tuned: rad; 0.7 to 1.2; by judgement."""
+"""Largest angle at which the route is intercepted. Tuned: rad; 0.7 to 1.2; shown by `pytest
+tests/gcs_formation/guidance`."""
 MIN_MPS: Final = 1.0
 """Lower bound of a speed that is divided by: a vehicle that can hover may have none."""
 REFERENCE_RADPS: Final = 0.2
 """Rate at which the heading that setpoints lead from follows the predicted one: noise of headings is filtered, and what
 the model doesn't know is forgotten. A vehicle whose time constant is wrong keeps a difference in every turn. Tuned:
-rad/s; 0.1 to 0.5; by judgement."""
+rad/s; 0.1 to 0.5; shown by `pytest tests/gcs_formation/guidance`."""
 TURNS_BACK_SHARE: Final = 0.5
 """Share of the angle to the route that could just be turned back before the route is crossed. Tuned: share; 0.3 to 0.8;
-by judgement."""
+shown by `pytest tests/gcs_formation/guidance`."""
 MANOEUVRE_RAD: Final = math.radians(15.0)
-"""A heading setpoint that is farther from the one it replaces is a manoeuvre's. Tuned: rad; 0.1 to 0.5; by
-judgement."""
+"""A heading setpoint that is farther from the one it replaces is a manoeuvre's. Tuned: rad; 0.1 to 0.5; shown by
+`pytest tests/gcs_formation/guidance`."""
 TWO_THIRDS: Final = 2.0 / 3.0
 TINY: Final = 1e-9
 NEAREST_SHARE: Final = 0.2
 """Lower bound of 1 - curvature × distance: nearer to a bend's centre the route's turn is no longer meaningful. Tuned:
-share; 0.1 to 0.4; by judgement."""
+share; 0.1 to 0.4; shown by `pytest tests/gcs_formation/guidance`."""
 atan: Final = math.atan
 
 

@@ -14,13 +14,15 @@ from flight_model.autopilot_model import within
 
 CHANGE_RADPS: Final = 1.0
 """Faster changes of the wind than this count. Of Dryden's turbulence in a wind of 7 m/s they are 0.2 m/s on average.
-Tuned: rad/s; 0.5 to 2; by judgement."""
+Tuned: rad/s; 0.5 to 2; shown by `pytest tests/gcs_formation/guidance`."""
 GUST_MPS: Final = 0.5
-"""A larger change counts as one of this size. Tuned: m/s; 0.3 to 1; by judgement."""
+"""A larger change counts as one of this size. Tuned: m/s; 0.3 to 1; shown by `pytest tests/gcs_formation/guidance`."""
 MEMORY_S: Final = 60.0
-"""Averaging time: turbulence lasts for minutes, a gust for seconds. Tuned: s; 30 to 180; by judgement."""
+"""Averaging time: turbulence lasts for minutes, a gust for seconds. Tuned: s; 30 to 180; shown by `pytest
+tests/gcs_formation/guidance`."""
 CALM_MPS: Final = 0.08
-"""Mean changes up to which air is calm. Tuned: m/s; 0.05 to below `ROUGH_MPS`; by judgement."""
+"""Mean changes up to which air is calm. Tuned: m/s; 0.05 to below `ROUGH_MPS`; shown by `pytest
+tests/gcs_formation/guidance`."""
 ROUGH_MPS: Final = 0.16
 """Mean changes up to which air is calm, and from which on it is rough. Telemetry's noise of `configs/noise.yaml` makes
 0.012 m/s, a gust of 0.85 m/s 0.01 m/s, turbulence of a wind of 3 m/s 0.086 m/s. Tuned: m/s; 0.1 to 0.3; shown by the

@@ -33,13 +33,14 @@ from formation_scenario.slot_frame import axis_rad
 from formation_scenario.terrain import Ground
 
 AHEAD_STEPS: Final = 140
-"""Steps of the offsets' splines. Tuned: steps; `MIN_AHEAD_STEPS` to 300; by judgement."""
+"""Steps of the offsets' splines. Tuned: steps; `MIN_AHEAD_STEPS` to 300; shown by `pytest
+tests/gcs_formation/guidance`."""
 MIN_AHEAD_STEPS: Final = 100
 """Of these, how many must be left: 2 km, on which a climb at the formation's limit gains 190 m. Tuned: steps; 50 to
-200; by judgement."""
+200; shown by `pytest tests/gcs_formation/guidance`."""
 ADVANCE_M: Final = 100.0
 """Distance that the leader flies before offsets are checked again, and computed again unless they still serve. Tuned:
-m; 50 to 300; by judgement."""
+m; 50 to 300; shown by `pytest tests/gcs_formation/guidance`."""
 SAME_BOUNDS: Final = 0.01
 """Share by which the bound of slope may differ from that for which offsets were computed. Tuned: share; 0.005 to 0.05;
 by judgement."""
@@ -48,7 +49,7 @@ SLOPE: Final = 6
 """How many values a path's point has, and which of them is its slope (`PathPoint.values`)."""
 KEPT_M: Final = 40.0
 """Distance around the present position within which an offset isn't changed, since setpoints act at different times.
-Tuned: m; 20 to 80; by judgement."""
+Tuned: m; 20 to 80; shown by `pytest tests/gcs_formation/guidance`."""
 
 
 @dataclass(frozen=True)

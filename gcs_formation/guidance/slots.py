@@ -20,7 +20,8 @@ Tuned: s; 0.02 to 0.2; by judgement."""
 ACROSS: Final = np.array([1.0, -1.0, 0.0])
 LEVEL: Final = np.array([1.0, 1.0, 0.0])
 WAITS_S: Final = 30.0
-"""Longest total delay of moving slots that wait for vehicles. Tuned: s; 10 to 60; by judgement."""
+"""Longest total delay of moving slots that wait for vehicles. Tuned: s; 10 to 60; shown by `pytest
+tests/gcs_formation/guidance`."""
 
 
 class FormationPlan:

@@ -23,11 +23,13 @@ from gcs_formation.guidance.turn_on_spot import TurnOnSpot
 
 BACK_RADPS: Final = 0.3
 """Gain from the distance to where the leader is due, m, to a speed, m/s: half of the bandwidth that time constants of
-0.6 s, and of 0.2 s that setpoints are held, leave well damped. Tuned: rad/s; 0.1 to 0.5; by judgement."""
+0.6 s, and of 0.2 s that setpoints are held, leave well damped. Tuned: rad/s; 0.1 to 0.5; shown by `pytest
+tests/gcs_formation/guidance`."""
 OFF_M: Final = 5.0
-"""Distance beyond which it is due where it is. Tuned: m; 2 to 10; by judgement."""
+"""Distance beyond which it is due where it is. Tuned: m; 2 to 10; shown by `pytest tests/gcs_formation/guidance`."""
 MAX_TICK_S: Final = 1.0
-"""A longer interval between two ticks counts as this long. Tuned: s; 0.5 to 2; by judgement."""
+"""A longer interval between two ticks counts as this long. Tuned: s; 0.5 to 2; shown by `pytest
+tests/gcs_formation/guidance`."""
 ALMOST_S: Final = 1e-6
 
 

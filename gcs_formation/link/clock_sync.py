@@ -20,10 +20,10 @@ ASYMMETRY_S: Final = 30.0
 s; 15 to 120; shown by `python -m benchmarks.latency_grid`."""
 CRYSTAL_DRIFT: Final = 5e-5
 """Standard deviation of an unknown clock's drift if a crystal drives it: autopilots' and computers' are specified to 10
-to 50 ppm each. Tuned: a number; 2e-5 to 1e-4; by judgement."""
+to 50 ppm each. Tuned: a number; 2e-5 to 1e-4; shown by `pytest tests/gcs_formation/link`."""
 INITIAL_DRIFT: Final = 0.02
-"""The same without that assumption: a PX4 simulator's clock runs 1.5 % off. Tuned: a number; 0.01 to 0.05; by
-judgement."""
+"""The same without that assumption: a PX4 simulator's clock runs 1.5 % off. Tuned: a number; 0.01 to 0.05; shown by
+`pytest tests/gcs_formation/link`."""
 MAX_LOG_RATIO: Final = math.log(100.0)
 """Log-likelihood ratio above which the crystal hypothesis is rejected."""
 REMEMBERED_LOG_RATIO: Final = 2.0 * MAX_LOG_RATIO
@@ -41,13 +41,13 @@ MIN_VARIANCE: Final = 1e-12
 """Lower bound of round trips' variance, s², that is divided by."""
 JITTERY_S: Final = 5e-3
 """Standard deviation of round trips, beyond that of the wait, from which on jitter keeps the clock from being known.
-Tuned: s; 2e-3 to 10e-3; by judgement."""
+Tuned: s; 2e-3 to 10e-3; shown by `pytest tests/gcs_formation/link`."""
 UNCERTAIN_S: Final = 0.25e-3
 """Deviation of the clock's offset that is good enough: 0.8 cm at 22 m/s between two vehicles. Tuned: s; 0.1e-3 to 1e-3;
 by judgement."""
 STEP_S: Final = 1.0
 """A sample that is off by more than its uncertainty plus this shows that the clock has stepped or restarted. Tuned: s;
-0.5 to 5; by judgement."""
+0.5 to 5; shown by `pytest tests/gcs_formation/link`."""
 
 
 class ClockSync:

@@ -24,7 +24,8 @@ FEWEST: Final = 64
 """Fewest round trips of which edges are found. Tuned: round trips; 32 to 128; shown by `python -m
 benchmarks.clock_limits`."""
 NEW: Final = 32
-"""The edges are found again after so small a share more of round trips. Tuned: 1/share; 16 to 64; by judgement."""
+"""The edges are found again after so small a share more of round trips. Tuned: 1/share; 16 to 64; shown by `pytest
+tests/gcs_formation/link`."""
 BLOCK: Final = 16
 """Of so many consecutive delays one can lie on an edge. Tuned: delays; 8 to 32; shown by `python -m
 benchmarks.clock_limits`."""
@@ -36,8 +37,8 @@ PROMISING: Final = 2.2
 """The same by a line along the means, which blurs the edges, or of the longest where the shortest are sharp. Tuned:
 ratio; 1.9 to below `SHARP`; shown by `python -m benchmarks.clock_limits`."""
 MAX_DRIFT: Final = 3e-4
-"""Largest drift of a clock for which edges are searched. Tuned: a number; 1e-4 to 1e-3; by
-judgement."""
+"""Largest drift of a clock for which edges are searched. Tuned: a number; 1e-4 to 1e-3; shown by `pytest
+tests/gcs_formation/link`."""
 ITERATIONS: Final = 28
 GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
 LEVER: Final = 3.6

@@ -29,30 +29,32 @@ from airlink.messages import KINDS
 from gcs_formation.link.clock_sync import ClockSync
 
 LONGEST_DELAY_S: Final = 10.0
-"""Largest age of a time stamp on arrival. Tuned: s; 5 to 60; by judgement."""
+"""Largest age of a time stamp on arrival. Tuned: s; 5 to 60; shown by `pytest tests/gcs_formation/link`."""
 EARLY_S: Final = 2.0
 """How far in the future a stamp may lie: the clock mapping errs by half the difference of the two delays. Tuned: s; 1
-to 5; by judgement."""
+to 5; shown by `pytest tests/gcs_formation/link`."""
 TURN_S: Final = 2.0**32 / 1e3
 """Stamps are milliseconds in 32 bits and wrap after this time, 49.7 days; TIMESYNC's have 64 bits."""
 KEPT_NS: Final = 120 * NANOSECONDS
-"""Received frames are remembered for this long at least, twice as long at most. Tuned: ns; 30 to 600 s; by
-judgement."""
+"""Received frames are remembered for this long at least, twice as long at most. Tuned: ns; 30 to 600 s; shown by
+`pytest tests/gcs_formation/link`."""
 MARKS: Final = 1 << 18
 """Bits, one of which each remembered frame sets: of a vehicle's frames in `KEPT_NS` some 3 % share one by chance."""
 COPIES_COME_NS: Final = 10 * NANOSECONDS
-"""For this long after a copy, others are expected. Tuned: ns; 5 to 60 s; by judgement."""
+"""For this long after a copy, others are expected. Tuned: ns; 5 to 60 s; shown by `pytest tests/gcs_formation/link`."""
 CURRENT_NS: Final = 5 * NANOSECONDS // 2
-"""What wasn't sent again for this long may be contradicted by a frame as received before. Tuned: ns; 1 to 5 s; by
-judgement."""
+"""What wasn't sent again for this long may be contradicted by a frame as received before. Tuned: ns; 1 to 5 s; shown by
+`pytest tests/gcs_formation/link`."""
 SUSPICION: Final = 3.0
-"""Number of frames that must seem to be copies until copies come. Tuned: frames; 2 to 6; by judgement."""
+"""Number of frames that must seem to be copies until copies come. Tuned: frames; 2 to 6; shown by `pytest
+tests/gcs_formation/link`."""
 CALMED: Final = 0.25
 """Copies come once this many frames seem to be some; each other frame counts for so much less. By chance, or where a
-heartbeat's number comes again just after a loss, one in twenty may seem so. Tuned: frames; 0.1 to 0.5; by judgement."""
+heartbeat's number comes again just after a loss, one in twenty may seem so. Tuned: frames; 0.1 to 0.5; shown by `pytest
+tests/gcs_formation/link`."""
 OTHERS_OWN: Final = 12
 """After so many frames in a row that hadn't been received before, another address doesn't send copies, but its own.
-Tuned: frames; 8 to 30; by judgement."""
+Tuned: frames; 8 to 30; shown by `pytest tests/gcs_formation/link`."""
 BYTE: Final = 8
 STATES: Final = (
     m.MAVLINK_MSG_ID_HEARTBEAT,

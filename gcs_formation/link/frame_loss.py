@@ -17,15 +17,16 @@ LATE: Final = MODULUS // 2
 """A number up to this far behind the newest is a late or repeated frame's; any other is ahead of it."""
 SKIPPED: Final = 8
 """A gap of more numbers than this, shortly before a restart is known, is due to the restart; a smaller one to loss.
-Tuned: numbers; 4 to 32; by judgement."""
+Tuned: numbers; 4 to 32; shown by `pytest tests/gcs_formation/link`."""
 NEAR: Final = 16
-"""Numbers by which copies may displace the newest. Tuned: numbers; 8 to 64; by judgement."""
+"""Numbers by which copies may displace the newest. Tuned: numbers; 8 to 64; shown by `pytest
+tests/gcs_formation/link`."""
 STALE_AFTER_S: Final = 1.5
-"""Silence after which a link is stale. Tuned: s; 1 to 3; by judgement."""
+"""Silence after which a link is stale. Tuned: s; 1 to 3; shown by `pytest tests/gcs_formation/link`."""
 STALE_AFTER_NS: Final = round(STALE_AFTER_S * NANOSECONDS)
 RARELY: Final = 1e-3
 """Probability that the link at its usual loss loses a longer run of frames than `Silence.run`. Tuned: probability; 1e-4
-to 1e-2; by judgement."""
+to 1e-2; shown by `pytest tests/gcs_formation/link`."""
 RATE_SHARE: Final = 0.02
 """Relative uncertainty of frame rates. Tuned: share; 0.01 to 0.05; by judgement."""
 

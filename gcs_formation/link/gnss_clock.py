@@ -12,7 +12,8 @@ from gcs_formation.link.clock_filter import ClockFilter
 from gcs_formation.link.trip_variance import RESOLUTION_S
 
 DRIFT = 1e-4
-"""Standard deviation of an unknown crystal's drift. Tuned: a number; 5e-5 to 2e-4; by judgement."""
+"""Standard deviation of an unknown crystal's drift. Tuned: a number; 5e-5 to 2e-4; shown by `pytest
+tests/gcs_formation/link`."""
 OFFSET_NOISE, DRIFT_NOISE = 1e-5, 2e-8
 """Random walk of offset (s) and drift, per square root of a second."""
 FEWEST = 8
@@ -35,13 +36,17 @@ OLDEST_UNIX_S = 1.5e9
 """Times before July 2017 mean that UTC hasn't been set."""
 EPOCH_YEAR, YEAR_S = 1970, 365.2425 * 86400.0
 JUMP_S = 0.01
-"""Step of UTC against the vehicle's clock from which on it is a jump. Tuned: s; 5e-3 to 50e-3; by judgement."""
+"""Step of UTC against the vehicle's clock from which on it is a jump. Tuned: s; 5e-3 to 50e-3; shown by `pytest
+tests/gcs_formation/link`."""
 UNKNOWN_DRIFT_S = 0.01
-"""Largest error by drift with which UTC is used, s. Tuned: s; 5e-3 to 20e-3; by judgement."""
+"""Largest error by drift with which UTC is used, s. Tuned: s; 5e-3 to 20e-3; shown by `pytest
+tests/gcs_formation/link`."""
 SIGMAS = 3.0
-"""Number of standard deviations of the drift taken as its bounds. Tuned: standard deviations; 2 to 4; by judgement."""
+"""Number of standard deviations of the drift taken as its bounds. Tuned: standard deviations; 2 to 4; shown by `pytest
+tests/gcs_formation/link`."""
 IN_USE = 2.0
-"""UTC that is already in use is kept up to this multiple of `UNKNOWN_DRIFT_S`. Tuned: ratio; 1.5 to 3; by judgement."""
+"""UTC that is already in use is kept up to this multiple of `UNKNOWN_DRIFT_S`. Tuned: ratio; 1.5 to 3; shown by `pytest
+tests/gcs_formation/link`."""
 
 
 class GnssClock:

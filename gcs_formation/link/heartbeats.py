@@ -16,7 +16,8 @@ from gcs_formation.link.frame_loss import run_length
 
 PERIOD_S: Final = 1.0
 MUTE_AFTER_S: Final = 3.5
-"""Three and a half heartbeat periods, as is usual in ground stations. Tuned: s; 2.5 to 5; by judgement."""
+"""Three and a half heartbeat periods, as is usual in ground stations. Tuned: s; 2.5 to 5; shown by `pytest
+tests/gcs_formation/link`."""
 ALL_LOST: Final = 1e-5
 """On a lossy link the limit is longer: until the probability that all due heartbeats were lost is below this. A vehicle
 leaves the formation 1.5 s later, when one or two more were due: by a chance of 1e-6. Tuned: probability; 1e-7 to 1e-4;
@@ -28,7 +29,8 @@ DEVIATIONS: Final = 4.0
 NEAREST_NS: Final = NANOSECONDS // 16
 FARTHEST_NS: Final = NANOSECONDS // 4
 """Limits of how far off a lost frame may have been a heartbeat; the farther before heartbeats have shown how punctual
-they are. Tuned: ns; 0.03 to 0.1 s and 0.1 to 0.4 s; by judgement: a tick, and an autopilot's scheduler."""
+they are. Tuned: ns; 0.03 to 0.1 s and 0.1 to 0.4 s; shown by `pytest tests/gcs_formation/link`: a tick, and an
+autopilot's scheduler."""
 KEPT_GAPS: Final = 64
 """Gaps in the sequence numbers that are remembered, the newest."""
 

@@ -13,9 +13,10 @@ from gcs_formation.link.frame_loss import STALE_AFTER_NS, STALE_AFTER_S
 from gcs_formation.link.heartbeats import MUTE_AFTER_S, Heartbeats
 
 SHARE: Final = 1 / 16
-"""Weight of each new difference in the running mean. Tuned: share; 1/64 to 1/8; by judgement."""
+"""Weight of each new difference in the running mean. Tuned: share; 1/64 to 1/8; shown by `pytest
+tests/gcs_formation/link`."""
 LOST_AFTER_S: Final = 5.0
-"""Silence after which a link is lost. Tuned: s; 3 to 10; by judgement."""
+"""Silence after which a link is lost. Tuned: s; 3 to 10; shown by `pytest tests/gcs_formation/link`."""
 MUTE_AFTER_NS: Final = round(MUTE_AFTER_S * NANOSECONDS)
 
 

@@ -19,11 +19,13 @@ from gcs_formation.link.link_health import Connection
 
 UNKNOWN: Final = 255
 STALE_S: Final = 5.0
-"""A radio reports about once a second; older reports say nothing about now. Tuned: s; 3 to 10; by judgement."""
+"""A radio reports about once a second; older reports say nothing about now. Tuned: s; 3 to 10; shown by `pytest
+tests/gcs_formation/link`."""
 COUNTS: Final = 65536
 """Counts of RADIO_STATUS begin again there."""
 MIN_S: Final = 0.2
-"""Least time between two reports of one radio that are kept for the record. Tuned: s; 0.1 to 1; by judgement."""
+"""Least time between two reports of one radio that are kept for the record. Tuned: s; 0.1 to 1; shown by `pytest
+tests/gcs_formation/link`."""
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1
 
 

@@ -17,7 +17,7 @@ from gcs_formation.estimation.vehicle_filter import MIN_AIRSPEED_MPS
 from gcs_formation.vehicle.vehicle import Vehicle
 
 CHECK_S: Final = 0.4
-"""Interval of the checks. Tuned: s; 0.2 to 0.8; by judgement."""
+"""Interval of the checks. Tuned: s; 0.2 to 0.8; shown by `pytest tests/gcs_formation/features/conformance`."""
 WINDOW_S: Final = 3.2
 """Length of the window over which flown and expected motion are compared. Tuned: s; 2 to 6; shown by `pytest
 tests/gcs_formation/features/conformance`."""
@@ -26,13 +26,15 @@ SETTLED_S: Final = WINDOW_S + 1.0
 """A vehicle is judged after it has been commanded, and has acknowledged its setpoints, for this long. Tuned: s;
 `WINDOW_S` and more; shown by `pytest tests/gcs_formation/features/conformance`."""
 CLIMBING_MPS: Final = 1.0
-"""Climb or sink from which on a vehicle that is taken over counts as climbing. Tuned: m/s; 0.5 to 2; by judgement."""
+"""Climb or sink from which on a vehicle that is taken over counts as climbing. Tuned: m/s; 0.5 to 2; shown by `pytest
+tests/gcs_formation/features/conformance`."""
 LEVELS_OUT_S: Final = 30.0
 """Airspeed and height of a vehicle that was climbing or sinking faster when taken over aren't judged for this long: an
 aircraft that levels out trades speed for height, and its throttle lags. Tuned: s; 20 to 60; shown by `pytest
 tests/gcs_formation/features/conformance`."""
 OFF_MPS: Final = 2.0
-"""Airspeed off the setpoint from which on heights aren't judged. Tuned: m/s; 1 to 3; by judgement."""
+"""Airspeed off the setpoint from which on heights aren't judged. Tuned: m/s; 1 to 3; shown by `pytest
+tests/gcs_formation/features/conformance`."""
 OFF_S: Final = 8.0
 """An aircraft's height isn't judged while its airspeed is off the setpoint by more than `OFF_MPS`, and this long after:
 it dives for speed or climbs to lose some, and its throttle lags (ArduPlanes were 7 m off 2 s after lacking 2.5 m/s).
@@ -41,45 +43,49 @@ MIN_CHANGE = (1.0, 0.04, 1.5)
 """Airspeed in m/s, heading in rad, height in m: smaller expected changes in the window aren't judged. Tuned: m/s, rad,
 m; half to double; shown by `pytest tests/gcs_formation/features/conformance`."""
 SIGMAS: Final = 4.0
-"""Multiple of the telemetry noise's standard deviation that is added to these. Tuned: standard deviations; 3 to 6; by
-judgement."""
+"""Multiple of the telemetry noise's standard deviation that is added to these. Tuned: standard deviations; 3 to 6;
+shown by `pytest tests/gcs_formation/features/conformance`."""
 FAST_SHARE: Final = 0.9
 """Share of the highest airspeed above which climbs aren't judged: little power is left for them. Tuned: share; 0.8 to
 0.95; shown by `pytest tests/gcs_formation/features/conformance`."""
 RISING_AIR_MPS: Final = 1.5
 """Vertical air motion, not visible in telemetry, that may always explain a vehicle's height error. Tuned: m/s; 1 to 3;
-by judgement."""
+shown by `pytest tests/gcs_formation/features/conformance`."""
 AIR_SIGMAS: Final = 4.0
-"""Standard deviations of air motion that may explain an error. Tuned: standard deviations; 3 to 5; by judgement."""
+"""Standard deviations of air motion that may explain an error. Tuned: standard deviations; 3 to 5; shown by `pytest
+tests/gcs_formation/features/conformance`."""
 AIR_MEMORY_S: Final = 60.0
 """If greater, this multiple of the standard deviation of air motion estimated from the vehicle's heights, averaged over
-about `AIR_MEMORY_S`, explains it; the same is allowed for gusts from the side. Tuned: s; 30 to 180; by judgement."""
+about `AIR_MEMORY_S`, explains it; the same is allowed for gusts from the side. Tuned: s; 30 to 180; shown by `pytest
+tests/gcs_formation/features/conformance`."""
 MISSED_SHARE: Final = 0.75
 """A vehicle that falls short by a greater share isn't following. By the model a vehicle falls short by at most 0.3; a
 real one, whose turns begin 0.6 s later, by up to 0.65 at the beginning of a bend. Tuned: share; 0.65 to 0.9; shown by
 flights of ArduPlane's simulator."""
 CONTINUES_S: Final = 1.5
 """Time for which an aircraft continues the turn or speed change with which the window began, regardless of setpoints:
-(7) lacks the bank and throttle that must first return. Tuned: s; 1 to 3; by judgement."""
+(7) lacks the bank and throttle that must first return. Tuned: s; 1 to 3; shown by `pytest
+tests/gcs_formation/features/conformance`."""
 CLIMBS_SHARE: Final = 0.5
 """Share of a vehicle's reach from which on a setpoint above it is a command to climb. Tuned: share; 0.3 to 0.7; shown
 by `pytest tests/gcs_formation/features/conformance`."""
 AT_LIMIT_SHARE: Final = 0.9
 """Shares of a vehicle's reach, which is how far it climbs at its limit within its height's time constants. A height
 setpoint above it by more than the first share is a command to climb; by more than the second, to climb at the limit.
-Tuned: share; 0.7 to 1; by judgement."""
+Tuned: share; 0.7 to 1; shown by `pytest tests/gcs_formation/features/conformance`."""
 SUNK_M: Final = 15.0
 """A vehicle commanded to climb sinks if it loses more height than this, or, if greater, than the air explains. Tuned:
 m; 10 to 30; shown by `pytest tests/gcs_formation/features/conformance`."""
 CLIMBS_MIN_SHARE: Final = 0.25
-"""Share of the climb limit below which one that is to climb at the limit hardly does. Tuned: share; 0.15 to 0.4; by
-judgement."""
+"""Share of the climb limit below which one that is to climb at the limit hardly does. Tuned: share; 0.15 to 0.4; shown
+by `pytest tests/gcs_formation/features/conformance`."""
 CHECKS_STUCK: Final = 20
 """A vehicle is stuck if, commanded to climb at its limit, it climbs at less than `CLIMBS_MIN_SHARE` of that for so many
 checks, 8 s. Sinking air could explain it too, and then keeps the vehicle from its height as well. Tuned: checks; 10 to
-40; by judgement."""
+40; shown by `pytest tests/gcs_formation/features/conformance`."""
 CHECKS_DOUBTED: Final = 2
-"""Consecutive checks that a channel fails until its vehicle is doubted. Tuned: checks; 1 to 3; by judgement."""
+"""Consecutive checks that a channel fails until its vehicle is doubted. Tuned: checks; 1 to 3; shown by `pytest
+tests/gcs_formation/features/conformance`."""
 CHECKS_BROKEN: Final = 4
 """Consecutive checks that a channel fails until its vehicle is doubted, and until it is reported. Tuned: checks; 3 to
 6; shown by `pytest tests/gcs_formation/features/conformance`."""

@@ -28,7 +28,7 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 STEP_DELAY_S: Final = 4.0
 """Least time constant of airspeed after a step under total-energy control, whose energy rate is limited. Tuned: s; 3 to
-6; by judgement."""
+6; shown by `pytest tests/gcs_formation/features/conformance`."""
 
 
 def _judged_by(scenario: Scenario) -> list[AutopilotModel]:

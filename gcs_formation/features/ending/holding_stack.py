@@ -23,17 +23,18 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 COMMANDED_M = 0.5
 """A vehicle counts as sent to its height if its height setpoint is within this distance of it, m. Tuned: m; 0.2 to 2;
-by judgement."""
+shown by `pytest tests/gcs_formation/features/ending`."""
 MIN_S, MAX_S = 30.0, 300.0
 """Least time limit of the separation, and the greatest if heights have to be reassigned."""
 RESERVE_S = 15.0
-"""Time added in that limit to the climb to the highest level. Tuned: s; 5 to 30; by judgement."""
+"""Time added in that limit to the climb to the highest level. Tuned: s; 5 to 30; shown by `pytest
+tests/gcs_formation/features/ending`."""
 MARGIN_M = 5.0
-"""Vertical distance of circles beyond the separation that vehicles need, in calm air. Tuned: m; 3 to 10; by
-judgement."""
+"""Vertical distance of circles beyond the separation that vehicles need, in calm air. Tuned: m; 3 to 10; shown by
+`pytest tests/gcs_formation/features/ending`."""
 SWAY_SIGMAS = 4.0
 """In turbulence, this multiple of the standard deviation of two vehicles' relative vertical displacement instead.
-Tuned: standard deviations; 3 to 5; by judgement."""
+Tuned: standard deviations; 3 to 5; shown by `pytest tests/gcs_formation/features/ending`."""
 
 ORIGIN = 0.0, 0.0
 NOWHERE: Mapping[VehicleId, tuple[float, float]] = {}

@@ -24,14 +24,16 @@ BEYOND_LANDED_M: Final = 35.0
 it may have used up 25, short of its own home. Tuned: m; 20 to 60; by judgement."""
 RESOLUTION_M: Final = 0.5
 """Least distance of two reported positions: in slots of 30 m vehicles are 60 m behind one another, to the cm. Tuned: m;
-0.1 to 1; by judgement."""
+0.1 to 1; shown by `pytest tests/gcs_formation/features/ending`."""
 OVER_M: Final = 3.0
 """Distance from its home within which one that comes down straight may touch another. Tuned: m; 2 to 6; by
 judgement."""
 APPROACH_M = 600.0
-"""Distance from home within which its approach lies. Tuned: m; 300 to 1500; by judgement."""
+"""Distance from home within which its approach lies. Tuned: m; 300 to 1500; shown by `pytest
+tests/gcs_formation/features/ending`."""
 LEVEL_M = 5.0
-"""How much higher than home the ground may be within that distance. Tuned: m; 2 to 10; by judgement."""
+"""How much higher than home the ground may be within that distance. Tuned: m; 2 to 10; shown by `pytest
+tests/gcs_formation/features/ending`."""
 
 Positions = Mapping[VehicleId, tuple[float, float]]
 """Where vehicles stand, or will, north and east, m."""

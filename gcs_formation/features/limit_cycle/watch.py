@@ -16,9 +16,11 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 RIGHT: Final = 1
 LATE_S: Final = 0.1
-"""An answer that is so much later than the model's is named as the cause. Tuned: s; 0.05 to 0.3; by judgement."""
+"""An answer that is so much later than the model's is named as the cause. Tuned: s; 0.05 to 0.3; shown by `pytest
+tests/gcs_formation/features/limit_cycle`."""
 NEAR: Final = 0.8
-"""Share of its delay margin from which a loop's delay is named. Tuned: share; 0.7 to 1; by judgement."""
+"""Share of its delay margin from which a loop's delay is named. Tuned: share; 0.7 to 1; shown by `pytest
+tests/gcs_formation/features/limit_cycle`."""
 
 
 class LimitCycles(Stage):

@@ -32,11 +32,13 @@ NEAR: Final = 0.5
 quarter of its rate else (`tests/gcs_formation/test_consensus_flight.py`). Tuned: share; 0.3 to 0.7; shown by `pytest
 tests/gcs_formation/test_consensus_flight.py`."""
 SETTLES_S: Final = 6.0
-"""Time that a lower level gets to empty the queues. Tuned: s; 4 to 15; by judgement."""
+"""Time that a lower level gets to empty the queues. Tuned: s; 4 to 15; shown by `pytest
+tests/gcs_formation/features/link_budget`."""
 SILENT_S: Final = 0.5
 """Time without any frame from which on nothing more is asked for. Tuned: s; 0.3 to 1; by judgement."""
 CALM_S: Final = 20.0
-"""Time without a full link before rates go up. Tuned: s; 10 to 60; by judgement."""
+"""Time without a full link before rates go up. Tuned: s; 10 to 60; shown by `pytest
+tests/gcs_formation/features/link_budget`."""
 ROOM: Final = 0.75
 """They go up if they would need less than this share of what the link carried when it was full, in turns and climbs.
 Tuned: share; 0.5 to 0.9; by judgement."""

@@ -18,27 +18,33 @@ from airlink.clock import Instant, after, seconds_between
 from gcs_formation.vehicle.vehicle import Vehicle
 
 WINDOW: Final = 5
-"""Number of looks, one a second, over which losses are counted. Tuned: s; 4 to 10; by judgement."""
+"""Number of looks, one a second, over which losses are counted. Tuned: s; 4 to 10; shown by `pytest
+tests/gcs_formation/features/link_budget`."""
 KEPT: Final = 8
 """Number of looks kept before these, for what was asked a round trip earlier. Tuned: s; the longest round trip and
 more, 5 to 20; by judgement."""
 RECENT_S: Final = 5.0
-"""Time over which the shortest round trip is taken, of at least as many as `FEWEST`. Tuned: s; 3 to 10; by
-judgement."""
+"""Time over which the shortest round trip is taken, of at least as many as `FEWEST`. Tuned: s; 3 to 10; shown by
+`pytest tests/gcs_formation/features/link_budget`."""
 FEWEST: Final = 4
-"""Fewest round trips over which the shortest is taken. Tuned: round trips; 3 to 10; by judgement."""
+"""Fewest round trips over which the shortest is taken. Tuned: round trips; 3 to 10; shown by `pytest
+tests/gcs_formation/features/link_budget`."""
 QUEUE_S: Final = 0.2
-"""Round trips that are all longer by this than the shortest ever wait in a queue. Tuned: s; 0.1 to 0.5; by
-judgement."""
+"""Round trips that are all longer by this than the shortest ever wait in a queue. Tuned: s; 0.1 to 0.5; shown by
+`pytest tests/gcs_formation/features/link_budget`."""
 GROWS_S: Final = 0.2
 """A queue grows if the shortest round trip is longer at each of `WINDOW` looks, and by this in all of them. A link
-whose delay takes a step is longer at one or two. Tuned: s; 0.1 to 0.5; by judgement."""
+whose delay takes a step is longer at one or two. Tuned: s; 0.1 to 0.5; shown by `pytest
+tests/gcs_formation/features/link_budget`."""
 LOST: Final = 0.15
-"""Share lost one way beyond which a link with a queue is full. Tuned: share; 0.1 to 0.3; by judgement."""
+"""Share lost one way beyond which a link with a queue is full. Tuned: share; 0.1 to 0.3; shown by `pytest
+tests/gcs_formation/features/link_budget`."""
 LOW_PERCENT: Final = 20.0
-"""Free share of a radio's buffer below which it is nearly full. Tuned: %; 10 to 30; by judgement."""
+"""Free share of a radio's buffer below which it is nearly full. Tuned: %; 10 to 30; shown by `pytest
+tests/gcs_formation/features/link_budget`."""
 LOW_REPORTS: Final = 2
-"""A buffer is full that has had less free for this many looks. Tuned: reports; 1 to 4; by judgement."""
+"""A buffer is full that has had less free for this many looks. Tuned: reports; 1 to 4; shown by `pytest
+tests/gcs_formation/features/link_budget`."""
 
 
 class Counts(NamedTuple):

@@ -17,12 +17,14 @@ from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle
 
 WINDOW_S: Final = 5.0
-"""Time over which messages are counted. Tuned: s; 3 to 10; by judgement."""
+"""Time over which messages are counted. Tuned: s; 3 to 10; shown by `pytest
+tests/gcs_formation/features/link_budget`."""
 TOO_OFTEN: Final = 1.5
-"""A message comes too often beyond this multiple of its rate, and two more in a window. Tuned: ratio; 1.2 to 2; by
-judgement."""
+"""A message comes too often beyond this multiple of its rate, and two more in a window. Tuned: ratio; 1.2 to 2; shown
+by `pytest tests/gcs_formation/features/link_budget`."""
 ASK_AGAIN_MAX_S: Final = 320.0
-"""Longest interval between requests of a rate that changes nothing. Tuned: s; 60 to 600; by judgement."""
+"""Longest interval between requests of a rate that changes nothing. Tuned: s; 60 to 600; shown by `pytest
+tests/gcs_formation/features/link_budget`."""
 ANSWERS: Final = frozenset(
     {
         m.MAVLINK_MSG_ID_HEARTBEAT,

@@ -26,25 +26,28 @@ from gcs_formation.vehicle.command_delivery import Outcome
 from gcs_formation.vehicle.vehicle import Vehicle
 
 LOOK_S: Final = 0.5
-"""Interval of the looks. Tuned: s; 0.2 to 1; by judgement."""
+"""Interval of the looks. Tuned: s; 0.2 to 1; shown by `pytest tests/gcs_formation/features/message_intervals`."""
 FEWEST: Final = 16
 """Messages expected in the time over which they are counted, which is at least `WINDOW_S`. Tuned: messages; 10 to 40;
-by judgement."""
+shown by `pytest tests/gcs_formation/features/message_intervals`."""
 FEWEST_SENT: Final = 8.0
 """Messages expected in the time in which anything was received, from which on their lack says something. Tuned:
 messages; 5 to 20; by judgement."""
 QUICK_HZ: Final = 5.0
-"""Messages that come at least as often as attitudes are counted over `WINDOW_S`. Tuned: Hz; 2 to 10; by judgement."""
+"""Messages that come at least as often as attitudes are counted over `WINDOW_S`. Tuned: Hz; 2 to 10; shown by `pytest
+tests/gcs_formation/features/message_intervals`."""
 WINDOW_S: Final = 2.0
-"""Time over which quick messages are counted. Tuned: s; 1 to 5; by judgement."""
+"""Time over which quick messages are counted. Tuned: s; 1 to 5; shown by `pytest
+tests/gcs_formation/features/message_intervals`."""
 MIN_SHARE: Final = 0.5
-"""Share of the expected number below which a message is missing. Tuned: share; 0.3 to 0.7; by judgement."""
+"""Share of the expected number below which a message is missing. Tuned: share; 0.3 to 0.7; shown by `pytest
+tests/gcs_formation/features/message_intervals`."""
 SLOWED_SHARE: Final = 0.9
 """Share of the expected number below which a message is requested again together with one that is missing. Tuned:
-share; 0.8 to 0.95; by judgement."""
+share; 0.8 to 0.95; shown by `pytest tests/gcs_formation/features/message_intervals`."""
 SIGMAS: Final = 4.0
 """Standard deviations of a binomial distribution beyond which loss doesn't explain missing messages. Tuned: standard
-deviations; 3 to 5; by judgement."""
+deviations; 3 to 5; shown by `pytest tests/gcs_formation/features/message_intervals`."""
 ASK_AGAIN_S, ASK_AGAIN_MAX_S = 2.5, 60.0
 """Interval between requests, doubled after each that changes nothing, up to the maximum."""
 

@@ -12,10 +12,10 @@ from gcs_formation.vehicle.checks import Finding
 
 HOME_OFF_M = 30.0
 """Largest height of a home above or below the scenario's ground, m: the sum of both heights' errors above sea level.
-Tuned: m; 15 to 60; by judgement."""
+Tuned: m; 15 to 60; shown by `pytest tests/gcs_formation/features/preflight`."""
 FAR_M = 10_000.0
 """How much farther from the path's start a vehicle may be than the path's farthest waypoint, m. Tuned: m; 2000 to 50
-000; by judgement."""
+000; shown by `pytest tests/gcs_formation/features/preflight`."""
 
 
 def findings(found: AsFound) -> list[Finding]:

@@ -27,16 +27,17 @@ FILTERED: Final = 0.05
 """Share of lost frames by which numbers must exceed streams, beyond what chance explains: a filter is there. Tuned:
 share; 0.03 to 0.1; by judgement."""
 SIGMAS: Final = 4.0
-"""Standard deviations of a binomial distribution that chance explains. Tuned: standard deviations; 3 to 5; by
-judgement."""
+"""Standard deviations of a binomial distribution that chance explains. Tuned: standard deviations; 3 to 5; shown by
+`pytest tests/gcs_formation/features/stream_loss`."""
 FEWEST, SHORTEST_S = 50.0, 5.0
 """A window's length: time in which as many messages of the fastest stream are due, and at least some seconds."""
 TOO_FAST: Final = 1.05
 """A stream that comes faster by more than this ratio has another rate than requested, by somebody else's request.
-Tuned: ratio; 1.03 to 1.2; by judgement."""
+Tuned: ratio; 1.03 to 1.2; shown by `pytest tests/gcs_formation/features/stream_loss`."""
 
 UNKNOWN_GAP: Final = 5.0
-"""Losses in a row behind a filter: as they come in bursts. Tuned: frames; 2 to 10; by judgement."""
+"""Losses in a row behind a filter: as they come in bursts. Tuned: frames; 2 to 10; shown by `pytest
+tests/gcs_formation/features/stream_loss`."""
 
 
 class StreamLoss(FrameLoss):

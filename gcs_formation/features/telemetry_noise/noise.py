@@ -13,8 +13,8 @@ from gcs_formation.estimation.noise_and_plausibility import QUANTITIES, VehicleN
 from gcs_formation.recorder import Detail
 
 NOISE_OFF: Final = 1.8
-"""Ratio to the declared noise, or its inverse, from which a difference is reported. Tuned: ratio; 1.5 to 3; by
-judgement."""
+"""Ratio to the declared noise, or its inverse, from which a difference is reported. Tuned: ratio; 1.5 to 3; shown by
+`pytest tests/gcs_formation/features/telemetry_noise`."""
 NOISE_BACK: Final = 1.4
 """Ratio below which the noise is as declared again. Tuned: ratio; 1.2 to below `NOISE_OFF`; by judgement."""
 UNITS: Final = ("m", "m", "m/s", "m/s", "m/s", "rad")
