@@ -106,6 +106,6 @@ def _received(link: socket.socket) -> bytes:
         return link.recv(MAX_BYTES)
     except TimeoutError:
         return b""
-    except ConnectionError:
+    except ConnectionError:  # it isn't up yet, as in `_send`
         time.sleep(LOOK_S)
         return b""

@@ -241,13 +241,13 @@ def test_a_vehicle_that_climbs_through_its_slots_height_has_no_error_to_integrat
 
 
 class Adding(Feedback):
-    """Feedback from outside: as it is told."""
+    """Feedback from outside: as it is stated."""
 
-    def __init__(self, told: Vector3) -> None:
-        self.told, self.excess, self.resets = told, NOTHING, 0
+    def __init__(self, stated: Vector3) -> None:
+        self.stated, self.excess, self.resets = stated, NOTHING, 0
 
     def output(self, mixed: Vector3, slopes: Vector3, replaced: Replaced, dt_s: float) -> Vector3:
-        return self.told
+        return self.stated
 
     def limited(self, excess: Vector3) -> None:
         self.excess = excess
@@ -256,7 +256,7 @@ class Adding(Feedback):
         self.resets += 1
 
 
-def test_a_law_from_outside_is_limited_alike_and_told_what_the_limits_added() -> None:
+def test_a_law_from_outside_is_limited_alike_and_stated_what_the_limits_added() -> None:
     """3 m/s, 2 rad and 30 m are asked, 60 degrees and 12 m are what there is; the height is 1 m below the slot's."""
     of, outside = controller(), Adding((3.0, -2.0, 30.0))
     of.feedback = outside
@@ -271,9 +271,9 @@ def test_a_law_from_outside_is_limited_alike_and_told_what_the_limits_added() ->
 
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_an_output_that_is_not_finite_is_not_hidden_by_limits(place: int) -> None:
-    of, told = controller(), [0.0, 0.0, 0.0]
-    told[place] = math.inf
-    of.feedback = Adding((told[0], told[1], told[2]))
+    of, stated = controller(), [0.0, 0.0, 0.0]
+    stated[place] = math.inf
+    of.feedback = Adding((stated[0], stated[1], stated[2]))
     of.decide(pair(), DT_S)
     assert math.isinf(of.setpoint[place])
 
@@ -307,8 +307,8 @@ def test_in_the_followers_own_frame_a_gust_across_is_answered_by_the_slow_crab_a
 @pytest.mark.parametrize(
     ("right_m", "share"), [(0.0, 1.0), (13.2, 0.5), (-13.2, 0.5), (29.92, 0.6 / 1.96), (500.0, 0.6 / 1.96)]
 )
-def test_the_heading_has_half_its_bandwidth_for_a_slot_that_is_0_6_s_aside(right_m: float, share: float) -> None:
-    """And 0.6 / (0.6 + 1.36) of it from 1.36 s aside on, 29.92 m at 22 m/s."""
+def test_the_heading_has_half_its_bandwidth_for_a_slot_that_is_0_6_s_sideways(right_m: float, share: float) -> None:
+    """And 0.6 / (0.6 + 1.36) of it from 1.36 s sideways on, 29.92 m at 22 m/s."""
     assert swing_share(right_m, SPEED_MPS) == pytest.approx(share)
 
 

@@ -89,7 +89,7 @@ def cycle(*, active: Sequence[bool] = (True, True, True), leader: int = 0) -> Cy
 
 
 class Answering:
-    """A law over all that answers what it is told, and keeps what it is given."""
+    """A law over all that answers what it is stated, and keeps what it is given."""
 
     def __init__(self, keys: Any) -> None:
         self.seen, self.answers = list[FollowerSlot](), dict[Any, Any]()
@@ -347,7 +347,7 @@ def test_a_predictor_gets_what_is_measured_and_its_states_are_used_with_the_updr
     assert own.of(0, 1) is found
     assert [(vehicle.id, to_s, follower.id) for vehicle, to_s, follower in inner.calls] == [(9, 2.25, 4)]
     own.predict(at_once())
-    assert own.of(0, 1) is not found, "a new tick is predicted anew"
+    assert own.of(0, 1) is not found, "a new tick is predicted again"
 
 
 def test_a_predictor_can_ask_for_the_model_and_for_the_setpoints_in_flight() -> None:

@@ -200,7 +200,7 @@ def test_who_was_not_commanded_or_has_another_leader_begins_as_new(make: Callabl
 
 
 @pytest.mark.parametrize(("make", "frame"), FOLLOWER_LAWS)
-def test_what_is_tuned_anew_is_as_if_made_so(make: Callable[[Frame], Law], frame: Frame) -> None:
+def test_what_is_tuned_again_is_as_if_made_so(make: Callable[[Frame], Law], frame: Frame) -> None:
     """Mixer, gains, scales, filter of the gusts and growth limits; after a reset nothing else is left."""
     here, other, made = ticks(1), gains(frame, 0.5), make(frame)
     assert isinstance(made, FormationLaw)

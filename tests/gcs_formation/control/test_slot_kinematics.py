@@ -327,7 +327,7 @@ def test_axes_of_a_slot_that_is_no_tick_behind_take_a_tick_to_turn(forward_m: fl
 
 @pytest.mark.parametrize("tick_s", [0.05, 0.01])
 def test_the_turn_of_a_trailing_slots_axes_is_the_integral_of_its_bend(tick_s: float) -> None:
-    """While slot and leader swing, the rate that is told changes as told, within what a tick's length leaves."""
+    """While slot and leader swing, the rate that is given changes as given, within what a tick's length leaves."""
     trailing, rates, bends = TrailingSlot(), list[float](), list[float]()
     for tick in range(round(3.0 / tick_s)):
         at_s = tick * tick_s

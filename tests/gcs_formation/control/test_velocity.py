@@ -220,19 +220,19 @@ def test_a_height_error_that_shrinks_near_the_climb_limit_is_not_integrated(
 
 
 class Adding(Feedback):
-    """Feedback from outside: as it is told."""
+    """Feedback from outside: as it is stated."""
 
-    def __init__(self, told: Vector3) -> None:
-        self.told, self.excess = told, (0.0, 0.0, 0.0)
+    def __init__(self, stated: Vector3) -> None:
+        self.stated, self.excess = stated, (0.0, 0.0, 0.0)
 
     def output(self, mixed: Vector3, slopes: Vector3, replaced: Replaced, dt_s: float) -> Vector3:
-        return self.told
+        return self.stated
 
     def limited(self, excess: Vector3) -> None:
         self.excess = excess
 
 
-def test_a_law_from_outside_is_limited_alike_and_told_what_the_limits_added() -> None:
+def test_a_law_from_outside_is_limited_alike_and_stated_what_the_limits_added() -> None:
     """From 20 m away it is 0.5 + sqrt(1.5 x 20) m/s; the height stays within 12 m of the vehicle."""
     of, outside = controller(kp=(9.0, 9.0, 9.0)), Adding((30.0, -40.0, 50.0))
     of.feedback = outside
@@ -249,9 +249,9 @@ def test_a_law_from_outside_is_limited_alike_and_told_what_the_limits_added() ->
 
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_an_output_that_is_not_finite_is_not_hidden_by_limits(place: int) -> None:
-    of, told = controller(), [0.0, 0.0, 0.0]
-    told[place] = math.nan
-    of.feedback = Adding((told[0], told[1], told[2]))
+    of, stated = controller(), [0.0, 0.0, 0.0]
+    stated[place] = math.nan
+    of.feedback = Adding((stated[0], stated[1], stated[2]))
     of.decide(pair(), DT_S)
     assert any(math.isnan(each) for each in of.setpoint)
 

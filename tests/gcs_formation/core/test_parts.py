@@ -107,7 +107,7 @@ def test_each_vehicle_gets_a_heartbeat_a_second_and_one_at_once_when_the_path_be
     assert regular.size >= 10
 
 
-def test_before_the_first_cycle_nobody_is_known_to_fail() -> None:
+def test_before_the_first_cycle_none_is_known_to_fail() -> None:
     known = Findings(load_scenario(KEYS), {}, 2)
     assert (known.sinking, known.beyond, known.waiting, known.silent_aloft) == (set(), set(), set(), [])
     assert (known.saturated, known.others_listen, known.crashed) == ([False] * 2, False, frozenset())
@@ -227,7 +227,7 @@ def test_the_stages_of_every_flight_stand_in_their_order_and_a_time_to_end_at_ma
     cycle.phase_machine.end_in_time.assert_called_once_with(math.inf if until_s is None else until_s, Instant(0))
 
 
-def test_a_station_that_has_heard_nobody_watches_and_commands_none() -> None:
+def test_a_station_that_has_heard_none_watches_and_commands_none() -> None:
     """In a cycle once a second strangers are looked at; nothing is recorded before a take-off."""
     found, strangers, log_link = made(), Mock(), Mock()
     found.cycle.order(core_stages(found, None, strangers, log_link))

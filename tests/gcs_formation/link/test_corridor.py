@@ -98,7 +98,7 @@ def test_two_of_the_fastest_are_used_if_they_are_not_among_the_same_sixteen(fast
     assert edges.offset_s == pytest.approx(OFFSET_S, abs=1e-6)
 
 
-def test_edges_are_found_again_after_a_thirty_second_part_more_and_anew_once_all_is_forgotten() -> None:
+def test_edges_are_found_again_after_a_thirty_second_part_more_and_again_once_all_is_forgotten() -> None:
     edges, due = DelayEdges(0.0), list[int]()
     for _ in range(2):
         due.clear()

@@ -99,14 +99,14 @@ def test_three_that_seem_to_be_copies_show_that_copies_come_and_a_few_by_chance_
     for now in range(200):
         chance.weigh(now, suspicious=now % 5 == 0)
     assert chance.last == LONG_AGO
-    for calm, told in ((16, True), (17, False)):
+    for calm, reported in ((16, True), (17, False)):
         evidence = CopyEvidence()
         for now in range(50):
             evidence.weigh(now, suspicious=True)
         for now in range(50, 50 + calm):
             evidence.weigh(now, suspicious=False)
         evidence.weigh(100, suspicious=True)
-        assert (evidence.last == 100) == told
+        assert (evidence.last == 100) == reported
 
 
 @pytest.mark.parametrize("clock_known", [False, True])
@@ -185,7 +185,7 @@ def test_a_known_frame_of_another_clock_is_a_copy_however_new_its_stamp_is() -> 
     for frame, later_s in ((old, 0.0), (new, 1.0)):
         ground.take(frame, later_s)
     ground.history.restart()
-    assert ground.take(new, 5.0) == "news", "it can't be told that it was received before the restart"
+    assert ground.take(new, 5.0) == "news", "it can't be reported that it was received before the restart"
     ground.history.restart()
     assert ground.take(new, 20.0) == "copy"
 
@@ -353,8 +353,8 @@ def test_frames_are_known_for_two_minutes_at_least_and_four_at_most(later_s: flo
     assert ground.history.may_be_copy == known
 
 
-def test_frames_with_one_checksum_are_told_apart_by_their_first_byte() -> None:
-    """Of 1000 frames some have the checksum of another; of two bits' values four are told apart."""
+def test_frames_with_one_checksum_are_reported_apart_by_their_first_byte() -> None:
+    """Of 1000 frames some have the checksum of another; of two bits' values four are reported apart."""
     ground, seen, found = Ground(), dict[bytes, Frame](), 0
     for mode in range(1000):
         frame = ground.frame(beat(mode=2654435761 * mode % 2**32), 5)

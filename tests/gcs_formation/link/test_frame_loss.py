@@ -30,7 +30,7 @@ def tracked(*numbers: int) -> SequenceTracker:
 def test_losses_gaps_and_copies_are_those_of_one_who_knows_what_was_sent(
     start: int, fates: list[tuple[int, int, bool]]
 ) -> None:
-    """Whatever is lost, late and repeated by less than half a round of numbers; each change of the loss is told."""
+    """Whatever is lost, late and repeated by less than half a round of numbers; each change of the loss is reported."""
     number, arrivals = start, [(start, start)]
     for skipped, late, twice in fates:
         number += skipped + 1

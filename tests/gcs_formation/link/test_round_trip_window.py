@@ -51,7 +51,7 @@ def test_nothing_is_known_before_the_first() -> None:
 def test_a_step_is_noticed_with_its_eighth_round_trip_and_leaves_the_new_ones_alone(
     more_s: float, off_s: float
 ) -> None:
-    """Jitter of 3 ms is told from a step by 4 · 3 ms + 4 · 1.4826 · 1 ms = 17.93 ms.
+    """Jitter of 3 ms is reported from a step by 4 · 3 ms + 4 · 1.4826 · 1 ms = 17.93 ms.
 
     The step of the samples is their median since then, if that is more than what is usual.
     """
@@ -72,13 +72,13 @@ def test_a_step_is_noticed_with_its_eighth_round_trip_and_leaves_the_new_ones_al
         assert (window.count, window.stepped) == (9, False)
 
 
-@pytest.mark.parametrize(("before", "stepped", "told"), [(7, True, False), (8, True, True), (1, True, False)])
-def test_the_first_round_trips_may_have_been_slow_by_anything(before: int, stepped: bool, told: bool) -> None:
+@pytest.mark.parametrize(("before", "stepped", "reported"), [(7, True, False), (8, True, True), (1, True, False)])
+def test_the_first_round_trips_may_have_been_slow_by_anything(before: int, stepped: bool, reported: bool) -> None:
     """They are dropped, but before the window is full they tell no change of the link's delay."""
     window = filled([0.5] * before)
     found = [window.add(0.1, 0.2) for _ in range(8)]
     assert window.stepped == stepped
-    assert (found[-1] == 0.2) == told
+    assert (found[-1] == 0.2) == reported
     assert window.count == 8
 
 
@@ -94,7 +94,7 @@ def test_innovations_move_up_with_their_round_trips() -> None:
 
 
 @pytest.mark.parametrize(("wide_s", "stepped"), [(0.049, True), (0.051, False)])
-def test_a_step_is_told_from_round_trips_that_vary_afterwards(wide_s: float, stepped: bool) -> None:
+def test_a_step_is_reported_from_round_trips_that_vary_afterwards(wide_s: float, stepped: bool) -> None:
     """By 200 ms: four times their range. Of a steady link before, the jitter is 0."""
     window = filled([0.1] * 16)
     for number in range(8):
@@ -103,7 +103,7 @@ def test_a_step_is_told_from_round_trips_that_vary_afterwards(wide_s: float, ste
 
 
 @pytest.mark.parametrize(("wide_s", "stepped"), [(0.0318, True), (0.0324, False)])
-def test_a_step_is_told_from_round_trips_that_varied_before(wide_s: float, stepped: bool) -> None:
+def test_a_step_is_reported_from_round_trips_that_varied_before(wide_s: float, stepped: bool) -> None:
     """By 200 ms: four times 1.4826 times the median deviation, here 1.05 w; w = 32.1 ms."""
     window = filled([0.5 + wide_s * (-1) ** number * (1.1 if number % 4 < 2 else 1.0) for number in range(16)])
     for _ in range(8):

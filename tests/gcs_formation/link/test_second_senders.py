@@ -50,7 +50,7 @@ class Bound:
 def test_a_stamp_is_the_vehicles_own_up_to_two_seconds_before_and_ten_after_its_clock_shows_it(
     age_s: float, is_its_own: bool
 ) -> None:
-    """From its own address another one is refused, which is told and said."""
+    """From its own address another one is refused, which is reported and said."""
     bound = Bound()
     admitted, finding = bound.stamped(20.0 - age_s, 20.0)
     assert admitted == is_its_own

@@ -47,18 +47,18 @@ def test_one_that_was_held_up_is_off_by_half_of_it_and_counts_for_three_deviatio
 ) -> None:
     """Of 10 ms; one that came early can't have been held up."""
     variance = TripVariance(0.0)
-    told_s2 = taken(variance, excess_s, 0.01, 0.005)
+    reported_s2 = taken(variance, excess_s, 0.01, 0.005)
     known_s2 = 1e-4 + (min(excess_s**2, 9e-4) - 1e-4) / 8.0
     assert variance.trips_s2 == pytest.approx(known_s2)
-    assert told_s2 == pytest.approx(QUIET_S2 + (known_s2 * (1.0 + 2.0 / 3.0) + late_s2) / 4.0)
+    assert reported_s2 == pytest.approx(QUIET_S2 + (known_s2 * (1.0 + 2.0 / 3.0) + late_s2) / 4.0)
 
 
 def test_exactly_three_deviations_are_no_outlier() -> None:
     """3/128 s of 1/128 s, which floating-point numbers hold exactly."""
     variance = TripVariance(0.0)
-    told_s2 = taken(variance, 3 / 128, 1 / 128, 1 / 128)
+    reported_s2 = taken(variance, 3 / 128, 1 / 128, 1 / 128)
     assert variance.trips_s2 == 2 / 128**2
-    assert told_s2 == pytest.approx(QUIET_S2 + 2 / 128**2 * (1.0 + 2.0 / 3.0) / 4.0)
+    assert reported_s2 == pytest.approx(QUIET_S2 + 2 / 128**2 * (1.0 + 2.0 / 3.0) / 4.0)
 
 
 def test_round_trips_that_vary_more_than_they_did_are_no_outliers() -> None:
@@ -77,15 +77,15 @@ def test_the_variance_converges_to_that_of_the_delays_and_the_wait_costs_little(
     together (j² + w²) - w⁴ / (j² + w²).
     """
     rng, variance, wait_s2 = np.random.default_rng(1), TripVariance(0.02), 0.02**2 / 12.0
-    total_s2, known_s2, told_s2 = wait_s2 + jitter_s**2, list[float](), list[float]()
+    total_s2, known_s2, reported_s2 = wait_s2 + jitter_s**2, list[float](), list[float]()
     for excess_s in (rng.uniform(-0.01, 0.01, 3000) + jitter_s * rng.standard_normal(3000)).tolist():
-        told_s2.append(taken(variance, excess_s, math.sqrt(total_s2), math.sqrt(total_s2)))
+        reported_s2.append(taken(variance, excess_s, math.sqrt(total_s2), math.sqrt(total_s2)))
         known_s2.append(variance.trips_s2)
     assert np.mean(known_s2[200:]) == pytest.approx(total_s2, rel=0.03)
     assert variance.jitter_s2 == pytest.approx(variance.trips_s2 - wait_s2)
     assert variance.mean_s2 == pytest.approx(variance.trips_s2 / 4.0 / 64.0)
     bound_s2 = variance.trips_s2 * (1.0 + 2.0 / math.sqrt(72.0))
-    assert told_s2[-1] == pytest.approx(QUIET_S2 + (bound_s2 - wait_s2**2 / bound_s2) / 4.0)
+    assert reported_s2[-1] == pytest.approx(QUIET_S2 + (bound_s2 - wait_s2**2 / bound_s2) / 4.0)
     assert np.std(known_s2[200:]) < 0.2 * total_s2, "a mean over 64"
     assert taken(TripVariance(0.02), 0.0, 0.004, 0.004) == pytest.approx(QUIET_S2), "less than the wait's"
 

@@ -71,7 +71,7 @@ def test_utc_is_uncertain_by_three_deviations_of_the_drift_times_how_long_it_has
     assert (clock.why_not(used=True) is None) == (bound_s < 0.02)
 
 
-def test_an_armed_vehicle_that_has_drifted_by_ten_milliseconds_since_nobody_knows_when_has_no_utc() -> None:
+def test_an_armed_vehicle_that_has_drifted_by_ten_milliseconds_since_none_knows_when_has_no_utc() -> None:
     """-50 ppm in 190 s are 9.5 ms, in 210 s 10.5 ms; what is in use is kept up to twice as much."""
     armed = "it was armed before it was first heard, and its clock has drifted since"
     for first_s, used, why in (
@@ -192,7 +192,7 @@ def test_a_sample_that_is_off_by_four_deviations_and_five_milliseconds_is_not_ta
     assert (abs(clock.station_utc_s() - before_s) > 1e-5) == taken
 
 
-def test_a_step_of_the_clock_is_told_seven_seconds_after_one_of_the_link() -> None:
+def test_a_step_of_the_clock_is_reported_seven_seconds_after_one_of_the_link() -> None:
     """Round trips of before the link's step, of more than 24 ago, say nothing of the clock's: four in 45 s."""
     clock = probed(0.0, 1000.0, 24)
     clock.utc(UTC_S + 1.0, 1.0, armed=False)

@@ -73,8 +73,8 @@ def ticks(*vehicles: dict[str, Any], time_s: Array = TICKS_S) -> dict[VehicleId,
     found = dict[VehicleId, dict[str, Array]]()
     for column, own in enumerate(vehicles):
         active = own.get("active", lambda at_s: (at_s < 14.95).astype(float))
-        told = {"leads": np.full(time_s.size, float(column == 0)), "active": np.asarray(active(time_s), float)}
-        found[VehicleId(1, 1 + column)] = common | told | places(column, time_s, **own)
+        reported = {"leads": np.full(time_s.size, float(column == 0)), "active": np.asarray(active(time_s), float)}
+        found[VehicleId(1, 1 + column)] = common | reported | places(column, time_s, **own)
     return found
 
 
@@ -209,15 +209,15 @@ def test_the_lowest_height_of_the_fence_does_not_bind_a_landing_and_its_sides_an
     lands = {"airborne": lambda at_s: (at_s < 18.9).astype(float)}
     low = series({}, lands | {"height_m": lambda at_s: np.where(at_s < 15.0, 50.0, 5.0)}, scenario=FENCED)
     assert (low.fence_m == 0.0).all()
-    aside = series({}, lands | {"north_m": lambda at_s: np.where(at_s < 15.0, 30.0, 407.0)}, scenario=FENCED)
-    assert aside.fence_m[(aside.time_s >= 15.0) & (aside.time_s < 18.8)] == pytest.approx(7.0)
-    assert (aside.fence_m[aside.time_s > 18.95] == 0.0).all(), "a wreck on the ground isn't outside"
+    sideways = series({}, lands | {"north_m": lambda at_s: np.where(at_s < 15.0, 30.0, 407.0)}, scenario=FENCED)
+    assert sideways.fence_m[(sideways.time_s >= 15.0) & (sideways.time_s < 18.8)] == pytest.approx(7.0)
+    assert (sideways.fence_m[sideways.time_s > 18.95] == 0.0).all(), "a wreck on the ground isn't outside"
     high = series({}, lands | {"height_m": lambda at_s: np.where(at_s < 15.0, 50.0, 68.0)}, scenario=FENCED)
     assert high.fence_m.max() == pytest.approx(8.0)
 
 
 def test_a_vehicle_that_its_pilot_flies_is_named_with_how_far_it_was_outside_and_breaks_no_limit() -> None:
-    """Both ends of its pilot's time count. The one farthest outside is told, at its farthest, and when."""
+    """Both ends of its pilot's time count. The one farthest outside is reported, at its farthest, and when."""
     away = {"north_m": lambda at_s: 400.0 + np.interp(at_s, [8.0, 10.0, 12.0], [0.0, 20.0, 0.0])}
     pilots = {str(FOLLOWER): [(8.0, 12.0)]}
     found = series({}, away, scenario=FENCED, pilots=pilots)
@@ -255,7 +255,7 @@ def test_the_track_is_the_commanded_leaders_in_flight_by_mission_time() -> None:
     assert track.position_m[:, second].T.tolist() == [[30.0, 7.0, 50.0]] * int(second.sum())
     idle = ticks({"active": np.zeros_like}, {"active": np.zeros_like})
     none = limit_series(OPEN, idle, reader({}, {}), {}, ENDS_S).track
-    assert np.isnan(none.position_m).all(), "nobody is commanded"
+    assert np.isnan(none.position_m).all(), "none is commanded"
 
 
 def test_a_virtual_leaders_track_is_where_the_station_had_it_at_ticks_that_command_anybody() -> None:

@@ -153,7 +153,7 @@ def test_links_of_all_vehicles_are_judged_the_leaders_too() -> None:
 
 
 def test_a_crash_is_planned_when_the_first_fault_of_the_vehicle_crashes_it() -> None:
-    """Others' faults, and faults that crash nobody, don't."""
+    """Others' faults, and faults that crash none, don't."""
     faults = [
         {"at_s": 7.0, "vehicles": [2], "kind": "crash"},
         {"at_s": 5.0, "vehicles": "all", "kind": "crash"},

@@ -112,8 +112,8 @@ def test_who_leads_has_followed_and_is_on_the_ground() -> None:
     assert found.followers(SCENARIO) == [LEADER, FOLLOWER]
     idle = flight({"leads": leads, "active": leads}, {"leads": 1.0 - leads, "active": 1.0 - leads})
     assert (idle.has_followed(LEADER), idle.followers(SCENARIO)) == (False, [FOLLOWER])
-    nobody = flight({"leads": np.zeros(2)}, {"leads": np.zeros(2)})
-    assert nobody.leader_at(0) is None
+    none = flight({"leads": np.zeros(2)}, {"leads": np.zeros(2)})
+    assert none.leader_at(0) is None
 
 
 @pytest.mark.parametrize("true", [True, False])

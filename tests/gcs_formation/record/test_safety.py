@@ -57,7 +57,7 @@ def judged(scenario: Scenario, flight: RecordedFlight) -> Any:
 
 
 def test_a_flight_within_its_limits_has_figures_and_breaks_none() -> None:
-    """Without a fence nobody is outside of it, which isn't known to be 0."""
+    """Without a fence none is outside of it, which isn't known to be 0."""
     found = judged(OPEN, flown())
     assert found.figures == {
         "min_separation_m": pytest.approx(30.0),
@@ -121,7 +121,7 @@ def test_a_broken_limit_is_said_at_its_worst_with_the_bound_and_when_that_was(at
     assert low == (f"safety broken: clearance was -3 m {when}; allowed: {OPEN.safety.clearance_m:g} m or more",)
 
 
-def test_a_figure_that_breaks_its_bound_by_little_is_told_apart_from_it() -> None:
+def test_a_figure_that_breaks_its_bound_by_little_is_reported_apart_from_it() -> None:
     minimum_m = OPEN.safety.separation_m
     (found,) = judged(OPEN, flown(separation_m=at({8.0: minimum_m - 1e-5}, 30.0))).breaches
     assert f"separation was {minimum_m - 1e-5:.7g} m" in found

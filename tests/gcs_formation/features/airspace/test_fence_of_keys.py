@@ -142,12 +142,16 @@ def test_areas_that_are_neither_or_both_are_found_by_their_numbers() -> None:
     assert list(rule(fenced())) == []
 
 
-@pytest.mark.parametrize(("east_m", "height_m", "told"), [(700.0, 50.0, ""), (703.0, 50.0, "3"), (703.0, 104.0, "5")])
-def test_a_rally_point_is_told_with_how_far_outside_the_fence_it_is(east_m: float, height_m: float, told: str) -> None:
+@pytest.mark.parametrize(
+    ("east_m", "height_m", "reported"), [(700.0, 50.0, ""), (703.0, 50.0, "3"), (703.0, 104.0, "5")]
+)
+def test_a_rally_point_is_reported_with_how_far_outside_the_fence_it_is(
+    east_m: float, height_m: float, reported: str
+) -> None:
     """3 m beside it and 4 m above its highest height are 5 m."""
     (warn,) = WARNINGS
     said = list(warn(fenced(**WIDE, height_max_m=100.0, rally_m=[[0, 0, 60], [0, east_m, height_m]])))
-    assert said == [f"safety.fence.rally_m.1: rally point {told} m outside the fence"] * bool(told)
+    assert said == [f"safety.fence.rally_m.1: rally point {reported} m outside the fence"] * bool(reported)
     assert list(warn(fenced())) == []
 
 

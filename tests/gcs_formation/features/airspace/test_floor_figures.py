@@ -172,7 +172,7 @@ def test_a_fast_one_is_searched_for_in_twice_the_distance_that_it_may_fly_on() -
 
 
 def test_each_vehicle_is_held_by_the_ground_ahead_of_it_and_a_virtual_leader_by_none() -> None:
-    """The second is before a step that the first has passed; the third flies away from it, the wind aside."""
+    """The second is before a step that the first has passed; the third flies away from it, the wind sideways."""
     floor, _ = over((0.0, 100.0))
     now = after(Instant(0), 1.0)
     tick = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * 3, [0.0] * 3, [0.0] * 3, [True] * 3)

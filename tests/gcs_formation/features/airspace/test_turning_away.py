@@ -119,7 +119,7 @@ def test_towards_a_wall_there_is_room_for_2_s_of_flight_and_a_circle_at_airspeed
     assert alike(found, math.pi / 2.0 if turned else None)
 
 
-def test_a_crosswind_counts_by_its_size_and_carries_the_vehicle_aside() -> None:
+def test_a_crosswind_counts_by_its_size_and_carries_the_vehicle_sideways() -> None:
     """It heads along a wall, to which the wind carries it: room to the far side is less than its own distance."""
     calm, carried = Box(FAR_M, FAR_M), Box(FAR_M, FAR_M)
     assert calm.heading(0.0, FAR_M - 30.0) is None

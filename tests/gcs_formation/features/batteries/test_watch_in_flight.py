@@ -129,7 +129,7 @@ def test_a_wind_against_which_home_is_not_reached_sends_it_home_with_any_battery
     ],
     ids=["on the ground", "sent already", "no tick yet", "connecting", "done"],
 )
-def test_nobody_else_is_sent(no_order: dict[str, Any]) -> None:
+def test_no_other_is_sent(no_order: dict[str, Any]) -> None:
     watched = Watched()
     for name, value in no_order.items():
         setattr(watched.vehicle if hasattr(watched.vehicle, name) else watched.cycle, name, value)
@@ -156,7 +156,7 @@ def test_what_is_used_in_flight_is_measured_from_the_end_of_the_climb() -> None:
     for percent in range(72, 59, -1):
         watched.seconds(2, percent / 100.0)
     watched.vehicle.airborne = True
-    assert watched.seconds(6, 0.6) == "", "measured anew: by what is stated 30 % are enough"
+    assert watched.seconds(6, 0.6) == "", "measured again: by what is stated 30 % are enough"
     for percent in range(59, 50, -1):
         watched.seconds(2, percent / 100.0)
     assert watched.vehicle.sent_home.endswith("of which the way home needs 50%; safety.battery.reserve is 20%")

@@ -133,7 +133,7 @@ def test_on_the_ground_the_common_clock_is_where_it_is_found_at_once() -> None:
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_in_flight_it_slews_by_a_hundredth_of_a_second_each_second(sign: float) -> None:
-    """From 5.0 to 0.3 beyond: each bound has moved by 0.3, and its middle is agreed on anew."""
+    """From 5.0 to 0.3 beyond: each bound has moved by 0.3, and its middle is agreed on again."""
     common = Clock(5.0, 5.0, 5.0)
     common.run(2.0)
     for each in common.each:
@@ -150,7 +150,7 @@ def test_a_known_utc_is_used_whatever_the_vehicles_agree_on() -> None:
     assert Clock(5.05, 5.05, known_s=5.0).run(0.25)[0][0] == 5.0
 
 
-def test_one_that_is_off_the_others_is_told_by_how_much() -> None:
+def test_one_that_is_off_the_others_is_reported_by_how_much() -> None:
     """0.5 s off, of which half a round trip of 0.1 s may be the link's."""
     common = Clock(5.0, 5.0, 5.5)
     common.run(1.0)
@@ -207,7 +207,7 @@ def test_utc_that_was_never_used_is_as_soon_as_it_is_in_order() -> None:
     assert common.run(0.25)[0][0] == 5.0
 
 
-def test_a_jump_in_flight_is_told() -> None:
+def test_a_jump_in_flight_is_reported() -> None:
     common = Clock(5.0, 5.0)
     common.run(1.0)
     common.each[1].round_trips.gnss.jump_s = -0.25

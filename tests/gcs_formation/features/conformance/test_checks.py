@@ -114,7 +114,7 @@ def test_one_that_is_not_judged_any_more_has_no_misses() -> None:
     assert (judged.flier.bad, judged.flier.good) == ([0, 0, 0], 0)
 
 
-def test_failures_are_told_in_degrees_and_metres() -> None:
+def test_failures_are_stated_in_degrees_and_metres() -> None:
     words = "acknowledges setpoints and doesn't follow them: {} expected"
     turn = NonConformance("heading", math.pi / 6.0, math.pi / 180.0)
     assert monitor._words(turn) == words.format("heading changed by 1.0 ° in 3.2 s, 30.0 °")
@@ -162,7 +162,7 @@ def test_models_are_taken_as_they_are_except_of_airframes_whose_steps_are_slower
     assert [each.tau_v_s for each in monitor._judged_by(load_scenario(airframe))] == [4.0]
 
 
-def test_after_standing_down_motion_is_judged_anew() -> None:
+def test_after_standing_down_motion_is_judged_again() -> None:
     ground = Ground()
     tick: Any = SimpleNamespace(active=[True, False, True])
     ground.monitor._next_check = after(START, 1e6)

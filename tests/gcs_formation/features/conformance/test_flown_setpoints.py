@@ -189,7 +189,7 @@ def test_a_gust_from_the_side_explains_a_turn_that_lacks_its_share_of_the_airspe
 
 @pytest.mark.parametrize(("hovers", "misses"), [(False, 0), (True, 1)])
 def test_only_an_aircraft_may_have_its_speed_in_its_height(hovers: bool, misses: int) -> None:
-    """5 m too high at 22 m/s are 2.2 m/s; 0.5 m at the slowest speed, 16 m/s, 0.3 m/s, whatever is told."""
+    """5 m too high at 22 m/s are 2.2 m/s; 0.5 m at the slowest speed, 16 m/s, 0.3 m/s, whatever is reported."""
     judged = flier(hovers=hovers)
     judged._judge((2.0, 0.0, 0.0), (0.0, 0.0, 5.0), 22.0, JUDGED)
     assert judged.bad[AIRSPEED] == misses

@@ -39,7 +39,7 @@ def test_while_it_follows_with_lower_gains_a_long_hold_is_said_once() -> None:
     assert said == ["was held for 20 s by its delay: it follows with lower gains instead (on_delay: degrade)"]
 
 
-def test_gains_are_told_with_their_shares_the_delay_and_what_is_used_then() -> None:
+def test_gains_are_stated_with_their_shares_the_delay_and_what_is_used_then() -> None:
     """A delay of 4 margins; after a change 0.7 of a margin is used, or less by a step of the bandwidth."""
     formation = Formation(on_delay="degrade")
     used = formation.use(4.0)
@@ -70,7 +70,7 @@ def test_a_loop_that_is_unstable_without_delay_has_no_margin() -> None:
     assert math.isinf(formation.watch.max_used)
 
 
-def test_one_that_has_led_is_reported_anew_when_it_comes_near_its_margin_again() -> None:
+def test_one_that_has_led_is_reported_again_when_it_comes_near_its_margin_again() -> None:
     formation = Formation()
     formation.use(0.9)
     formation.look(formation.follower)
@@ -118,7 +118,7 @@ def test_without_prediction_wrong_time_constants_use_nothing() -> None:
 
 
 @pytest.mark.parametrize(("one_way_s", "designed"), [(0.049, False), (0.051, True)])
-def test_gains_are_designed_for_50_ms_more_than_is_known_and_told(one_way_s: float, designed: bool) -> None:
+def test_gains_are_designed_for_50_ms_more_than_is_known_and_stated(one_way_s: float, designed: bool) -> None:
     slow = Slow()
     law = slow.look(one_way_s, begins=True)
     assert (law is not None) is designed
@@ -182,7 +182,7 @@ def said(law: dict[str, Any], count: int = 3, **link: Any) -> list[str]:
 
 
 def test_the_delay_at_which_eighty_percent_of_a_margin_is_in_use_is_where_followers_are_held() -> None:
-    """What is enough is told, of the loop: from both sides of 0.8 of it, and of the whole of it."""
+    """What is enough is stated, of the loop: from both sides of 0.8 of it, and of the whole of it."""
     plain = {"delay_compensation": False}
     (text,) = said(plain, delay_ms=500)
     enough_s = float(text.partition("others; ")[2].partition(" s or less")[0])

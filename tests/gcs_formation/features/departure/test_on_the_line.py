@@ -55,7 +55,7 @@ def test_the_ends_and_sides_of_that_line_are_not_on_it(north_m: float, east_m: f
 
 
 @pytest.mark.parametrize("unknown", ["its own place", "the other's place", "its nose", "it is the same"])
-def test_where_a_place_or_the_nose_is_not_known_nobody_is_ahead(unknown: str) -> None:
+def test_where_a_place_or_the_nose_is_not_known_none_is_ahead(unknown: str) -> None:
     one, other = standing(1, 0.0, 0.0), standing(2, 60.0, 0.0)
     assert is_ahead(other, one)
     if unknown == "its own place":
@@ -164,7 +164,7 @@ def made(*vehicles: Waiting) -> tuple[Connecting, AwaitingFormation]:
 
 
 def test_one_that_waits_is_commanded_along_its_take_off_at_the_height_where_that_ended_from_1_s_to_20_s() -> None:
-    """At the speed of the path; no wind is known yet. It isn't told again to fly as it has come to fly meanwhile."""
+    """At the speed of the path; no wind is known yet. It isn't said again to fly as it has come to fly meanwhile."""
     plane = Waiting(1)
     cycle, stage = made(plane, Waiting(2))
     cycle.each[1].member = Member.STARTING
@@ -179,7 +179,7 @@ def test_one_that_waits_is_commanded_along_its_take_off_at_the_height_where_that
     assert cycle.sent == [(plane, "speed"), (plane, "heading")] * 3
 
 
-def test_when_all_are_there_those_that_circle_fly_straight_on_anew() -> None:
+def test_when_all_are_there_those_that_circle_fly_straight_on_again() -> None:
     plane, late = Waiting(1), Waiting(2)
     cycle, stage = made(plane, late)
     late.member = Member.STARTING
@@ -213,7 +213,7 @@ def test_who_does_not_wait_or_is_not_known_well_enough_is_not_commanded(lacks: s
     assert (plane.asked, cycle.sent, cycle.findings.waiting) == ([], [], set())
 
 
-def test_once_the_formation_is_commanded_nobody_is_told_to_fly_straight_on() -> None:
+def test_once_the_formation_is_commanded_none_is_reported_to_fly_straight_on() -> None:
     plane = Waiting(1)
     cycle, stage = made(plane)
     cycle.run(stage, 0.0)

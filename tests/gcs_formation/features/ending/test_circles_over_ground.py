@@ -28,7 +28,7 @@ def hill(north_m: float, east_m: float, height_m: float, radius_m: float) -> dic
     return {"shape": "cosine", "north_m": north_m, "east_m": east_m, "height_m": height_m, "radius_m": radius_m}
 
 
-def told(flight: Scenario) -> list[str]:
+def reported(flight: Scenario) -> list[str]:
     return list(final_circles(flight))
 
 
@@ -37,14 +37,14 @@ def long(**keys: Any) -> dict[str, Any]:
 
 
 def test_over_level_ground_that_is_far_below_there_is_nothing_to_say() -> None:
-    assert told(planned(hill(0.0, -5000.0, 50.0, 100.0), **long())) == []
-    assert told(load_scenario(scenario())) == []
+    assert reported(planned(hill(0.0, -5000.0, 50.0, 100.0), **long())) == []
+    assert reported(load_scenario(scenario())) == []
 
 
 @pytest.mark.parametrize(("height_m", "lifted_m"), [(39.0, 0.0), (41.0, 1.0), (90.0, 50.0)])
 def test_a_hill_below_the_circles_lifts_them_by_what_its_clearance_lacks(height_m: float, lifted_m: float) -> None:
     """150 m beside the end of the path; 60 m above it are asked for, and the path is 100 m high."""
-    said = told(planned(hill(END_M, 3150.0, height_m, 100.0), **long()))
+    said = reported(planned(hill(END_M, 3150.0, height_m, 100.0), **long()))
     circles = [each for each in said if "vehicles circle" in each]
     assert len(circles) == (lifted_m > 0.0)
     for text in circles:
@@ -57,17 +57,17 @@ def test_a_hill_below_the_circles_lifts_them_by_what_its_clearance_lacks(height_
 @pytest.mark.parametrize(("beyond_m", "lifts"), [(800.0, True), (930.0, False)])
 def test_hills_count_as_far_as_the_formation_flies_until_it_circles(beyond_m: float, lifts: bool) -> None:
     """660 m in 30 s at 22 m/s and 200 m for a circle; the hill has a radius of 60 m."""
-    said = told(planned(hill(END_M + beyond_m, 3000.0, 130.0, 60.0), **long()))
+    said = reported(planned(hill(END_M + beyond_m, 3000.0, 130.0, 60.0), **long()))
     assert any("vehicles circle" in each for each in said) is lifts
 
 
 @pytest.mark.parametrize("turned", [1.0, -1.0])
-def test_a_hill_straight_ahead_that_is_higher_than_they_can_climb_by_then_is_told_with_the_lowest_clearance(
+def test_a_hill_straight_ahead_that_is_higher_than_they_can_climb_by_then_is_reported_with_the_lowest_clearance(
     turned: float,
 ) -> None:
     """The top is 150 m high and 250 m ahead, 11.4 s: at 3 m/s they are below 134 m by then; mirrored, it is alike."""
     path = AHEAD | {"waypoints_m": [[turned * 3000, 3000, 100], [turned * END_M, 3000, 100]]}
-    said = told(planned(hill(turned * (END_M + 250.0), 3000.0, 150.0, 300.0), path=path, **long()))
+    said = reported(planned(hill(turned * (END_M + 250.0), 3000.0, 150.0, 300.0), path=path, **long()))
     (text,) = [each for each in said if "straight on" in each]
     found = re.search(r"come to (-?[\d.]+) m above the ground straight on, at north (-?\d+), east (\d+)", text)
     assert found is not None
@@ -80,9 +80,9 @@ def test_a_hill_straight_ahead_that_is_higher_than_they_can_climb_by_then_is_tol
 
 
 @pytest.mark.parametrize(("height_m", "low"), [(45.0, False), (76.0, True)])
-def test_a_hill_that_they_are_above_in_time_is_not_told(height_m: float, low: bool) -> None:
+def test_a_hill_that_they_are_above_in_time_is_not_reported(height_m: float, low: bool) -> None:
     """250 m ahead: to be 60 m above a top of 45 m they climb by 5 m in 11 s, but not by 36 m above one of 76 m."""
-    said = told(planned(hill(END_M + 250.0, 3000.0, height_m, 300.0), **long()))
+    said = reported(planned(hill(END_M + 250.0, 3000.0, height_m, 300.0), **long()))
     assert any("straight on" in each for each in said) is low
 
 
@@ -99,15 +99,15 @@ class Holes:
         return np.zeros_like(north_m + east_m)
 
 
-@pytest.mark.parametrize(("beyond_m", "is_told"), [(300.0, True), (920.0, False)])
-def test_ground_that_is_not_known_below_the_circles_is_told_with_the_first_place(
-    beyond_m: float, is_told: bool
+@pytest.mark.parametrize(("beyond_m", "is_reported"), [(300.0, True), (920.0, False)])
+def test_ground_that_is_not_known_below_the_circles_is_reported_with_the_first_place(
+    beyond_m: float, is_reported: bool
 ) -> None:
     """Vehicles fly on for 660 m in 30 s, and circle within 200 m."""
     flight = planned(hill(0.0, -5000.0, 1.0, 100.0), **long())
     vars(flight)["ground"] = Holes(END_M + beyond_m)
-    said = told(flight)
-    assert len(said) == is_told
+    said = reported(flight)
+    assert len(said) == is_reported
     for text in said:
         found = re.search(r"the flight's end: found no elevation at north (\d+), east (\d+), below the vehicles", text)
         assert found is not None
@@ -117,14 +117,14 @@ def test_ground_that_is_not_known_below_the_circles_is_told_with_the_first_place
 
 
 def test_a_leader_that_is_virtual_circles_nowhere() -> None:
-    """Three vehicles at 100 m need circles up to 130 m, with a leader or without; half a metre more isn't told."""
-    for max_m, is_told in ((129.4, True), (129.6, False)):
+    """Three vehicles at 100 m need circles up to 130 m, with a leader or without; half a metre more isn't reported."""
+    for max_m, is_reported in ((129.4, True), (129.6, False)):
         safety = {"fence": {"height_max_m": max_m}}
         real = load_scenario(scenario(safety=safety))
         each = [{"id": number, "role": "follower"} for number in (1, 2, 3)]
         shape = {"shape": "custom", "slots_m": {1: [0, -30, 0], 2: [0, 30, 0], 3: [-30, 0, 0]}}
         virtual = load_scenario(scenario(safety=safety, vehicles=each, formation=shape))
         for flight in (real, virtual):
-            assert [text.endswith("129.4 m are allowed (safety.fence.height_max_m)") for text in told(flight)] == [
+            assert [text.endswith("129.4 m are allowed (safety.fence.height_max_m)") for text in reported(flight)] == [
                 True
-            ] * is_told
+            ] * is_reported

@@ -40,22 +40,22 @@ def ended(*vehicles: Vehicle, manner: End = "loiter", **more: Any) -> SeparatedE
 
 
 @pytest.mark.parametrize(
-    ("up_m", "away_m", "told"), [(9.9, 0.0, True), (10.1, 0.0, False), (0.0, 399.0, True), (0.0, 401.0, False)]
+    ("up_m", "away_m", "reported"), [(9.9, 0.0, True), (10.1, 0.0, False), (0.0, 399.0, True), (0.0, 401.0, False)]
 )
-def test_those_that_may_circle_at_one_height_are_told_until_both_have_acknowledged_theirs(
-    up_m: float, away_m: float, told: bool
+def test_those_that_may_circle_at_one_height_are_reported_until_both_have_acknowledged_theirs(
+    up_m: float, away_m: float, reported: bool
 ) -> None:
     one, other = plane(1, 0.0, 0.0), plane(2, away_m, 0.0, 100.0 + up_m)
     end = ended(one, other)
     text = f"vehicles 1 and 2 may circle at heights {up_m:.1f} m apart: 1 hasn't acknowledged its height"
-    assert end.at_one_height() == [text] * told
+    assert end.at_one_height() == [text] * reported
     sent_to(one)
-    assert end.at_one_height() == [text.replace(": 1", ": 2")] * told
+    assert end.at_one_height() == [text.replace(": 1", ": 2")] * reported
     sent_to(other)
     assert end.at_one_height() == []
 
 
-def test_who_refuses_its_height_is_told_with_the_command_and_the_answer() -> None:
+def test_who_refuses_its_height_is_reported_with_the_command_and_the_answer() -> None:
     one, other = plane(1, 0.0, 0.0), plane(2, 0.0, 0.0)
     end = ended(one, other)
     sent_to(one)
@@ -76,17 +76,17 @@ def test_vehicles_that_hover_where_they_are_need_no_heights_and_circle_nowhere()
     assert not ended(*each, plane(3, 0.0, 0.0)).hovers
 
 
-def test_only_who_is_told_its_way_home_is_watched() -> None:
+def test_only_who_is_reported_its_way_home_is_watched() -> None:
     """One that doesn't answer for 5 s circles where it is; one that is only to circle is left to that."""
-    for manner, waited_s, told in (("rtl", 5.0, False), ("rtl", 5.1, True), ("loiter", 60.0, False)):
+    for manner, waited_s, reported in (("rtl", 5.0, False), ("rtl", 5.1, True), ("loiter", 60.0, False)):
         vehicle = plane(1, 0.0, 0.0)
         vehicle.telemetry.custom_mode = m.PLANE_MODE_GUIDED
         end = ended(vehicle, manner=manner)  # type: ignore[arg-type]
         lists = vehicle.commands.lists
         end.advance(after(NOW, waited_s))
-        assert (vehicle.commands.lists > lists) is told
+        assert (vehicle.commands.lists > lists) is reported
         end.advance(after(NOW, 60.0))
-        assert vehicle.commands.lists == lists + (manner == "rtl"), "it is told once"
+        assert vehicle.commands.lists == lists + (manner == "rtl"), "it is reported once"
 
 
 def test_one_that_is_on_its_way_home_and_silent_is_not_called_back() -> None:
@@ -149,7 +149,7 @@ def test_one_that_climbs_out_keeps_the_others_from_landing() -> None:
     assert commanded(low) == m.PLANE_MODE_AUTOLAND, "its pilot flies it"
 
 
-def test_haste_lands_nobody_else_and_waits_for_acknowledgements_alone() -> None:
+def test_haste_lands_no_other_and_waits_for_acknowledgements_alone() -> None:
     low, high = plane(1, 0.0, 0.0), plane(2, 0.0, 60.0)
     end = landing(low, high)
     end._loiter_s = 40.0

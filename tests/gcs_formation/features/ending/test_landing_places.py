@@ -166,14 +166,14 @@ def test_one_that_still_climbs_out_is_asked_later_where_it_lands() -> None:
     assert order(vehicle).refusal is not None, "it is nowhere to be seen where it takes off"
 
 
-@pytest.mark.parametrize(("height_m", "told"), [(4.9, False), (5.1, True)])
+@pytest.mark.parametrize(("height_m", "stated"), [(4.9, False), (5.1, True)])
 def test_ground_within_600_m_may_be_5_m_higher_than_home_but_not_where_one_comes_down_straight(
-    height_m: float, told: bool
+    height_m: float, stated: bool
 ) -> None:
     hill = {"shape": "cosine", "north_m": 500, "east_m": 0, "height_m": height_m, "radius_m": 200}
     away = {"speed_mps": 22, "waypoints_m": [[0, 3000, 100], [2000, 3000, 100]]}
     ground = GroundFloor(load_scenario(scenario(terrain={"clearance_m": 10, "hills": [hill]}, path=away)))
-    assert (order(plane(1, 0.0, 0.0), ground=ground).refusal is not None) is told
+    assert (order(plane(1, 0.0, 0.0), ground=ground).refusal is not None) is stated
     assert order(plane(1, -310.0, 0.0), ground=ground).refusal is None
     assert order(hovering(1, 0.0, 100.0, 0.0), ground=ground).refusal is None
 

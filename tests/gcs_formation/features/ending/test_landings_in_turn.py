@@ -133,16 +133,16 @@ def test_15_minutes_are_waited_for_all_to_circle_from_when_the_first_has_come(wa
 
 
 @pytest.mark.parametrize(("waited_s", "given_up"), [(900.0, False), (900.1, True)])
-def test_each_has_15_minutes_to_land_from_when_it_was_told_to(waited_s: float, given_up: bool) -> None:
-    """The second is told 700 s after the first."""
+def test_each_has_15_minutes_to_land_from_when_it_was_reported_to(waited_s: float, given_up: bool) -> None:
+    """The second is reported 700 s after the first."""
     low, high = plane(1, 0.0, 0.0), plane(2, 0.0, 50.0, 115.0)
-    landings, told = queue(low, high), after(NOW, 700.0)
+    landings, reported = queue(low, high), after(NOW, 700.0)
     landings.advance(NOW)
     down(low)
     landings.advance(after(NOW, 699.0))
-    landings.advance(told)
+    landings.advance(reported)
     assert high.commands.under_way is not None
-    landings.advance(after(told, waited_s))
+    landings.advance(after(reported, waited_s))
     assert landings.failure == ("vehicle 2 has not landed within 900 s" if given_up else None)
     assert landings.is_pending(high) is not given_up
 

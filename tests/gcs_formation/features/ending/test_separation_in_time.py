@@ -49,7 +49,7 @@ def test_without_progress_it_is_over_at_its_time_limit(at_s: float, over: bool) 
     assert separation.over(after(NOW, at_s)) is over
 
 
-def test_it_is_over_as_soon_as_all_are_apart_and_were_told_so() -> None:
+def test_it_is_over_as_soon_as_all_are_apart_and_were_stated_so() -> None:
     separation, (_, second), links, tick = separation_of(100.0, 100.0)
     assert separation.steer(links, NOW) == [100.0, 115.0]
     assert not separation.over(NOW)
@@ -124,7 +124,7 @@ def test_one_that_has_not_answered_for_5_s_may_be_at_any_height_since_it_last_re
 
 
 @pytest.mark.parametrize("member", [Member.HOLDING, Member.RETURNING])
-def test_one_that_was_told_to_circle_is_between_its_height_the_last_it_received_and_that_of_its_circle(
+def test_one_that_was_stated_to_circle_is_between_its_height_the_last_it_received_and_that_of_its_circle(
     member: Member,
 ) -> None:
     separation, (_, circles), links, _ = separation_of(92.0, 100.0)
@@ -143,7 +143,7 @@ def test_without_a_leader_that_is_ready_none_is_steered_and_none_moves() -> None
     separation, _, links, _ = separation_of(100.0, 104.0)
     links[0].ready = False
     assert separation.steer(links, NOW) == [100.0, 104.0]
-    assert separation.over(NOW), "there is nobody who could be moved"
+    assert separation.over(NOW), "there is none who could be moved"
 
 
 def test_before_the_first_tick_no_height_has_been_commanded() -> None:

@@ -99,9 +99,9 @@ def test_its_end_is_said_once_too() -> None:
 @pytest.mark.parametrize(
     "given",
     [{"yielding": [False, True]}, {"replaced": [(False,) * 3, (False, True, False)]}],
-    ids=["gives way", "its lateral setpoint is replaced"],
+    ids=["avoids it", "its lateral setpoint is replaced"],
 )
-def test_what_others_command_does_not_count_and_begins_anew(given: dict[str, Any]) -> None:
+def test_what_others_command_does_not_count_and_begins_again(given: dict[str, Any]) -> None:
     swinging = Swinging()
     swinging.run(70.0, **given)
     assert swinging.logged == []

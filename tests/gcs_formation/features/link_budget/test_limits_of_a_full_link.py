@@ -97,7 +97,7 @@ def test_round_trips_of_the_last_five_seconds_count_and_four_at_least() -> None:
 
 @settings(deadline=None, max_examples=25, derandomize=True)
 @given(up=st.floats(0.0, 0.9), down=st.floats(0.0, 0.9))
-def test_losses_up_and_down_are_told_apart(up: float, down: float) -> None:
+def test_losses_up_and_down_are_reported_apart(up: float, down: float) -> None:
     """An answer comes only if neither is lost; of 300 bytes a second sent those that weren't lost were carried."""
     link = Load()
     load = link.seconds(12, 0.1, up=up, down=down)

@@ -15,7 +15,7 @@ def test_two_more_than_half_as_many_again_in_five_seconds_are_too_many(rate_hz: 
     assert bool(Streamed().receive(7, {WIND: rate_hz}, 0.6)) is asked
 
 
-def test_windows_are_counted_anew_after_other_rates_are_wanted() -> None:
+def test_windows_are_counted_again_after_other_rates_are_wanted() -> None:
     streamed = Streamed()
     streamed.receive(5, {WIND: 4})
     streamed.streams.clear()

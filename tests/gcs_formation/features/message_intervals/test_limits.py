@@ -145,7 +145,7 @@ def test_nothing_is_asked_of_one_that_has_not_been_asked_or_is_busy(sender: Send
     asked_s = sender.now * 1e-9
     sender.run(4.0)
     at_s = sender.asked[0][0] - asked_s
-    assert at_s <= 0.6 if why == "a command is under way" else 2.0 <= at_s <= 3.0, "counted anew"
+    assert at_s <= 0.6 if why == "a command is under way" else 2.0 <= at_s <= 3.0, "counted again"
 
 
 def test_requests_come_2_5_and_5_and_10_s_after_one_another(sender: Sender) -> None:
@@ -165,7 +165,7 @@ def test_other_rates_are_expected_from_when_they_are_asked_for(sender: Sender) -
     assert [(each, interval_s) for _, each, interval_s in sender.asked[:1]] == [(ATTITUDE, pytest.approx(0.1))]
 
 
-def test_another_link_is_counted_anew(sender: Sender) -> None:
+def test_another_link_is_counted_again(sender: Sender) -> None:
     """Its numbers begin at 0: the loss of both together would be none of either."""
     sender.vehicle.sequence = SimpleNamespace(received=0, lost=0)
     sender.run(10.0)
@@ -213,7 +213,7 @@ def test_without_heartbeats_they_are_asked_for_once_and_beside_what_is_missing(s
 
 
 @pytest.mark.parametrize("phase", list(Phase))
-def test_while_all_loiter_at_the_end_nobody_looks(phase: Phase) -> None:
+def test_while_all_loiter_at_the_end_none_looks(phase: Phase) -> None:
     looked = list[Instant]()
     intervals: Any = SimpleNamespace(check_all=looked.append)
     cycle: Any = SimpleNamespace(flight=SimpleNamespace(phase=phase), now=Instant(3))

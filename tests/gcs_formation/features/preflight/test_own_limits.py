@@ -141,8 +141,8 @@ class Told:
         self.bounds = index, accel_mps2, turn_rps, climb_mps
 
     def model(self, *bounds: tuple[str, float]) -> Any:
-        """Return the model after these were told, None if there are no news."""
-        self.limits.apply(self.vehicle, [(key, value, f"{key} as told") for key, value in bounds])
+        """Return the model after these were reported, None if there are no news."""
+        self.limits.apply(self.vehicle, [(key, value, f"{key} as reported") for key, value in bounds])
         news = self.limits.take_news()
         return None if news is None else news[1].model
 
@@ -151,45 +151,45 @@ class Told:
 def test_the_narrower_of_model_and_parameters_bounds_it(key: str) -> None:
     """Climb and descent bound one key: the smaller of several counts, in any order."""
     for shares, share in (((0.8, 0.6), 0.6), ((0.6, 0.8), 0.6), ((1.5,), 1.0)):
-        told = Told()
-        own = getattr(told.given, key)
-        model = told.model(*((key, each * own) for each in shares))
+        reported = Told()
+        own = getattr(reported.given, key)
+        model = reported.model(*((key, each * own) for each in shares))
         assert getattr(model, key) == pytest.approx(share * own)
         others = {"accel_max_mps2", "turn_rate_max_rps", "climb_max_mps", "speed_min_mps", "speed_max_mps"} - {key}
-        assert all(getattr(model, each) == pytest.approx(getattr(told.given, each)) for each in others)
-        assert told.bounds == (1, model.accel_max_mps2, model.turn_rate_max_rps, model.climb_max_mps)
-        assert told.autopilot.turn_rate_max_rps == model.turn_rate_max_rps
-    assert told.limits.take_news() is None, "they are no news twice"
+        assert all(getattr(model, each) == pytest.approx(getattr(reported.given, each)) for each in others)
+        assert reported.bounds == (1, model.accel_max_mps2, model.turn_rate_max_rps, model.climb_max_mps)
+        assert reported.autopilot.turn_rate_max_rps == model.turn_rate_max_rps
+    assert reported.limits.take_news() is None, "they are no news twice"
 
 
 @pytest.mark.parametrize(("key", "sign"), [("speed_min_mps", 1.0), ("speed_max_mps", -1.0)])
-def test_speeds_are_told_as_indicated_and_only_narrow_those_of_the_model(key: str, sign: float) -> None:
+def test_speeds_are_reported_as_indicated_and_only_narrow_those_of_the_model(key: str, sign: float) -> None:
     for off_mps in (1.0, -1.0):
-        told = Told()
-        own_mps = getattr(told.given, key)
-        model = told.model((key, own_mps / DENSITY + sign * off_mps), (key, own_mps / DENSITY + sign * off_mps / 2))
+        reported = Told()
+        own_mps = getattr(reported.given, key)
+        model = reported.model((key, own_mps / DENSITY + sign * off_mps), (key, own_mps / DENSITY + sign * off_mps / 2))
         assert getattr(model, key) == pytest.approx(own_mps + (sign * DENSITY if off_mps > 0.0 else 0.0))
-        assert told.speeds_mps == pytest.approx((model.speed_min_mps / DENSITY, model.speed_max_mps / DENSITY))
+        assert reported.speeds_mps == pytest.approx((model.speed_min_mps / DENSITY, model.speed_max_mps / DENSITY))
 
 
 @pytest.mark.parametrize("left_mps", [0.0, -1.0])
 def test_where_no_speed_is_left_nothing_is_bounded(left_mps: float) -> None:
-    told = Told()
-    slowest_mps = told.given.speed_min_mps / DENSITY + 3.0
-    assert told.model(("speed_min_mps", slowest_mps), ("speed_max_mps", slowest_mps + left_mps)) is None
-    assert told.speeds_mps is None
-    assert told.model() is None
+    reported = Told()
+    slowest_mps = reported.given.speed_min_mps / DENSITY + 3.0
+    assert reported.model(("speed_min_mps", slowest_mps), ("speed_max_mps", slowest_mps + left_mps)) is None
+    assert reported.speeds_mps is None
+    assert reported.model() is None
 
 
 def test_what_cannot_be_flown_within_them_is_named_with_who_tells_it() -> None:
     """A path at 22 m/s, and an aircraft that flies 18 m/s at most."""
-    told = Told()
-    assert told.limits.unflyable() == []
-    assert told.model(("speed_max_mps", 27.0 / DENSITY)) is not None
-    assert told.limits.unflyable() == []
-    told.model(("speed_max_mps", 18.0 / DENSITY))
-    (said,) = told.limits.unflyable()
-    assert said.startswith("what vehicles tell (vehicle 2: speed_max_mps as told) isn't enough for ")
+    reported = Told()
+    assert reported.limits.unflyable() == []
+    assert reported.model(("speed_max_mps", 27.0 / DENSITY)) is not None
+    assert reported.limits.unflyable() == []
+    reported.model(("speed_max_mps", 18.0 / DENSITY))
+    (said,) = reported.limits.unflyable()
+    assert said.startswith("what vehicles tell (vehicle 2: speed_max_mps as reported) isn't enough for ")
     assert "path.speed_mps: " in said
     assert "; allowed: " in said
 
@@ -200,8 +200,8 @@ def test_of_what_cannot_be_flown_three_are_named_and_the_others_counted(
 ) -> None:
     found = [SimpleNamespace(key=("path", number), found=f"found {number}", allowed="less") for number in range(count)]
     monkeypatch.setattr(read_limits, "check", lambda _: found)
-    told = Told()
-    told.model(("climb_max_mps", 1.0))
-    (said,) = told.limits.unflyable()
+    reported = Told()
+    reported.model(("climb_max_mps", 1.0))
+    (said,) = reported.limits.unflyable()
     each = "; ".join(f"path.{number}: found {number}; allowed: less" for number in range(min(count, 3)))
-    assert said == f"what vehicles tell (vehicle 2: climb_max_mps as told) isn't enough for {each}{more}"
+    assert said == f"what vehicles tell (vehicle 2: climb_max_mps as reported) isn't enough for {each}{more}"

@@ -55,7 +55,7 @@ def test_a_vehicle_elsewhere_refuses_whether_it_flies_or_not_and_both_distances_
     )
 
 
-def test_distances_that_would_read_alike_are_told_apart() -> None:
+def test_distances_that_would_read_alike_are_reported_apart() -> None:
     (found,) = judged(BEGIN_M[0] + 1000.0 * FARTHEST_KM + 10_001.0, BEGIN_M[1])
     words = found.text.split()
     assert words[2] != words[words.index("to") + 1]

@@ -90,7 +90,9 @@ class Meetings:
 @pytest.mark.parametrize(
     ("side", "height", "how"), [(1.0, True, "upwards"), (-1.0, True, "downwards"), (1.0, False, "as high")]
 )
-def test_an_encounter_is_told_with_its_manoeuvre_and_its_least_distance(side: float, height: bool, how: str) -> None:
+def test_an_encounter_is_reported_with_its_manoeuvre_and_its_least_distance(
+    side: float, height: bool, how: str
+) -> None:
     meetings, conflict = Meetings(), Conflict(1, 0, 6.25, 4.5)
     assert not meetings.each.any
     details = {"other": "1", "begins": True, "nearest_m": 6.25, "in_s": 4.5}
@@ -145,11 +147,11 @@ def test_the_leader_comes_first_and_multirotors_far_from_their_slots_last() -> N
     assert counted(0, errors_m=[99.0, 10.6, 0.0])[0] == [0, 2, 1]
 
 
-def test_who_is_not_heard_or_stands_is_not_counted_and_one_that_was_told_to_stop_is_somewhere() -> None:
-    told = after(Instant(0), 1.0)
+def test_who_is_not_heard_or_stands_is_not_counted_and_one_that_was_reported_to_stop_is_somewhere() -> None:
+    reported = after(Instant(0), 1.0)
     assert counted(0, age_s=[0.0, 29.9, 30.0]) == ([0, 1], [])
-    assert counted(0, age_s=[0.0, 29.9, 30.0], brakes=[told] * 3) == ([0, 1], [2])
-    assert counted(0, age_s=[0.0, 29.9, 30.0], brakes=[told] * 3, airborne=[False] * 3) == ([0, 1], [])
+    assert counted(0, age_s=[0.0, 29.9, 30.0], brakes=[reported] * 3) == ([0, 1], [2])
+    assert counted(0, age_s=[0.0, 29.9, 30.0], brakes=[reported] * 3, airborne=[False] * 3) == ([0, 1], [])
     assert counted(0, active=[True, False, False], flew=[False, False, True])[0] == [0, 2]
 
 

@@ -115,7 +115,7 @@ def test_what_hovers_has_moved_since_its_state_until_it_stopped(candidate: Candi
 
 
 @pytest.mark.parametrize(("seen_s", "found"), [(8.4, 3), (8.5, 3), (8.6, 0)])
-def test_one_that_is_told_to_stop_and_not_seen_for_1_5_s_stops_where_the_command_comes_or_is_repeated(
+def test_one_that_is_reported_to_stop_and_not_seen_for_1_5_s_stops_where_the_command_comes_or_is_repeated(
     seen_s: float, found: int
 ) -> None:
     """Told at 9 s, with 0.4 s under way, and again after 1 s and 2 s; now it is 10 s. It held 8 m/s until then."""
@@ -240,10 +240,10 @@ def test_a_multirotor_that_is_free_may_go_on_accelerating_or_fly_home() -> None:
     tick: Any = SimpleNamespace(active=[True, False, True], links=links)
     now: Any = SimpleNamespace(states=[state(5.0)] * 3)
     watched.non_conforming[2] = True
-    (first, ahead), (second, aside), (third, home) = watched.intents(tick, [0, 2, 1], now)
+    (first, ahead), (second, sideways), (third, home) = watched.intents(tick, [0, 2, 1], now)
     assert (first, second, third) == (1, 2, 2)
     assert ahead[:2] == pytest.approx((math.hypot(5.0, 2.0), math.atan2(-2.0, 5.0)))
-    assert aside[:2] == pytest.approx((7.0, 0.0))
+    assert sideways[:2] == pytest.approx((7.0, 0.0))
     assert home[:2] == pytest.approx((5.0, math.pi / 2.0))
     assert UncommandedMotion(sent(NORTH_8), [copter()] * 3, 12.0, hovers=False).intents(tick, [0, 2, 1], now) == []
 
@@ -289,7 +289,7 @@ def test_the_nearest_slots_are_those_of_any_two() -> None:
     assert ticks._nearest_m(slots_m[:1]) == math.inf
 
 
-def test_a_conflict_is_told_by_the_plain_way_that_comes_nearer() -> None:
+def test_a_conflict_is_reported_by_the_plain_way_that_comes_nearer() -> None:
     near = ClosestApproach(
         np.array([[9.0, 2.0, 1.0], [3.0, 4.0, 5.0]]), np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]), np.ones((2, 3))
     )

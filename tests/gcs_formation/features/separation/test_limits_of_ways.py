@@ -48,7 +48,7 @@ def scene(*rows: list[float], **changed: Any) -> TrafficPicture:
 
 
 def test_two_that_pass_are_nearest_at_the_foot_of_the_perpendicular_between_samples() -> None:
-    """At 5 m/s, 10 m ahead and 3 m aside: 3 m after 2 s; the samples at 1.5 s and 3.5 s are 3.9 m and 8.1 m apart.
+    """At 5 m/s, 10 m ahead and 3 m sideways: 3 m after 2 s; the samples at 1.5 s and 3.5 s are 3.9 m and 8.1 m apart.
 
     10 m are undercut by 7 m in the step from 1.5 s to 3.5 s, and by 10 - hypot(2.5, 3) m for 1 s before that.
     """

@@ -139,7 +139,7 @@ class Flight:
         self.each[0].member = Member.NO_LINK
 
     def successor(self) -> int | None:
-        """Let the stage run; return who is told to lead."""
+        """Let the stage run; return who is reported to lead."""
         cycle: Any = self
         Succession().run(cycle)
         calls = self.reconfiguration.replace_leader.call_args_list
@@ -227,11 +227,11 @@ def test_a_leader_that_a_late_command_has_made_loiter_is_given_time_to_come_back
     assert (flight.successor() is not None) is replaced
 
 
-@pytest.mark.parametrize("why", ["nobody may", "nothing is known yet"])
-def test_none_takes_over_where_nobody_is_to_or_before_the_first_setpoints(flight: Flight, why: str) -> None:
+@pytest.mark.parametrize("why", ["none may", "nothing is known yet"])
+def test_none_takes_over_where_none_is_to_or_before_the_first_setpoints(flight: Flight, why: str) -> None:
     """A leader that sinks goes on leading then."""
     cycle: Any = flight
-    if why == "nobody may":
+    if why == "none may":
         flight.scenario.formation.succession = "none"
     else:
         flight.controller.last_tick = None

@@ -59,7 +59,7 @@ def test_a_jump_leaks_out_of_both_sums_with_their_memories(jump_m: float, steps:
 
 
 def test_each_sum_compares_the_position_with_a_velocity_of_its_own() -> None:
-    """At 10 m/s, told as 4, witnessed as 9, steps of 1 m gain 0.6 m, 0.1 m, and on the opposite of what is told 1.4 m.
+    """At 10 m/s, reported as 4, witnessed as 9, steps of 1 m gain 0.6 and 0.1 m, and 1.4 m on the opposite.
 
     The first two steps leave 1 + 0.95 of that in the short sum.
     """
@@ -121,7 +121,7 @@ def test_a_sum_is_lost_whole_after_its_memory_and_never_turns_over() -> None:
 
 
 def test_what_is_smoothed_moves_a_hundredth_of_the_way_in_a_hundredth_of_its_time_constant() -> None:
-    """0.1 s of 10 s; carried on by the mean velocity, 5 m/s, it is expected at 0.5 m, and told at 10.5 m."""
+    """0.1 s of 10 s; carried on by the mean velocity, 5 m/s, it is expected at 0.5 m, and reported at 10.5 m."""
     axis = begun(0.0, 4.0)
     axis.fly(STEP_S, 10.5, 6.0, 0.0, derived=False, waits=False)
     assert axis.smooth_m == pytest.approx(0.6)

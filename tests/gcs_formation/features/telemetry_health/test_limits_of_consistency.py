@@ -32,8 +32,8 @@ class Straight:
             self.at_s += STEP_S
             off = off_m + drift_mps * number * STEP_S
             place = [self.mps * self.at_s + off, 0.0][: self.axes]
-            told, witnessed = [rate * self.mps, 0.0][: self.axes], [witness * self.mps, 0.0][: self.axes]
-            self.differs = self.checked.take(1 + round(self.at_s * 1e9), place, told, witnessed, self.variances)
+            reported, witnessed = [rate * self.mps, 0.0][: self.axes], [witness * self.mps, 0.0][: self.axes]
+            self.differs = self.checked.take(1 + round(self.at_s * 1e9), place, reported, witnessed, self.variances)
             found = found or (number if self.checked.wrong is not None else None)
         return found
 
@@ -145,7 +145,7 @@ def test_ten_samples_begin_the_sums(samples: int) -> None:
 
 
 def test_what_gains_too_much_from_the_beginning_is_judged_from_the_twentieth_sample_on() -> None:
-    """The first has none before it; a fourth of 40 m/s told gains 3 m each; of the 21st on three are beyond."""
+    """The first has none before it; a fourth of 40 m/s reported gains 3 m each; of the 21st on three are beyond."""
     assert Straight(mps=40.0).fly(40, rate=0.25) == 23
 
 
@@ -191,7 +191,7 @@ def test_without_a_witness_a_velocity_is_wrong_whose_opposite_agrees(opposed: fl
 
 @pytest.mark.parametrize(("witness", "found"), [(1.0, VELOCITY), (0.65, VELOCITY), (0.45, POSITION), (0.1, POSITION)])
 def test_what_agrees_less_with_the_witness_is_wrong(witness: float, found: int) -> None:
-    """It moves at 1, is told to at 0.1: a witness nearer to the first than to the second accuses the velocity."""
+    """It moves at 1, is reported to at 0.1: a witness nearer to the first than to the second accuses the velocity."""
     flight = Straight()
     flight.fly(30)
     flight.fly(8, rate=0.1, witness=witness)

@@ -36,12 +36,12 @@ def test_a_heading_jumps_that_turns_by_more_than_half_again_the_limit_and_some(
     sign: float, max_rad: float, after: int, bend_rad: float, sigma_rad: float
 ) -> None:
     """1.5 * 0.25 rad/s * 0.1 s + 0.15 rad: 0.1875 rad; the course's own turn where that is more; 7 sigmas of noise."""
-    for told_rad, is_jump in ((max_rad - 0.001, False), (max_rad + 0.001, True)):
+    for reported_rad, is_jump in ((max_rad - 0.001, False), (max_rad + 0.001, True)):
         checked = straight()
-        flown = checked.take_turned(at_ns(NEW - 1 + after), sign * told_rad, sign * bend_rad, sigma_rad)
-        assert flown == pytest.approx(sign * (bend_rad if is_jump else told_rad))
+        flown = checked.take_turned(at_ns(NEW - 1 + after), sign * reported_rad, sign * bend_rad, sigma_rad)
+        assert flown == pytest.approx(sign * (bend_rad if is_jump else reported_rad))
         assert (checked.offset_rad != 0.0) == is_jump
-        assert checked.evidence_rad == pytest.approx((told_rad - bend_rad) if is_jump else 0.0)
+        assert checked.evidence_rad == pytest.approx((reported_rad - bend_rad) if is_jump else 0.0)
 
 
 @pytest.mark.parametrize(("samples", "is_jump"), [(20, False), (21, True)])
@@ -59,15 +59,15 @@ def test_a_heading_after_a_gap_of_three_seconds_is_not_compared(gap_s: float, is
 
 
 def test_a_heading_that_jumps_again_within_a_second_is_carried_on_by_the_course() -> None:
-    """The course turns at 0.1 rad/s; whatever is told in the next second, what is flown turns with it."""
+    """The course turns at 0.1 rad/s; whatever is reported in the next second, what is flown turns with it."""
     checked = straight()
     checked.take_turned(at_ns(NEW), 1.0, 0.01, 0.0)
     for number in range(1, 10):
-        told_rad = 1.0 + 0.1 * (number % 2)
-        flown = checked.take_turned(at_ns(NEW + number), told_rad, 0.01 * (number + 1), 0.0)
+        reported_rad = 1.0 + 0.1 * (number % 2)
+        flown = checked.take_turned(at_ns(NEW + number), reported_rad, 0.01 * (number + 1), 0.0)
         assert flown == pytest.approx(0.01 * (number + 1))
-    checked.take_turned(at_ns(NEW + 10), told_rad, 0.1, 0.0)
-    flown = checked.take_turned(at_ns(NEW + 11), told_rad + 0.05, 0.1, 0.0)
+    checked.take_turned(at_ns(NEW + 10), reported_rad, 0.1, 0.0)
+    flown = checked.take_turned(at_ns(NEW + 11), reported_rad + 0.05, 0.1, 0.0)
     assert flown == pytest.approx(0.1 + 0.05), "it has been quiet for a second, and is believed to turn"
 
 
@@ -77,8 +77,8 @@ def test_a_jump_back_forgets_the_jump_through_south_too(jump_rad: float, course_
     """Headings repeat after a full turn; what is flown is the true one all the time."""
     checked = HeadingCheck(TURN_RPS)
     for number in range(80):
-        told = course_rad + 0.002 * number + (jump_rad if 30 <= number < 55 else 0.0)
-        flown = checked.take_turned(at_ns(number), math.remainder(told, math.tau), course_rad + 0.002 * number, 0.0)
+        reported = course_rad + 0.002 * number + (jump_rad if 30 <= number < 55 else 0.0)
+        flown = checked.take_turned(at_ns(number), math.remainder(reported, math.tau), course_rad + 0.002 * number, 0.0)
         assert math.remainder(flown - course_rad - 0.002 * number, math.tau) == pytest.approx(0.0, abs=1e-9)
     assert checked.offset_rad == 0.0
 
@@ -167,7 +167,7 @@ def test_a_failed_sensors_airspeed_is_passed_on_and_what_was_known_of_jumps_is_f
 
 def test_an_airspeed_that_jumps_twice_the_same_way_is_taken_back_by_both() -> None:
     checked = cruising()
-    told = [30.0] * 30 + [40.0] * 30 + [41.0] * 5
-    flown = [checked.take(at_ns(NEW + number), each, 0.0) for number, each in enumerate(told)]
+    reported = [30.0] * 30 + [40.0] * 30 + [41.0] * 5
+    flown = [checked.take(at_ns(NEW + number), each, 0.0) for number, each in enumerate(reported)]
     assert flown == pytest.approx([20.0] * 60 + [21.0] * 5)
     assert checked.offset_mps == pytest.approx(-20.0)

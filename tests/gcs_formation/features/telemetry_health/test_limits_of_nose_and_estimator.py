@@ -27,7 +27,7 @@ STEP_S = 0.1
 
 
 class Pointing:
-    """A multirotor whose nose stays north, told as another heading in its positions."""
+    """A multirotor whose nose stays north, reported as another heading in its positions."""
 
     def __init__(self) -> None:
         self.checked, self.at_s = NoseCheck(0.6), 10.0
@@ -121,8 +121,8 @@ def test_a_commanded_velocity_begins_again_after_a_second_or_backwards_in_time(g
 def test_a_figure_has_a_row_of_5_5_mm_for_each_quantity_and_thirty_at_most(make_run: Any) -> None:
     """Those that were doubted first; heights in inches of 2.54 cm."""
     run = load_run(make_run())
-    told = {"kind": "health", "vehicle": "2", "healthy": False, "text": ""}
-    events = [told | {"quantity": f"q{number}", "t_s": run.zero_s + 40.0 - number} for number in range(33)]
+    reported = {"kind": "health", "vehicle": "2", "healthy": False, "text": ""}
+    events = [reported | {"quantity": f"q{number}", "t_s": run.zero_s + 40.0 - number} for number in range(33)]
     figure = telemetry_health(replace(run, events=tuple(events)))
     (axes,) = figure.axes
     assert [each.get_text() for each in axes.get_yticklabels()] == [f"2: q{number}" for number in range(32, 2, -1)]

@@ -81,7 +81,7 @@ def test_banks_of_25_and_pitches_of_45_degrees_are_of_uneven_ground(within: Atti
 
 
 @pytest.mark.parametrize(("at_s", "is_found"), [(0.99, False), (1.0, True), (2.0, True), (2.01, False)])
-def test_a_speed_is_told_in_the_air_by_positions_one_to_two_seconds_apart(at_s: float, is_found: bool) -> None:
+def test_a_speed_is_reported_in_the_air_by_positions_one_to_two_seconds_apart(at_s: float, is_found: bool) -> None:
     said = texts(
         {"at_s": at_s, "north_m": 150.0, "height_m": 80.0, "above_home_m": 80.0}, flies=True, first={"height_m": 80.0}
     )
@@ -99,7 +99,7 @@ def test_a_position_moves_by_the_mean_of_its_velocities() -> None:
     )
 
 
-def test_a_position_that_moves_otherwise_is_told_north_east_and_down() -> None:
+def test_a_position_that_moves_otherwise_is_reported_north_east_and_down() -> None:
     """10 m, 20 m and 30 m up in 5 s."""
     said = texts({"north_m": 110.0, "east_m": 70.0, "height_m": 30.0, "above_home_m": 30.0, "climb_mps": 1.5})
     moved = "vx 0.0, vy 0.0, vz -1.5 m/s while its position moves by 2.0, 4.0, -6.0 m/s; allowed: 5 m/s off"
@@ -131,7 +131,7 @@ def test_an_airspeed_is_judged_of_fixed_wings_from_the_slowest_that_flies() -> N
     assert texts({}, airspeed_mps=16.0, hovers=True) == []
 
 
-def test_what_was_not_told_is_not_found() -> None:
+def test_what_was_not_reported_is_not_found() -> None:
     assert texts({}, attitude=None, hud_heading_rad=math.nan, home_height_m=math.nan) == []
     assert texts({"heading_rad": math.nan}) == []
     telemetry = Telemetry(ORIGIN)

@@ -333,12 +333,12 @@ def test_each_sample_is_examined_by_the_setpoint_of_the_tick_before(active: bool
     last = SimpleNamespace(slots_left=False, slots_m=[(1.0, 2.0, 3.0)], active=[active], setpoints=[(1.0, 2.0, 70.0)])
     controller = SimpleNamespace(plan=SimpleNamespace(leader=leader))
     cycle: Any = SimpleNamespace(
-        controller=controller, last_tick=last, samples=["told"], each=[vehicle()], now=after(START, 1.0)
+        controller=controller, last_tick=last, samples=["stated"], each=[vehicle()], now=after(START, 1.0)
     )
     Examined(health).run(cycle)
     assert cycle.samples == ["examined"]
-    ((index, told, by_m, now, leads),) = asked
-    assert (index, told, now, leads) == (0, "told", after(START, 1.0), leader == 0)
+    ((index, stated, by_m, now, leads),) = asked
+    assert (index, stated, now, leads) == (0, "stated", after(START, 1.0), leader == 0)
     assert by_m == pytest.approx(height_m, nan_ok=True)
     assert health.slots_m == [(1.0, 2.0, 3.0)]
     last.slots_left, last.slots_m = True, []
