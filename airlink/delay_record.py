@@ -13,9 +13,9 @@ from typing import IO, Final, Self
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.engine import DelayQueue
-from airlink.frame import StreamParser
 from airlink.impairment import Direction
 from airlink.messages.system import Timesync
+from airlink.stream_parser import StreamParser
 
 COLUMNS: Final = ("uplink_t_s", "uplink_ms", "downlink_t_s", "downlink_ms", "rtt_t_s", "rtt_ms")
 ROUND_TRIP: Final = 4

@@ -16,10 +16,11 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, ComponentId, Endpoint
 from airlink.engine import Datagram, Engine
-from airlink.frame import HEADER_V2, Frame, StreamParser, frame_length
+from airlink.frame import HEADER_V2, Frame, frame_length
 from airlink.frame_starts import MARKER_V2
 from airlink.messages.command import CommandLong, RequestDataStream
 from airlink.messages.system import Heartbeat, SetupSigning
+from airlink.stream_parser import StreamParser
 
 FORGOTTEN_S: Final = 30.0
 """A peer that hasn't sent for this long is sent nothing more."""

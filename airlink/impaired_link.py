@@ -10,12 +10,14 @@ from typing import Final
 from airlink.clock import Instant
 from airlink.endpoint import Address, Endpoint, VehicleId
 from airlink.engine import Datagram, DelayQueue, Engine
-from airlink.frame import MANY_REMOTES, MAX_REMOTES, StreamParser, first_system
+from airlink.frame import first_system
 from airlink.impairment import Direction, Impairment
 from airlink.one_way_channel import Channel, ChannelStatistics
 from airlink.radio.settings import RADIO
 from airlink.radio.shared_radio import SharedRadio
 from airlink.random_streams import random_stream
+from airlink.receiver import MANY_REMOTES, MAX_REMOTES
+from airlink.stream_parser import StreamParser
 
 LinkId = tuple[VehicleId, int]
 """A vehicle, and which of its links, from 1."""

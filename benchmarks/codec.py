@@ -10,8 +10,9 @@ os.environ["MAVLINK20"] = "1"
 
 from pymavlink.dialects.v20 import ardupilotmega as peer
 
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages.telemetry import Attitude, GlobalPositionInt
+from airlink.stream_parser import StreamParser
 from gcs_formation.studies.markdown import markdown
 
 FRAMES = 20_000

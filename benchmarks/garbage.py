@@ -11,8 +11,10 @@ os.environ["MAVLINK20"] = "1"
 
 from pymavlink.dialects.v20 import ardupilotmega as peer
 
-from airlink.frame import MAX_REFUSED, FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages.telemetry import Attitude
+from airlink.receiver import MAX_REFUSED
+from airlink.stream_parser import StreamParser
 from gcs_formation.studies.markdown import markdown
 
 SIZE = 1400

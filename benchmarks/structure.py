@@ -17,8 +17,8 @@ from unittest.mock import Mock
 
 from airlink.clock import Instant, VirtualClock, seconds_between
 from airlink.engine import Datagram, MemoryNetwork
-from airlink.frame import StreamParser
 from airlink.messages.telemetry import GlobalPositionInt
+from airlink.stream_parser import StreamParser
 from formation_scenario import load_scenario
 from gcs_formation.phases import Phase
 from gcs_formation.station import Station

@@ -12,8 +12,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import gcs_formation
-from airlink.frame import StreamParser
 from airlink.messages import KINDS
+from airlink.stream_parser import StreamParser
 from gcs_formation.record.tlog import read_tlog
 from gcs_formation.studies.markdown import markdown
 

@@ -9,12 +9,13 @@ from typing import Final
 from airlink.clock import NANOSECONDS, NEVER, Instant, after, seconds_between
 from airlink.endpoint import Address, Endpoint, VehicleId
 from airlink.engine import Datagram, Engine
-from airlink.frame import Frame, FrameWriter, ParserCounts
+from airlink.frame import Frame, FrameWriter
 from airlink.messages import Message
 from airlink.messages.command import ParamValue
 from airlink.messages.mission import MissionCount, MissionItemInt
 from airlink.messages.system import Heartbeat, Statustext, Timesync
 from airlink.signing.signed_links import SignedLinks
+from airlink.stream_parser import ParserCounts
 from formation_scenario import Scenario
 from gcs_formation.core.each_second import commands_anybody
 from gcs_formation.core.feature import features, take_endings

@@ -10,13 +10,14 @@ from airlink import mavlink as m
 from airlink.clock import NEVER, Instant, after, seconds_between
 from airlink.endpoint import Address
 from airlink.engine import Datagram
-from airlink.frame import Frame, FrameWriter, StreamParser
+from airlink.frame import Frame, FrameWriter
 from airlink.messages import Message
 from airlink.messages.payload import MARKER_V2
 from airlink.messages.system import Timesync
 from airlink.signing.authentication import A_MINUTE, Authentication, Verdict
 from airlink.signing.key import SigningKey
 from airlink.signing.signed_links import OF_RADIOS, SignedLink
+from airlink.stream_parser import StreamParser
 from sim_vehicles.config import VehicleConfig
 
 AUTOPILOT: Final = m.MAV_COMP_ID_AUTOPILOT1

@@ -16,9 +16,10 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, ComponentId, Endpoint
 from airlink.engine import Datagram, Engine
-from airlink.frame import Frame, FrameWriter, Receiver
+from airlink.frame import Frame, FrameWriter
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat, SetupSigning, Statustext
+from airlink.receiver import Receiver
 from airlink.signing.authentication import Authentication
 from airlink.signing.key import KEY_BYTES, SigningKey
 from airlink.signing.signature import is_authentic, is_signed

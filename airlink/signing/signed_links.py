@@ -10,7 +10,8 @@ from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.endpoint import Address
 from airlink.engine import Datagram
-from airlink.frame import Frame, Receiver
+from airlink.frame import Frame
+from airlink.receiver import Receiver
 from airlink.signing.authentication import Authentication, Verdict
 from airlink.signing.signature import unsigned
 

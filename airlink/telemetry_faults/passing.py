@@ -14,10 +14,11 @@ import numpy as np
 
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import AirlinkError
-from airlink.frame import HEADER_V2, SIGNED_FLAG, Frame, StreamParser, reframed
+from airlink.frame import HEADER_V2, SIGNED_FLAG, Frame, reframed
 from airlink.frame_pieces import Pieces
 from airlink.messages import Message
 from airlink.messages.payload import MARKER_V2
+from airlink.stream_parser import StreamParser
 from airlink.telemetry_faults import EFFECTS, QUANTITIES, Effect, Quantity, Vector, refusal
 from airlink.telemetry_faults.altering import TelemetryFault
 

@@ -9,7 +9,8 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Final
 
-from airlink.frame import Frame, StreamParser
+from airlink.frame import Frame
+from airlink.stream_parser import StreamParser
 from formation_scenario.bounded_read import require_file
 from gcs_formation.diff.difference import Difference
 from gcs_formation.record.run_directory import EVENTS

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from airlink.clock import NEVER, Instant, seconds_between
-from airlink.frame import ParserCounts
+from airlink.stream_parser import ParserCounts
 from gcs_formation.recorder import LogEvent
 
 FLOOD_BYTES_PER_S: Final = 100e3

@@ -7,7 +7,7 @@ from typing import Final
 
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
-from airlink.frame import Receiver
+from airlink.receiver import Receiver
 from airlink.signing.authentication import Verdict
 from airlink.signing.signed_links import Judged, SignedLinks
 from gcs_formation.link.link_health import Connection

@@ -10,9 +10,10 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after, seconds_between
 from airlink.endpoint import Address, ComponentId, Endpoint
 from airlink.engine import Datagram, Engine
-from airlink.frame import Frame, FrameWriter, Receiver
+from airlink.frame import Frame, FrameWriter
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat
+from airlink.receiver import Receiver
 from gcs_formation.link_survey.load import Load
 from gcs_formation.link_survey.measured_link import MeasuredLink
 from gcs_formation.link_survey.radio import RadioReports

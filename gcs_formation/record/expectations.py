@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from airlink.endpoint import VehicleId
-from airlink.frame import ParserCounts
+from airlink.stream_parser import ParserCounts
 from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
 from formation_scenario.expectation import (

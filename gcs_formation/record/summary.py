@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from airlink.endpoint import VehicleId
-from airlink.frame import ParserCounts
+from airlink.stream_parser import ParserCounts
 from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
 from formation_scenario.used_extensions import used_extensions

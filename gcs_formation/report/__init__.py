@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from airlink.endpoint import VehicleId
-from airlink.frame import ParserCounts
+from airlink.stream_parser import ParserCounts
 from flight_model.arrays import Array
 from flight_model.slot import CHANNELS
 from formation_scenario import Scenario, ScenarioError, load_scenario

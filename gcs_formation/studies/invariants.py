@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from airlink import mavlink as m
-from airlink.frame import StreamParser
 from airlink.messages.command import CommandInt
+from airlink.stream_parser import StreamParser
 from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle

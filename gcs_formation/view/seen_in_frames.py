@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from airlink import mavlink as m
-from airlink.frame import HEADER_V1, HEADER_V2, StreamParser, frame_length, message_id_of
+from airlink.frame import HEADER_V1, HEADER_V2, frame_length, message_id_of
 from airlink.messages.payload import MARKER_V2
 from airlink.messages.system import (
     HEARTBEAT,
@@ -32,6 +32,7 @@ from airlink.messages.telemetry import (
     SysStatus,
     VfrHud,
 )
+from airlink.stream_parser import StreamParser
 from flight_model.arrays import Array
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.view.recording import COLUMN, COLUMNS, RADIO, Rows

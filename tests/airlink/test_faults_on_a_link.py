@@ -8,11 +8,12 @@ import pytest
 
 from airlink.cli.fault_option import changed, described, parse_fault
 from airlink.clock import NANOSECONDS, Instant
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.impairment import Direction
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import GlobalPositionInt, VfrHud
 from airlink.proxy import Relay
+from airlink.stream_parser import StreamParser
 from airlink.telemetry_faults.passing import FaultError
 
 HEARTBEAT = Heartbeat(1, 3)

@@ -15,10 +15,12 @@ from airlink.checksum import Checksums, checksum
 from airlink.clock import Instant
 from airlink.endpoint import Address
 from airlink.engine import Datagram
-from airlink.frame import HEADER_V1, HEADER_V2, MAX_REFUSED, FrameWriter, Receiver, StreamParser, frame_length
+from airlink.frame import HEADER_V1, HEADER_V2, FrameWriter, frame_length
 from airlink.messages.command import CommandAck, ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude
+from airlink.receiver import MAX_REFUSED, Receiver
+from airlink.stream_parser import StreamParser
 
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 

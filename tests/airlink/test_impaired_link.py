@@ -7,10 +7,12 @@ import pytest
 from airlink.clock import Instant, VirtualClock, after, seconds_between
 from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram, MemoryNetwork
-from airlink.frame import MAX_REMOTES, FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.impaired_link import ImpairedEngine
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from airlink.messages.system import Heartbeat, SystemTime
+from airlink.receiver import MAX_REMOTES
+from airlink.stream_parser import StreamParser
 from tests.airlink.engines import PlainEngine
 
 PERIOD_S = 0.05

@@ -10,11 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from airlink import mavlink as m
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages import KINDS
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, ParamSet, ParamValue
 from airlink.messages.system import CurrentMode, Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, HomePosition, VfrHud, Wind
+from airlink.stream_parser import StreamParser
 from tests.airlink import generate_messages
 
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")

@@ -16,12 +16,13 @@ from airlink.clock import RealClock
 from airlink.driver import Driver
 from airlink.endpoint import EndpointError, parse_endpoint
 from airlink.engine import Datagram
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.frame_pieces import Pieces
 from airlink.impairment import Direction
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.proxy import Proxy, Relay
 from airlink.signing.signature import signed
+from airlink.stream_parser import StreamParser
 from tests.airlink.engines import PlainEngine
 
 LIMIT_S = 60.0

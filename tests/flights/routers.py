@@ -7,9 +7,9 @@ from typing import ClassVar
 from airlink.clock import Instant
 from airlink.endpoint import Endpoint
 from airlink.engine import Datagram
-from airlink.frame import StreamParser
 from airlink.messages import Message
 from airlink.messages.system import Timesync
+from airlink.stream_parser import StreamParser
 from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import Between
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from airlink.engine import Datagram
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages.telemetry import VfrHud
+from airlink.stream_parser import StreamParser
 from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import Between, World
 

@@ -11,9 +11,9 @@ import pyarrow.parquet as pq
 import pytest
 
 import gcs_formation
-from airlink.frame import StreamParser
 from airlink.messages.system import RadioStatus
 from airlink.radio.settings import RADIO
+from airlink.stream_parser import StreamParser
 from gcs_formation.record.tlog import read_tlog
 from tests.processes import free_port
 

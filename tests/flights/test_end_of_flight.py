@@ -16,9 +16,9 @@ from click.testing import CliRunner
 from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.engine import Datagram
-from airlink.frame import StreamParser
 from airlink.messages.command import CommandAck, CommandLong
 from airlink.messages.telemetry import GlobalPositionInt
+from airlink.stream_parser import StreamParser
 from gcs_formation.cli import main
 from gcs_formation.features.ending.ending import SeparatedEnding
 from gcs_formation.phases import Cause, Phase

@@ -11,9 +11,9 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant, after
 from airlink.engine import Datagram, Engine
-from airlink.frame import StreamParser
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Statustext
+from airlink.stream_parser import StreamParser
 from gcs_formation.mission.gate import PreFlightOptions
 from gcs_formation.phases import Phase
 from gcs_formation.station import Station

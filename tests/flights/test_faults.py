@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 from airlink.clock import Instant
 from airlink.engine import Datagram
-from airlink.frame import StreamParser
 from airlink.messages.command import CommandLong, SetMode
+from airlink.stream_parser import StreamParser
 from formation_scenario import load_scenario
 from formation_scenario.surroundings import FaultKind
 from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions

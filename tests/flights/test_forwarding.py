@@ -12,13 +12,14 @@ from airlink.clock import VIRTUAL_EPOCH_US, Instant, after
 from airlink.endpoint import Address, ComponentId, Endpoint, VehicleId, parse_endpoint
 from airlink.engine import Datagram, Engine
 from airlink.forwarding import FORGOTTEN_S, Forward, Forwarding, Remote
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages import Message
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, RequestDataStream
 from airlink.messages.system import Heartbeat, SetupSigning
 from airlink.signing.authentication import Authentication
 from airlink.signing.key import SigningKey, read_key, write_new_key
 from airlink.signing.signed_links import SignedLink, VerifyingReceiver
+from airlink.stream_parser import StreamParser
 from gcs_formation.station import Station
 from gcs_formation.vehicle.autopilot_family import STATION
 from sim_vehicles.autopilot.modes_and_failsafe import Mode

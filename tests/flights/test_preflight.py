@@ -11,9 +11,10 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
 from airlink.engine import Datagram
-from airlink.frame import HEADER_V2, FrameWriter, StreamParser
+from airlink.frame import HEADER_V2, FrameWriter
 from airlink.messages.command import CommandInt, CommandLong, ParamSet
 from airlink.messages.system import Timesync
+from airlink.stream_parser import StreamParser
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.surroundings import Fault
 from gcs_formation.app.dry_run import rehearsal_text, rehearsed

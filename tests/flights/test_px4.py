@@ -14,7 +14,8 @@ import gcs_formation
 from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.engine import Datagram
-from airlink.frame import HEADER_V2, StreamParser
+from airlink.frame import HEADER_V2
+from airlink.stream_parser import StreamParser
 from formation_scenario import load_scenario
 from gcs_formation.app.check import check_text
 from sim_vehicles.autopilot.modes_and_failsafe import Px4Mode

@@ -17,9 +17,10 @@ from click.testing import CliRunner
 from airlink import mavlink as m
 from airlink.clock import MICROSECONDS, NANOSECONDS, Instant, seconds_between
 from airlink.engine import Datagram
-from airlink.frame import HEADER_V2, StreamParser
+from airlink.frame import HEADER_V2
 from airlink.messages.command import CommandLong
 from airlink.messages.system import Heartbeat
+from airlink.stream_parser import StreamParser
 from formation_scenario import Scenario
 from gcs_formation.app.fly import taken_up
 from gcs_formation.app.operator_at_terminal import RunOptions

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 
 from airlink.clock import Instant
-from airlink.frame import StreamParser
+from airlink.stream_parser import StreamParser
 from formation_scenario import Scenario
 from tests.flights.in_memory import MemoryRecorder, World
 

@@ -11,8 +11,9 @@ from airlink import mavlink as m
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import Endpoint
 from airlink.engine import Datagram
-from airlink.frame import CHECKSUM, HEADER_V2, SIGNATURE, SIGNED_FLAG, FrameWriter, StreamParser
+from airlink.frame import CHECKSUM, HEADER_V2, SIGNATURE, SIGNED_FLAG, FrameWriter
 from airlink.messages.system import Heartbeat
+from airlink.stream_parser import StreamParser
 from gcs_formation.phases import Phase
 from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import Between, World

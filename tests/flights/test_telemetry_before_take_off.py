@@ -10,9 +10,10 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.engine import Datagram
-from airlink.frame import StreamParser, reframed
+from airlink.frame import reframed
 from airlink.messages import Message
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, HomePosition, VfrHud
+from airlink.stream_parser import StreamParser
 from gcs_formation.phases import Phase
 from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import World

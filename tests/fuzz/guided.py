@@ -21,7 +21,7 @@ from mypy_extensions import i64
 
 from airlink.endpoint import LOOPBACK, Address
 from airlink.engine import FIRST_EPHEMERAL_PORT, Datagram
-from airlink.frame import StreamParser
+from airlink.stream_parser import StreamParser
 from gcs_formation.vehicle.autopilot_family import STATION
 from sim_vehicles.families.arduplane.plane import HANDLERS
 from tests.airlink.layouts import Layout

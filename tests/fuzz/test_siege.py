@@ -11,9 +11,10 @@ import pytest
 from airlink.clock import Instant
 from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages.system import Heartbeat
 from airlink.signing.key import write_new_key
+from airlink.stream_parser import StreamParser
 from gcs_formation.station import Station
 from tests.fuzz.datagrams import FOREIGN, FOREIGN_TARGET, Hostile
 from tests.fuzz.siege import End, Flown, MemoryRecorder, Siege, check, fly, planned, worst_error_m

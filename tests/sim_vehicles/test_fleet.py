@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 from airlink.clock import Instant, VirtualClock, after
 from airlink.endpoint import Address, parse_endpoint
 from airlink.engine import Datagram, Engine, MemoryNetwork
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages.command import CommandInt, CommandLong
 from airlink.messages.system import Heartbeat, Timesync
+from airlink.stream_parser import StreamParser
 
 GROUND = Address("127.0.0.1", 14550)
 SPEED, HEADING = 43000, 43002

@@ -7,8 +7,9 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import after
 from airlink.engine import Datagram
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages.system import Timesync
+from airlink.stream_parser import StreamParser
 from tests.sim_vehicles.conftest import GROUND, mavlink
 from tests.sim_vehicles.test_copter import MODEL
 from tests.sim_vehicles.test_px4 import COPTER, PLANE

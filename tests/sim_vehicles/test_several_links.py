@@ -9,9 +9,10 @@ import pytest
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, VehicleId, parse_endpoint
 from airlink.engine import Datagram
-from airlink.frame import Frame, FrameWriter, StreamParser
+from airlink.frame import Frame, FrameWriter
 from airlink.messages.command import CommandAck, CommandLong
 from airlink.messages.telemetry import GlobalPositionInt
+from airlink.stream_parser import StreamParser
 from formation_scenario import load_scenario
 from sim_vehicles.cli.fly import _ended
 from sim_vehicles.config import VehicleConfig, fleet_config

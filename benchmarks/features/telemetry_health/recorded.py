@@ -16,9 +16,9 @@ from typing import Any, Final, NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import Instant
-from airlink.frame import StreamParser
 from airlink.messages import Message
 from airlink.messages.telemetry import Attitude, GlobalPositionInt
+from airlink.stream_parser import StreamParser
 from flight_model.earth import GeodeticOrigin
 from flight_model.slot import UNKNOWN
 from formation_scenario import load_scenario

@@ -11,9 +11,10 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from airlink import mavlink as m
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages import Message
 from airlink.messages.mission import MissionAck, MissionCount, MissionItemInt, MissionRequest, MissionRequestInt
+from airlink.stream_parser import StreamParser
 from formation_scenario.stored_landing import LandingItem
 from gcs_formation.app.sitl.simulator import SimulatorError
 

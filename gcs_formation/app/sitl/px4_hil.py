@@ -21,7 +21,7 @@ from airlink import mavlink as m
 from airlink.checksum import checksum
 from airlink.clock import MICROSECONDS, VIRTUAL_EPOCH_US
 from airlink.endpoint import LOOPBACK
-from airlink.frame import StreamParser
+from airlink.stream_parser import StreamParser
 from flight_model.autopilot_model import within
 from flight_model.earth import GeodeticOrigin, air_density_kgm3
 from gcs_formation.app.sitl.exchange import Exchange, ExchangeError, Sample

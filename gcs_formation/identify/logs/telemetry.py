@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Final
 
 from airlink import mavlink as m
-from airlink.frame import Frame, StreamParser
+from airlink.frame import Frame
 from airlink.messages.command import CommandInt, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, NavControllerOutput, VfrHud
+from airlink.stream_parser import StreamParser
 from gcs_formation.identify.logs.ardupilot_modes import mode_name
 from gcs_formation.identify.logs.track import (
     ABEAM_RAD,

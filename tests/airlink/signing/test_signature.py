@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages.command import CommandLong
 from airlink.messages.system import Heartbeat, SetupSigning, Statustext
 from airlink.signing.signature import (
@@ -18,6 +18,7 @@ from airlink.signing.signature import (
     unsigned,
     without_key,
 )
+from airlink.stream_parser import StreamParser
 
 mavlink = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 KEY = bytes(range(32))

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from airlink.clock import NANOSECONDS, Instant, after
-from airlink.frame import StreamParser
 from airlink.messages.system import Heartbeat
+from airlink.stream_parser import StreamParser
 from formation_scenario import load_scenario
 from gcs_formation.core import feature, parts
 from gcs_formation.core.cycle import ALWAYS, EACH_SECOND, IN_COMMAND, LED, NOT_IN_COMMAND, Cycle, Findings, Stage

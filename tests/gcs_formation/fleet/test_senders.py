@@ -10,10 +10,11 @@ from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, VehicleId
 from airlink.engine import Datagram
-from airlink.frame import Frame, FrameWriter, ParserCounts
+from airlink.frame import Frame, FrameWriter
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude
+from airlink.stream_parser import ParserCounts
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.fleet.flood_watch import FloodWatch
 from gcs_formation.fleet.senders import Senders

@@ -10,10 +10,11 @@ from airlink import mavlink as m
 from airlink.clock import LONG_AGO, NANOSECONDS, Instant, after
 from airlink.endpoint import Address
 from airlink.engine import Datagram
-from airlink.frame import Frame, FrameWriter, Receiver
+from airlink.frame import Frame, FrameWriter
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, ExtendedSysState, GlobalPositionInt, VfrHud
+from airlink.receiver import Receiver
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.frame_history import CopyEvidence, FrameHistory
 

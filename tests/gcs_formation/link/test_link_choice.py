@@ -9,11 +9,12 @@ import pytest
 from airlink.clock import LONG_AGO, NANOSECONDS, Instant, after
 from airlink.endpoint import Address
 from airlink.engine import Datagram
-from airlink.frame import Frame, FrameWriter, Receiver
+from airlink.frame import Frame, FrameWriter
 from airlink.messages import Message
 from airlink.messages.command import CommandAck
 from airlink.messages.system import Heartbeat, Timesync
 from airlink.messages.telemetry import Attitude, GlobalPositionInt
+from airlink.receiver import Receiver
 from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.link.vehicle_links import Link, Links, is_one_clock, links_by
 

@@ -9,8 +9,9 @@ import pytest
 from airlink.clock import LONG_AGO, Instant, after, seconds_between
 from airlink.endpoint import Address
 from airlink.engine import Datagram
-from airlink.frame import FrameWriter, Receiver
+from airlink.frame import FrameWriter
 from airlink.messages.system import RadioStatus
+from airlink.receiver import Receiver
 from gcs_formation.link.heartbeats import Heartbeats
 from gcs_formation.link.link_health import Connection, JitterMeter, LinkState
 from gcs_formation.link.radio_reports import RadioReports

@@ -3,9 +3,10 @@
 from airlink.clock import Instant, after
 from airlink.endpoint import Address
 from airlink.engine import Datagram
-from airlink.frame import FrameWriter, Receiver
+from airlink.frame import FrameWriter
 from airlink.messages import Message
 from airlink.messages.system import Heartbeat, RadioStatus
+from airlink.receiver import Receiver
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.radio_reports import STALE_S, RadioReports
 

@@ -3,7 +3,7 @@
 from airlink.clock import Instant
 from airlink.endpoint import Address
 from airlink.engine import Datagram
-from airlink.frame import Receiver
+from airlink.receiver import Receiver
 
 NO_FRAME = b"\x00" * 7
 

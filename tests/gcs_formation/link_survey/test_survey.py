@@ -19,9 +19,10 @@ from airlink.clock import Instant, VirtualClock, after
 from airlink.delay_distribution import QUANTILE
 from airlink.endpoint import Address, VehicleId, parse_endpoint
 from airlink.engine import MemoryNetwork
-from airlink.frame import Frame, StreamParser
+from airlink.frame import Frame
 from airlink.impaired_link import ImpairedEngine
 from airlink.impairment import Impairment
+from airlink.stream_parser import StreamParser
 from formation_scenario import load_scenario
 from gcs_formation.link_survey import report
 from gcs_formation.link_survey.meaning import foretold, meaning, parts, rehearsal

@@ -9,8 +9,8 @@ import pytest
 from airlink.clock import NANOSECONDS, Instant, RealClock, after
 from airlink.endpoint import ComponentId, parse_endpoint
 from airlink.engine import Datagram
-from airlink.frame import StreamParser
 from airlink.messages.command import LogEntry, LogRequestList
+from airlink.stream_parser import StreamParser
 from gcs_formation.identify.logs.dataflash import read_dataflash
 from gcs_formation.log_fetch.by_ftp import FtpTransfer
 from gcs_formation.log_fetch.fetch import ARMED, LogFetch

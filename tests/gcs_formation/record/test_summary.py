@@ -12,7 +12,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from airlink.frame import ParserCounts
+from airlink.stream_parser import ParserCounts
 from formation_scenario import Scenario, load_scenario
 from gcs_formation.record.expectations import RunOutcome, judge
 from gcs_formation.record.link_verdicts import LinkFigures

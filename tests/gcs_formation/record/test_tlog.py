@@ -9,8 +9,9 @@ import pytest
 from pymavlink import mavutil
 
 from airlink.clock import Instant, after
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages.system import Heartbeat, SetupSigning, Statustext
+from airlink.stream_parser import StreamParser
 from gcs_formation.record.tlog import TlogWriter, read_tlog
 
 KEY = tuple(range(1, 33))

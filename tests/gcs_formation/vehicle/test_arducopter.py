@@ -8,10 +8,11 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages.command import CommandInt, CommandLong, ParamValue, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import HomePosition
+from airlink.stream_parser import StreamParser
 from flight_model.flight_state import FlightState, Setpoint
 from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.families.arducopter.arducopter import ArduCopter

@@ -9,10 +9,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from airlink import mavlink as m
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages import Message
 from airlink.messages.command import CommandInt
 from airlink.messages.telemetry import SysStatus
+from airlink.stream_parser import StreamParser
 from flight_model.flight_state import FlightState, Setpoint
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
 from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat, position

@@ -11,11 +11,12 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages import Message
 from airlink.messages.command import CommandAck
 from airlink.messages.system import CurrentMode, Heartbeat
 from airlink.messages.telemetry import GlobalPositionInt
+from airlink.stream_parser import StreamParser
 from flight_model.earth import GeodeticOrigin
 from formation_scenario import load_scenario
 from gcs_formation.fleet.membership import Membership

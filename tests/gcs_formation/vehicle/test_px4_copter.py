@@ -8,10 +8,11 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages.command import CommandAck, SetPositionTargetLocalNed
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, ExtendedSysState, SysStatus, VfrHud
+from airlink.stream_parser import StreamParser
 from flight_model.flight_state import FlightState, Setpoint
 from formation_scenario import load_scenario
 from gcs_formation.from_scenario import autopilot_for

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
-from airlink.frame import FrameWriter, StreamParser
+from airlink.frame import FrameWriter
 from airlink.messages.command import CommandAck, CommandInt, CommandLong, ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, ExtendedSysState, HomePosition, SysStatus, VfrHud
+from airlink.stream_parser import StreamParser
 from flight_model.flight_state import FlightState, Setpoint
 from gcs_formation.vehicle.checks import ParameterReader
 from gcs_formation.vehicle.command_delivery import CommandQueue, EffectWatch, Outcome

@@ -14,9 +14,10 @@ from airlink.checksum import checksum
 from airlink.clock import Instant
 from airlink.endpoint import VehicleId
 from airlink.engine import Datagram
-from airlink.frame import CHECKSUM, StreamParser
+from airlink.frame import CHECKSUM
 from airlink.messages import KINDS
 from airlink.messages.command import RequestDataStream
+from airlink.stream_parser import StreamParser
 from gcs_formation.features.stream_loss.stream_loss import UNKNOWN_GAP
 from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import Between, World
