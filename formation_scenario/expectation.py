@@ -10,7 +10,7 @@ from formation_scenario.fields import Keys, NonNegative, Number, Open, VehicleSe
 
 SETTLED_M = 0.5
 """A vehicle is in its slot if its error is at most this on every axis."""
-GAP_S = 3.0
+UNJUDGED_GAP_S = 3.0
 """Longest time without a row of the time series that counts as judged, anywhere in a window, its ends included."""
 LATE_PERIODS = 1.5
 """Rows that are further apart, in periods of the loop, are ones between which a tick is missing."""

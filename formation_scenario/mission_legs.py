@@ -11,7 +11,7 @@ import numpy as np
 
 from flight_model.arrays import Array
 from formation_scenario.mission_files import RoutePoint
-from formation_scenario.mission_files.export import smoothed
+from formation_scenario.mission_files.thinning import smoothed
 from formation_scenario.path_plan import PathPlan
 from formation_scenario.source import Key, Plain
 

@@ -11,6 +11,7 @@ from pydantic import Field, Tag
 
 from airlink.telemetry_faults import Effect, Quantity
 from flight_model.arrays import Array
+from flight_model.turbulence import low_altitude_turbulence
 from formation_scenario.fields import (
     EXTENSION,
     OF_AN_EXTENSION,
@@ -29,10 +30,6 @@ from formation_scenario.fields import (
     key,
     one_of,
 )
-
-FOOT_M = 0.3048
-LOWEST_FT, HIGHEST_FT = 10.0, 1000.0
-"""Heights for which the formulas of turbulence at low altitude hold; other heights are clipped to these."""
 
 Positives: TypeAlias = Annotated[tuple[Positive, Positive, Positive], Allowed("a list of 3 numbers > 0")]
 KIND = "how the velocity varies with time"
@@ -95,18 +92,10 @@ class DrydenTurbulence(Passing):
     length_m: Positives | None = key(None, "beside sigma_mps: scale lengths forward, right, down, m", [200, 200, 50])
 
     def scales(self, height_m: Array) -> tuple[Array, Array]:
-        """Return rms velocities, m/s, and scale lengths, m, at heights (N,) above ground: (3, N), or (3, 1) if given.
-
-        3.7.3.4, with h in feet: L_w = h, L_u = L_v = h / (0.177 + 0.000823 h)^1.2, sigma_w = 0.1 W_20,
-        sigma_u = sigma_v = sigma_w / (0.177 + 0.000823 h)^0.4.
-        """
+        """Return rms velocities, m/s, and scale lengths, m, at heights (N,) above ground: (3, N); (3, 1) if given."""
         if self.sigma_mps is not None and self.length_m is not None:
             return np.array(self.sigma_mps)[:, None], np.array(self.length_m)[:, None]
-        height_ft = np.clip(height_m / FOOT_M, LOWEST_FT, HIGHEST_FT)
-        shape = 0.177 + 0.000823 * height_ft
-        across_ft, down_mps = height_ft / shape**1.2, np.full_like(height_ft, 0.1 * (self.wind_6m_mps or 0.0))
-        across_mps = down_mps / shape**0.4
-        return np.stack((across_mps, across_mps, down_mps)), FOOT_M * np.stack((across_ft, across_ft, height_ft))
+        return low_altitude_turbulence(self.wind_6m_mps or 0.0, height_m)
 
 
 class OwnDisturbance(Passing):

@@ -9,7 +9,7 @@ from airlink.endpoint import Endpoint, VehicleId
 from airlink.engine import Datagram, Engine
 from formation_scenario.extensions import ExtensionError, Registered, line_in
 from sim_vehicles.airframe.body import Body
-from sim_vehicles.airframe.disturbances import Environment
+from sim_vehicles.airframe.environment import Environment
 from sim_vehicles.airframe.hovering import HoveringBody
 from sim_vehicles.board_clock import LOOP_S
 from sim_vehicles.config import FleetConfig

@@ -12,7 +12,7 @@ from airlink.messages.system import Timesync
 from formation_scenario.surroundings import Fault
 from sim_vehicles.airframe.battery import Battery
 from sim_vehicles.airframe.body import Body
-from sim_vehicles.airframe.disturbances import Environment
+from sim_vehicles.airframe.environment import Environment
 from sim_vehicles.autopilot.autopilot import CRITICAL, Autopilot
 from sim_vehicles.autopilot.faults import InjectedFaults
 from sim_vehicles.autopilot.message_handler import MessageHandler

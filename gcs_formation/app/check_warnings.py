@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from flight_model.energy import GRAVITY_MPS2
 from formation_scenario import Scenario
-from formation_scenario.expectation import GAP_S, SETTLED_M
+from formation_scenario.expectation import SETTLED_M, UNJUDGED_GAP_S
 from formation_scenario.feasibility import refused_orders, slots_without_room, unfinished_change
 from formation_scenario.feature_folders import brought
 from formation_scenario.gains import figures
@@ -165,10 +165,10 @@ def never_reached(scenario: Scenario, until_s: float = math.inf) -> Iterator[str
     end_s = min(planned_s, until_s)
     over = f"the flight is over at {end_s:.4g} s"
     if planned_s < min(whole_s, until_s) - SAME_S:
-        broken = f"; windows of expect that reach {GAP_S:g} s beyond are broken" if scenario.expect else ""
+        broken = f"; windows of expect that reach {UNJUDGED_GAP_S:g} s beyond are broken" if scenario.expect else ""
         yield f"duration_s: found {whole_s:g}; the path ends at {planned_s:.4g} s{broken}"
     for i, entry in enumerate(scenario.expect):
-        if entry.to_s > whole_s + GAP_S and until_s >= whole_s:
+        if entry.to_s > whole_s + UNJUDGED_GAP_S and until_s >= whole_s:
             yield f"expect.{i}.to_s: found {entry.to_s:g}; {over}, so this is broken"
     times_s = {f"{key}.{{}}.at_s": each_s for key, each_s in planned_times_s(scenario).items()}
     times_s |= {"expect.{}.from_s": [entry.from_s for entry in scenario.expect]}

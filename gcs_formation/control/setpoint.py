@@ -31,14 +31,14 @@ hypot: Final = math.hypot
 CRAB_RADPS: Final = 0.65
 """Bandwidth with which a heading crabs against a gust: speed can still follow the swing of a slot 30 m to the side.
 Tuned: rad/s; 0.4 to 0.9; shown by `python -m benchmarks.gust_swing`."""
-INTERCEPT_MAX_RAD: Final = math.radians(60.0)
+SLOT_INTERCEPT_MAX_RAD: Final = math.radians(60.0)
 """Largest deviation of a heading setpoint from the slot's own heading, so that a follower far off doesn't circle.
 Tuned: rad; 0.7 to 1.2; shown by `pytest tests/gcs_formation/control`."""
 AWAY_RAD: Final = math.radians(120.0)
 """A follower whose heading differs from its slot's by more gets the slot's heading, so that it turns to one side.
-Between `INTERCEPT_MAX_RAD` and this angle, the allowed correction shrinks to zero. Without this limit, a follower that
-flies away from the leader would be commanded left and right in alternation, and so fly straight on. Tuned: rad; 1.6 to
-2.6; shown by `pytest tests/gcs_formation/control`."""
+Between `SLOT_INTERCEPT_MAX_RAD` and this angle, the allowed correction shrinks to zero. Without this limit, a follower
+that flies away from the leader would be commanded left and right in alternation, and so fly straight on. Tuned: rad;
+1.6 to 2.6; shown by `pytest tests/gcs_formation/control`."""
 
 
 @dataclass(frozen=True)
@@ -280,16 +280,16 @@ class TrailingSlot:
 class Envelope:
     """The limits of a vehicle's setpoints.
 
-    Speed stays within the autopilot's limits, and heading within `INTERCEPT_MAX_RAD` of the slot's own heading (less
-    for a vehicle whose heading differs more). Height stays so near the present height that the model reaches it within
-    its time constants without exceeding its climb limit.
+    Speed stays within the autopilot's limits, and heading within `SLOT_INTERCEPT_MAX_RAD` of the slot's own heading
+    (less for a vehicle whose heading differs more). Height stays so near the present height that the model reaches it
+    within its time constants without exceeding its climb limit.
     """
 
     def __init__(self, own_heading_rad: float, state: FlightState, model: AutopilotModel) -> None:
         """Compute the limits of a vehicle in `state` whose slot has the heading `own_heading_rad`."""
         off_rad = abs(wrap(state.heading_rad - own_heading_rad))
-        self.intercept_max_rad = INTERCEPT_MAX_RAD * within(
-            (AWAY_RAD - off_rad) / (AWAY_RAD - INTERCEPT_MAX_RAD), 0.0, 1.0
+        self.intercept_max_rad = SLOT_INTERCEPT_MAX_RAD * within(
+            (AWAY_RAD - off_rad) / (AWAY_RAD - SLOT_INTERCEPT_MAX_RAD), 0.0, 1.0
         )
         self.own_heading_rad = own_heading_rad
         self.height_m = state.height_m

@@ -1,7 +1,8 @@
 """The control cycle: all that the station does at a tick, in its order.
 
 Read it from top to bottom: each stage's docstring says what it needs and why it stands where it does, and its `when`
-in which cycles it runs. Stages of features come between these, each behind the stages that it names.
+in which cycles it runs. Stages of features come between these, each behind the stages that it names in `after`: which
+of two features' stages comes first is said there, in their `stages.py`.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from typing import Final
 from librt.vecs import vec
 from mypy_extensions import i64
 
-from airlink.clock import NEVER, Instant, after, seconds_between
+from airlink.clock import NEVER, Instant, after
 from airlink.endpoint import VehicleId
 from airlink.engine import DelayQueue
 from airlink.messages import Message
@@ -17,14 +17,13 @@ from flight_model.flight_state import Setpoint
 from flight_model.slot import Vector3
 from formation_scenario import Scenario
 from formation_scenario.slot_assignment import models_by_index
+from gcs_formation.fleet.unguided import Unguided
 from gcs_formation.recorder import Tick, VehicleLink
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
 
 HOLD_MAX_S: Final = 1.0
 """Longest time for which the leader's setpoints are delayed."""
-UNGUIDED_S: Final = 2.0
-"""Longest lack of setpoints before heartbeats are withheld, so that the vehicle's failsafe acts."""
 
 
 class Dispatch:
@@ -42,8 +41,7 @@ class Dispatch:
         """When the next message is to be sent."""
         self._guided = [False] * self._count
         """Whether each vehicle got a setpoint at this tick, (C,)."""
-        self._without: list[Instant | None] = [None] * self._count
-        """Since when a vehicle that should get setpoints has had none, (C,)."""
+        self._unguided = Unguided(self._count)
         self._last_due = vec[i64]([0] * self._count)
         """When each vehicle's newest setpoint is to be sent, (C,)."""
         self._dead_s = [each.dead_time_s for each in models_by_index(scenario)]
@@ -92,10 +90,7 @@ class Dispatch:
             known = state.north_m + state.east_m + state.height_m + state.wind_north_mps + state.wind_east_mps
             usable = tick.active[index] and finite(speed_mps + heading_rad + height_m + known)
             self._guided[index] = usable
-            if usable or vehicle.member is not Member.FLYING:
-                self._without[index] = None
-            elif self._without[index] is None:
-                self._without[index] = now
+            self._unguided.update(index, guided=usable or vehicle.member is not Member.FLYING, now=now)
             if usable:
                 due = after(now, hold_s) if index == tick.leader else now
                 if due < self._last_due[index]:
@@ -132,17 +127,13 @@ class Dispatch:
         for vehicle in self._vehicles:
             if self._guided[vehicle.index]:
                 self._guided[vehicle.index] = False
-            elif vehicle.start_up.acted and not self._is_unguided(vehicle, now):
+            elif vehicle.start_up.acted and not self._unguided.is_so(vehicle.index, now):
                 found += [(vehicle, message) for message in vehicle.autopilot.stand_in()]
         return found
 
     def unguided(self, now: Instant) -> frozenset[VehicleId]:
         """Return the vehicles that fly in the formation and have had no setpoints for a while."""
-        return frozenset(each.identity for each in self._vehicles if self._is_unguided(each, now))
-
-    def _is_unguided(self, vehicle: Vehicle, now: Instant) -> bool:
-        since = self._without[vehicle.index]
-        return since is not None and seconds_between(since, now) > UNGUIDED_S
+        return frozenset(each.identity for each in self._vehicles if self._unguided.is_so(each.index, now))
 
     def pop_due(self, now: Instant) -> list[tuple[Vehicle, Message]]:
         """Remove and return the messages to send now; none for a vehicle that has left the formation meanwhile."""
@@ -160,7 +151,7 @@ class Dispatch:
         self._held, self._at_once, self.due = DelayQueue[tuple[Vehicle, Message]](), [], NEVER
         for vehicle in self._vehicles:
             vehicle.forget_setpoints()
-        self._without = [None] * self._count
+        self._unguided.clear()
 
     def _hold_s(self, leader: int, links: list[VehicleLink]) -> float:
         """Return the delay of the leader's setpoints, s: until the slowest follower's setpoints take effect.

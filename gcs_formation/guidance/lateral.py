@@ -59,7 +59,7 @@ HELD_UP_RADPS4: Final = 2e-3
 slots swing, off by what it would have changed, in proportion to p^2. A loss of 5 % leaves p at 0.44; after a gust of
 0.6 m/s followers are then 0.010 m off across (median of eight flights), and with 3.4e-3 0.012 m. Tuned: (rad/s)⁴; 1e-3
 to 4e-3; shown by the flights named here."""
-INTERCEPT_MAX_RAD: Final = math.radians(60.0)
+ROUTE_INTERCEPT_MAX_RAD: Final = math.radians(60.0)
 """Largest angle at which the route is intercepted. Tuned: rad; 0.7 to 1.2; shown by `pytest
 tests/gcs_formation/guidance`."""
 MIN_MPS: Final = 1.0
@@ -239,7 +239,7 @@ def _turn_back_rps(
 
     For a large angle it is the one that can be braked from before the vehicle has turned by it.
     """
-    size_rad = min(atan(radps / 2.0 * abs(right_m) / speed_mps), INTERCEPT_MAX_RAD)
+    size_rad = min(atan(radps / 2.0 * abs(right_m) / speed_mps), ROUTE_INTERCEPT_MAX_RAD)
     # An angle a that is turned back at the bound b takes 2 (a/b)^1/2, and v a (a/b)^1/2 of distance.
     size_rad = min(size_rad, TURNS_BACK_SHARE * (abs(right_m) * math.sqrt(bend_max_rps2) / speed_mps) ** TWO_THIRDS)
     intercept = size_rad if right_m > 0.0 else -size_rad

@@ -19,7 +19,7 @@ MIN_MPS: Final = 1.0
 NEWTON_STEPS: Final = 3
 NEAR_ENOUGH_M: Final = 1e-9
 NEAREST_STEP_M: Final = 10.0
-INTERCEPT_MAX_RAD: Final = math.radians(30.0)
+TAKEOVER_INTERCEPT_MAX_RAD: Final = math.radians(30.0)
 """Largest angle to the path at which a route onto it continues a vehicle's own course."""
 
 
@@ -122,7 +122,7 @@ class Abreast(NamedTuple):
             return 0.0
         off_rad = math.remainder(math.atan2(east_mps, north_mps) - self.point.course_rad, math.tau)
         along = 1.0 - self.point.curvature_1pm * self.right_m
-        return along * math.tan(within(off_rad, -INTERCEPT_MAX_RAD, INTERCEPT_MAX_RAD))
+        return along * math.tan(within(off_rad, -TAKEOVER_INTERCEPT_MAX_RAD, TAKEOVER_INTERCEPT_MAX_RAD))
 
 
 def course_or_heading(state: FlightState) -> float:

@@ -21,7 +21,7 @@ tests/gcs_formation/link`."""
 ALL_LOST: Final = 1e-5
 """On a lossy link the limit is longer: until the probability that all due heartbeats were lost is below this. A vehicle
 leaves the formation 1.5 s later, when one or two more were due: by a chance of 1e-6. Tuned: probability; 1e-7 to 1e-4;
-shown by `python -m benchmarks.telemetry_faults --fault heartbeat`."""
+shown by `python -m benchmarks.features.telemetry_health.faults --fault heartbeat`."""
 DEVIATION_SHARE: Final = 1 / 4
 """Weight of each new deviation in their running mean (RFC 6298, section 2)."""
 DEVIATIONS: Final = 4.0

@@ -12,15 +12,16 @@ from airlink.endpoint import VehicleId
 from flight_model.path import Route
 from formation_scenario import Scenario
 from formation_scenario import Vehicle as PlannedVehicle
-from formation_scenario.expectation import GAP_S, LATE_PERIODS
+from formation_scenario.expectation import LATE_PERIODS, UNJUDGED_GAP_S
 from formation_scenario.feasibility import check_ahead
 from formation_scenario.formation import FormationChange
-from formation_scenario.formation_changes import ahead, plan_change, plan_joining_up
+from formation_scenario.formation_changes import ahead, plan_change
 from formation_scenario.orders import not_standing, why_not_set_out
 from formation_scenario.slot_assignment import Arrangement, SlotStep, assigned, names_by_index
 from formation_scenario.slot_motion import SlotMotion, Transition
 from formation_scenario.transition_plan import NotFlyableError
 from gcs_formation.controller.controller import FormationController
+from gcs_formation.mission.joining_up import JoiningUp
 from gcs_formation.mission.leading import Leading, Takeover
 from gcs_formation.mission.past_flight import PastFlight
 from gcs_formation.mission.presence import Presence
@@ -29,12 +30,8 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 TRY_AGAIN_S: Final = 1.0
 """Interval between attempts at a change that can't be flown from the formation's present position."""
-JOINS_LATE_S: Final = 30.0
-"""Time without trajectories to the slots after which that is reported."""
 CENTRAL: Final = 2.0
 """Vehicles within this multiple of the farthest slot's distance from the leader count as within the formation."""
-JOINED_M: Final = 300.0
-"""Vehicles this near the leader count as having taken off with it; the law leads others to their slots."""
 
 
 class Reconfiguration:
@@ -62,9 +59,8 @@ class Reconfiguration:
         """The last change of the arrangement, in words; "" once vehicles return to it after its end."""
         self._late_s = 0.0
         """By how much late ticks delayed the beginning of what was planned last, s."""
-        self._joins_late_at: Instant | None = None
-        """When to report that vehicles still can't join up; None while they aren't about to."""
         self._presence = Presence(self._by_index, controller.plan, len(self._names))
+        self._joining_up = JoiningUp(controller, self._presence, log_event)
         self._leading = Leading(controller, self._by_index, scenario)
 
     @property
@@ -103,9 +99,9 @@ class Reconfiguration:
         return [f"the change to {self._changing} was under way when the flight was over"] if still else []
 
     def record_lateness(self, late_s: float) -> None:
-        """Take the time by which what was planned begins late; up to a period it's on time, beyond `GAP_S` it isn't."""
+        """Take by how much what was planned begins late; up to a period it's on time, beyond `UNJUDGED_GAP_S` not."""
         missed = late_s >= LATE_PERIODS / self._scenario.law.rate_hz
-        self._late_s = late_s if missed and late_s <= GAP_S else 0.0
+        self._late_s = late_s if missed and late_s <= UNJUDGED_GAP_S else 0.0
 
     def plan_with(self, vehicles: tuple[PlannedVehicle, ...]) -> None:
         """Judge changes and orders from now on by the scenario's vehicles with the limits that they have reported."""
@@ -141,7 +137,9 @@ class Reconfiguration:
             self._want((self._wanted or plan.arrangement).changed(plan.scheduled.popleft(), self._scenario), now)
         if self._wanted is None and self._presence.somebody_returned():
             if math.isnan(mission_time_s):
-                self._join_up(now)
+                if self._controller.guidance.route is not None and now >= self._next_try:
+                    self._next_try = after(now, TRY_AGAIN_S)
+                    self._joining_up.plan(self._flown, now)
                 return
             self._want(plan.arrangement, now)
         if self._wanted is None or now < self._next_try:
@@ -153,46 +151,6 @@ class Reconfiguration:
             if self._postponed != self._wanted:
                 self._postponed, self._postponed_for = self._wanted, str(error)
                 self._log_event(now, "postponed", f"the change is tried again: {error}")
-
-    def _join_up(self, now: Instant) -> None:
-        """Lead newly joined vehicles to their slots, clear of each other and of those that joined before.
-
-        Where no paths cross, the law does this alone. Until a transition is found, vehicles fly alongside the leader.
-        """
-        controller, plan = self._controller, self._controller.plan
-        route, guidance = controller.guidance.route, controller.guidance
-        if route is None or now < self._next_try:
-            return
-        self._next_try = after(now, TRY_AGAIN_S)
-        present, positions_m = self._presence.present(), controller.positions_m(now) - plan.offset_m
-        returned, near = self._presence.returned(), np.hypot(positions_m[:, 0], positions_m[:, 1]) <= JOINED_M
-        plan.fly_alongside(returned & near & ~plan.alongside, positions_m)
-        start = plan.at(now / NANOSECONDS, begun=True).standing(returned & ~near, plan.goal_m)
-        course = ahead(route, guidance.speed_mps, guidance.distance_m)
-        try:
-            transition = plan_joining_up(
-                self._flown, start, plan.goal_m, plan.leader, now / NANOSECONDS, course, present
-            )
-        except NotFlyableError as error:
-            self._joins_late(str(error), now)
-            return
-        self._joins_late_at = None
-        if transition is not None or plan.alongside.any():
-            plan.adopt(plan.arrangement, transition or Transition.standing(plan.goal_m))
-        self._presence.planned_for = present.tolist()
-        if transition is not None:
-            text = "joins up clear of the others' trajectories"
-            self._log_event(now, "gathering", text, None, {"duration_s": transition.duration_s})
-
-    def _joins_late(self, why: str, now: Instant) -> None:
-        """Report, once in `JOINS_LATE_S`, why vehicles still fly alongside the leader: the path doesn't begin so."""
-        if self._joins_late_at is None:
-            self._joins_late_at = after(now, JOINS_LATE_S)
-        elif now >= self._joins_late_at:
-            self._joins_late_at = after(now, JOINS_LATE_S)
-            self._log_event(
-                now, "postponed", f"no trajectories to the slots yet; they are tried again every second: {why}"
-            )
 
     def change(self, wanted: Arrangement, now: Instant) -> None:
         """Begin a change.

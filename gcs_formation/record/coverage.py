@@ -1,8 +1,8 @@
 """Which part of a window of mission time was judged: one rule for gaps in a record.
 
 Ticks come late on a busy machine, a station may be killed and resumed, a vehicle leads for a while and then follows.
-Up to `GAP_S` without a row, anywhere in a window, its ends included, count as judged, if at least half of the window's
-rows exist. Longer gaps aren't judged; of a record with fewer rows, only these are.
+Up to `UNJUDGED_GAP_S` without a row, anywhere in a window, its ends included, count as judged, if at least half of the
+window's rows exist. Longer gaps aren't judged; of a record with fewer rows, only these are.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight_model.arrays import Array
-from formation_scenario.expectation import GAP_S, JUDGED_SHARE, LATE_PERIODS
+from formation_scenario.expectation import JUDGED_SHARE, LATE_PERIODS, UNJUDGED_GAP_S
 
 HALF = 0.5
 ROUNDING = 1e-6
@@ -43,7 +43,7 @@ class Coverage:
         return "" if self.share >= 1.0 - ROUNDING else f"recorded at {self.rows} of {self.expected} ticks"
 
 
-def coverage(times_s: Array, from_s: float, to_s: float, period_s: float, gap_s: float = GAP_S) -> Coverage:
+def coverage(times_s: Array, from_s: float, to_s: float, period_s: float, gap_s: float = UNJUDGED_GAP_S) -> Coverage:
     """Return how much of a window is judged by rows at some times.
 
     Args:

@@ -13,12 +13,12 @@ from flight_model.arrays import Array, Mask
 from formation_scenario import Scenario
 from formation_scenario.expectation import (
     FOLLOWER_METRICS,
-    GAP_S,
     LATE_PERIODS,
     LIMIT_METRICS,
     LINK_METRICS,
     METRICS,
     PATH_METRICS,
+    UNJUDGED_GAP_S,
     Expectation,
     stays_broken,
 )
@@ -91,11 +91,11 @@ def judge(
 ) -> Iterator[Verdict]:
     """Yield a verdict for each expectation, by default the scenario's; for followers or links, one for each of them.
 
-    An expectation whose window the flight's own end cut short by more than `GAP_S`, or in which the follower was lost,
-    is broken: it wasn't shown. Otherwise it isn't judged if too little of its window was (`coverage`): because the run
-    was `cut_short` before its path or time was over, because ticks are missing, because the follower led or was absent,
-    or crashed by the scenario's faults (unless no follower is left). What broke the bound in the part that was judged
-    is broken all the same.
+    An expectation whose window the flight's own end cut short by more than `UNJUDGED_GAP_S`, or in which the follower
+    was lost, is broken: it wasn't shown. Otherwise it isn't judged if too little of its window was (`coverage`):
+    because the run was `cut_short` before its path or time was over, because ticks are missing, because the follower
+    led or was absent, or crashed by the scenario's faults (unless no follower is left). What broke the bound in the
+    part that was judged is broken all the same.
     """
     for each in scenario.expect if wanted is None else wanted:
         plain = _of_window(each, scenario, flight, cut_short=cut_short)
@@ -132,7 +132,7 @@ def _of_window(wanted: Expectation, scenario: Scenario, flight: RecordedFlight, 
     if down_s is not None:
         return Verdict(wanted, None, None, reached=False, reason=none_flew(down_s), share=found.share)
     end_s = max(0.0, flight.scored_end_s(scenario.duration_s, period_s))
-    short = wanted.to_s - end_s > GAP_S + ROUNDING_S
+    short = wanted.to_s - end_s > UNJUDGED_GAP_S + ROUNDING_S
     reason = f"flown to {end_s:.1f} s of {wanted.to_s:g} s" if short else str(found)
     reached = not short or (cut_short and found.enough)
     return Verdict(wanted, None, None, reached, True, reason, share=found.share, cut=short and cut_short)

@@ -11,7 +11,7 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask, wrap
 from flight_model.slot import CHANNELS
-from formation_scenario.expectation import GAP_S, LATE_PERIODS, SETTLED_M
+from formation_scenario.expectation import LATE_PERIODS, SETTLED_M, UNJUDGED_GAP_S
 from gcs_formation.record.flight import RecordedFlight
 from gcs_formation.record.separations import min_separation_m
 from gcs_formation.record.timeseries import ERROR, SETPOINT
@@ -96,11 +96,11 @@ def _through_gaps(time_s: Array, period_s: float, ends_s: tuple[float, float]) -
     """Return since and until when what a tick (T,) shows counts, s, and whether a gap that is too long ends with it."""
     bounded_s = np.concatenate((ends_s[:1], time_s, ends_s[1:]))
     before_s = np.diff(bounded_s)
-    late = (before_s > LATE_PERIODS * period_s) & (before_s <= GAP_S + period_s)
+    late = (before_s > LATE_PERIODS * period_s) & (before_s <= UNJUDGED_GAP_S + period_s)
     since_s = np.where(late[:-1], bounded_s[:-2] + period_s, time_s)
     until_s = time_s.copy()
     until_s[-1:] = ends_s[1] if late[-1] else time_s[-1:]
-    gaps = before_s[:-1] > GAP_S + period_s
+    gaps = before_s[:-1] > UNJUDGED_GAP_S + period_s
     return since_s, until_s, gaps
 
 

@@ -31,6 +31,11 @@ class InAir(ABC):
     def ground_velocity(self) -> tuple[float, float, float]:
         """Return ground velocity north, east and down, m/s."""
 
+    def disturb(self, north_mps: float, east_mps: float, down_mps: float) -> None:
+        """Add a velocity of the air."""
+        north, east, down = self.disturbance_mps
+        self.disturbance_mps = (north + north_mps, east + east_mps, down + down_mps)
+
     def write_truth(self, row: BytesWriter) -> None:
         """Append the values of `sim_vehicles.truth.QUANTITIES`, in their order."""
         state = self.state

@@ -21,7 +21,7 @@ from airlink.messages.system import Statustext
 from formation_scenario.stored_landing import items_of, landing_position
 from sim_vehicles.airframe.battery import Battery, throttle_of
 from sim_vehicles.airframe.body import Body
-from sim_vehicles.airframe.disturbances import Environment
+from sim_vehicles.airframe.environment import Environment
 from sim_vehicles.airframe.motion import Estimate, Motion
 from sim_vehicles.autopilot.estimator_errors import StateEstimator
 from sim_vehicles.autopilot.mission_items import Item, of_landing

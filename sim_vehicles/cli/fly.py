@@ -36,7 +36,7 @@ from formation_scenario.origin import Origin
 from formation_scenario.start_states import StartState
 from formation_scenario.surroundings import Disturbance, Fault
 from formation_scenario.vehicles import BASE_PORT
-from sim_vehicles.airframe.disturbances import Environment
+from sim_vehicles.airframe.environment import Environment
 from sim_vehicles.cli import EXAMPLES
 from sim_vehicles.config import FleetConfig, VehicleConfig, fleet_config
 from sim_vehicles.fleet import Fleet

@@ -6,7 +6,7 @@ import pytest
 
 from airlink import mavlink as m
 from airlink.messages.command import ParamSet
-from gcs_formation.fleet.dispatch import UNGUIDED_S
+from gcs_formation.fleet.unguided import UNGUIDED_S
 from gcs_formation.recorder import Tick
 from sim_vehicles.autopilot.modes_and_failsafe import Mode
 from tests.flights.in_memory import World

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 from scipy.signal import welch
 
 from formation_scenario.surroundings import DrydenTurbulence
-from sim_vehicles.airframe.disturbances import DrydenGusts, discretised
+from sim_vehicles.airframe.turbulence import DrydenGusts, discretised
 
 AIRSPEED_MPS, DT_S, VEHICLES = 22.0, 0.1, 64
 SIGMA_MPS, LENGTH_M = (1.5, 1.0, 0.5), (60.0, 40.0, 20.0)

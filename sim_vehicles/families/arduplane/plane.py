@@ -20,7 +20,7 @@ from airlink.messages.mission import MissionItemReached
 from airlink.messages.payload import DEG
 from flight_model.autopilot_model import finite
 from sim_vehicles.airframe.body import Body
-from sim_vehicles.airframe.disturbances import Environment
+from sim_vehicles.airframe.environment import Environment
 from sim_vehicles.autopilot import commands
 from sim_vehicles.autopilot.autopilot import INFO, WARNING, GivenCommand, Setpoint
 from sim_vehicles.autopilot.commands import (

@@ -13,7 +13,7 @@ from airlink import mavlink as m
 from airlink.clock import Instant
 from airlink.messages.mission import MissionItemReached
 from sim_vehicles.airframe.body import Body
-from sim_vehicles.airframe.disturbances import Environment
+from sim_vehicles.airframe.environment import Environment
 from sim_vehicles.airframe.motion import Vector
 from sim_vehicles.autopilot.autopilot import CRITICAL, GivenCommand, Setpoint
 from sim_vehicles.autopilot.commands import ACCEPTED, position_of

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from flight_model.earth import GeodeticOrigin
 from formation_scenario.mission_files import MissionFileError, read_mission, route_of
-from formation_scenario.mission_files.export import TOLERANCE_M, WRITERS, NamedPath, export, thinned
+from formation_scenario.mission_files.export import TOLERANCE_M, WRITERS, NamedPath, export
+from formation_scenario.mission_files.thinning import thinned
 
 ORIGIN = GeodeticOrigin(math.radians(47.4), math.radians(8.54), 488.0)
 TURNS = np.linspace(0.0, 3 * math.pi, 2000)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.flight_state import FlightState
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.control.setpoint import INTERCEPT_MAX_RAD, Envelope
+from gcs_formation.control.setpoint import SLOT_INTERCEPT_MAX_RAD, Envelope
 
 MODEL = AutopilotModel(*list(VehicleModel().model_dump(exclude={"dead_time_s"}).values())[:9])
 STATE = FlightState(0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0)
@@ -20,7 +20,7 @@ STATE = FlightState(0.0, 0.0, 100.0, 0.0, 22.0, 0.0, 0.0, 0.0)
 def test_what_is_sent_is_inside_the_limits(speed: float, own: float, correction: float, height: float) -> None:
     speed_mps, heading_rad, height_m = Envelope(own, STATE, MODEL).limit(speed, own + correction, height)
     assert 16.0 <= speed_mps <= 28.0
-    assert abs(heading_rad - own) <= INTERCEPT_MAX_RAD + 1e-9
+    assert abs(heading_rad - own) <= SLOT_INTERCEPT_MAX_RAD + 1e-9
     assert abs(height_m - 100.0) <= 3.0 * (1.0 + 3.0) + 1e-9
 
 

@@ -11,7 +11,7 @@ from airlink.clock import Instant, after
 from airlink.endpoint import LOOPBACK, Address, Endpoint
 from airlink.engine import Datagram, Engine
 from gcs_formation.app.sitl.exchange import Exchange, ExchangeError, Sample
-from sim_vehicles.airframe.disturbances import Environment
+from sim_vehicles.airframe.environment import Environment
 from sim_vehicles.airframe.rigid_body.fixed_wing import FixedWing
 from sim_vehicles.airframe.rigid_body.motion import RigidBody
 from sim_vehicles.airframe.rigid_body.quadrotor import Quadrotor
