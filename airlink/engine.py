@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from heapq import heapify, heappop, heappush
-from typing import Generic, TypeVar
+from typing import Final, Generic, TypeVar
 
-from mypy_extensions import mypyc_attr
+from mypy_extensions import i64, mypyc_attr
 
 from airlink.clock import Instant, VirtualClock
 from airlink.endpoint import ANY_HOST, LOOPBACK, Address, Endpoint, PortError
@@ -19,6 +18,8 @@ T = TypeVar("T")
 FIRST_EPHEMERAL_PORT = 49152
 SHARED = frozenset({"serial", "mcast", "tcpin"})
 """Kinds of endpoints of which several may have one address."""
+MANY_POPPED: Final = 64
+"""So many popped items, if they are the half of all, are cut off a queue."""
 
 
 @mypyc_attr(acyclic=True, free_list_len=1)
@@ -84,34 +85,69 @@ class Engine(ABC):
         """Take the number of bytes that a driver has received from strangers and dropped unread."""
 
 
+class _Due(Generic[T]):
+    """An item of a queue."""
+
+    __slots__ = ("instant", "item")
+
+    def __init__(self, instant: Instant, item: T) -> None:
+        self.instant: i64 = instant
+        self.item = item
+
+
 class DelayQueue(Generic[T]):
-    """Items, each with the instant at which it is due; items due at the same instant are first in, first out."""
+    """Items, each with the instant at which it is due; items due at the same instant are first in, first out.
+
+    They are sorted, as most are due in the order in which they are pushed: so one is found without comparing objects.
+    """
 
     def __init__(self) -> None:
         """Start empty."""
-        self._items: list[tuple[Instant, int, T]] = []
-        self._count = 0
+        self._items: list[_Due[T]] = []
+        self._first: i64 = 0
+        """Index of the first item; those before were popped."""
 
     def push(self, instant: Instant, item: T) -> None:
         """Add an item that is due at `instant`."""
-        heappush(self._items, (instant, self._count, item))
-        self._count += 1
+        items = self._items
+        at: i64 = instant
+        low: i64 = self._first
+        high: i64 = len(items)
+        if low == high or items[high - 1].instant <= at:
+            items.append(_Due(instant, item))
+            return
+        while low < high:
+            middle = (low + high) // 2
+            if items[middle].instant <= at:
+                low = middle + 1
+            else:
+                high = middle
+        items.insert(low, _Due(instant, item))
 
     def pop_due(self, now: Instant) -> list[T]:
         """Remove and return the items that are due by `now`."""
         due: list[T] = []
-        while self._items and self._items[0][0] <= now:
-            due.append(heappop(self._items)[2])
+        items = self._items
+        at: i64 = now
+        first: i64 = self._first
+        end: i64 = len(items)
+        while first < end and items[first].instant <= at:
+            due.append(items[first].item)
+            first += 1
+        if first == end or (first >= MANY_POPPED and 2 * first >= end):
+            del items[:first]
+            first = 0
+        self._first = first
         return due
 
     def drop(self, unwanted: Callable[[Instant, T], bool]) -> None:
         """Remove the items for which `unwanted`, called with the instant and the item, holds."""
-        self._items = [each for each in self._items if not unwanted(each[0], each[2])]
-        heapify(self._items)
+        self._items = [each for each in self._items[self._first :] if not unwanted(Instant(each.instant), each.item)]
+        self._first = 0
 
     def next(self) -> Instant | None:
         """Return when the next item is due, None if the queue is empty."""
-        return self._items[0][0] if self._items else None
+        return Instant(self._items[self._first].instant) if self._first < len(self._items) else None
 
 
 class _Socket:

@@ -63,7 +63,8 @@ class ImpairedEngine(Engine):
         self._seed = seed
         self._radio_of = dict(radios)
         self._radios = list({id(radio): radio for radio in radios.values()}.values())
-        self._channels: dict[LinkId, tuple[Channel, Channel]] = {}
+        self._channels: dict[VehicleId, list[tuple[Channel, Channel]]] = {}
+        """Of each vehicle's links, up and down."""
         self._vehicle_at = OrderedDict[tuple[int, Address], VehicleId]()
         self._under_way = DelayQueue[tuple[Direction, Datagram]]()
         self._outbox: list[Datagram] = []
@@ -210,21 +211,26 @@ class ImpairedEngine(Engine):
     def _pass_on(self, vehicle: VehicleId, direction: Direction, datagram: Datagram) -> list[Instant]:
         number = self._numbers.get((vehicle, datagram.socket), 1) if self._numbers else 1
         if number == 1 or self._further is None:
-            impairment = self._schedule(vehicle, self._now)[direction]
+            up, down = self._schedule(vehicle, self._now)
         else:
-            impairment = self._further(vehicle, self._now, number)[direction]
-        return self._channels_of(vehicle, number)[direction].pass_on(len(datagram.data), self._now, impairment)
+            up, down = self._further(vehicle, self._now, number)
+        uplink, downlink = self._channels_of(vehicle, number)
+        if direction is Direction.UPLINK:
+            return uplink.pass_on(len(datagram.data), self._now, up)
+        return downlink.pass_on(len(datagram.data), self._now, down)
 
     def _channels_of(self, vehicle: VehicleId, number: int = 1) -> tuple[Channel, Channel]:
-        channels = self._channels.get((vehicle, number))
-        if channels is None:
-            key = [*vehicle] if number == 1 else [*vehicle, number]
+        each = self._channels.get(vehicle)
+        if each is None:
+            each = self._channels[vehicle] = []
+        while len(each) < number:
+            key = [*vehicle] if not each else [*vehicle, len(each) + 1]
             uplink, downlink = (
-                Channel(random_stream(self._seed, "links" if number == 1 else "further links", *key, direction))
+                Channel(random_stream(self._seed, "further links" if each else "links", *key, direction))
                 for direction in Direction
             )
-            channels = self._channels[vehicle, number] = (uplink, downlink)
-        return channels
+            each.append((uplink, downlink))
+        return each[number - 1]
 
 
 def _copy(datagram: Datagram) -> Datagram:

@@ -57,16 +57,21 @@ class Channel:
         """Draw from `stream`."""
         self.statistics = ChannelStatistics()
         self._random = stream
-        self._draws: list[list[float]] = []
+        self._draws: list[float] = []
         """Random numbers of the present block of datagrams."""
         self._drawn = 0
         self._lost_last = False
         self._busy_until = Instant(0)
         self._last_delivery = Instant(0)
-        self._impairment = UNIMPAIRED
-        self._transparent = True
-        self._loss_after_arrival, self._loss_after_loss = 0.0, 0.0
-        self._delays = UNIMPAIRED.delays
+        self._follow(UNIMPAIRED)
+
+    def _follow(self, impairment: Impairment) -> None:
+        """Impair what is sent from now on so; its numbers are kept, for they are needed for every datagram."""
+        self._impairment, self._transparent = impairment, impairment.transparent
+        self._loss_after_arrival, self._loss_after_loss = impairment.loss_after
+        self._delays, self._process = impairment.delays, impairment.process
+        self._outage, self._reorder, self._duplicate = impairment.outage, impairment.reorder, impairment.duplicate
+        self._rate_bps, self._queue_s = impairment.rate_bps, impairment.queue_s
 
     def lose(self) -> None:
         """Count a datagram that was dropped before it came here."""
@@ -81,9 +86,7 @@ class Channel:
         `before_s`: how long it has been under way by now; `after_s`: further delay. Both count as its delay.
         """
         if impairment is not self._impairment:
-            self._impairment, self._transparent = impairment, impairment.transparent
-            self._loss_after_arrival, self._loss_after_loss = impairment.loss_after
-            self._delays = impairment.delays
+            self._follow(impairment)
         statistics = self.statistics
         number = statistics.datagrams
         statistics.datagrams = number + 1
@@ -105,35 +108,37 @@ class Channel:
 
     def _impaired(self, number: int, size_bytes: int, now: Instant, more_s: float) -> list[Instant]:
         while number >= self._drawn:
-            self._draws = self._random.random((BLOCK, DRAWS)).tolist()
+            self._draws = self._random.random(BLOCK * DRAWS).tolist()
             self._drawn += BLOCK
-        impairment, draws = self._impairment, self._draws[number - self._drawn]
+        draws = self._draws
+        own = (number - self._drawn + BLOCK) * DRAWS
         loss = self._loss_after_loss if self._lost_last else self._loss_after_arrival
-        self._lost_last = draws[0] < loss
+        self._lost_last = draws[own] < loss
         departure = self._departure(size_bytes, now)
-        if impairment.outage or self._lost_last or departure is None:
+        if self._outage or self._lost_last or departure is None:
             return []
-        process = impairment.process
+        process = self._process
         if process is not None:
             found_s = process(size_bytes, now)
             if found_s is None:
                 return []
             more_s += found_s
-        deliveries = [after(departure, self._delays.quantile_s(draws[2]) + more_s)]
-        if draws[1] < impairment.duplicate:
-            deliveries.append(after(departure, self._delays.quantile_s(draws[3]) + more_s))
-            deliveries.sort()
-        if not impairment.reorder:
-            deliveries = [max(delivery, self._last_delivery) for delivery in deliveries]
-        return deliveries
+        first = self._arrival(after(departure, self._delays.quantile_s(draws[own + 2]) + more_s))
+        if draws[own + 1] >= self._duplicate:
+            return [first]
+        second = self._arrival(after(departure, self._delays.quantile_s(draws[own + 3]) + more_s))
+        return [min(first, second), max(first, second)]
+
+    def _arrival(self, alone: Instant) -> Instant:
+        """Return when a datagram arrives that would do so `alone`: behind those before it, if none overtakes."""
+        return alone if self._reorder else max(alone, self._last_delivery)
 
     def _departure(self, size_bytes: int, now: Instant) -> Instant | None:
         """Return when the last bit has been sent, None if the queue is full."""
-        impairment = self._impairment
-        if impairment.rate_bps == 0.0 or impairment.outage:
+        if self._rate_bps == 0.0 or self._outage:
             return now
         start = max(now, self._busy_until)
-        if seconds_between(now, start) > impairment.queue_s:
+        if seconds_between(now, start) > self._queue_s:
             return None
-        self._busy_until = after(start, 8 * size_bytes / impairment.rate_bps)
+        self._busy_until = after(start, 8 * size_bytes / self._rate_bps)
         return self._busy_until

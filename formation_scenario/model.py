@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
@@ -303,10 +303,25 @@ class Scenario(Keys):
             FileError: the elevation file can't be read.
             PathError: no path leads through the waypoints.
         """
-        computed = {"leader_path": self.leader_path} | vars(self)
+        computed = {"leader_path": self.leader_path, "_derived": self._derived} | vars(self)
         copied = self.model_copy(update={"seed": seed})
         vars(copied).update({name: computed[name] for name in computed.keys() - type(self).model_fields.keys()})
         return copied
+
+    def derived(self, make: Callable[[Scenario], Scenario]) -> Scenario:
+        """Return what `make` makes of the scenario; for scenarios that differ in their seed alone it is made once.
+
+        Raises:
+            FileError: the elevation file can't be read.
+            PathError: no path leads through the waypoints.
+        """
+        if make not in self._derived:
+            self._derived[make] = make(self)
+        return self._derived[make].with_seed(self.seed)
+
+    @cached_property
+    def _derived(self) -> dict[Callable[[Scenario], Scenario], Scenario]:
+        return {}
 
     def with_path_of(self, other: Scenario) -> Scenario:
         """Return itself with the path that another has found, whose keys that decide it are the same."""

@@ -71,6 +71,10 @@ def as_known(scenario: Scenario) -> Scenario:
     models and navigation say; the wind, delays, noise, time constants and clocks are measured. Gains by design are for
     the delay that the scenario's links have, as one that it states (`law.design_delay_ms`).
     """
+    return scenario.derived(_as_known)
+
+
+def _as_known(scenario: Scenario) -> Scenario:
     law = scenario.law
     if law.gains == AUTO:
         law = law.model_copy(update={"design_delay_ms": 1e3 * design_delay_s(scenario)})

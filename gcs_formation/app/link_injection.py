@@ -7,7 +7,6 @@ from array import array
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import NamedTuple
 
 import numpy as np
 
@@ -89,13 +88,15 @@ class LinkSchedule:
         }
         self._known = Translations(scenario, self.processes)
         self._links = dict[LinkId, Translated]()
+        self._first = dict[VehicleId, Translated]()
+        """Those of first links, which most vehicles have alone."""
         self.clear = True
         """Whether no link has been, is or will be impaired."""
         self._translate()
 
     def both_directions(self, vehicle: VehicleId, now: Instant, number: int = 1) -> Both:
         """Return the impairments of the uplink and the downlink of a vehicle's link."""
-        links = self._links.get((vehicle, number))
+        links = self._first.get(vehicle) if number == 1 else self._links.get((vehicle, number))
         if links is None:
             return UNIMPAIRED, UNIMPAIRED
         if not links.times_s:
@@ -126,17 +127,18 @@ class LinkSchedule:
 
     def _translate(self) -> None:
         self._links = self._known.of(self._steps)
+        self._first = {vehicle: links for (vehicle, number), links in self._links.items() if number == 1}
         distinct = {id(links): links for links in self._links.values()}.values()
         self.clear = self.clear and all(
             one.transparent for links in distinct for both in links.impairments for one in both
         )
 
 
-class Translated(NamedTuple):
+class Translated:
     """A link's impairments, and the mission times from which the second and later ones hold."""
 
-    times_s: list[float]
-    impairments: list[Both]
+    def __init__(self, times_s: list[float], impairments: list[Both]) -> None:
+        self.times_s, self.impairments = times_s, impairments
 
 
 class Translations:

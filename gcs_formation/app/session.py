@@ -59,9 +59,10 @@ FAST_SPEEDUP = 10.0
 def _opened(scenario: Scenario, options: RunOptions, began_us: int, *, resume: bool) -> RunDirectory:
     """Open the record, and say so to who looks on."""
     watched = options.recording is not None
+    keeps = options.record in {"full", "series"} or options.clock == "real"  # whose emulators read the file
     recorder = RunDirectory(
         options.out,
-        scenario,
+        scenario if keeps else None,
         ids_by_index(scenario),
         began_us,
         overwrite=options.overwrite,

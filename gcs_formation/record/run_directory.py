@@ -60,7 +60,7 @@ class RunDirectory:
     def __init__(
         self,
         path: Path,
-        scenario: Scenario,
+        scenario: Scenario | None,
         columns: Sequence[VehicleId | None],
         epoch_us: int,
         *,
@@ -70,6 +70,8 @@ class RunDirectory:
         flush_s: float = FLUSH_S,
     ) -> None:
         """Create the directory and its files; `overwrite` allows an earlier run there, `frames` False omits the log.
+
+        Without a `scenario` there is no run.yaml: for a record that isn't kept.
 
         An earlier run's record is kept until `replace_earlier`. One that ended before it commanded any vehicle is
         replaced at once, without `overwrite`, so that the run can be repeated after its cause is corrected. With
@@ -91,8 +93,7 @@ class RunDirectory:
             if recorded_in(self.path) != self.path:
                 shutil.rmtree(self.path / UNFLOWN)
             if not resume:
-                _clear(self.path)
-                _write_scenario(self.path, scenario)
+                _begin(self.path, scenario)
             self._tlog = TlogWriter(self.path / TLOG, epoch_us) if frames else None
             self._spool = SpoolWriter(self.path / SPOOL, columns)
         except BlockingIOError as error:
@@ -248,6 +249,13 @@ def _clear(path: Path) -> None:
 def figures(path: Path) -> list[Path]:
     """Return the figures that `report` has written of a run, in every format."""
     return [each for kind in ("png", "svg", "pdf") for each in (path / FIGURES).glob(f"*.{kind}")]
+
+
+def _begin(path: Path, scenario: Scenario | None) -> None:
+    """Remove an earlier run's files, and write what is flown."""
+    _clear(path)
+    if scenario is not None:
+        _write_scenario(path, scenario)
 
 
 def _write_scenario(path: Path, scenario: Scenario) -> None:

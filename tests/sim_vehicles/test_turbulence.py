@@ -10,7 +10,9 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import welch
 
+from flight_model.flight_state import FlightState
 from formation_scenario.surroundings import DrydenTurbulence
+from sim_vehicles.airframe.in_air import InAir
 from sim_vehicles.airframe.turbulence import DrydenGusts, discretised
 
 AIRSPEED_MPS, DT_S, VEHICLES = 22.0, 0.1, 64
@@ -86,14 +88,22 @@ def test_vehicles_and_axes_are_independent_of_each_other():
     assert np.abs(correlation - np.eye(12)).max() < 0.4
 
 
+class Still(InAir):
+    """A vehicle that stays where it is."""
+
+    @property
+    def airborne(self) -> bool:
+        return True
+
+    def ground_velocity(self) -> tuple[float, float, float]:
+        return 0.0, 0.0, 0.0
+
+
 @pytest.mark.parametrize(("hovers", "turns"), [(False, True), (True, False)])
 def test_a_wings_gusts_turn_with_it_and_a_multirotors_lie_along_the_wind(hovers, turns):
     """A multirotor at low speed may take any course from one cycle to the next; its gusts used to rotate with that."""
-    body: Any = SimpleNamespace(
-        state=SimpleNamespace(airspeed_mps=0.1, height_m=100.0, heading_rad=0.0),
-        model=SimpleNamespace(may_hover=hovers),
-        disturbance_mps=(0.0, 0.0, 0.0),
-    )
+    model: Any = SimpleNamespace(may_hover=hovers)
+    body = Still(model, FlightState(0.0, 0.0, 100.0, 0.0, 0.1, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     gusts = DrydenGusts(GIVEN, [body], [np.random.default_rng(1)], (5.0, 0.0, 0.0))
     gusts.add(0.0)
     north_mps, east_mps, _ = body.disturbance_mps
