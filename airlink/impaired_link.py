@@ -30,6 +30,9 @@ Numbers = Mapping[tuple[VehicleId, int], int]
 Radios = Mapping[VehicleId, SharedRadio[Datagram]]
 """The radio by which each vehicle is reached, if it is one for several."""
 NO_RADIOS: Final[Radios] = MappingProxyType({})
+UPLINK: Final = Direction.UPLINK
+DOWNLINK: Final = Direction.DOWNLINK
+"""By name: to look a member of an enumeration up takes longer than all else that a datagram needs here."""
 NO_NUMBERS: Final[Numbers] = MappingProxyType({})
 
 
@@ -87,13 +90,13 @@ class ImpairedEngine(Engine):
             if vehicle is None:
                 arrived.append(datagram)
                 continue
-            if self._radios and self._takes_radio(vehicle, Direction.DOWNLINK, datagram):
+            if self._radios and self._takes_radio(vehicle, DOWNLINK, datagram):
                 continue
-            for delivery in self._pass_on(vehicle, Direction.DOWNLINK, datagram):
+            for delivery in self._pass_on(vehicle, DOWNLINK, datagram):
                 if delivery <= now:
                     arrived.append(datagram)
                 else:
-                    self._under_way.push(delivery, (Direction.DOWNLINK, datagram))
+                    self._under_way.push(delivery, (DOWNLINK, datagram))
         if arrived:
             self._engine.receive(arrived, now)
 
@@ -104,14 +107,14 @@ class ImpairedEngine(Engine):
             if vehicle is None:
                 self._outbox.append(datagram)
                 continue
-            if self._radios and self._takes_radio(vehicle, Direction.UPLINK, datagram):
+            if self._radios and self._takes_radio(vehicle, UPLINK, datagram):
                 continue
-            for delivery in self._pass_on(vehicle, Direction.UPLINK, datagram):
+            for delivery in self._pass_on(vehicle, UPLINK, datagram):
                 own = _copy(datagram)
                 if delivery <= self._now:
                     self._outbox.append(own)
                 else:
-                    self._under_way.push(delivery, (Direction.UPLINK, own))
+                    self._under_way.push(delivery, (UPLINK, own))
         sent, self._outbox = self._outbox, []
         return sent
 
@@ -150,7 +153,7 @@ class ImpairedEngine(Engine):
             if radio.report_due(now):
                 arrived += self._reports(radio)
         for direction, datagram in self._under_way.pop_due(now):
-            (arrived if direction is Direction.DOWNLINK else self._outbox).append(datagram)
+            (arrived if direction is DOWNLINK else self._outbox).append(datagram)
         if arrived:
             self._engine.receive(arrived, now)
 
@@ -215,7 +218,7 @@ class ImpairedEngine(Engine):
         else:
             up, down = self._further(vehicle, self._now, number)
         uplink, downlink = self._channels_of(vehicle, number)
-        if direction is Direction.UPLINK:
+        if direction is UPLINK:
             return uplink.pass_on(len(datagram.data), self._now, up)
         return downlink.pass_on(len(datagram.data), self._now, down)
 

@@ -46,6 +46,8 @@ from gcs_formation.recorder import Event
 MAX_DIGITS = 5
 LOOK_S = 1.0
 """Time between looks at the ground truth of silent vehicles, s."""
+LOOKS_EVERY = 16
+"""Events between looks at the wall clock for progress: there are about fifty a second for each vehicle."""
 PROGRESS_S = 0.25
 """Wall time between updates of the progress, s."""
 REMINDER_S = 20.0
@@ -89,6 +91,8 @@ class Session:
     _orders: OrderSocket | None = None
     _is_restored = False
     """Whether parameters that were set have their values back."""
+    _events = 0
+    """Number of events so far."""
     _left_at: Instant | None = None
     """When the flight ended, or the operator left it."""
 
@@ -203,7 +207,9 @@ class Session:
             self._orders.poll()
         if self._confirmation is not None:
             self._confirmation.poll(self.clock.now())
-        self._show_progress(self._spent.wall_s)
+        self._events += 1
+        if self._events % LOOKS_EVERY == 0:
+            self._show_progress(self._spent.wall_s)
         if not (self.station.flight.ended or left):
             return False
         self._left_at = self._left_at or self.clock.now()
