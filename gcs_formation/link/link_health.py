@@ -10,7 +10,7 @@ from typing import Final
 from airlink.clock import LONG_AGO, NANOSECONDS, Instant, seconds_between
 from airlink.endpoint import Address
 from gcs_formation.link.frame_loss import STALE_AFTER_NS, STALE_AFTER_S
-from gcs_formation.link.heartbeats import MUTE_AFTER_S, Heartbeats
+from gcs_formation.link.missing_heartbeats import MUTE_AFTER_S, Heartbeats
 
 SHARE: Final = 1 / 16
 """Weight of each new difference in the running mean. Tuned: share; 1/64 to 1/8; shown by `pytest
