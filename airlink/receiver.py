@@ -9,10 +9,8 @@ from airlink.clock import Instant
 from airlink.endpoint import Address
 from airlink.engine import Datagram
 from airlink.frame import Frame
-from airlink.stream_parser import ParserCounts, StreamParser
+from airlink.stream_parser import MAX_REFUSED, ParserCounts, StreamParser
 
-MAX_REFUSED: Final = 12
-"""Candidates in a datagram from a network that may be no frames; after as many its rest is skipped."""
 MAX_REMOTES: Final = 1024
 """Largest number of addresses with parsers. The longest silent one is dropped first, so strangers can't fill memory."""
 MANY_REMOTES: Final = MAX_REMOTES // 2

@@ -25,6 +25,10 @@ _EXTRAS: Final = crc_extras()
 _LENGTHS: Final = base_lengths()
 
 
+MAX_REFUSED: Final = 12
+"""Candidates in a datagram from a network that may be no frames; after as many its rest is skipped."""
+
+
 @dataclass
 class ParserCounts:
     """Statistics of a parser."""

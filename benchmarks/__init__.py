@@ -34,7 +34,7 @@ from airlink.cli import COMPILED  # noqa: E402
 from gcs_formation.record.run_directory import EVENTS  # noqa: E402
 
 if TYPE_CHECKING:
-    from gcs_formation.app.operator_at_terminal import ClockName
+    from gcs_formation.app.run_options import ClockName
 
 PAPER = ROOT / "configs" / "paper.yaml"
 Result = TypeVar("Result")

@@ -13,8 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as peer
 
 from airlink.frame import FrameWriter
 from airlink.messages.telemetry import Attitude
-from airlink.receiver import MAX_REFUSED
-from airlink.stream_parser import StreamParser
+from airlink.stream_parser import MAX_REFUSED, StreamParser
 from gcs_formation.studies.markdown import markdown
 
 SIZE = 1400

@@ -24,9 +24,10 @@ import numpy as np
 from airlink.host_system import lock
 from flight_model.arrays import Array
 from formation_scenario import dump_scenario, load_scenario
-from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.record.parquet import write_parquet
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES
 from gcs_formation.record.timeseries import GAINS, MIXED, PHASES, SPOOLED

@@ -12,7 +12,7 @@ import time
 from typing import Any
 
 from benchmarks import alone, flown, parser, print_load
-from gcs_formation.app.operator_at_terminal import ClockName
+from gcs_formation.app.run_options import ClockName
 from gcs_formation.studies.markdown import markdown
 
 COUNTS = (4, 16, 64, 128, 254, 500)

@@ -9,7 +9,6 @@ import numpy as np
 from airlink.endpoint import Endpoint, VehicleId, parse_endpoint
 from flight_model.arrays import Array
 from flight_model.autopilot_model import AutopilotModel
-from flight_model.fence_geometry import Flyers, HoldingPatternFence
 from flight_model.path_offsets import Bounds
 from flight_model.stops.timetable import Timetable
 from formation_scenario import Scenario
@@ -18,12 +17,10 @@ from formation_scenario.extensions import AUTOPILOT, DELAY_ESTIMATOR, GUIDANCE, 
 from formation_scenario.gains import AUTO, design_delay_s
 from formation_scenario.links import Links
 from formation_scenario.navigation import NoisyNavigation
-from formation_scenario.slot_assignment import models_by_index, slot_schedule, slot_table, vehicles_by_index
-from formation_scenario.slot_motion import LeaderFlight, SlotMotion, slot_needs
+from formation_scenario.slot_assignment import models_by_index, vehicles_by_index
 from formation_scenario.terrain import FOLLOWER_SHARE, LEADER_SHARE
 from formation_scenario.vehicles import VehicleClock, family_of, reads_equivalent_airspeed
 from formation_scenario.wind import Wind
-from gcs_formation.control.follower import swing_share
 from gcs_formation.control.laws import law_kind
 from gcs_formation.control.own_guidance import OwnGuidance
 from gcs_formation.control.own_predictor import OwnPrediction
@@ -33,10 +30,11 @@ from gcs_formation.estimation.projection import Pairing, Prediction, Projection
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.extend.autopilots import family_named, own_autopilot
 from gcs_formation.guidance.added_steps import AddedSteps
-from gcs_formation.guidance.leader_guidance import FIRST_STRAIGHT_S, SETTLE_S, LeaderGuidance
+from gcs_formation.guidance.leader_guidance import LeaderGuidance
 from gcs_formation.guidance.slot_clearance import SlotClearance
 from gcs_formation.guidance.timed_progress import TimedProgress
 from gcs_formation.guidance.tracking import MIN_MPS
+from gcs_formation.holding_pattern import first_straight_s, hold_turn_rps, pattern_fence, settle_s
 from gcs_formation.link.link_health import Connection
 from gcs_formation.link.own_delays import OwnDelays
 from gcs_formation.vehicle.autopilot_family import Autopilot
@@ -49,19 +47,8 @@ MAX_REPEATED_S = 1.0
 """Longest averaging time: in gusts, averages over more follow model (7) instead of the vehicle."""
 MIN_OF_DECLARED = 0.25
 """Lower bound of estimated noise, as a share of the declared noise."""
-HOLD_SHARE = 0.8
-"""Share of the speed range above and below the path's speed that turns before the path may use."""
-ENERGY_HOLD_SHARE = 0.6
-"""The same for aircraft under total-energy control: larger changes of airspeed cost metres of height, and the run-in
-would be too short to return to the slots."""
-HOLD_TURN_SHARE = 0.5
-"""Share of the turn rate limit that turns before the path may use."""
-SWING_RAD = math.radians(15.0)
-"""Largest difference between a follower's heading and the leader's there: entering a turn sweeps slots sideways."""
 GAP_TICKS = 2.5
 """Number of ticks by which acknowledgements of setpoints may be late, if longer than `GAP_S`."""
-GENTLEST_RPS = 0.01
-"""Least turn rate before the path; vehicles that can't keep up in that catch up on the run-in."""
 
 
 def as_known(scenario: Scenario) -> Scenario:
@@ -161,7 +148,7 @@ def leader_guidance(scenario: Scenario) -> LeaderGuidance:
         settle_s=settle_s(scenario),
         first_straight_s=first_straight_s(scenario),
         hovers=scenario.hovers,
-        fence=_pattern_fence(scenario),
+        fence=pattern_fence(scenario),
         dt_s=1.0 / scenario.law.rate_hz,
     )
 
@@ -196,58 +183,6 @@ def slot_clearance(scenario: Scenario) -> SlotClearance | None:
         return Bounds(max(slope, scenario.rise_bounds(LEADER_SHARE).slope), calm.curvature_1pm)
 
     return SlotClearance(scenario.ground, scenario.terrain.clearance_m, bounds, scenario.formation.frame)
-
-
-def settle_s(scenario: Scenario) -> float:
-    """Return how long the leader flies straight between a turn and its path, s, for followers to reach their slots.
-
-    In `follower_heading` they leave a turn late, and aircraft under total-energy control later still.
-    """
-    own_frame = scenario.formation.frame == "follower_heading"
-    by_energy = any(each.airframe is not None for each in models_by_index(scenario)[1:])
-    return 2.0 * SETTLE_S if own_frame and by_energy else SETTLE_S
-
-
-def first_straight_s(scenario: Scenario) -> float:
-    """Return the shortest straight at the end of the leader's first way, s: longer for slower heading loops.
-
-    In `follower_heading` those of vehicles at the side are: three ArduPlanes in a line were out of their slots by up to
-    14 m in turns, across, and by 3.3 m after 30 s.
-    """
-    if scenario.formation.frame != "follower_heading" or scenario.hovers:
-        return FIRST_STRAIGHT_S
-    right_m = float(np.nanmax(np.abs(slot_schedule(scenario)[0].positions_m[:, 1])))
-    return FIRST_STRAIGHT_S / swing_share(right_m, scenario.path.begin_mps)
-
-
-def _pattern_fence(scenario: Scenario) -> HoldingPatternFence | None:
-    """Return the fence within which the formation's holding patterns before the path must stay, None without one."""
-    sides = None if scenario.fence is None else scenario.fence.sides
-    if sides is None:
-        return None
-    first = 0 if scenario.leader else 1
-    forward_m, right_m, _ = slot_schedule(scenario)[0].positions_m[first:].T
-    turn_rps = np.array([each.turn_rate_max_rps for each in models_by_index(scenario)[first:]])
-    start = scenario.leader_path.at(0.0)
-    return HoldingPatternFence(sides, start, Flyers(forward_m, right_m, turn_rps, scenario.formation.slots_turn))
-
-
-def hold_turn_rps(scenario: Scenario) -> float:
-    """Return the rate of the leader's turns before its path: the fastest in which all slots keep up, either way."""
-    speed = scenario.path.begin_mps
-    models = models_by_index(scenario)[1:]
-    max_rps = HOLD_TURN_SHARE * min(each.turn_rate_max_rps for each in models_by_index(scenario))
-    turn_rps = np.geomspace(min(GENTLEST_RPS, max_rps), max_rps, 200)
-    still, slots = np.zeros_like(turn_rps), SlotMotion.at_rest(slot_table(scenario))
-    share = np.array([HOLD_SHARE if each.airframe is None else ENERGY_HOLD_SHARE for each in models])
-    low, high = np.array([each.soon_mps(speed) for each in models]).reshape(-1, 2).T
-    kept = np.ones_like(turn_rps, dtype=np.bool_)
-    for sign in (1.0, -1.0):
-        needs = slot_needs(LeaderFlight(speed, sign * turn_rps, still, still, still), slots, scenario.formation.frame)
-        fast = needs.speed_mps - speed > share * (high - speed)
-        slow = speed - needs.speed_mps > share * (speed - low)
-        kept &= ~(fast | slow | (np.abs(needs.relative_heading_rad) > SWING_RAD)).any(axis=1)
-    return float(turn_rps[max(int(np.argmin(np.append(kept, False))) - 1, 0)])
 
 
 def autopilot_for(vehicle: PlannedVehicle, scenario: Scenario) -> Autopilot:

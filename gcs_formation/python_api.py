@@ -16,12 +16,13 @@ from formation_scenario import Scenario, load_scenario
 from formation_scenario.fields import did_you_mean, refused
 from formation_scenario.orders import Answer, read_order
 from formation_scenario.overrides import settings
-from gcs_formation.app.operator_at_terminal import ClockName, Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.order_socket import STATUS
 from gcs_formation.app.order_socket import tell as give_order
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import held_text
 from gcs_formation.app.run import run as run_scenario
+from gcs_formation.app.run_options import ClockName, RunOptions
 from gcs_formation.record.run_directory import recorded_in
 from gcs_formation.record.summary import Summary as RecordedSummary
 from gcs_formation.station import Station

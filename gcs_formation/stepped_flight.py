@@ -17,7 +17,7 @@ from formation_scenario.orders import Answer, OrderError, parse_order
 from formation_scenario.scripted import ScriptedOrder
 from formation_scenario.shapes import SHAPE
 from formation_scenario.slot_assignment import ids_by_index, index_of
-from gcs_formation.app.operator_at_terminal import ClockName
+from gcs_formation.app.run_options import ClockName
 from gcs_formation.app.script import scripted
 from gcs_formation.app.stepping import Stepped, Stop, asynchronously, programs_given, stepped
 from gcs_formation.control.plain_values import vehicle_name

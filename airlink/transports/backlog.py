@@ -1,4 +1,7 @@
-"""What a stream couldn't take yet: whole datagrams, or none of one, so that no frame is ever sent in part."""
+"""What a stream couldn't take yet: whole datagrams, or none of one, so that no frame is ever sent in part.
+
+How much may wait: `serial_line.WAIT_S`, by the line's rate, and `tcp.BACKLOG_BYTES`.
+"""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from airlink.impaired_link import ImpairedEngine
 from formation_scenario import Scenario
 from gcs_formation.app.link_figures import of_one_link, of_several_links, with_each_link
 from gcs_formation.app.link_injection import InjectedDelays, injected, planned_end_s
-from gcs_formation.app.operator_at_terminal import RunOptions
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.app.timed_station import TimedStation
 from gcs_formation.core.feature import derived
 from gcs_formation.link.link_health import LOST_AFTER_S

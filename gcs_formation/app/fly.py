@@ -10,9 +10,10 @@ from airlink.endpoint import Endpoint, PortError
 from airlink.transports.udp import resolved
 from formation_scenario import Scenario
 from gcs_formation.app.dry_run import rehearsed
-from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import forwarded, import_ahead
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.app.session import Session
 from gcs_formation.core.feature import NOT_RESUMED, features
 from gcs_formation.errors import RecordError, RunAbortedError

@@ -30,8 +30,9 @@ from formation_scenario.fields import refused
 from formation_scenario.scripted import ScriptedOrder
 from formation_scenario.simulated import Place
 from gcs_formation.app.link_processes import UNKNOWN
-from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.app.session import Session
 from gcs_formation.record.run_directory import SCENARIO, SUMMARY, TRUTH
 from gcs_formation.record.summary import Summary

@@ -24,10 +24,11 @@ from gcs_formation.app.link_injection import (
     wrapped,
 )
 from gcs_formation.app.link_processes import UNKNOWN
-from gcs_formation.app.operator_at_terminal import Confirmation, Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Confirmation, Interrupts
 from gcs_formation.app.order_socket import CHECK, LINK, STATUS, OrderSocket
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import status_page
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.app.script import Script, scripted
 from gcs_formation.app.signing import flight_signing, open_links
 from gcs_formation.app.timed_station import TimedStation

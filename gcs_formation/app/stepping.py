@@ -16,9 +16,10 @@ from typing import NamedTuple, Protocol, TypeVar
 from airlink.cli import rare_garbage_collection
 from airlink.clock import Instant
 from formation_scenario import Scenario
-from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import Run, closed_if_it_raises, conclude, in_memory, over_udp
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.app.session import Session
 from gcs_formation.phases import OVER
 from gcs_formation.record.summary import Summary

@@ -13,9 +13,10 @@ from airlink.cli import Number, WholeNumber, examples, fail
 from airlink.cli.output_directory import OUT, default_directory
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from gcs_formation.app.fly import fly as fly_scenario
-from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run as run_scenario
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.cli import OVERRIDES, PLUGINS
 from gcs_formation.cli.run_and_fly import flown_or_exit, interrupted, run_options
 from gcs_formation.errors import RecordError
@@ -99,7 +100,7 @@ def _record_steps(scenario: Scenario, directory: Path, *, quiet: bool, **given: 
 
 def _fly_steps(scenario: Scenario, options: RunOptions, progress: Progress, interrupts: Interrupts) -> Summary:
     """Fly the steps: with emulators, or with vehicles at the scenario's endpoints."""
-    from gcs_formation.identify import identification_scenario  # noqa: PLC0415 - only `identify` fits and draws
+    from gcs_formation.identify.flown_steps import identification_scenario  # noqa: PLC0415 - only `identify` fits and draws
 
     flown = run_scenario if options.clock == "virtual" else fly_scenario
     return flown(identification_scenario(scenario), options, progress, interrupts)

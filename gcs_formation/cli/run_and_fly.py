@@ -25,10 +25,11 @@ from gcs_formation.app.check_warnings import never_reached
 from gcs_formation.app.dry_run import rehearsal_text
 from gcs_formation.app.fly import fly as fly_scenario
 from gcs_formation.app.fly import rehearse
-from gcs_formation.app.operator_at_terminal import ClockName, Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress, progress_on
 from gcs_formation.app.result_text import NOTHING_EXPECTED, result_line, spoilt, summary_text, unjudged
 from gcs_formation.app.run import run as run_scenario
+from gcs_formation.app.run_options import ClockName, RunOptions
 from gcs_formation.cli import OVERRIDES, PLUGINS
 from gcs_formation.cli.no_flight import load
 from gcs_formation.cli.view import TILES, VIEW, VIEW_ORDERS, WithView, viewing

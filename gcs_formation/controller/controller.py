@@ -30,6 +30,7 @@ from gcs_formation.control.law_interface import CycleInput, Lead
 from gcs_formation.control.laws import law_kind, law_parameters
 from gcs_formation.control.setpoint import AS_DECIDED, Envelope
 from gcs_formation.control.straight_on import StraightOn
+from gcs_formation.controller.assembly import Assembly
 from gcs_formation.controller.bandwidth import Bandwidth
 from gcs_formation.controller.leader_steering import LeaderSteering
 from gcs_formation.controller.present_positions import positions_from_leader
@@ -43,7 +44,6 @@ from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.extend.in_flight import OnTicks, on_ticks
 from gcs_formation.guidance.path_ahead import path_ahead
 from gcs_formation.guidance.slots import FormationPlan
-from gcs_formation.phases import Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 
 

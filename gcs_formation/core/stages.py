@@ -27,7 +27,8 @@ from gcs_formation.core.cycle import Stage
 from gcs_formation.core.each_second import Heartbeats, OwnParts, Strangers
 from gcs_formation.core.estimating import Estimates, Members, Samples
 from gcs_formation.core.parts import LogLink, Parts
-from gcs_formation.core.sending import End, Events, LookOn, Phases, Record, Setpoints, StandIns
+from gcs_formation.core.recording import Events, LookOn, Record
+from gcs_formation.core.sending import End, Phases, Setpoints, StandIns
 
 
 def core_stages(

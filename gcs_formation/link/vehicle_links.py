@@ -30,7 +30,8 @@ from airlink.messages import KINDS
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.frame_history import FrameHistory
 from gcs_formation.link.frame_loss import RARELY, SequenceTracker, run_length
-from gcs_formation.link.link_health import Connection, JitterMeter, LinkState
+from gcs_formation.link.jitter import JitterMeter
+from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
 

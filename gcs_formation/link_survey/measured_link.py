@@ -14,7 +14,7 @@ from airlink.messages.system import Heartbeat, Timesync
 from flight_model.arrays import Array
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.frame_loss import SequenceTracker
-from gcs_formation.link.link_health import JitterMeter
+from gcs_formation.link.jitter import JitterMeter
 
 ANSWERING_S: Final = {m.MAV_AUTOPILOT_PX4: 0.0, m.MAV_AUTOPILOT_ARDUPILOTMEGA: 0.0025}
 """Period of the loop in which an autopilot answers TIMESYNC; ArduPlane's is `PLANES_S`."""

@@ -32,11 +32,11 @@ from gcs_formation.report.loop_figures import gains, has_gains, latency, separat
 from gcs_formation.report.page_parts import document, figure
 from gcs_formation.report.plan_figures import plan, trajectory
 from gcs_formation.report.style import FORMATS, print_style, save
-from gcs_formation.view import static_file
+from gcs_formation.view import flight_in_a_file
+from gcs_formation.view.flight_in_a_file import WholeFlight
+from gcs_formation.view.flight_in_a_file import embedded as of_flight
 from gcs_formation.view.recording import Times
 from gcs_formation.view.scene import scene
-from gcs_formation.view.static_file import WholeFlight
-from gcs_formation.view.static_file import embedded as of_flight
 from gcs_formation.view.tick_rows import as_rows
 
 
@@ -107,8 +107,8 @@ def page(run: RunData, figures: Iterable[Path]) -> str:
         str(summary["name"]),
         "report.html",
         subtitle=escape(_subtitle(run)),
-        script=static_file.script(),
-        viewer_style=static_file.style(),
+        script=flight_in_a_file.script(),
+        viewer_style=flight_in_a_file.style(),
         data=as_script(embedded(run)),
         verdict=page_parts.verdict(summary),
         missing=page_parts.missing(run.missing),

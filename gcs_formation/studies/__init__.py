@@ -14,7 +14,7 @@ from pydantic_core import PydanticCustomError
 from formation_scenario.expectation import METRICS
 from formation_scenario.extensions import Registry
 from formation_scenario.fields import WHOLE, Allowed, Fraction, Keys, Name, NonNegative, Number, Open, Positive, key
-from gcs_formation.app.operator_at_terminal import Record
+from gcs_formation.app.run_options import Record
 
 MAX_VALUES = 10_000
 INVARIANTS = "broken_invariants"

@@ -19,10 +19,11 @@ from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, METRI
 from formation_scenario.extensions import Registry
 from formation_scenario.named_files import read_path
 from formation_scenario.overrides import settings
-from gcs_formation.app.operator_at_terminal import Interrupts, Record, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import unjudged
 from gcs_formation.app.run import run
+from gcs_formation.app.run_options import Record, RunOptions
 from gcs_formation.errors import RecordError, RecordingError, RunAbortedError
 from gcs_formation.record.expectations import figure_of, figure_of_run
 from gcs_formation.record.run_directory import EVENTS, SUMMARY, TIMESERIES, TLOG

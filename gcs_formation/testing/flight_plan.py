@@ -14,9 +14,10 @@ from formation_scenario import Scenario, load_scenario
 from formation_scenario.overrides import settings
 from formation_scenario.planned_progress import planned_end_s, planned_times_s
 from gcs_formation.app.fly import fly
-from gcs_formation.app.operator_at_terminal import ClockName, Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run
+from gcs_formation.app.run_options import ClockName, RunOptions
 from gcs_formation.record.run_directory import SCENARIO
 from gcs_formation.testing.flown_flight import FlownFlight, Vehicles
 

@@ -18,7 +18,8 @@ from gcs_formation.link.clock_by_command import ClockByCommand
 from gcs_formation.link.clock_sync import ClockSync
 from gcs_formation.link.frame_history import FrameHistory
 from gcs_formation.link.frame_loss import SequenceTracker
-from gcs_formation.link.link_health import Connection, JitterMeter, LinkState
+from gcs_formation.link.jitter import JitterMeter
+from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.link.round_trips import RoundTrips
 from gcs_formation.link.source_binding import SourceBinding
 from gcs_formation.link.vehicle_links import Link, Links, links_by

@@ -19,8 +19,8 @@ from airlink.frame import HEADER_V1, HEADER_V2, FrameWriter, frame_length
 from airlink.messages.command import CommandAck, ParamValue
 from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude
-from airlink.receiver import MAX_REFUSED, Receiver
-from airlink.stream_parser import StreamParser
+from airlink.receiver import Receiver
+from airlink.stream_parser import MAX_REFUSED, StreamParser
 
 dialect = importlib.import_module("pymavlink.dialects.v20.ardupilotmega")
 

@@ -21,9 +21,10 @@ from airlink.messages.command import CommandLong, SetMode
 from airlink.stream_parser import StreamParser
 from formation_scenario import load_scenario
 from formation_scenario.surroundings import FaultKind
-from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import run
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.cli import main
 from gcs_formation.errors import RunAbortedError
 from gcs_formation.phases import Cause, Phase

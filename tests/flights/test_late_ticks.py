@@ -10,9 +10,10 @@ import pytest
 from airlink.clock import VirtualClock
 from airlink.engine import MemoryNetwork
 from formation_scenario import load_scenario
-from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import recorded_truth
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.app.session import Session
 from gcs_formation.record.run_directory import TRUTH
 from gcs_formation.record.summary import Summary

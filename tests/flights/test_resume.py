@@ -23,7 +23,7 @@ from airlink.messages.system import Heartbeat
 from airlink.stream_parser import StreamParser
 from formation_scenario import Scenario
 from gcs_formation.app.fly import taken_up
-from gcs_formation.app.operator_at_terminal import RunOptions
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.cli import main
 from gcs_formation.phases import Cause, Phase
 from gcs_formation.record.parquet import read_parquet

@@ -11,7 +11,7 @@ from flight_model.flight_state import FlightState
 from formation_scenario import load_scenario
 from gcs_formation import from_scenario
 from gcs_formation.control.law_interface import LawOutput
-from gcs_formation.phases import ASSEMBLED_S, HYSTERESIS, Assembly
+from gcs_formation.controller.assembly import ASSEMBLED_S, HYSTERESIS, Assembly
 from gcs_formation.recorder import Tick, VehicleLink, unknown_state
 from tests.flights.conftest import scenario
 

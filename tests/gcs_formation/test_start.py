@@ -14,7 +14,7 @@ import pytest
 
 from airlink.cli import OBJECTS
 from gcs_formation.app import run as run_module
-from gcs_formation.app.operator_at_terminal import RunOptions
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.errors import RunAbortedError
 
 QUICKSTART = Path(__file__).parents[2] / "configs" / "quickstart.yaml"

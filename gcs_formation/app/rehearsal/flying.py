@@ -18,9 +18,10 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario
 from formation_scenario.extensions import RECORDER
-from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import in_memory, recorded_truth
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.app.session import Session
 from gcs_formation.record.figures_of_merit import percentile
 from gcs_formation.record.flight import FlightBuilder, RecordedFlight, tables

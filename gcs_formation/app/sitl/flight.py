@@ -12,9 +12,10 @@ from airlink.driver import Driver
 from airlink.endpoint import PortError, VehicleId
 from formation_scenario import Scenario
 from gcs_formation.app.fly import resolve_peers
-from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import forwarded, import_ahead, require_no_program
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.app.session import Session
 from gcs_formation.app.sitl.fleet import Simulated, not_simulated, simulated
 from gcs_formation.app.sitl.processes import Running, ended, running, with_free_ports

@@ -7,8 +7,9 @@ from functools import partial
 from pathlib import Path
 
 from formation_scenario import Scenario
-from gcs_formation.app.operator_at_terminal import ClockName, Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
+from gcs_formation.app.run_options import ClockName, RunOptions
 from gcs_formation.app.sitl.flight import run_simulated
 from gcs_formation.app.sitl.stepped.flight import run_stepped
 from gcs_formation.record.summary import Summary

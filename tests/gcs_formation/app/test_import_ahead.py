@@ -12,8 +12,9 @@ import pytest
 
 from formation_scenario import load_scenario
 from gcs_formation.app import fly, run
-from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
+from gcs_formation.app.run_options import RunOptions
 from tests.flights.conftest import scenario
 
 ROOT = Path(__file__).parents[3]

@@ -9,7 +9,7 @@ import pytest
 
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
-from formation_scenario import ScenarioError, load_scenario, model
+from formation_scenario import ScenarioError, links_of_vehicles, load_scenario
 from formation_scenario.scripted import ScriptedLink
 from formation_scenario.traces.keys import Trace
 from formation_scenario.traces.reading import read_trace
@@ -35,7 +35,7 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
         found.append(Path(trace.file))
         return read_trace(trace)
 
-    monkeypatch.setattr(model, "read_trace", counted)
+    monkeypatch.setattr(links_of_vehicles, "read_trace", counted)
     return found
 
 

@@ -5,7 +5,7 @@ import pytest
 from click.testing import CliRunner
 
 from airlink.cli import Status
-from gcs_formation.app.operator_at_terminal import RunOptions
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.cli import main
 from gcs_formation.record import summary
 

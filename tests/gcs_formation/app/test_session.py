@@ -17,10 +17,11 @@ from airlink.clock import Instant, VirtualClock, after
 from airlink.engine import MemoryNetwork
 from formation_scenario import Scenario, load_scenario
 from gcs_formation.app.fly import clock_behind, resolve_peers
-from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import summary_text
 from gcs_formation.app.run import in_memory, over
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.app.session import Session
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.identify import identify

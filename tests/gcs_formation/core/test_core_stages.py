@@ -17,7 +17,8 @@ from gcs_formation.core.cycle import Findings
 from gcs_formation.core.each_second import Heartbeats, OwnParts, Strangers, commands_anybody
 from gcs_formation.core.estimating import Estimates, Members, Samples
 from gcs_formation.core.parts import Parts
-from gcs_formation.core.sending import End, Events, LookOn, Phases, Record, Setpoints, StandIns
+from gcs_formation.core.recording import Events, LookOn, Record
+from gcs_formation.core.sending import End, Phases, Setpoints, StandIns
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.phases import Cause, Phase
 

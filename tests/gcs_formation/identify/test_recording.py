@@ -17,7 +17,7 @@ from formation_scenario import load_scenario
 from formation_scenario.formation import Step, added
 from gcs_formation.cli.identify import identify
 from gcs_formation.errors import RecordError
-from gcs_formation.identify import identification_scenario
+from gcs_formation.identify.flown_steps import identification_scenario
 from gcs_formation.identify.recording import SETTLING_S, STEP_S, _held, recordings
 from gcs_formation.record.tlog import TlogWriter
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airlink.clock import Instant, after
-from gcs_formation.link.link_health import JitterMeter
+from gcs_formation.link.jitter import JitterMeter
 
 
 def measured_s(delays_s: list[float], drift: float = 0.0, reported: float | None = None) -> float:

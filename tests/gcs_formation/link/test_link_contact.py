@@ -12,7 +12,8 @@ from airlink.engine import Datagram
 from airlink.frame import FrameWriter
 from airlink.messages.system import RadioStatus
 from airlink.receiver import Receiver
-from gcs_formation.link.link_health import Connection, JitterMeter, LinkState
+from gcs_formation.link.jitter import JitterMeter
+from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.link.missing_heartbeats import Heartbeats
 from gcs_formation.link.radio_reports import RadioReports
 

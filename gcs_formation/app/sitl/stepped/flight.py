@@ -18,9 +18,10 @@ from formation_scenario.extensions import ExtensionError
 from formation_scenario.fields import refused
 from formation_scenario.scripted import ScriptedOrder
 from formation_scenario.simulated import Place
-from gcs_formation.app.operator_at_terminal import Interrupts, RunOptions
+from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.run import Run, closed_if_it_raises, conclude, require_no_program
+from gcs_formation.app.run_options import RunOptions
 from gcs_formation.app.session import Session
 from gcs_formation.app.sitl.exchange import ExchangeError
 from gcs_formation.app.sitl.fleet import Simulated, simulated
