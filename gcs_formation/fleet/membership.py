@@ -22,22 +22,23 @@ from gcs_formation.vehicle.vehicle_state import UNANSWERED_S
 
 SUCCESSION_S: Final = 3.0
 """Silence of a leader, or time without its answers, after which it is replaced where another vehicle can lead. Tuned:
-s; 2 to 6; by judgement."""
+s; 2 to 6; shown by `pytest tests/gcs_formation/features/succession`."""
 MUTE_S: Final = 1.5
 """Longest lack of heartbeats beyond what loss explains; after that a vehicle's mode counts as unknown. Tuned: s; 1 to
-3; by judgement."""
+3; shown by `pytest tests/gcs_formation/fleet`."""
 ORDER_COMES_S: Final = 5.0
-"""Time after it was last sent during which a command to loiter may still reach a vehicle. Tuned: s; 3 to 10; by
-judgement."""
+"""Time after it was last sent during which a command to loiter may still reach a vehicle. Tuned: s; 3 to 10; shown by
+`pytest tests/gcs_formation/fleet`."""
 BACK_S: Final = 3.0
-"""Largest age of telemetry with which a vehicle may return to the formation. Tuned: s; 1 to 5; by judgement."""
+"""Largest age of telemetry with which a vehicle may return to the formation. Tuned: s; 1 to 5; shown by `pytest
+tests/gcs_formation/fleet`."""
 KEEP_HEIGHTS: Final = (Member.HOLDING, Member.HOMEWARD)
 """Memberships of vehicles that have been commanded to a height of their own."""
 PARTED: Final = "parted by "
 """Beginning of the text about a vehicle that has left the formation; by whom follows."""
 FAILSAFE_S: Final = 3.0
 """Time before a failsafe's text, and after it or after a reason for one, in which a new mode may be the failsafe's.
-Tuned: s; 2 to 6; by judgement."""
+Tuned: s; 2 to 6; shown by `pytest tests/gcs_formation/fleet`."""
 
 
 class Membership:

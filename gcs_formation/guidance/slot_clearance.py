@@ -43,7 +43,7 @@ ADVANCE_M: Final = 100.0
 m; 50 to 300; shown by `pytest tests/gcs_formation/guidance`."""
 SAME_BOUNDS: Final = 0.01
 """Share by which the bound of slope may differ from that for which offsets were computed. Tuned: share; 0.005 to 0.05;
-by judgement."""
+shown by `pytest tests/gcs_formation/guidance`."""
 PATH_VALUES: Final = 8
 SLOPE: Final = 6
 """How many values a path's point has, and which of them is its slope (`PathPoint.values`)."""

@@ -44,7 +44,7 @@ JITTERY_S: Final = 5e-3
 Tuned: s; 2e-3 to 10e-3; shown by `pytest tests/gcs_formation/link`."""
 UNCERTAIN_S: Final = 0.25e-3
 """Deviation of the clock's offset that is good enough: 0.8 cm at 22 m/s between two vehicles. Tuned: s; 0.1e-3 to 1e-3;
-by judgement."""
+shown by `pytest tests/gcs_formation/link`."""
 STEP_S: Final = 1.0
 """A sample that is off by more than its uncertainty plus this shows that the clock has stepped or restarted. Tuned: s;
 0.5 to 5; shown by `pytest tests/gcs_formation/link`."""

@@ -28,7 +28,7 @@ RARELY: Final = 1e-3
 """Probability that the link at its usual loss loses a longer run of frames than `Silence.run`. Tuned: probability; 1e-4
 to 1e-2; shown by `pytest tests/gcs_formation/link`."""
 RATE_SHARE: Final = 0.02
-"""Relative uncertainty of frame rates. Tuned: share; 0.01 to 0.05; by judgement."""
+"""Relative uncertainty of frame rates. Tuned: share; 0.01 to 0.05; shown by `pytest tests/gcs_formation/link`."""
 
 
 def run_length(loss: float, probability: float) -> float:

@@ -12,13 +12,13 @@ from flight_model.autopilot_model import squared
 
 WINDOW: Final = 16
 """Number of recent round trips (4 s) that are kept for the minimum, mean and standard deviation. Tuned: round trips; 8
-to 40; by judgement."""
+to 40; shown by `pytest tests/gcs_formation/link`."""
 STEPPED: Final = 8
 """The link's delay has stepped once this many consecutive round trips (2 s) are far (`FAR`) from the earlier ones.
 Tuned: round trips; 4 to 16; shown by `python -m benchmarks.latency_grid`."""
 FAR: Final = 4.0
 """Groups of round trips are far apart if their medians differ by more than this multiple of their summed jitter. Tuned:
-ratio; 3 to 6; by judgement."""
+ratio; 3 to 6; shown by `pytest tests/gcs_formation/link`."""
 NORMAL: Final = 1.4826
 """Ratio of standard deviation to median absolute deviation, for normally distributed noise."""
 

@@ -32,9 +32,10 @@ STEADY_TRIPS, STEADY_S = 12, 3e-3
 """A link is steady if this many round trips in a row differ by no more, besides the wait for the vehicle's loop."""
 KNOWN_TRIPS: Final = 200
 """The wait for a loop of 20 ms, 5.8 ms (standard deviation), leaves 0.2 ms of a clock's offset after so many. Tuned:
-round trips; 100 to 500; by judgement."""
+round trips; 100 to 500; shown by `pytest tests/gcs_formation/link`."""
 MAX_PENDING: Final = 256
-"""Number of unanswered requests kept: one minute of them. Tuned: requests; 64 to 1024; by judgement."""
+"""Number of unanswered requests kept: one minute of them. Tuned: requests; 64 to 1024; shown by `pytest
+tests/gcs_formation/link`."""
 
 
 class RoundTrips:

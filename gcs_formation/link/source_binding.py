@@ -22,23 +22,24 @@ from gcs_formation.link.link_health import Connection, LinkState
 
 BOOT_SLACK_S: Final = 1.0
 """Tolerance on a new clock's start: it may seem to precede the last stamp of the old clock by this much. Tuned: s; 0.5
-to 3; by judgement."""
+to 3; shown by `pytest tests/gcs_formation/link`."""
 BOTH_TALK_S: Final = 1.0
 """If a vehicle is still received this long after another sender started, there are two vehicles, not one that moved.
-Tuned: s; 0.5 to 3; by judgement."""
+Tuned: s; 0.5 to 3; shown by `pytest tests/gcs_formation/link`."""
 FEWEST_FRAMES: Final = 4
 """Of so many frames not all are ones that the vehicle's link lost, from a second link that isn't known as one yet.
-Tuned: frames; 3 to 10; by judgement."""
+Tuned: frames; 3 to 10; shown by `pytest tests/gcs_formation/link`."""
 DISBELIEVED_S: Final = 2.0
 """After this long without a stamp that fits the known clock, an answer with another clock is accepted. Tuned: s; 1 to
-5; by judgement."""
+5; shown by `pytest tests/gcs_formation/link`."""
 NOW_S: Final = 3.0
-"""Stamps no older than this, by the vehicle's clock, may be its own by another port. Tuned: s; 2 to 10; by
-judgement."""
+"""Stamps no older than this, by the vehicle's clock, may be its own by another port. Tuned: s; 2 to 10; shown by
+`pytest tests/gcs_formation/link`."""
 FORGOTTEN_S: Final = 60.0
-"""Silence after which a rival sender is forgotten. Tuned: s; 30 to 300; by judgement."""
+"""Silence after which a rival sender is forgotten. Tuned: s; 30 to 300; shown by `pytest tests/gcs_formation/link`."""
 MAX_RIVALS: Final = 8
-"""Rival senders that are remembered for one vehicle. Tuned: senders; 4 to 32; by judgement."""
+"""Rival senders that are remembered for one vehicle. Tuned: senders; 4 to 32; shown by `pytest
+tests/gcs_formation/link`."""
 
 Remote = tuple[int, Address]
 """Socket and address."""

@@ -16,17 +16,20 @@ from mypy_extensions import i64
 from flight_model.autopilot_model import squared
 
 RESOLUTION_S: Final = 0.5e-3
-"""Standard deviation of a sample of a round trip that doesn't vary. Tuned: s; 0.2e-3 to 1e-3; by judgement."""
+"""Standard deviation of a sample of a round trip that doesn't vary. Tuned: s; 0.2e-3 to 1e-3; shown by `pytest
+tests/gcs_formation/link`."""
 FEW: Final = 8
-"""Number of round trips from which on their variance is known. Tuned: round trips; 4 to 16; by judgement."""
+"""Number of round trips from which on their variance is known. Tuned: round trips; 4 to 16; shown by `pytest
+tests/gcs_formation/link`."""
 MANY: Final = 64
-"""Number of round trips over which it is a mean. Tuned: round trips; 32 to 256; by judgement."""
+"""Number of round trips over which it is a mean. Tuned: round trips; 32 to 256; shown by `pytest
+tests/gcs_formation/link`."""
 UNKNOWN_S: Final = 0.1
-"""Standard deviation assumed for fewer than `FEW`; large, so that these get little weight. Tuned: s; 0.05 to 0.5; by
-judgement."""
+"""Standard deviation assumed for fewer than `FEW`; large, so that these get little weight. Tuned: s; 0.05 to 0.5; shown
+by `pytest tests/gcs_formation/link`."""
 OUTLYING: Final = 3.0
-"""A round trip is an outlier beyond this multiple of their standard deviation. Tuned: standard deviations; 2.5 to 5; by
-judgement."""
+"""A round trip is an outlier beyond this multiple of their standard deviation. Tuned: standard deviations; 2.5 to 5;
+shown by `pytest tests/gcs_formation/link`."""
 
 
 class TripVariance:

@@ -42,51 +42,57 @@ OVERDUE_S: Final = 0.08
 """A request is overdue this long after an answer usually comes, for the wait at both ends, besides the jitter. Tuned:
 s; 0.04 to 0.2; shown by `python -m benchmarks.several_links`."""
 JITTERS: Final = 3.0
-"""Standard deviations of the round trip that an answer may take longer. Tuned: standard deviations; 2 to 5; by
-judgement."""
+"""Standard deviations of the round trip that an answer may take longer. Tuned: standard deviations; 2 to 5; shown by
+`pytest tests/gcs_formation/link`."""
 FEWEST_UNANSWERED: Final = 2
 """Requests in a row that are overdue, from which on a link is no longer answered on; more where answers are lost.
 Tuned: requests; 1 to 5; shown by `python -m benchmarks.several_links`."""
 FEWEST_SAMPLES: Final = 4
-"""Answers after which a link's delay and clock are known well enough to use it. Tuned: answers; 3 to 10; by
-judgement."""
+"""Answers after which a link's delay and clock are known well enough to use it. Tuned: answers; 3 to 10; shown by
+`pytest tests/gcs_formation/link`."""
 AGREES_S: Final = 0.1
-"""Two links' clocks are one if they differ by this more than half of both round trips. Tuned: s; 0.05 to 0.5; by
-judgement."""
+"""Two links' clocks are one if they differ by this more than half of both round trips. Tuned: s; 0.05 to 0.5; shown by
+`pytest tests/gcs_formation/link`."""
 MEMORY_S: Final = 20.0
-"""Losses are remembered for this time (exponentially). Tuned: s; 10 to 60; by judgement."""
+"""Losses are remembered for this time (exponentially). Tuned: s; 10 to 60; shown by `pytest
+tests/gcs_formation/link`."""
 RESEND_S: Final = 0.15
-"""A setpoint that is lost is sent again after the round trip and this. Tuned: s; 0.1 to 0.4; by judgement."""
+"""A setpoint that is lost is sent again after the round trip and this. Tuned: s; 0.1 to 0.4; shown by `pytest
+tests/gcs_formation/link`."""
 BETTER: Final = 0.7
-"""Share of the other's expected time below which a link is better. Tuned: ratio; 0.5 to 0.9; by judgement."""
+"""Share of the other's expected time below which a link is better. Tuned: ratio; 0.5 to 0.9; shown by `pytest
+tests/gcs_formation/link`."""
 BETTER_BY_S: Final = 0.02
-"""By how much less than that share. Tuned: s; 0.01 to 0.05; by judgement."""
+"""By how much less than that share. Tuned: s; 0.01 to 0.05; shown by `pytest tests/gcs_formation/link`."""
 BETTER_S: Final = 1.0
 """A link is better if its expected time is below this share of the other's, less this; and is taken after this time.
 Tuned: s; 0.5 to 5; shown by `python -m benchmarks.several_links`."""
 BARRED_S: Final = 2.0
-"""First time for which a link that failed isn't chosen again; doubled at each failure. Tuned: s; 1 to 5; by
-judgement."""
+"""First time for which a link that failed isn't chosen again; doubled at each failure. Tuned: s; 1 to 5; shown by
+`pytest tests/gcs_formation/link`."""
 BARRED_MAX_S: Final = 30.0
-"""Longest such time. Tuned: s; 10 to 120; by judgement."""
+"""Longest such time. Tuned: s; 10 to 120; shown by `pytest tests/gcs_formation/link`."""
 FORGIVEN_S: Final = 60.0
-"""After this time without a failure a link is barred for `BARRED_S` again. Tuned: s; 30 to 300; by judgement."""
+"""After this time without a failure a link is barred for `BARRED_S` again. Tuned: s; 30 to 300; shown by `pytest
+tests/gcs_formation/link`."""
 RESTARTED_S: Final = 10.0
 """A stamp that is older by more than this is of a clock that has restarted; the link's own history has judged that.
-Tuned: s; 5 to 30; by judgement."""
+Tuned: s; 5 to 30; shown by `pytest tests/gcs_formation/link`."""
 GONE: Final = (LinkState.SEARCHING, LinkState.LOST)
 """Nothing is received of the vehicle on a link in these states: then another link may, whatever its clock."""
 TRIAL_S: Final = 5.0
-"""Time within which a link that has appeared by itself must be proven. Tuned: s; 3 to 15; by judgement."""
+"""Time within which a link that has appeared by itself must be proven. Tuned: s; 3 to 15; shown by `pytest
+tests/gcs_formation/link`."""
 ALIKE: Final = 3
-"""Positions near to the vehicle's by which it is. Tuned: positions; 2 to 6; by judgement."""
+"""Positions near to the vehicle's by which it is. Tuned: positions; 2 to 6; shown by `pytest
+tests/gcs_formation/link`."""
 NEAR_M: Final = 5.0
 """A link that has appeared by itself is proven by so many positions so near to the vehicle's, within this time; or it
 is another's. Nearer than that two vehicles don't fly; a fixed wing turns by 2 m off its velocity in 0.6 s. Tuned: m; 3
-to 10; by judgement."""
+to 10; shown by `pytest tests/gcs_formation/link`."""
 DISAGREES_S: Final = 3.0
 """After this time a clock that differs is another vehicle's; one that has just restarted is soon seen on all links.
-Tuned: s; 2 to 10; by judgement."""
+Tuned: s; 2 to 10; shown by `pytest tests/gcs_formation/link`."""
 ANSWERS: Final = frozenset(
     (
         m.MAVLINK_MSG_ID_COMMAND_ACK,

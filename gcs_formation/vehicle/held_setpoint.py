@@ -35,13 +35,14 @@ FINE_HEIGHT_M_S: Final = 0.05
 """The height's over terrain, whose hills command climbs and descents without end, and of an aircraft under total-energy
 control, which trades its height for airspeed in bends: 0.2 m s cost either 0.1 m."""
 CLIMB_S: Final = 0.3
-"""Time constant with which the rate of commanded heights is smoothed, s. Tuned: s; 0.2 to 1; by judgement: telemetry's
-rounding moves them by 0.1 m/s from tick to tick."""
+"""Time constant with which the rate of commanded heights is smoothed, s: telemetry's rounding moves them by 0.1 m/s
+from tick to tick. Tuned: s; 0.2 to 1; shown by `pytest tests/gcs_formation/vehicle`."""
 MIN_CLIMB_MPS: Final = 0.3
-"""Rate below which heights are late by too little to matter. Tuned: m/s; 0.2 to 1; by judgement."""
+"""Rate below which heights are late by too little to matter. Tuned: m/s; 0.2 to 1; shown by `pytest
+tests/gcs_formation/vehicle`."""
 STEADY: Final = 2.0
 """Heights are on a ramp where the newest rate and the smoothed one differ by less than this factor: neither at a step
-nor where a ramp ends at a limit. Tuned: ratio; 1.5 to 3; by judgement."""
+nor where a ramp ends at a limit. Tuned: ratio; 1.5 to 3; shown by `pytest tests/gcs_formation/vehicle`."""
 SHORTEST_S: Final = 0.02
 LONGEST_S: Final = 1.0
 """Shortest and longest time between two setpoints that counts."""

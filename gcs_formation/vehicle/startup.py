@@ -18,7 +18,8 @@ FIX_S: Final = 90.0
 """Longest wait for a position fix without progress."""
 ASKED_AGAIN_S: Final = 5.0
 """Time after which telemetry that was acknowledged and doesn't come is requested again: an acknowledgement doesn't say
-of which message it is, and may have been a repeated request's. Tuned: s; 3 to 10; by judgement."""
+of which message it is, and may have been a repeated request's. Tuned: s; 3 to 10; shown by `pytest
+tests/gcs_formation/vehicle`."""
 SOON_S: Final = 10.0
 """Progress within this time from a step's beginning isn't mentioned."""
 

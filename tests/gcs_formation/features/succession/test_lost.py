@@ -10,6 +10,8 @@ import pytest
 from airlink.clock import Instant, after
 from gcs_formation.features.succession.stages import is_lost
 from gcs_formation.fleet.membership import SUCCESSION_S
+from gcs_formation.link.frame_loss import STALE_AFTER_S
+from gcs_formation.link.link_health import LOST_AFTER_S
 from gcs_formation.vehicle.member import Member
 from tests.gcs_formation.fleet.pair import LEADER, Formation
 
@@ -31,6 +33,17 @@ def test_a_leader_that_can_be_replaced_is_given_up_sooner_than_one_that_can_not(
     assert late_s < formation.max_age_s
     formation.ages_s[0], now = late_s, after(Instant(0), late_s)
     assert is_lost(formation.vehicles[LEADER], cycle(formation, now), lambda: replaceable) is lost
+
+
+@pytest.mark.parametrize(("silent_s", "lost"), [(2.5, False), (4.5, True)])
+def test_a_leader_is_replaced_after_more_than_a_burst_of_losses_and_before_its_link_counts_as_lost(
+    silent_s: float, lost: bool
+) -> None:
+    """Each succession moves all slots; and until it followers fly by a guess: 100 m at 22 m/s in 4.5 s."""
+    assert STALE_AFTER_S < silent_s < LOST_AFTER_S
+    formation = Formation()
+    formation.ages_s[0], now = silent_s, after(Instant(0), silent_s)
+    assert is_lost(formation.vehicles[LEADER], cycle(formation, now), lambda: True) is lost
 
 
 @pytest.mark.parametrize(
