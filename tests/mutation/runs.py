@@ -73,6 +73,14 @@ def _kill_late_ones(running: dict[int, tuple[Mutant, float]]) -> None:
                 os.killpg(pid, signal.SIGKILL)
 
 
+def _forget(module: str) -> None:
+    """Let a module be loaded again, also by `from package import module`, which asks its package first."""
+    package, _, name = module.rpartition(".")
+    if package in sys.modules:
+        vars(sys.modules[package]).pop(name, None)
+    del sys.modules[module]
+
+
 def _forked(mutant: Mutant | None, again: Iterable[str], tests: Sequence[str]) -> int:
     """Start pytest on a mutant in a process of its own, silently, `again` loaded again; return its process ID."""
     if pid := os.fork():
@@ -84,7 +92,7 @@ def _forked(mutant: Mutant | None, again: Iterable[str], tests: Sequence[str]) -
         for stream in range(3):
             os.dup2(nowhere, stream)
         for name in [each for each in sys.modules if each in again or each.startswith("tests.")]:
-            del sys.modules[name]
+            _forget(name)
         if mutant is not None:
             sys.meta_path.insert(0, Finder(mutant))
         status = int(pytest.main([*PYTEST, *tests]))

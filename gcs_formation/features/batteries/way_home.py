@@ -28,5 +28,7 @@ def way_home_s(state: FlightState, home_m: tuple[float, float], airspeed_mps: fl
     if away_m > 0.0 and not hovers:
         along_mps = (state.wind_north_mps * north_m + state.wind_east_mps * east_m) / away_m
         across_mps = (state.wind_east_mps * north_m - state.wind_north_mps * east_m) / away_m
-        speed_mps = math.sqrt(max(airspeed_mps**2 - across_mps**2, 0.0)) + along_mps
-    return away_m / speed_mps + LANDING_S if speed_mps > MIN_MPS else math.inf
+        if abs(across_mps) > airspeed_mps:
+            return math.inf  # it is carried past its home, whatever its heading
+        speed_mps = math.sqrt(airspeed_mps**2 - across_mps**2) + along_mps
+    return away_m / speed_mps + LANDING_S if speed_mps >= MIN_MPS else math.inf

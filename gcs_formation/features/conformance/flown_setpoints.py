@@ -179,7 +179,7 @@ class FlownSetpoints:
         by_speed, by_heading, by_height = self._settled(now)
         sunk = self._sunk(stamp, seen, commanded_m if by_height else math.nan)
         if len(self.past) < WINDOW_CHECKS or not (by_speed or by_heading or by_height):
-            self.bad, self.good = [0, 0, 0], 0
+            self.bad, self.good, self.stuck = [0, 0, 0], 0, 0
             return None
         before, since = self.past[0], self.stamps[0]
         end = before.copy()

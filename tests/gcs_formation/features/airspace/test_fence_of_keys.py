@@ -143,7 +143,8 @@ def test_areas_that_are_neither_or_both_are_found_by_their_numbers() -> None:
 
 
 @pytest.mark.parametrize(
-    ("east_m", "height_m", "reported"), [(700.0, 50.0, ""), (703.0, 50.0, "3"), (703.0, 104.0, "5")]
+    ("east_m", "height_m", "reported"),
+    [(700.0, 50.0, ""), (700.6, 50.0, "1"), (703.0, 50.0, "3"), (703.0, 104.0, "5")],
 )
 def test_a_rally_point_is_reported_with_how_far_outside_the_fence_it_is(
     east_m: float, height_m: float, reported: str

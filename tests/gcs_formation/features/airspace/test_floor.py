@@ -43,11 +43,12 @@ def kept(
     at_s: float = 0.0,
     climb_mps: float = 0.0,
     updraught_mps: float = 0.0,
+    east_m: float = 0.0,
 ) -> Tick:
     """Return the tick at which a vehicle that heads north is commanded to a height."""
     now = after(Instant(0), at_s)
     tick = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * 3, [0.0] * 3, [0.0] * 3, [False, True, False])
-    tick.state[1] = FlightState(north_m, 0.0, height_m, climb_mps, SPEED_MPS, 0.0, 0.0, 0.0, updraught_mps)
+    tick.state[1] = FlightState(north_m, east_m, height_m, climb_mps, SPEED_MPS, 0.0, 0.0, 0.0, updraught_mps)
     tick.setpoints[1] = SPEED_MPS, 0.0, commanded_m
     floor.keep(tick)
     assert tick.replaced == [AS_DECIDED, (False, False, tick.setpoints[1][2] != commanded_m), AS_DECIDED]

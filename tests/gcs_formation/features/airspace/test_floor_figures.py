@@ -161,6 +161,16 @@ def test_the_highest_ground_is_searched_again_only_where_it_may_be_another() -> 
     assert ground.searched == [(north_m, AROUND_M) for north_m in (0.0, 261.0, 522.0, 261.0, 0.0)]
 
 
+@pytest.mark.parametrize("bearing_deg", [0.0, 37.0, 143.0, 217.0, 323.0])
+def test_the_distance_from_the_last_search_counts_in_any_direction(bearing_deg: float) -> None:
+    """260 m, as it may fly on for 240 m."""
+    cos, sin = math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg))
+    floor, ground = over((1e6, 50.0))
+    for away_m in (0.0, 259.0, 261.0):
+        kept(floor, 90.0, 100.0, 3000.0 + away_m * cos, east_m=-4000.0 + away_m * sin)
+    assert [north_m for north_m, _ in ground.searched] == [3000.0, 3000.0 + 261.0 * cos]
+
+
 def test_a_fast_one_is_searched_for_in_twice_the_distance_that_it_may_fly_on() -> None:
     floor, ground = over((1e6, 50.0))
     now = after(Instant(0), 1.0)

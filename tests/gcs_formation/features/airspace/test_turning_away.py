@@ -197,3 +197,24 @@ def test_only_vehicles_that_are_commanded_are_turned_away_and_without_a_fence_no
     assert turned(box, [True, False, True]) == [True, False, True]
     assert turned(box, [False] * 3) == [False] * 3
     assert turned(None, [True] * 3) == [False] * 3
+
+
+@pytest.mark.parametrize("at_first", [[True, True, True], [True, True, False]])
+def test_one_that_is_not_commanded_for_a_tick_is_turned_away_from_10_m_on_again(at_first: list[bool]) -> None:
+    """5 m from the wall all are turned away that are commanded; 15 m from it those that have been until now."""
+    planned = fenced(((-FAR_M, -FAR_M), (FAR_M, -FAR_M), (FAR_M, FAR_M), (-FAR_M, FAR_M)), 3)
+    limits, now = FenceLimits(planned, from_scenario.autopilot_models(planned)), Instant(0)
+
+    def turned(wall_m: float, active: list[bool]) -> list[bool]:
+        nonlocal now
+        now = after(now, 0.1)
+        tick = Tick(now, 0.0, "flying", 0, [VehicleLink(now)] * 3, [0.0] * 3, [0.0] * 3, active)
+        for index in range(3):
+            tick.state[index] = FlightState(0.0, FAR_M - wall_m, 100.0, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
+            tick.setpoints[index] = ASKED
+        limits.keep(tick)
+        return [each != ASKED for each in tick.setpoints]
+
+    assert turned(5.0, at_first) == at_first
+    assert turned(15.0, [True, True, False]) == [True, True, False]
+    assert turned(15.0, [True, True, True]) == [True, True, False]

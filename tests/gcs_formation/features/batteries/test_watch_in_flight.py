@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -29,6 +30,8 @@ from tests.gcs_formation.event_log import EventLog
 AIRSPEED_MPS = 22.0
 PLACES = st.floats(-5000.0, 5000.0)
 WINDS = st.floats(-12.0, 12.0)
+REFERENCE = Path(__file__).parents[4] / "docs" / "scenario.md"
+HOVERS = {"count": 3, "model": "arducopter", "autopilot": "arducopter"}
 
 
 def battery(left: float, lasts_s: float = math.nan) -> Any:
@@ -44,8 +47,8 @@ def with_battery(**keys: Any) -> Scenario:
 class Watched:
     """A vehicle 880 m south of its home at 22 m/s: without wind, 40 s and a minute to land are its way home."""
 
-    def __init__(self, **keys: Any) -> None:
-        loaded = with_battery(**{"endurance_s": 1000} | keys)
+    def __init__(self, loaded: Scenario | None = None, **keys: Any) -> None:
+        loaded = loaded or with_battery(**{"endurance_s": 1000} | keys)
         self.vehicle: Any = SimpleNamespace(
             identity=VehicleId(1, 2),
             index=1,
@@ -87,6 +90,16 @@ def test_it_goes_home_once_the_way_and_the_reserve_need_all_that_is_left(left: f
     assert watched.logged.of("battery", 2) == [said] * home
 
 
+def test_home_is_flown_to_at_the_speed_of_a_slow_path() -> None:
+    """3-4-5: 90 m at 1.5 m/s and a minute to land are 120 s of 1000 s; 20 % are the reserve."""
+    path = {"speed_mps": 1.5, "waypoints_m": [[0, 0, 30], [90, 0, 30]]}
+    loaded = load_scenario(scenario(path=path, vehicles=HOVERS, safety={"battery": {"endurance_s": 1000}}))
+    for left, home in ((0.321, False), (0.319, True)):
+        watched = Watched(loaded)
+        watched.vehicle.autopilot.hovers, watched.vehicle.telemetry.home_m = True, (54.0, -72.0)
+        assert bool(watched.seconds(6, left)) is home
+
+
 def test_four_seconds_of_too_little_count_and_a_single_report_does_not() -> None:
     watched = Watched()
     assert watched.seconds(4, 0.25) == ""
@@ -102,13 +115,13 @@ def test_where_it_is_only_said_it_is_said_once() -> None:
     assert len(watched.logged) == 1
 
 
-@pytest.mark.parametrize(("left", "home"), [(0.21, False), (0.19, True)])
+@pytest.mark.parametrize(("left", "home"), [(0.21, False), (0.2, True), (0.19, True)])
 @pytest.mark.parametrize("unknown", ["home", "use"])
 def test_of_one_whose_home_or_use_is_unknown_the_reserve_alone_counts(unknown: str, left: float, home: bool) -> None:
     watched = Watched() if unknown == "home" else Watched(endurance_s=None)
     if unknown == "home":
         watched.vehicle.telemetry.home_m = None
-    said = "19% of its battery is left; safety.battery.reserve is 20%"
+    said = f"{left:.0%} of its battery is left; safety.battery.reserve is 20%"
     assert watched.seconds(6, left) == (said if home else "")
 
 
@@ -215,6 +228,15 @@ def test_a_reserve_is_any_share_up_to_nine_tenths(reserve: float, allowed: bool)
     assert found is allowed
 
 
+def test_a_fifth_is_the_reserve_by_default_and_the_examples_are_those_of_the_reference() -> None:
+    assert Battery().reserve == 0.2
+    text = REFERENCE.read_text()
+    for name, field in Battery.model_fields.items():
+        for example in field.examples or ():
+            assert f"`{name}: {example}`" in text
+    assert Battery.model_fields["reserve"].examples
+
+
 def as_found(left: float, *, flies: bool = False, home_m: Any = None, **keys: Any) -> Any:
     """Return a vehicle over the origin: 30 s at 22 m/s lead 660 m away, and 120 + 30 + 30 + 60 s are needed."""
     seen = SimpleNamespace(
@@ -251,6 +273,28 @@ def test_the_way_home_is_flown_from_where_the_path_ends_in_time() -> None:
     loaded = load_scenario(scenario())
     assert planned_s(loaded, (660.0, 495.0)) == pytest.approx(120.0 + 30.0 + 495.0 / 22.0 + 60.0, abs=0.2)
     assert planned_s(loaded, (0.0, 880.0)) == pytest.approx(120.0 + 30.0 + 1100.0 / 22.0 + 60.0, abs=0.2)
+
+
+@pytest.mark.parametrize("then", ["loiter", "land"])
+@pytest.mark.parametrize(
+    ("speed_mps", "more", "each_s"), [(22.0, {}, 260.0), (5.0, {"vehicles": HOVERS}, 105.0)], ids=["wings", "rotors"]
+)
+def test_of_three_that_land_one_after_another_two_are_waited_for_and_rotors_land_sooner(
+    speed_mps: float, more: dict[str, Any], each_s: float, then: str
+) -> None:
+    """Home is where the path ends in time; a take-off and a landing take three minutes."""
+    path = {"speed_mps": speed_mps, "waypoints_m": [[0, 0, 100], [2000, 0, 100], [4000, 0, 100]]}
+    loaded = load_scenario(scenario(path=path, finish={"then": then}, **more))
+    waits_s = 2.0 * each_s if then == "land" else 0.0
+    assert planned_s(loaded, (30.0 * speed_mps, 0.0)) == pytest.approx(180.0 + 30.0 + waits_s, abs=0.2)
+
+
+@pytest.mark.parametrize(("speed_mps", "home_s"), [(1.5, 40.0), (0.5, 60.0)])
+def test_home_is_flown_to_at_the_speed_of_the_path_but_at_1_mps_at_least(speed_mps: float, home_s: float) -> None:
+    """60 m beside the end of the path."""
+    path = {"speed_mps": speed_mps, "waypoints_m": [[0, 0, 30], [90, 0, 30]]}
+    loaded = load_scenario(scenario(path=path, vehicles=HOVERS))
+    assert planned_s(loaded, (30.0 * speed_mps, -60.0)) == pytest.approx(180.0 + 30.0 + home_s, abs=0.2)
 
 
 @pytest.mark.parametrize(("endurance_s", "lasts"), [(295, False), (305, True)])

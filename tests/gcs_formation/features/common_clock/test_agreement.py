@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
 from gcs_formation.features.common_clock.agreed_utc import CommonClock, UtcBounds, agreed_s
+from gcs_formation.features.common_clock.feature import FEATURE
 from gcs_formation.link.utc_slack import UTC_SLACK_S
 from gcs_formation.vehicle.member import Member
 from tests.gcs_formation.event_log import EventLog
@@ -135,7 +136,8 @@ def test_on_the_ground_the_common_clock_is_where_it_is_found_at_once() -> None:
 def test_in_flight_it_slews_by_a_hundredth_of_a_second_each_second(sign: float) -> None:
     """From 5.0 to 0.3 beyond: each bound has moved by 0.3, and its middle is agreed on again."""
     common = Clock(5.0, 5.0, 5.0)
-    common.run(2.0)
+    assert common.run(0.25) == [(5.0, 0.0)], "no time has passed"
+    common.run(1.75)
     for each in common.each:
         each.own.middle_s = 5.0 + sign * 0.104
     assert common.run(2.0)[-1] == (5.0, 0.0025), "still allowed"
@@ -199,6 +201,29 @@ def test_given_up_utc_is_used_again_after_ten_seconds_in_order() -> None:
     assert common.logged.of("clock", 1)[1:] == ["UTC isn't used: no fix", "its stamps are mapped by its UTC"]
 
 
+def test_after_each_contradiction_it_must_be_in_order_for_ten_seconds_again() -> None:
+    common = Clock(5.0, known_s=5.0)
+    common.run(1.0)
+    for in_order_s in (5.0, 9.0, 12.0):
+        common.each[0].own.why = "no fix"
+        common.run(0.25)
+        common.each[0].own.why = None
+        found = [each is not None for each, _ in common.run(in_order_s)]
+        assert found == [number >= 39 for number in range(round(4 * in_order_s))]
+
+
+@pytest.mark.parametrize("member", [each for each in Member if each is not Member.FLYING])
+def test_while_any_flies_in_formation_it_slews_for_all(member: Member) -> None:
+    """Only what isn't in the formation may have its own stamps mapped by it at once."""
+    common = Clock(5.0, 5.0, 5.0)
+    common.each[0].member = common.each[1].member = member
+    common.run(2.0)
+    for each in common.each:
+        each.own.middle_s = 5.107
+    assert common.run(0.25) == [(pytest.approx(5.0025), math.inf)]
+    assert common.each[2].round_trips.stamps.used[-1] == (pytest.approx(5.0025), pytest.approx(0.0025))
+
+
 def test_utc_that_was_never_used_is_as_soon_as_it_is_in_order() -> None:
     common = Clock(5.0, known_s=5.0)
     common.each[0].own.why = "no fix"
@@ -221,3 +246,8 @@ def test_without_clocks_by_utc_there_is_nothing_to_do() -> None:
     clock = CommonClock(common.cycle)
     clock.run(common.cycle)
     assert common.each[0].round_trips.stamps.used == []
+
+
+def test_the_feature_is_this_stage() -> None:
+    (stage,) = FEATURE.stages(Clock(5.0).cycle)
+    assert isinstance(stage, CommonClock)

@@ -15,7 +15,7 @@ from flight_model.flight_state import FlightState
 from formation_scenario import load_scenario
 from gcs_formation.estimation.setpoint_history import SetpointHistory
 from gcs_formation.features.conformance import monitor
-from gcs_formation.features.conformance.flown_setpoints import NonConformance
+from gcs_formation.features.conformance.flown_setpoints import CHECKS_STUCK, NonConformance
 from gcs_formation.from_scenario import autopilot_models
 from gcs_formation.vehicle.reported_motion import ReportedMotion
 from tests.flights.conftest import scenario
@@ -182,3 +182,16 @@ def test_motion_is_judged_every_0_4_s() -> None:
     ground.fly(2.0)
     assert sorted(set(checked)) == pytest.approx([0.0, 0.4, 0.8, 1.2, 1.6])
     assert len(checked) == 15
+
+
+def test_checks_at_which_it_does_not_climb_are_counted_without_a_pause_between_them() -> None:
+    """A climb that wasn't commanded for 40 s used to be said to fail at the first check after, by checks before."""
+    judged = Judged()
+    above = (22.0, 0.0, 180.0)
+    judged.fly(10, climb_mps=0.3, to=above)
+    judged.flier.air_variance = 100.0  # air so rough that it may explain what is missing
+    assert not judged.fly(CHECKS_STUCK - 1, climb_mps=0.3, to=above)
+    judged.flier.since = None
+    assert not judged.fly(100, to=(22.0, 0.0, 100.0))
+    judged.flier.since = after(START, 0.1 * judged.tenth)
+    assert not judged.fly(11, to=above)

@@ -41,7 +41,7 @@ def test_over_level_ground_that_is_far_below_there_is_nothing_to_say() -> None:
     assert reported(load_scenario(scenario())) == []
 
 
-@pytest.mark.parametrize(("height_m", "lifted_m"), [(39.0, 0.0), (41.0, 1.0), (90.0, 50.0)])
+@pytest.mark.parametrize(("height_m", "lifted_m"), [(39.0, 0.0), (40.0, 0.0), (41.0, 1.0), (90.0, 50.0)])
 def test_a_hill_below_the_circles_lifts_them_by_what_its_clearance_lacks(height_m: float, lifted_m: float) -> None:
     """150 m beside the end of the path; 60 m above it are asked for, and the path is 100 m high."""
     said = reported(planned(hill(END_M, 3150.0, height_m, 100.0), **long()))
@@ -59,6 +59,35 @@ def test_hills_count_as_far_as_the_formation_flies_until_it_circles(beyond_m: fl
     """660 m in 30 s at 22 m/s and 200 m for a circle; the hill has a radius of 60 m."""
     said = reported(planned(hill(END_M + beyond_m, 3000.0, 130.0, 60.0), **long()))
     assert any("vehicles circle" in each for each in said) is lifts
+
+
+@pytest.mark.parametrize(("beyond_m", "lifts"), [(860.0, True), (990.0, False)])
+@pytest.mark.parametrize("course_deg", [40.0, 130.0, 220.0, 310.0])
+def test_on_any_course_hills_count_where_the_formation_flies_to(
+    course_deg: float, beyond_m: float, lifts: bool
+) -> None:
+    """The hill is in line with the path, with a radius of 120 m."""
+    north, east = math.cos(math.radians(course_deg)), math.sin(math.radians(course_deg))
+    path = AHEAD | {"waypoints_m": [[3000, 3000, 100], [3000 + 2000 * north, 3000 + 2000 * east, 100]]}
+    away_m = 2000.0 + beyond_m
+    said = reported(planned(hill(3000 + away_m * north, 3000 + away_m * east, 130.0, 120.0), path=path, **long()))
+    assert any("vehicles circle" in each for each in said) is lifts
+
+
+@pytest.mark.parametrize(("slowest_mps", "lifts"), [(3.0, False), (1.0, True)])
+def test_the_formation_flies_on_for_as_long_as_its_slowest_climb_takes(slowest_mps: float, lifts: bool) -> None:
+    """The third vehicle climbs by 30 m: at 1 m/s in 30 s, and 15 s more make 990 m at 22 m/s instead of 660 m."""
+    slow = {"id": 2, "role": "follower", "model": {"climb_max_mps": slowest_mps}}
+    vehicles = [{"id": 1, "role": "leader"}, slow, {"id": 3, "role": "follower"}]
+    said = reported(planned(hill(END_M + 1100.0, 3000.0, 130.0, 60.0), vehicles=vehicles, **long()))
+    assert any("vehicles circle" in each for each in said) is lifts
+
+
+def test_multirotors_that_hover_clear_of_the_ground_do_not_climb_and_nothing_is_said() -> None:
+    vehicles = {"count": 3, "autopilot": "arducopter"}
+    hovering = planned(hill(END_M, 3150.0, 35.0, 100.0), vehicles=vehicles, path=AHEAD | {"speed_mps": 5}, **long())
+    assert hovering.hovers
+    assert reported(hovering) == []
 
 
 @pytest.mark.parametrize("turned", [1.0, -1.0])

@@ -98,6 +98,17 @@ def test_one_that_is_on_its_way_home_and_silent_is_not_called_back() -> None:
     assert vehicle.commands.lists == lists
 
 
+def test_one_that_acknowledged_its_way_home_and_is_in_another_mode_later_is_not_called_back() -> None:
+    """Its pilot may have chosen that mode."""
+    vehicle = plane(1, 0.0, 0.0)
+    end = ended(vehicle, manner="rtl")
+    sent_to(vehicle)
+    vehicle.telemetry.custom_mode = m.PLANE_MODE_MANUAL
+    lists = vehicle.commands.lists
+    end.advance(after(NOW, 60.0))
+    assert vehicle.commands.lists == lists
+
+
 def landing(*vehicles: Vehicle) -> SeparatedEnding:
     """Return an ending in landings whose vehicles are over their homes, at their heights."""
     end = ended(*vehicles, manner="land")
@@ -147,6 +158,20 @@ def test_one_that_climbs_out_keeps_the_others_from_landing() -> None:
     climbs.member = Member.PARTED
     ours.advance(NOW)
     assert commanded(low) == m.PLANE_MODE_AUTOLAND, "its pilot flies it"
+
+
+def test_one_that_answered_late_and_circled_first_does_not_keep_the_others_from_landing() -> None:
+    """It leaves its command home unanswered for more than 5 s, and then does all that it is commanded."""
+    low, late = plane(1, 0.0, 0.0), plane(2, 0.0, 60.0)
+    late.telemetry.custom_mode = m.PLANE_MODE_GUIDED
+    end = ended(low, late, manner="land")
+    answered = after(NOW, 5.1)
+    end.advance(answered)
+    for vehicle in (low, late):
+        sent_to(vehicle, answered)
+        tell(vehicle, 0.0, 60.0 * vehicle.index, end.circles_m[vehicle.identity])
+    end.advance(answered)
+    assert sent_to(low, answered) == [(m.MAV_CMD_DO_SET_MODE, m.PLANE_MODE_AUTOLAND)]
 
 
 def test_haste_lands_no_other_and_waits_for_acknowledgements_alone() -> None:

@@ -158,6 +158,9 @@ def test_circles_at_one_place_are_all_apart() -> None:
     stack.assign(fliers)
     assert heights(stack) == [150.0, 165.0]
     assert not stack.is_separated(fliers)
+    for height_m, apart in ((159.9, False), (160.0, True)):
+        sent = named(obeys(150.0, 150.0), obeys(height_m, 165.0, north_m=1000.0))
+        assert stack.is_separated(sent) is apart, "they are far from one another only now"
 
 
 PLACES = st.tuples(st.floats(0.0, 60.0), st.floats(0.0, 900.0))

@@ -10,6 +10,7 @@ import pytest
 from airlink import mavlink as m
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, VehicleId
+from airlink.messages.command import ParamValue
 from airlink.messages.mission import MissionCount, MissionItemInt, MissionRequestInt, MissionRequestList
 from airlink.messages.telemetry import Attitude
 from formation_scenario import load_scenario
@@ -147,8 +148,9 @@ def test_without_an_order_to_land_at_the_end_nothing_is_asked_and_all_may_begin(
     assert check.passed
     assert check.requests(NOW) == []
     assert check.refusal(ready=True) is None
-    check.take_item(vehicle, MissionCount(255, 190, 2, m.MAV_MISSION_TYPE_MISSION), NOW)
+    read(check, vehicle)
     assert check.requests(after(NOW, 5.0)) == []
+    assert vehicle.autopilot.landing is None, "a mission that another station reads is not taken"
 
 
 def test_a_multirotor_has_no_mission_to_read_nor_an_approach() -> None:
@@ -159,6 +161,7 @@ def test_a_multirotor_has_no_mission_to_read_nor_an_approach() -> None:
     assert check.refusal(ready=True) is None
     assert check.passed
     heights = ApproachHeights({vehicle.identity: vehicle})
+    heights.take_item(vehicle, ParamValue("AUTOLAND_WP_ALT", 80.0, m.MAV_PARAM_TYPE_REAL32, 1000, 7), NOW)
     assert heights.passed
     assert heights.requests(NOW) == []
 

@@ -115,8 +115,9 @@ def test_of_those_in_line_each_lands_after_all_ahead_within_the_length_of_an_app
     assert found.first == {names[number]: frozenset(before) for number, before in ahead.items()}
     for number in range(2, 6):
         for one in range(1, number):
-            may = found.why_not_now([names[number], names[one]]) is None
-            assert may == (names[one] not in ahead[number])
+            blocked = names[one] in ahead[number]
+            said = f"vehicle {one} would come in over the place of vehicle {number}" if blocked else None
+            assert found.why_not_now([names[number], names[one]]) == said
             assert found.why_not_now([names[one], names[number]]) is None
 
 
@@ -146,6 +147,24 @@ def test_only_those_that_fly_and_are_not_their_pilots_land() -> None:
     assert order(lands, pilots).refusal == "vehicle 1 would come in over the place of vehicle 3"
 
 
+@pytest.mark.parametrize(
+    ("flew", "beyond_m", "reached"),
+    [(True, 34.4, True), (True, 34.6, False), (False, 59.4, True), (False, 59.6, False)],
+)
+def test_one_that_has_landed_may_be_nearer_beyond_a_home_than_one_that_has_not_flown(
+    flew: bool, beyond_m: float, reached: bool
+) -> None:
+    """It may have used up 25 m of the 60 m between their homes. Positions are known to half a metre."""
+    lands = plane(1, 300.0, -40.0)
+    other = plane(2, 300.0 + beyond_m, -40.0) if flew else grounded(2, 300.0 + beyond_m, -40.0)
+    if flew:
+        tell(other, 300.0 + beyond_m, -40.0, 0.0, armed=False)
+    found = order(lands, other)
+    said = "vehicle 1 would come in over the place of vehicle 2"
+    assert found.refusal == (said if reached else None)
+    assert found.why_not_now([lands.identity]) == found.refusal
+
+
 def test_before_a_flight_all_count_as_those_that_will_fly() -> None:
     each = [grounded(1, 0.0, 0.0), grounded(2, -100.0, 0.0)]
     for vehicle in each:
@@ -166,15 +185,21 @@ def test_one_that_still_climbs_out_is_asked_later_where_it_lands() -> None:
     assert order(vehicle).refusal is not None, "it is nowhere to be seen where it takes off"
 
 
-@pytest.mark.parametrize(("height_m", "stated"), [(4.9, False), (5.1, True)])
+@pytest.mark.parametrize(
+    ("home_up_m", "hill_m", "stated"), [(0.0, 4.9, False), (0.0, 5.1, True), (30.0, 34.9, False), (30.0, 35.1, True)]
+)
 def test_ground_within_600_m_may_be_5_m_higher_than_home_but_not_where_one_comes_down_straight(
-    height_m: float, stated: bool
+    home_up_m: float, hill_m: float, stated: bool
 ) -> None:
-    hill = {"shape": "cosine", "north_m": 500, "east_m": 0, "height_m": height_m, "radius_m": 200}
+    hill = {"shape": "cosine", "north_m": 500, "east_m": 0, "height_m": hill_m, "radius_m": 200}
     away = {"speed_mps": 22, "waypoints_m": [[0, 3000, 100], [2000, 3000, 100]]}
     ground = GroundFloor(load_scenario(scenario(terrain={"clearance_m": 10, "hills": [hill]}, path=away)))
-    assert (order(plane(1, 0.0, 0.0), ground=ground).refusal is not None) is stated
-    assert order(plane(1, -310.0, 0.0), ground=ground).refusal is None
+    near, far = plane(1, 0.0, 0.0), plane(1, -310.0, 0.0)
+    for vehicle in (near, far):
+        assert vehicle.take_off.stood is not None
+        vehicle.take_off.stood.height_m = home_up_m
+    assert (order(near, ground=ground).refusal is not None) is stated
+    assert order(far, ground=ground).refusal is None
     assert order(hovering(1, 0.0, 100.0, 0.0), ground=ground).refusal is None
 
 

@@ -132,6 +132,13 @@ def test_15_minutes_are_waited_for_all_to_circle_from_when_the_first_has_come(wa
     assert commanded(low) is None
 
 
+def test_where_none_waits_to_land_time_gives_up_nothing() -> None:
+    landings = queue()
+    for waited_s in (0.0, 901.0, 5000.0):
+        landings.advance(after(NOW, waited_s))
+    assert landings.failure is None
+
+
 @pytest.mark.parametrize(("waited_s", "given_up"), [(900.0, False), (900.1, True)])
 def test_each_has_15_minutes_to_land_from_when_it_was_reported_to(waited_s: float, given_up: bool) -> None:
     """The second is reported 700 s after the first."""

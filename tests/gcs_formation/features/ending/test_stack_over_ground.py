@@ -185,15 +185,19 @@ def test_a_band_grows_by_all_heights_at_which_one_was_possible_since_it_was_lost
         assert stack.heights_m[TWO] == level_m
 
 
-def test_vehicles_that_cannot_be_moved_count_where_they_go_though_they_are_far_away() -> None:
-    stack = HoldingStack(GAP_M)
-    stack.assign(named(obeys(100.0, 100.0), obeys(102.0, 102.0, north_m=900.0)))
-    assert stack.is_separated(named(obeys(100.0, 100.0), obeys(102.0, 102.0, north_m=900.0)))
+@pytest.mark.parametrize("one", [ONE, TWO])
+def test_vehicles_that_cannot_be_moved_count_where_they_go_though_they_are_far_away(one: VehicleId) -> None:
+    stack, far, other = HoldingStack(GAP_M), obeys(102.0, 102.0, north_m=900.0), TWO if one == ONE else ONE
+    stack.assign({one: obeys(100.0, 100.0), other: far})
+    assert stack.is_separated({one: obeys(100.0, 100.0), other: far})
     lost = FlyingVehicle(at(102.0, 900.0), 102.0, (102.0, 102.0))
-    stack.assign({ONE: obeys(100.0), TWO: lost})
-    assert stack.heights_m[ONE] == 117.0
-    assert not stack.is_separated({ONE: obeys(100.0, 117.0), TWO: lost})
-    assert stack.is_separated({ONE: obeys(112.0, 117.0), TWO: lost})
+    for order in ((one, other), (other, one)):
+        fliers = {one: obeys(100.0, 117.0), other: lost}
+        stack.assign({one: obeys(100.0), other: lost})
+        assert stack.heights_m[one] == 117.0
+        assert not stack.is_separated({each: fliers[each] for each in order})
+        fliers[one] = obeys(112.0, 117.0)
+        assert stack.is_separated({each: fliers[each] for each in order})
 
 
 def test_a_home_is_where_the_vehicle_says_or_else_where_it_stood() -> None:

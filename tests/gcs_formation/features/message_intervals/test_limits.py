@@ -59,6 +59,82 @@ def test_another_of_motion_that_is_slowed_is_asked_for_together_with_one_that_is
     assert asked(sender) == ({ATTITUDE, AIRSPEED} if together else {ATTITUDE})
 
 
+def test_after_a_request_those_of_motion_are_counted_over_the_same_two_seconds(sender: Sender) -> None:
+    """Three of twenty are missing, at their beginning."""
+    sender.rates_hz[ATTITUDE] = 0.0
+    while not sender.asked:
+        sender.run(0.1)
+    first_s = sender.asked[0][0]
+    for seconds, rate_hz in ((0.5, 10.0), (0.3, 0.0), (2.0, 10.0)):
+        sender.rates_hz[AIRSPEED] = rate_hz
+        sender.run(seconds)
+    later = {message_id: at_s - first_s for at_s, message_id, _ in sender.asked if at_s > first_s}
+    assert later == {ATTITUDE: pytest.approx(2.5), AIRSPEED: pytest.approx(2.5)}
+
+
+def test_nine_tenths_as_often_is_not_slowed(sender: Sender) -> None:
+    sender.rates_hz[AIRSPEED] = 9.0
+    sender.run(4.0)
+    sender.rates_hz[ATTITUDE] = 0.0
+    sender.run(3.0)
+    assert asked(sender) == {ATTITUDE}
+
+
+def test_two_that_were_missing_come_again_once_the_rarer_has_been_counted(sender: Sender) -> None:
+    """Messages of 2 Hz are counted over 8 s, and looked at each half of a second."""
+    sender.rates_hz |= {ATTITUDE: 0.0, STATUS: 0.0}
+    sender.run(20.0)
+    assert asked(sender) == {ATTITUDE, STATUS}
+    sender.rates_hz |= {ATTITUDE: 10.0, STATUS: 2.0}
+    sender.run(60.0)
+    again = sender.logged[-1]
+    assert again.text == "sends ATTITUDE, SYS_STATUS again"
+    assert 8.0 <= again.at_s - sender.asked[-1][0] <= 9.0
+
+
+def test_a_refusal_after_it_came_again_is_reported_again(sender: Sender) -> None:
+    sender.answer = m.MAV_RESULT_DENIED
+    for _ in range(2):
+        sender.rates_hz[ATTITUDE] = 0.0
+        sender.run(12.0)
+        sender.rates_hz[ATTITUDE] = 10.0
+        sender.run(12.0)
+    words = "refuses to send ATTITUDE as often as asked for", "sends ATTITUDE again"
+    said = sender.logged.of("streams", 2)
+    assert [text for text in said if text in words] == [*words, *words]
+
+
+def test_rare_ones_of_motion_are_counted_since_the_request_before() -> None:
+    """Of 2 Hz as asked for, 1.2 Hz come: over 2 s as over the usual 8 s they are slowed, and not missing."""
+    sends = Sender()
+    sends.vehicle.rates_hz = ASKED_HZ | {AIRSPEED: 2.0}
+    sends.rates_hz[AIRSPEED] = 2.0
+    sends.run(20.0)
+    assert sends.asked == []
+    sends.rates_hz |= {ATTITUDE: 0.0, AIRSPEED: 1.2}
+    sends.run(5.0)
+    first_s, second_s = sorted({at_s for at_s, *_ in sends.asked})
+    assert second_s - first_s == pytest.approx(2.5)
+    assert {message_id for at_s, message_id, _ in sends.asked if at_s == second_s} == {ATTITUDE, AIRSPEED}
+
+
+def test_one_that_never_comes_is_missing_after_two_seconds_of_looks() -> None:
+    """Of which the first is at 0.1 s."""
+    sends = Sender()
+    sends.rates_hz[ATTITUDE] = 0.0
+    sends.run(3.0)
+    assert sends.asked[0][0] == pytest.approx(2.1)
+
+
+def test_one_that_rejects_an_interval_for_now_and_accepts_it_then_does_not_refuse(sender: Sender) -> None:
+    sender.rates_hz[ATTITUDE], sender.answer = 0.0, m.MAV_RESULT_TEMPORARILY_REJECTED
+    sender.run(3.0)
+    sender.answer = m.MAV_RESULT_ACCEPTED
+    sender.run(10.0)
+    assert len(sender.asked) > 2
+    assert [text for text in sender.logged.of("streams") if text.startswith("refuses")] == []
+
+
 def test_those_that_are_not_of_motion_are_not_asked_for_together(sender: Sender) -> None:
     sender.rates_hz |= {STATUS: 1.6, ATTITUDE: 0.0}
     sender.run(3.0)
@@ -68,6 +144,15 @@ def test_those_that_are_not_of_motion_are_not_asked_for_together(sender: Sender)
     others.rates_hz |= {STATUS: 0.0, ATTITUDE: 8.0}
     others.run(8.0)
     assert asked(others) == {STATUS}
+
+
+def test_with_one_of_motion_missing_beside_another_those_of_motion_that_are_slowed_are_asked_for_too(
+    sender: Sender,
+) -> None:
+    sender.rates_hz |= {ATTITUDE: 0.0, STATUS: 0.0, AIRSPEED: 8.0}
+    sender.run(20.0)
+    (both_s,) = {at_s for at_s, message_id, _ in sender.asked if message_id == STATUS}
+    assert {message_id for at_s, message_id, _ in sender.asked if at_s == both_s} == {ATTITUDE, STATUS, AIRSPEED}
 
 
 def test_rare_messages_are_counted_over_sixteen_of_them_and_quick_ones_over_two_seconds() -> None:
@@ -85,10 +170,20 @@ def test_too_few_are_less_than_half_and_less_than_chance_explains(sent: float, a
     assert few == [count for count in range(int(sent) + 1) if count < limit and mean > 1.0]
 
 
+def test_where_less_than_eight_should_have_come_since_a_silence_none_is_missing(sender: Sender) -> None:
+    """Looks are at 22.1 s and 22.6 s: of attitudes 5 and 10 should have come."""
+    sender.rates_hz[ATTITUDE] = 0.0
+    sender.run(2.0, silent=True)
+    sender.run(1.0)
+    assert sender.asked[0][0] == pytest.approx(22.6)
+    assert ATTITUDE in asked(sender)
+
+
 def test_where_hardly_any_should_come_none_is_missing() -> None:
     assert not _is_too_few(0, 9.0, 0.1)
     assert _is_too_few(0, 1.5, 1.0)
     assert not _is_too_few(0, 0.9, 1.0)
+    assert [_is_too_few(count, 20.0, 1.0) for count in (9, 10)] == [True, False]
 
 
 def counted(vehicle: Any, counts: MessageCounts, received: int, lost: int, attitudes: int, since_s: float) -> None:
@@ -103,6 +198,7 @@ def test_a_ring_of_looks_gives_what_came_in_the_last_of_them_wherever_it_begins(
     """Look k brings k attitudes and as many lost frames; of no news the time isn't counted."""
     vehicle: Any = SimpleNamespace(messages_in=[0] * len(KINDS), sequence=SimpleNamespace(received=7, lost=3))
     counts = MessageCounts(5, 1)
+    assert counts.looks == 0
     for look in range(23):
         counted(vehicle, counts, look, look, look, 0.5)
         if look >= 4:

@@ -17,7 +17,7 @@ from airlink.endpoint import VehicleId
 from airlink.messages import KINDS
 from airlink.messages.command import CommandAck
 from flight_model.earth import GeodeticOrigin
-from gcs_formation.features.message_intervals.requested_again import ASK_AGAIN_MAX_S, ASK_AGAIN_S, MessageIntervals
+from gcs_formation.features.message_intervals.requested_again import ASK_AGAIN_S, MessageIntervals
 from gcs_formation.link.frame_loss import STALE_AFTER_S
 from gcs_formation.link.link_health import Connection, LinkState
 from gcs_formation.vehicle.command_delivery import CommandQueue
@@ -130,9 +130,8 @@ def test_one_that_is_switched_off_for_good_is_asked_ever_more_rarely_and_named_o
     sender.run(400.0)
     times = [at_s for at_s, *_ in sender.asked]
     gaps = [later - earlier for earlier, later in pairwise(times)]
-    waits = [min(ASK_AGAIN_S * 2**i, ASK_AGAIN_MAX_S) for i in range(len(gaps))]
-    assert gaps == pytest.approx(waits, abs=0.6)
-    assert len(gaps) > 6
+    assert len(gaps) == 10
+    assert gaps == pytest.approx([2.5, 5.0, 10.0, 20.0, 40.0, *[60.0] * 5], abs=0.6)
     assert len(sender.logged) == 1
 
 

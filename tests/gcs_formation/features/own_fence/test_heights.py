@@ -10,7 +10,7 @@ import pytest
 from airlink.clock import Instant
 from flight_model.slot import Vector3
 from gcs_formation.control.setpoint import AS_DECIDED
-from gcs_formation.features.own_fence.heights import OwnFences
+from gcs_formation.features.own_fence.feature import FEATURE
 from gcs_formation.recorder import Tick, VehicleLink
 
 NOW = Instant(0)
@@ -23,7 +23,8 @@ def bounded(height_m: float, fence_m: tuple[float, float] | None = FENCE_M, *, a
     tick.setpoints = [(21.0, 0.3, 200.0), (22.0, 0.4, height_m)]
     each = [SimpleNamespace(index=n, autopilot=SimpleNamespace(heights_m=own)) for n, own in enumerate((None, fence_m))]
     cycle: Any = SimpleNamespace(each=each, tick=tick)
-    OwnFences(cycle).run(cycle)
+    (stage,) = FEATURE.stages(cycle)
+    stage.run(cycle)
     return tick
 
 

@@ -79,6 +79,23 @@ def test_slots_above_the_leader_do_not_lower_the_lowest_and_those_below_it_do_no
         assert all(words in said for words, said in zip(allowed, fences.unflyable, strict=True))
 
 
+@pytest.mark.parametrize(
+    ("up_m", "lowest_m", "highest_m"), [((20, 5, 0.5), 90.5, 160.5), ((-20, -5, -0.5), 70.5, 140.5)]
+)
+def test_the_path_of_a_virtual_leader_must_be_inside_too(
+    up_m: tuple[float, float, float], lowest_m: float, highest_m: float
+) -> None:
+    """All slots are above it, or all below; circles at the end take 30 m more."""
+    slots = {number: [-30 * number, 0, each] for number, each in enumerate(up_m, 1)}
+    keys: dict[str, Any] = {
+        "vehicles": [{"id": number, "role": "follower"} for number in slots],
+        "formation": {"shape": "custom", "slots_m": slots},
+    }
+    for off_m, count in ((0.1, 2), (-0.1, 0)):
+        fence = OwnFence(lowest_m - 2.0 + off_m, highest_m + 32.0 - off_m, math.inf, NAMES)
+        assert len(fenced(fence, **keys)[0].unflyable) == count
+
+
 def test_multirotors_hover_at_the_end_and_need_no_circles() -> None:
     vehicles = {"count": 3, "model": "arducopter"}
     keys: dict[str, Any] = {"vehicles": vehicles, "path": CLIMBING | {"speed_mps": 5}}
@@ -93,6 +110,14 @@ def test_a_home_that_is_not_known_is_where_the_vehicle_stands() -> None:
     assert len(fenced(ANYWHERE._replace(radius_m=away_m - 0.1), home_m=None)[0].unflyable) == 1
 
 
+@pytest.mark.parametrize(("home_m", "away_m"), [((6000.0, 8000.0), 10_000.0), ((-3000.0, -4000.0), 10_000.0)])
+def test_the_whole_path_counts_from_its_begin_to_its_end(home_m: tuple[float, float], away_m: float) -> None:
+    """3-4-5: homes 5 km beyond the end and 5 km before the begin."""
+    for off_m, count in ((0.2, 0), (-0.2, 1)):
+        fence = ANYWHERE._replace(radius_m=away_m + 60.5 + 2.0 + off_m)
+        assert len(fenced(fence, home_m=home_m)[0].unflyable) == count
+
+
 def test_nothing_is_settled_before_the_position_is_known_and_then_once() -> None:
     fences, vehicle = fenced(ANYWHERE)
     assert fences.settled
@@ -102,7 +127,7 @@ def test_nothing_is_settled_before_the_position_is_known_and_then_once() -> None
         telemetry=SimpleNamespace(motion=None, home_m=(0.0, 0.0)),
         autopilot=SimpleNamespace(heights_m=None),
     )
-    fences.apply(other, ANYWHERE._replace(radius_m=10.0))
+    fences.apply(other, OwnFence(-50.0, 250.0, 10.0, NAMES))
     fences.settle()
     assert not fences.settled
     other.telemetry.motion = vehicle.telemetry.motion
@@ -111,7 +136,7 @@ def test_nothing_is_settled_before_the_position_is_known_and_then_once() -> None
     assert [each[:11] for each in fences.unflyable] == ["vehicle 3: "]
     other.telemetry.motion = SimpleNamespace(north_m=0.0, east_m=0.0, height_m=500.0, above_home_m=0.0)
     fences.settle()
-    assert other.autopilot.heights_m == (-math.inf, math.inf)
+    assert other.autopilot.heights_m == (-48.0, 248.0)
 
 
 DENSITY = 1.25

@@ -17,7 +17,7 @@ from airlink.messages.command import ParamValue
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, GlobalPositionInt
 from flight_model.earth import GeodeticOrigin
-from formation_scenario import load_scenario
+from formation_scenario import Scenario, load_scenario
 from formation_scenario.slot_assignment import first_arrangement
 from gcs_formation.features.resumption.takeover import WAIT_S, Found, Takeover, why_left
 from gcs_formation.link.link_health import Connection, LinkState
@@ -80,7 +80,9 @@ PILOTS = RecordedVehicle("LOITER", parted=True, flew=True)
         (GUIDED, found("LOITER"), resumed(ending=True), "in LOITER at the flight's end"),
         (GUIDED, found("RTL", by_failsafe=True), resumed(ending=True), None),
         (LOITER, found("LOITER"), resumed(ending=True, take=True), "in LOITER at the flight's end"),
+        (LOITER, found("LOITER", by_failsafe=True), resumed(ending=True), "in LOITER at the flight's end"),
         (GUIDED, found("FBWA"), resumed(ending=True, take=True), None),
+        (GUIDED, found("RTL"), resumed(ending=True, take=True), None),
     ],
 )
 def test_who_flies_as_the_flight_or_its_failsafe_left_it_is_taken_and_others_with_take(
@@ -105,50 +107,58 @@ PARAMETERS = {"FS_GCS_ENABL": 1.0, "FS_LONG_ACTN": 1.0, "FS_LONG_TIMEOUT": 5.0}
 class Resuming:
     """A flight of three that all flew when its record ended, resumed at 70 s; none has been received yet."""
 
-    def __init__(self, *, ending: bool = False, silent_s: float = 20.0, flew: tuple[VehicleId, ...] = EACH) -> None:
+    def __init__(
+        self,
+        *,
+        ending: bool = False,
+        silent_s: float = 20.0,
+        flew: tuple[VehicleId, ...] = EACH,
+        near: tuple[VehicleId, ...] = (FIRST, THIRD, SECOND),
+        planned: Scenario | None = None,
+    ) -> None:
         self.vehicles = {
             each: Vehicle(each, place, ArduPlane(each.system, ORIGIN, 0.25), Connection(0), 10.0)
             for place, each in enumerate(EACH)
         }
         known = {each: RecordedVehicle("GUIDED", parted=False, flew=each in flew) for each in EACH}
-        past = replace(resumed(ending=ending), vehicles=known, near=(FIRST, THIRD, SECOND), silent_s=silent_s)
+        past = replace(resumed(ending=ending), vehicles=known, near=near, silent_s=silent_s)
         self.logged, self.led = EventLog(), list[VehicleId]()
         changes = SimpleNamespace(lead=lambda leader, _now: self.led.append(leader))
         cycle: Any = SimpleNamespace(
-            scenario=load_scenario(scenario()),
+            scenario=planned or load_scenario(scenario()),
             vehicles=self.vehicles,
             log_event=self.logged,
             reconfiguration=changes,
         )
-        self.takeover, self.began = Takeover(cycle, past), past.at
+        self.known, self.takeover, self.began = known, Takeover(cycle, past), past.at
 
     def at(self, seconds: float) -> Instant:
         return after(self.began, seconds)
 
-    def receive(self, identity: VehicleId, mode: int) -> Vehicle:
-        """Let a vehicle be found in flight in a mode, with all that is needed of its telemetry."""
+    def receive(self, identity: VehicleId, mode: int, height_m: float = 100.0) -> Vehicle:
+        """Let a vehicle be found in a mode, in flight or on the ground, with all that is needed of its telemetry."""
         vehicle = self.vehicles[identity]
         vehicle.connection.state = LinkState.CONNECTED
         vehicle.telemetry.airspeed_mps = 22.0
         start_up: Any = SimpleNamespace(asked_for_telemetry=True, abandoned=False, left=False, finished=False)
         vehicle.start_up = start_up
         for message in (
-            GlobalPositionInt(1.0, ORIGIN.lat_rad, ORIGIN.lon_rad, 100.0, 100.0, 22.0, 0.0, 0.0, 0.0),
+            GlobalPositionInt(1.0, ORIGIN.lat_rad, ORIGIN.lon_rad, height_m, height_m, 22.0, 0.0, 0.0, 0.0),
             Attitude(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
             Heartbeat(
                 m.MAV_TYPE_FIXED_WING,
                 m.MAV_AUTOPILOT_ARDUPILOTMEGA,
-                m.MAV_MODE_FLAG_SAFETY_ARMED,
+                m.MAV_MODE_FLAG_SAFETY_ARMED if height_m else 0,
                 mode,
-                m.MAV_STATE_ACTIVE,
+                m.MAV_STATE_ACTIVE if height_m else m.MAV_STATE_STANDBY,
             ),
         ):
             vehicle.telemetry.store(message)
         return vehicle
 
-    def tell_parameters(self, vehicle: Vehicle) -> None:
+    def tell_parameters(self, vehicle: Vehicle, *, failsafe: bool = True) -> None:
         for name, value in PARAMETERS.items():
-            reported = ParamValue(name, value, m.MAV_PARAM_TYPE_REAL32, 1000, 0)
+            reported = ParamValue(name, value if failsafe else 0.0, m.MAV_PARAM_TYPE_REAL32, 1000, 0)
             self.takeover.receive_parameter(vehicle, reported, self.at(0.0))
 
 

@@ -54,3 +54,14 @@ def test_the_heights_beside_others_are_taken_nearest_first_on_ones_own_side_and_
     heights = [109.0, 87.0, 34.0]  # 21 - 13 would be below the floor
     assert free_heights(made, 0, others, ends_m, 0.0).tolist() == pytest.approx(heights)
     assert free_heights(made, 0, others, ends_m, -1.0).tolist() == pytest.approx([87.0, 109.0, 34.0])
+
+
+@pytest.mark.parametrize(
+    ("floor_m", "heights_m"), [(31.9, [109.0, 87.0, 32.0]), (32.0, [109.0, 87.0, 32.0]), (32.1, [109.0, 87.0])]
+)
+def test_a_height_at_the_floor_is_free_and_none_below_it(floor_m: float, heights_m: list[float]) -> None:
+    """11 m above one at 21 m; to pass below it would be at 10 m."""
+    rows: list[list[float]] = [[0, 0, 100, 22, 0, 0], [0, 50, 98, 22, 0, 0], [0, 90, 21, 22, 0, 0]]
+    vehicles = Vehicles(rows, floor_m=floor_m)
+    made = picture(vehicles, vehicles.state, wanted(vehicles, 0.0))
+    assert free_heights(made, 0, np.array((1, 2)), np.array((98.0, 21.0)), 0.0).tolist() == heights_m

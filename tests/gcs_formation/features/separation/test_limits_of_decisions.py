@@ -16,8 +16,8 @@ from gcs_formation.features.separation.conflict_resolution import Conflict, reso
 from gcs_formation.features.separation.encounters import Encounters
 from gcs_formation.features.separation.resolver import ConflictResolver
 from tests.flights.conftest import scenario
+from tests.gcs_formation.features.separation.crossing import HOVERS, Crossing
 from tests.gcs_formation.features.separation.encounters import Vehicles, picture, wanted
-from tests.gcs_formation.features.separation.test_resolver import HOVERS, Crossing
 
 
 def passing(aside_m: float, ahead_m: float = 220.0, **given: Any) -> Any:
@@ -78,11 +78,20 @@ class Meetings:
     def __init__(self) -> None:
         self.each = Encounters(load_scenario(scenario(vehicles={"count": 2})))
 
-    def log(self, at_s: float, distance_m: float, side: float, *conflicts: Conflict, height: bool = True) -> list[Any]:
+    def log(
+        self,
+        at_s: float,
+        distance_m: float,
+        side: float,
+        *conflicts: Conflict,
+        height: bool = True,
+        known: tuple[int, ...] = (0, 1),
+    ) -> list[Any]:
         tick: Any = SimpleNamespace(now=after(Instant(0), at_s), events=[], replaced=[(False, False, height)] * 2)
         position_m = np.array(((0.0, 0.6 * distance_m), (0.0, 0.0), (100.0, 100.0 + 0.8 * distance_m)))
-        traffic = SimpleNamespace(state=SimpleNamespace(position_m=position_m))
-        made: Any = SimpleNamespace(traffic=traffic, vehicles=np.array((0, 1)))
+        vehicles = np.array(known, dtype=np.intp)
+        traffic = SimpleNamespace(state=SimpleNamespace(position_m=position_m[:, vehicles]))
+        made: Any = SimpleNamespace(traffic=traffic, vehicles=vehicles)
         self.each.log_events(tick, made, conflicts, [0.0, side])
         return [(event.text, dict(event.details)) for event in tick.events]
 
@@ -104,6 +113,15 @@ def test_an_encounter_is_reported_with_its_manoeuvre_and_its_least_distance(
     assert meetings.log(7.0, 50.0, 0.0) == [("no longer avoids 1: 5.0 s, 12.0 m apart at least", details)]
     assert not meetings.each.any
     assert meetings.log(8.0, 50.0, 0.0) == []
+
+
+@pytest.mark.parametrize("known", [(0,), (1,), ()])
+def test_the_distance_from_one_whose_position_is_not_known_does_not_count(known: tuple[int, ...]) -> None:
+    meetings = Meetings()
+    meetings.log(2.0, 40.0, 1.0, Conflict(1, 0, 6.0, 4.0))
+    assert meetings.log(3.0, 12.0, 1.0, known=known) == []
+    ((text, _),) = meetings.log(5.0, 12.0, 0.0, known=known)
+    assert text == "no longer avoids 1: 3.0 s, 40.0 m apart at least"
 
 
 def test_an_encounter_lasts_that_has_for_more_than_half_a_minute() -> None:

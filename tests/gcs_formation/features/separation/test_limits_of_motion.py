@@ -26,7 +26,7 @@ from gcs_formation.features.separation.approach import ClosestApproach
 from gcs_formation.features.separation.conflict_resolution import Conflict, _conflicts
 from gcs_formation.features.separation.non_conforming import Candidate, NonConforming, UncommandedMotion
 from gcs_formation.recorder import VehicleLink
-from tests.gcs_formation.features.separation.test_resolver import HOVERS, Crossing
+from tests.gcs_formation.features.separation.crossing import HOVERS, Crossing
 
 NORTH_8 = (8.0, 0.0, 60.0)
 START = Instant(0)
@@ -157,6 +157,16 @@ def test_one_that_receives_nothing_may_hover_half_a_second_before_it_would(now_s
     found = watched._candidates([0], at_s(now_s), [link], vec[i64]([at_s(10.0)]))
     assert [each.hovers_at for each in found] == ([None, at_s(13.0)] if may_hover else [None])
     assert {each.held for each in found} == {NORTH_8}
+
+
+def test_one_that_still_answers_hovers_nowhere_else() -> None:
+    """It would hover 1 s after its last setpoint, and 0.6 s after an answer there may be another one."""
+    link, watched = VehicleLink(at_s(10.0)), NonConforming(sent(NORTH_8), [copter()], 12.0, hovers=True)
+    link.hovers_after_s = 1.0
+    for now_s, possible in ((10.6, 0), (10.8, 2)):
+        watched.update(at_s(now_s), [link], [True])
+        found, *_ = watched.traffic([0], [], at_s(now_s), [link], measured(state(8.0), 10.0), at_s(now_s))
+        assert found == [0] * possible
 
 
 def test_one_that_was_left_may_have_stopped_after_the_last_setpoint_sent_too() -> None:

@@ -221,6 +221,14 @@ def test_bounds_of_an_error_of_speed_by_hand() -> None:
         assert bounds.far_m == pytest.approx([0.0, error * 4.8 + error * error / 3.0])
 
 
+def test_a_manoeuvre_has_a_first_and_a_lasting_setpoint() -> None:
+    first = Setpoints(np.array((20.0, 21.0)), np.array((0.1, 0.2)), np.array((90.0, 91.0)))
+    made = Manoeuvre(first, np.array((22.0, 23.0)), np.array((0.3, 0.4)), np.array((92.0, 93.0)))
+    assert made.first.table.tolist() == first.table.tolist()
+    assert (made.speed_mps.tolist(), made.heading_rad.tolist()) == ([22.0, 23.0], [0.3, 0.4])
+    assert (made.air_motion.tolist(), made.height_m.tolist()) == ([[22.0, 23.0], [0.3, 0.4]], [92.0, 93.0])
+
+
 def test_a_fixed_wing_has_four_courses_and_a_multirotor_may_stop_or_evade_in_eight_directions() -> None:
     """As commanded, then along the reference or straight on; along it or straight on at once."""
     made = scene(NORTH, [0, 50, 100, 24, 0.5, 0])

@@ -17,9 +17,9 @@ HOVERING = MODEL | {"tau_v_s": 1.0, "speed_min_mps": 0.0, "speed_max_mps": 10.0}
 @pytest.mark.parametrize(
     ("other_north_m", "other_mps", "side", "manoeuvres"),
     [
-        pytest.param(14.0, 3.0, 1.0, True, id="another follows it: it would turn round in front of it"),
+        pytest.param(15.0, 3.0, 1.0, True, id="another follows it: it would turn round in front of it"),
         pytest.param(60.0, 0.0, 1.0, False, id="the other hovers far away"),
-        pytest.param(14.0, 3.0, 0.0, False, id="it hasn't manoeuvred"),
+        pytest.param(15.0, 3.0, 0.0, False, id="it hasn't manoeuvred"),
     ],
 )
 def test_a_multirotor_that_flies_away_goes_on_with_it_while_the_way_back_is_taken(

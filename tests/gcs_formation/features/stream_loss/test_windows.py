@@ -76,6 +76,7 @@ def test_a_window_has_fifty_messages_and_five_seconds(rate_hz: float, window_s: 
     counted = Counted({FAST: rate_hz})
     assert counted.pass_s(window_s - 0.1, {FAST: 1.0}) == FILTERED
     assert counted.pass_s(0.2, {FAST: 1.0}) < 0.02
+    assert Counted({FAST: rate_hz}).pass_s(window_s, {FAST: 1.0}) == 0.0
 
 
 @pytest.mark.parametrize(("numbers", "by_streams"), [(0.20, False), (0.32, True)])
@@ -99,6 +100,7 @@ def test_a_silence_is_no_loss_of_streams() -> None:
     counted = Counted()
     assert counted.pass_s(10.0, ALL, silent_s=8.0) == pytest.approx(0.0, abs=1e-9)
     assert counted.pass_s(10.0, ALL, silent_s=3.0) == pytest.approx(0.0, abs=1e-9)
+    assert counted.pass_s(10.0, dict.fromkeys(RATES_HZ, 0.7)) == pytest.approx(0.1)
 
 
 def test_in_a_silence_what_would_have_passed_the_filter_was_lost() -> None:
@@ -124,13 +126,23 @@ def test_and_what_passed_it_and_was_lost_is_counted_too() -> None:
     [
         ({FAST: 0.9, ALSO: 0.9, SLOW: 0.4}, 0.1),
         ({FAST: 0.9, ALSO: 0.9, SLOW: 0.0}, 0.1),
+        ({FAST: 0.9, ALSO: 0.0, SLOW: 0.0}, 0.1),
         ({FAST: 0.9, ALSO: 0.9, SLOW: 2.0}, 0.1),
         ({FAST: 0.9, ALSO: 0.5, SLOW: 0.2}, FILTERED),
         ({FAST: 0.0, ALSO: 0.0, SLOW: 0.0}, FILTERED),
         (dict.fromkeys(RATES_HZ, 1.04), 0.0),
         (dict.fromkeys(RATES_HZ, 1.06), FILTERED),
     ],
-    ids=["slowed", "filtered", "quicker", "all different", "none comes", "nearly as asked for", "all quicker"],
+    ids=[
+        "slowed",
+        "filtered",
+        "two of them filtered",
+        "quicker",
+        "all different",
+        "none comes",
+        "nearly as asked for",
+        "all quicker",
+    ],
 )
 def test_streams_that_come_alike_tell_if_they_are_the_most_and_no_faster_than_asked_for(
     shares: dict[int, float], loss: float
@@ -146,6 +158,31 @@ def test_a_stream_of_fewer_than_fifty_messages_tells_nothing() -> None:
         counted = Counted({FAST: 10.0, SLOW: slow_hz, ALSO: 5.1})
         found = counted.pass_s(10.0, {FAST: 1.0, SLOW: 0.5, ALSO: 0.5})
         assert found == pytest.approx(loss, abs=0.01), "with 50 they are 101 of 201, the most"
+
+
+def test_of_two_streams_that_with_more_messages_tells() -> None:
+    """In 10 s: half of 100, and 0.9 of 101, come."""
+    assert Counted({FAST: 10.0, ALSO: 10.1}).pass_s(10.0, {FAST: 0.5, ALSO: 0.901}) == pytest.approx(10.0 / 101.0)
+
+
+def test_of_two_streams_with_as_many_messages_neither_tells() -> None:
+    assert Counted({FAST: 10.0, ALSO: 10.0}).pass_s(10.0, {FAST: 0.5, ALSO: 0.9}) == FILTERED
+
+
+@pytest.mark.parametrize(("share", "loss"), [(0.92, 0.165), (0.94, FILTERED)])
+def test_two_streams_come_alike_that_differ_by_what_chance_explains_at_the_lower(share: float, loss: float) -> None:
+    """Of 100 messages 0.75 come: 4 sqrt(0.75 0.25 / 100) = 0.173, and one message."""
+    found = Counted({FAST: 10.0, ALSO: 10.0}).pass_s(10.0, {FAST: 0.75, ALSO: share + 1e-6})
+    assert found == pytest.approx(loss)
+
+
+@pytest.mark.parametrize(("slow_hz", "loss"), [(10.05, 0.5 / 300.5), (10.15, 0.0)])
+def test_a_stream_comes_alike_that_lacks_one_message_at_most(slow_hz: float, loss: float) -> None:
+    """100 of 100.5 come, or of 101.5: the latter has another rate than the two that are complete."""
+    found = Counted({FAST: 10.0, ALSO: 10.0, SLOW: slow_hz}).pass_s(
+        10.0, {FAST: 1.0, ALSO: 1.0, SLOW: 100.01 / (10.0 * slow_hz)}
+    )
+    assert found == pytest.approx(loss, abs=1e-9)
 
 
 @pytest.mark.parametrize("change", ["link", "rates", "restart"])

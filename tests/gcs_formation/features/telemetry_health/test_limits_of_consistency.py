@@ -268,3 +268,24 @@ def test_an_arcs_ratio_grows_with_the_square_of_its_angle() -> None:
     assert checked._arc([0.0, 0.1]) == pytest.approx(1.0 + 1e-4 / 12.0)
     assert Consistency(1, FASTEST_MPS)._arc([5.0]) == 1.0
     assert np.isnan(Consistency(1, FASTEST_MPS).axes[0].flown_m)
+
+
+def test_a_second_jump_right_after_the_first_is_confirmed_by_three_samples_too() -> None:
+    flight = Straight()
+    flight.fly(30)
+    assert flight.fly(3, off_m=20.0) == 3
+    lasts = list[bool]()
+    for _ in range(3):
+        flight.fly(1, off_m=41.0)
+        lasts.append(flight.checked.lasts)
+    assert lasts == [False, False, True]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_height_too_has_jumped_in_its_third_sample_and_an_outlier_is_none(sign: float) -> None:
+    outlying, jumping = Straight(1, mps=1.5), Straight(1, mps=1.5)
+    outlying.fly(30)
+    jumping.fly(30)
+    assert outlying.fly(1, off_m=sign * 8.0) is None
+    assert outlying.fly(40) is None
+    assert jumping.fly(40, off_m=sign * 8.0) == 3

@@ -171,3 +171,17 @@ def test_an_airspeed_that_jumps_twice_the_same_way_is_taken_back_by_both() -> No
     flown = [checked.take(at_ns(NEW + number), each, 0.0) for number, each in enumerate(reported)]
     assert flown == pytest.approx([20.0] * 60 + [21.0] * 5)
     assert checked.offset_mps == pytest.approx(-20.0)
+
+
+@pytest.mark.parametrize(("samples", "is_jump"), [(20, False), (21, True)])
+def test_the_first_of_all_is_compared_with_nothing_however_soon_after_the_vehicles_start(
+    samples: int, is_jump: bool
+) -> None:
+    """Twenty steps are between 21 samples, here from the second second of its clock on."""
+    airspeed, heading = AirspeedJumps(ACCEL_MPS2), HeadingCheck(TURN_RPS)
+    for number in range(samples):
+        airspeed.take(at_ns(20 + number), 20.0, 0.0)
+        heading.take_turned(at_ns(20 + number), 0.3, 0.2, 0.0)
+    flown_mps = airspeed.take(at_ns(20 + samples), 35.0, 0.0)
+    flown_rad = heading.take_turned(at_ns(20 + samples), 1.3, 0.2, 0.0)
+    assert (flown_mps, flown_rad) == pytest.approx((20.0, 0.3) if is_jump else (35.0, 1.3))

@@ -81,6 +81,19 @@ def test_a_heading_is_carried_to_its_positions_time_by_the_yaw_rate() -> None:
     assert NoseCheck(0.6).take(Attitude(10.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.5), math.nan, 10.1) == pytest.approx(1.05)
 
 
+@pytest.mark.parametrize("turn_rps", [1.2, -1.2])
+def test_a_fast_turn_between_an_attitude_and_its_position_is_no_contradiction(turn_rps: float) -> None:
+    """0.14 s after each attitude the heading is 0.168 rad further on, in the direction of the yaw rate."""
+    checked, flown_rad = NoseCheck(1.5), math.nan
+    for tick in range(40):
+        at_s = 10.0 + tick * STEP_S
+        yaw_rad, heading_rad = (math.remainder(turn_rps * each_s, math.tau) for each_s in (at_s, at_s + 0.14))
+        attitude = Attitude(at_s, 0.0, 0.0, yaw_rad, 0.0, 0.0, turn_rps)
+        flown_rad = checked.take(attitude, heading_rad % math.tau, at_s + 0.14)
+        assert checked.finding == ""
+    assert math.remainder(flown_rad - heading_rad, math.tau) == pytest.approx(0.0, abs=1e-9)
+
+
 def test_yaw_rates_are_integrated_by_their_mean() -> None:
     """From 0 to 0.4 rad/s in 0.1 s: 0.02 rad. An attitude that is taken twice moves nothing."""
     checked = NoseCheck(0.6)

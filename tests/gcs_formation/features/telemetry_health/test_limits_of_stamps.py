@@ -179,6 +179,14 @@ def test_stamps_of_another_rate_are_found_once_they_have_gained_a_quarter_of_a_s
     assert reported.tell(1, shift_s=7.0) == pytest.approx(0.0, abs=0.02), "by arrival, less the usual age"
 
 
+@pytest.mark.parametrize("course_rad", [0.9, 2.4, -0.6, -2.0])
+def test_stamps_of_another_rate_are_found_on_every_course(course_rad: float) -> None:
+    reported = Told(course_rad=course_rad)
+    for number in range(40):
+        reported.tell(1, shift_s=0.2 * STEP_S * number)
+    assert reported.timing.by_arrival
+
+
 @pytest.mark.parametrize(("speed_mps", "is_found"), [(2.9, False), (3.1, True)])
 def test_rates_are_reported_by_positions_from_3_mps_on(speed_mps: float, is_found: bool) -> None:
     reported = Told(speed_mps)

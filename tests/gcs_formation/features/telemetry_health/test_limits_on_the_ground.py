@@ -80,6 +80,13 @@ def test_banks_of_25_and_pitches_of_45_degrees_are_of_uneven_ground(within: Atti
     assert len(texts({}, attitude=beyond)) == 1
 
 
+@pytest.mark.parametrize(("north_m", "is_found"), [(114.7, False), (115.3, True)])
+def test_a_position_moves_in_the_time_since_the_first_one_whenever_that_was(north_m: float, is_found: bool) -> None:
+    """15 m in 3 s, from the hundredth second of its clock on, are at the limit of 5 m/s."""
+    assert bool(texts({"at_s": 103.0, "north_m": north_m}, first={"at_s": 100.0})) == is_found
+    assert texts({"at_s": 100.9, "north_m": north_m}, first={"at_s": 100.0}) == [], "too soon to tell"
+
+
 @pytest.mark.parametrize(("at_s", "is_found"), [(0.99, False), (1.0, True), (2.0, True), (2.01, False)])
 def test_a_speed_is_reported_in_the_air_by_positions_one_to_two_seconds_apart(at_s: float, is_found: bool) -> None:
     said = texts(
