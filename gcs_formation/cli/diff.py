@@ -41,7 +41,7 @@ def diff(one: Path, other: Path, tolerance: float | None, ignore: tuple[str, ...
 
     Versions and keys come first, then what happened, by time, then figures. Figures of the machine's speed don't count.
     """
-    from gcs_formation.diff import differences  # noqa: PLC0415 - reading records is needed by this command alone
+    from gcs_formation.diff.runs import differences  # noqa: PLC0415 - reading records is needed by this command alone
 
     try:
         every = differences(one, other, tolerance)

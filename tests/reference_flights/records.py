@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from gcs_formation.diff import differences
+from gcs_formation.diff.runs import differences
 
 TLOG = "flight.tlog"
 STAMP_BYTES = 8

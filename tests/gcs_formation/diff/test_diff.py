@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 
 import gcs_formation
 from gcs_formation.cli import main
-from gcs_formation.diff import differences
+from gcs_formation.diff.runs import differences
 from tests.gcs_formation.diff.records import (
     KEYS,
     SERIES,
