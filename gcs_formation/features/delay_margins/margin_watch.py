@@ -207,7 +207,7 @@ class MarginWatch:
         self._say(now, vehicle, used, channel if by_taus > by_delay else None)
         if by_delay >= 1.0:
             self.beyond.add(vehicle.identity)
-        elif not by_delay >= NEAR:
+        elif each.held_too_long or not by_delay >= NEAR:  # its lower gains leave shares up to `DEGRADE` as they are
             self.beyond.discard(vehicle.identity)
         if self.holds:
             self._bound_hold(now, each)

@@ -65,11 +65,11 @@ class Swings:
     def steady(self, time_s: float, *, still: bool) -> bool:
         """Return whether the newest swings are alike and wide enough, and the present one isn't overdue.
 
-        `still`: they were; half the amplitude and twice the difference are enough then.
+        `still`: they were; any swings, half as wide and twice as different, are enough then.
         """
-        min_m, maximum = (AMPLITUDE_M / 2.0, 2.0 * ALIKE) if still else (AMPLITUDE_M, ALIKE)
-        if len(self._widths_m) < SWINGS or self.amplitude_m < min_m:
+        if len(self._widths_m) < SWINGS or (self.amplitude_m < AMPLITUDE_M and not still):
             return False
+        maximum = 2.0 * ALIKE if still else ALIKE
         overdue = time_s - self._begun_s > self.period_s
         return not overdue and _alike(self._widths_m, maximum) and _alike(self._times_s, maximum)
 

@@ -122,3 +122,13 @@ def test_a_check_well_inside_makes_up_for_one_of_a_hold() -> None:
             texts = formation.logged.of("delay_margin", 2)
             said.append(any(text.startswith("was held for 20 s") for text in texts))
     assert said == [False] * 29 + [True]
+
+
+@pytest.mark.parametrize("share", [1.05, 1.2, 1.25, 1.6])
+def test_one_that_was_held_for_long_follows_with_lower_gains_whatever_share_they_leave(share: float) -> None:
+    """At 1.2 an axis of 0.83, which keeps its gains, used to hold the vehicle for good."""
+    formation = Formation(on_delay="hold")
+    for _ in range(40):
+        formation.use(share)
+    assert formation.follower.identity not in formation.watch.beyond
+    assert min(formation.watch.bandwidth[1]) < 1.0

@@ -14,6 +14,7 @@ from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
 from flight_model.flight_state import FlightState
 from gcs_formation.features.departure.awaiting import AwaitingFormation
+from gcs_formation.features.departure.feature import FEATURE
 from gcs_formation.features.departure.take_off_order import TakeOffOrder, is_ahead
 from gcs_formation.phases import Phase
 from gcs_formation.vehicle.member import Member
@@ -52,6 +53,18 @@ def test_a_line_of_take_off_is_600_m_long_and_25_m_wide_to_either_side_wherever_
 )
 def test_the_ends_and_sides_of_that_line_are_not_on_it(north_m: float, east_m: float, ahead: bool) -> None:
     assert is_ahead(standing(2, north_m, east_m), standing(1, 0.0, 0.0)) is ahead
+
+
+@pytest.mark.parametrize("yaw_deg", [60.0, -60.0, 150.0])
+@pytest.mark.parametrize(
+    ("along_m", "right_m", "ahead"),
+    [(590.0, 0.0, True), (610.0, 0.0, False), (-10.0, 0.0, False), (300.0, 24.0, True), (300.0, 26.0, False)],
+)
+def test_a_line_in_any_direction_ends_there_too(yaw_deg: float, along_m: float, right_m: float, ahead: bool) -> None:
+    cos, sin = math.cos(math.radians(yaw_deg)), math.sin(math.radians(yaw_deg))
+    for lateral_m in (right_m, -right_m):
+        other = standing(2, 40.0 + along_m * cos - lateral_m * sin, -70.0 + along_m * sin + lateral_m * cos)
+        assert is_ahead(other, standing(1, 40.0, -70.0, yaw_deg=yaw_deg)) is ahead
 
 
 @pytest.mark.parametrize("unknown", ["its own place", "the other's place", "its nose", "it is the same"])
@@ -222,3 +235,8 @@ def test_once_the_formation_is_commanded_none_is_reported_to_fly_straight_on() -
     cycle.run(stage, 2.0)
     assert plane.asked == []
     assert cycle.findings.waiting == {plane.identity}
+
+
+def test_it_is_decided_who_may_be_armed_and_where_those_fly_that_wait() -> None:
+    stub: Any = Connecting(Waiting(1))
+    assert [type(each) for each in FEATURE.stages(stub)] == [TakeOffOrder, AwaitingFormation]
