@@ -13,7 +13,7 @@ from scipy.spatial.distance import pdist
 
 import gcs_formation
 from formation_scenario.transition_plan import NotFlyableError
-from gcs_formation.mission import reconfiguration
+from gcs_formation.mission import joining_up
 from gcs_formation.record.parquet import read_parquet
 from gcs_formation.record.run_directory import TIMESERIES
 from gcs_formation.record.timeseries import TRUTH
@@ -121,7 +121,7 @@ def test_that_no_trajectories_to_the_slots_are_found_is_reported_with_the_reason
     def refuses(*_: object) -> None:
         raise NotFlyableError("vehicle 2 and vehicle 3 would come within 5 m on the way", "8 m or more", 0.0)
 
-    monkeypatch.setattr(reconfiguration, "plan_joining_up", refuses)
+    monkeypatch.setattr(joining_up, "plan_joining_up", refuses)
     keys = PLANES | {"schema": 1, "duration_s": 1, "finish": {"loiter_s": 0}, "vehicles": {"count": 3}}
     gcs_formation.run(
         keys | {"start": {"in_air": True, "run_in_s": 40, "timeout_s": 30}}, clock="virtual", out=tmp_path
