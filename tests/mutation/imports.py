@@ -1,7 +1,7 @@
 """What the project's modules import, read from their texts; not what functions import when they are called."""
 
 import ast
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from tests.mutation.faults import is_type_checking
@@ -18,9 +18,9 @@ def name_of(file: Path) -> str:
 class Imports:
     """Which module imports which."""
 
-    def __init__(self) -> None:
-        """Read all modules of the project."""
-        files = [file for file in ROOT.glob("*/**/*.py") if not file.relative_to(ROOT).parts[0].startswith(".")]
+    def __init__(self, folders: Sequence[str] = ("[!.]*",)) -> None:
+        """Read the modules of folders, by default of all."""
+        files = [file for folder in folders for file in ROOT.glob(f"{folder}/**/*.py")]
         known = {name_of(file): file for file in files}
         self._of = {name: _read(name, file, known) for name, file in known.items()}
 
