@@ -16,8 +16,9 @@ from airlink.cli import SEED, SIGNALS, Command, Status, fail, fault_option, radi
 from airlink.delay_record import DelayRecord
 from airlink.endpoint import Endpoint, EndpointError, ImpairmentError, PortError, parse_endpoint
 from airlink.impairment import Direction, Impairment
-from airlink.proxy import Proxy, Relay
+from airlink.proxy import Proxy
 from airlink.radio.settings import RadioSettings
+from airlink.relay import Relay
 from airlink.telemetry_faults.passing import FaultError, LinkFault
 
 LONGEST_LINE: Final = 4096

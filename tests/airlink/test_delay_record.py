@@ -13,8 +13,8 @@ from airlink.delay_record import DelayRecord
 from airlink.frame import FrameWriter
 from airlink.impairment import Direction, Impairment
 from airlink.messages.system import Timesync
-from airlink.proxy import Relay
 from airlink.radio.settings import RadioSettings
+from airlink.relay import Relay
 from formation_scenario.traces.keys import Trace
 from formation_scenario.traces.reading import read_trace
 

@@ -12,7 +12,7 @@ from airlink.frame import FrameWriter
 from airlink.impairment import Direction
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import GlobalPositionInt, VfrHud
-from airlink.proxy import Relay
+from airlink.relay import Relay
 from airlink.stream_parser import StreamParser
 from airlink.telemetry_faults.passing import FaultError
 

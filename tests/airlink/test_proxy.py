@@ -12,8 +12,9 @@ from airlink.cli.proxy import KEYS, Console, apply_line, changed, described, mai
 from airlink.clock import Instant, after
 from airlink.endpoint import Address, Endpoint, ImpairmentError, PortError
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
-from airlink.proxy import Proxy, Relay
+from airlink.proxy import Proxy
 from airlink.radio.settings import RadioSettings
+from airlink.relay import Relay
 from airlink.transports.udp import MAX_DATAGRAM, open_socket
 
 UP, DOWN = Direction.UPLINK, Direction.DOWNLINK

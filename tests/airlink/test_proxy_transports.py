@@ -20,7 +20,8 @@ from airlink.frame import FrameWriter
 from airlink.frame_pieces import Pieces
 from airlink.impairment import Direction
 from airlink.messages.system import Heartbeat, Statustext
-from airlink.proxy import Proxy, Relay
+from airlink.proxy import Proxy
+from airlink.relay import Relay
 from airlink.signing.signature import signed
 from airlink.stream_parser import StreamParser
 from tests.airlink.engines import PlainEngine

@@ -16,7 +16,8 @@ import yaml
 from airlink.clock import Instant
 from airlink.endpoint import Address, Endpoint
 from airlink.impairment import Direction
-from airlink.proxy import Passage, Proxy, Relay
+from airlink.proxy import Proxy
+from airlink.relay import Passage, Relay
 from airlink.signing.key import write_new_key
 from airlink.signing.signature import is_signed, unsigned
 from tests.flights.conftest import scenario

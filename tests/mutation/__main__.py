@@ -22,6 +22,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes at once")
     parser.add_argument("--again", type=Path, metavar="FILE", help="only those that an earlier run's output says live")
     options = parser.parse_args()
+    if not options.package.exists():
+        parser.error(f"found nothing at {options.package}; allowed: a folder or file of the project, from its top")
     calculate_in_one_thread()
     below = options.tests or [Path("tests") / options.package.with_suffix("")]
     tests = [file for each in below for file in ([each] if each.is_file() else sorted(each.rglob("test_*.py")))]

@@ -13,9 +13,9 @@ from airlink.frame import FrameWriter
 from airlink.impaired_link import ImpairedEngine
 from airlink.impairment import UNIMPAIRED, Direction, Impairment
 from airlink.messages.system import RadioStatus
-from airlink.proxy import Relay
 from airlink.radio.settings import RADIO, RadioSettings
 from airlink.radio.shared_radio import SharedRadio
+from airlink.relay import Relay
 from airlink.stream_parser import StreamParser
 from tests.airlink.test_impaired_link import Ground, Vehicle
 

@@ -143,7 +143,7 @@ DENSITY = 1.25
 """True over indicated airspeed."""
 
 
-class Told:
+class Reported:
     """Limits that the second vehicle tells, whose airspeeds are as indicated."""
 
     def __init__(self) -> None:
@@ -176,7 +176,7 @@ class Told:
 def test_the_narrower_of_model_and_parameters_bounds_it(key: str) -> None:
     """Climb and descent bound one key: the smaller of several counts, in any order."""
     for shares, share in (((0.8, 0.6), 0.6), ((0.6, 0.8), 0.6), ((1.5,), 1.0)):
-        reported = Told()
+        reported = Reported()
         own = getattr(reported.given, key)
         model = reported.model(*((key, each * own) for each in shares))
         assert getattr(model, key) == pytest.approx(share * own)
@@ -190,7 +190,7 @@ def test_the_narrower_of_model_and_parameters_bounds_it(key: str) -> None:
 @pytest.mark.parametrize(("key", "sign"), [("speed_min_mps", 1.0), ("speed_max_mps", -1.0)])
 def test_speeds_are_reported_as_indicated_and_only_narrow_those_of_the_model(key: str, sign: float) -> None:
     for off_mps in (1.0, -1.0):
-        reported = Told()
+        reported = Reported()
         own_mps = getattr(reported.given, key)
         model = reported.model((key, own_mps / DENSITY + sign * off_mps), (key, own_mps / DENSITY + sign * off_mps / 2))
         assert getattr(model, key) == pytest.approx(own_mps + (sign * DENSITY if off_mps > 0.0 else 0.0))
@@ -199,7 +199,7 @@ def test_speeds_are_reported_as_indicated_and_only_narrow_those_of_the_model(key
 
 @pytest.mark.parametrize("left_mps", [0.0, -1.0])
 def test_where_no_speed_is_left_nothing_is_bounded(left_mps: float) -> None:
-    reported = Told()
+    reported = Reported()
     slowest_mps = reported.given.speed_min_mps / DENSITY + 3.0
     assert reported.model(("speed_min_mps", slowest_mps), ("speed_max_mps", slowest_mps + left_mps)) is None
     assert reported.speeds_mps is None
@@ -208,7 +208,7 @@ def test_where_no_speed_is_left_nothing_is_bounded(left_mps: float) -> None:
 
 def test_what_cannot_be_flown_within_them_is_named_with_who_tells_it() -> None:
     """A path at 22 m/s, and an aircraft that flies 18 m/s at most."""
-    reported = Told()
+    reported = Reported()
     assert reported.limits.unflyable() == []
     assert reported.model(("speed_max_mps", 27.0 / DENSITY)) is not None
     assert reported.limits.unflyable() == []
@@ -225,7 +225,7 @@ def test_of_what_cannot_be_flown_three_are_named_and_the_others_counted(
 ) -> None:
     found = [SimpleNamespace(key=("path", number), found=f"found {number}", allowed="less") for number in range(count)]
     monkeypatch.setattr(read_limits, "check", lambda _: found)
-    reported = Told()
+    reported = Reported()
     reported.model(("climb_max_mps", 1.0))
     (said,) = reported.limits.unflyable()
     each = "; ".join(f"path.{number}: found {number}; allowed: less" for number in range(min(count, 3)))

@@ -118,7 +118,7 @@ def test_what_hovers_has_moved_since_its_state_until_it_stopped(candidate: Candi
 def test_one_that_is_reported_to_stop_and_not_seen_for_1_5_s_stops_where_the_command_comes_or_is_repeated(
     seen_s: float, found: int
 ) -> None:
-    """Told at 9 s, with 0.4 s under way, and again after 1 s and 2 s; now it is 10 s. It held 8 m/s until then."""
+    """Commanded at 9 s, with 0.4 s under way, and again after 1 s and 2 s; now it is 10 s. It held 8 m/s until then."""
     link = VehicleLink(at_s(10.0))
     link.brakes, link.up_s, link.dead_s = at_s(9.0), 0.3, 0.1
     watched = NonConforming(sent(*[NORTH_8] * 101), [copter()], 12.0, hovers=True)

@@ -16,7 +16,7 @@ from tests.gcs_formation.features.telemetry_health.test_what_is_flown_and_said i
 STEP_S, SPEED_MPS = 0.1, 22.0
 
 
-class Told:
+class Reported:
     """Positions of a vehicle that flies north, or at another course, every 0.1 s from 10 s on; 0.05 s under way."""
 
     def __init__(self, speed_mps: float = SPEED_MPS, course_rad: float = 0.0) -> None:
@@ -53,7 +53,7 @@ def test_stamps_that_jump_by_more_than_a_fifth_of_a_second_are_shifted_back(
     sign: float, shift_s: float, is_shifted: bool, course_rad: float
 ) -> None:
     """Back in time too, where the next stamp is still later than the one before."""
-    reported = Told(course_rad=course_rad)
+    reported = Reported(course_rad=course_rad)
     reported.tell(5)
     if sign < 0.0:
         reported.tell(1, after_s=1.0, late_s=0.0)
@@ -63,7 +63,7 @@ def test_stamps_that_jump_by_more_than_a_fifth_of_a_second_are_shifted_back(
 
 
 def test_a_jump_of_stamps_is_said_with_its_sign_and_over_after_the_jump_back() -> None:
-    reported = Told()
+    reported = Reported()
     assert reported.timing.finding == ""
     reported.tell(5)
     reported.tell(5, shift_s=0.5)
@@ -77,7 +77,7 @@ def test_a_jump_of_stamps_is_said_with_its_sign_and_over_after_the_jump_back() -
 )
 def test_a_shift_by_the_position_is_supported_by_the_arrival_within_30_percent(late_s: float, is_shifted: bool) -> None:
     """Of 0.5 s: within 0.15 s."""
-    reported = Told()
+    reported = Reported()
     reported.tell(5)
     reported.tell(1, shift_s=0.5, late_s=late_s)
     assert (reported.timing.shift_s != 0.0) == is_shifted
@@ -86,7 +86,7 @@ def test_a_shift_by_the_position_is_supported_by_the_arrival_within_30_percent(l
 @pytest.mark.parametrize(("late_s", "is_shifted"), [(0.09, True), (0.11, False)])
 def test_a_small_shift_is_supported_within_half_of_it(late_s: float, is_shifted: bool) -> None:
     """Of 0.21 s: within 0.105 s, which is less than 0.12 s."""
-    reported = Told()
+    reported = Reported()
     reported.tell(5)
     reported.tell(1, shift_s=0.21, late_s=late_s)
     assert (reported.timing.shift_s != 0.0) == is_shifted
@@ -98,7 +98,7 @@ def test_what_a_shift_of_stamps_displaces_lies_along_the_velocity(
     across_m: float, is_shifted: bool, course_rad: float
 ) -> None:
     """0.5 s at 22 m/s are 11 m along it: 3.3 m across are 30 %."""
-    reported = Told(course_rad=course_rad)
+    reported = Reported(course_rad=course_rad)
     reported.tell(5)
     aside_m = -across_m * math.sin(course_rad), across_m * math.cos(course_rad)
     reported.tell(1, shift_s=0.5, off_m=aside_m)
@@ -108,7 +108,7 @@ def test_what_a_shift_of_stamps_displaces_lies_along_the_velocity(
 @pytest.mark.parametrize(("speed_mps", "is_shifted"), [(1.9, False), (2.1, True)])
 def test_one_that_hardly_moves_tells_no_time_by_its_positions(speed_mps: float, is_shifted: bool) -> None:
     """At 2 m/s and more a stamp that is 1.1 s ahead is off by the 2 m that are suspected."""
-    reported = Told(speed_mps)
+    reported = Reported(speed_mps)
     reported.tell(5)
     reported.tell(1, shift_s=1.1)
     assert (reported.timing.shift_s != 0.0) == is_shifted
@@ -119,7 +119,7 @@ def test_a_shift_stands_out_of_the_noise_of_two_positions_by_five_standard_devia
     noise_m2: float, is_shifted: bool
 ) -> None:
     """0.5 s are 11 m: 5 sqrt(2 v) is less up to v = 2.42 m²."""
-    reported = Told()
+    reported = Reported()
     reported.timing.noise_m2 = noise_m2
     reported.tell(5)
     reported.tell(1, shift_s=0.5)
@@ -127,7 +127,7 @@ def test_a_shift_stands_out_of_the_noise_of_two_positions_by_five_standard_devia
 
 
 def test_stamps_that_repeat_while_positions_move_stand_still_from_the_third_on() -> None:
-    reported = Told()
+    reported = Reported()
     reported.tell(5)
     stamp_s = reported.true_s
     for number in range(1, 6):
@@ -156,7 +156,7 @@ def test_samples_whose_stamps_stand_still_or_are_not_known_are_passed_on() -> No
 
 
 def test_one_position_taken_again_and_again_has_one_stamp() -> None:
-    reported = Told()
+    reported = Reported()
     reported.tell(5)
     for _ in range(9):
         reported.tell(1, after_s=0.0)
@@ -166,7 +166,7 @@ def test_one_position_taken_again_and_again_has_one_stamp() -> None:
 @pytest.mark.parametrize("rate", [0.2, -0.2])
 def test_stamps_of_another_rate_are_found_once_they_have_gained_a_quarter_of_a_second(rate: float) -> None:
     """0.02 s each 0.1 s, with 1 - 0.1 / 3 of the sum kept: 0.6 (1 - 0.9667^n) is more than 0.25 from n = 16 on."""
-    reported = Told()
+    reported = Reported()
     reported.tell(10)
     found_at = 0
     for number in range(1, 40):
@@ -181,7 +181,7 @@ def test_stamps_of_another_rate_are_found_once_they_have_gained_a_quarter_of_a_s
 
 @pytest.mark.parametrize("course_rad", [0.9, 2.4, -0.6, -2.0])
 def test_stamps_of_another_rate_are_found_on_every_course(course_rad: float) -> None:
-    reported = Told(course_rad=course_rad)
+    reported = Reported(course_rad=course_rad)
     for number in range(40):
         reported.tell(1, shift_s=0.2 * STEP_S * number)
     assert reported.timing.by_arrival
@@ -189,7 +189,7 @@ def test_stamps_of_another_rate_are_found_on_every_course(course_rad: float) -> 
 
 @pytest.mark.parametrize(("speed_mps", "is_found"), [(2.9, False), (3.1, True)])
 def test_rates_are_reported_by_positions_from_3_mps_on(speed_mps: float, is_found: bool) -> None:
-    reported = Told(speed_mps)
+    reported = Reported(speed_mps)
     for number in range(60):
         reported.tell(1, shift_s=0.2 * STEP_S * number)
     assert reported.timing.by_arrival == is_found
@@ -197,7 +197,7 @@ def test_rates_are_reported_by_positions_from_3_mps_on(speed_mps: float, is_foun
 
 def test_stamps_that_run_rightly_for_three_seconds_are_believed_again_with_the_shift_that_is_left() -> None:
     """Late by arrival within 0.1 s: 0.25 s of drift leak below that in 3 s * ln 2.5 and some, then 3 s follow."""
-    reported = Told()
+    reported = Reported()
     reported.tell(10)
     for number in range(1, 21):
         reported.tell(1, shift_s=0.3 * STEP_S * number)
@@ -218,7 +218,7 @@ def test_a_position_is_late_when_it_has_been_older_than_expected_for_two_seconds
     late_s: float, lasts_s: float, is_late: bool
 ) -> None:
     """1 s is expected at most; 0.05 s are under way. The first late one begins the time."""
-    reported = Told()
+    reported = Reported()
     reported.tell(round(lasts_s / STEP_S), late_s=late_s)
     assert reported.timing.late_s == pytest.approx(late_s + 0.05 if is_late else 0.0)
     reported.tell(1)
@@ -230,7 +230,7 @@ def test_a_position_is_late_when_it_has_been_older_than_expected_for_two_seconds
 def test_a_gap_of_four_seconds_tells_no_time() -> None:
     """A position may have turned meanwhile: 3.9 s after another a stamp's jump is found, 4.5 s after it isn't."""
     for gap_s, is_shifted in ((2.9, True), (3.9, False)):
-        reported = Told()
+        reported = Reported()
         reported.tell(5)
         reported.tell(1, shift_s=1.0, after_s=gap_s)
         assert (reported.timing.shift_s != 0.0) == is_shifted
