@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from formation_scenario.brought_keys import with_brought_defaults
-from formation_scenario.extensions import Registry
 from formation_scenario.fields import (
     MAX_NAME_LENGTH,
     MAX_SYSTEM_ID,
@@ -18,6 +17,7 @@ from formation_scenario.gains import CLEAN, NOISE, gain_set
 from formation_scenario.model import Scenario
 from formation_scenario.navigation import GRADES, InertialNavigation, InertialSensorKeys
 from formation_scenario.plain_defaults import each_changed, filled, usable
+from formation_scenario.registry import Registry
 from formation_scenario.shipped_aircraft import SUFFIXES
 from formation_scenario.signing import NOT_SIGNED
 from formation_scenario.source import Key, Plain, Source

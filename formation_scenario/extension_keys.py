@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ValidationError
 
-from formation_scenario import extensions
 from formation_scenario.error_messages import bare, is_group, problems_of
 from formation_scenario.expectation import METRICS
 from formation_scenario.extensions import (
@@ -24,16 +23,15 @@ from formation_scenario.extensions import (
     LINK,
     METRIC,
     NAVIGATION,
-    OURS,
     PREDICTOR,
     SWITCHED,
     Registered,
-    Registry,
 )
 from formation_scenario.fields import Problem, did_you_mean
 from formation_scenario.law import LAW_TYPES, PREDICTORS
 from formation_scenario.navigation import NAVIGATIONS
 from formation_scenario.path_plan import GUIDANCES
+from formation_scenario.registry import HOW, OURS, Registry, missing, unknown
 from formation_scenario.shapes import SHAPE
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, kind, plain_mapping, show
 from formation_scenario.surroundings import DISTURBANCES
@@ -140,8 +138,8 @@ def _with_own(
         return group | {"parameters": own_keys(entry, given, (*path, "parameters"), source, problems)}
     if chosen is not None and chosen not in ours:
         known = [*ours, *registry.names(*named.kinds)]
-        near = did_you_mean(chosen, known) or f"; {named.called} of one's own: {extensions.HOW}"
-        allowed = f"{', '.join(known)}{near}{extensions.missing(chosen, source.home)}"
+        near = did_you_mean(chosen, known) or f"; {named.called} of one's own: {HOW}"
+        allowed = f"{', '.join(known)}{near}{missing(chosen, source.home)}"
         problems.append(source.problem((*path, named.word), f"found {show(chosen)}", allowed))
     elif given not in (None, {}):
         why = f"{chosen} has its keys beside {dotted((*path, named.word))}" if chosen else f"beside {named.word} alone"
@@ -154,7 +152,7 @@ def _keys_of(name: Key, given: Plain, source: Source, registry: Registry, proble
     if entry is not None:
         return own_keys(entry, given, ("extensions", name), source, problems)
     known = registry.names(*SWITCHED, METRIC)
-    allowed = extensions.unknown(str(name), known) + extensions.missing(str(name), source.home)
+    allowed = unknown(str(name), known) + missing(str(name), source.home)
     problems.append(source.problem(("extensions", name), f"found an unknown extension '{name}'", allowed))
     return {}
 
@@ -167,7 +165,7 @@ def _metrics(source: Source, registry: Registry) -> Iterator[Problem]:
         metric = each.get("metric") if isinstance(each, dict) else None
         if isinstance(metric, str) and metric not in known:
             path = ("expect", index, "metric")
-            allowed = f"{', '.join(known)}{did_you_mean(metric, known)}{extensions.missing(metric, source.home)}"
+            allowed = f"{', '.join(known)}{did_you_mean(metric, known)}{missing(metric, source.home)}"
             yield source.problem(path, f"found {show(metric)}", allowed)
 
 

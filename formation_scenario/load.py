@@ -20,13 +20,13 @@ from formation_scenario.error_messages import problems_of
 from formation_scenario.expectation import METRICS, WINDOWED
 from formation_scenario.expectation_rules import expectations
 from formation_scenario.extension_keys import with_extension_keys
-from formation_scenario.extensions import Files, Registry, load_extensions
 from formation_scenario.feasibility import check
 from formation_scenario.fields import MAX_NUMBER, Problem, ScenarioError, refused
 from formation_scenario.gains import AUTO, designed
 from formation_scenario.model import Scenario
 from formation_scenario.overrides import OPTION, apply_overrides
 from formation_scenario.planned_progress import path_end_s
+from formation_scenario.registry import Files, Registry, load_extensions
 from formation_scenario.rules import inconsistencies
 from formation_scenario.run_in import run_in_inside_fence_s
 from formation_scenario.source import (

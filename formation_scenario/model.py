@@ -19,10 +19,7 @@ from flight_model.path_offsets import Bounds
 from flight_model.spline import SplinePath
 from formation_scenario.consensus_graph import graph_adjacency
 from formation_scenario.expectation import Expectation
-from formation_scenario.extensions import (
-    FAULT,
-    Registry,
-)
+from formation_scenario.extensions import FAULT
 from formation_scenario.fields import (
     MAX_ENTRIES,
     WHOLE,
@@ -44,6 +41,7 @@ from formation_scenario.orders import PlannedOrder
 from formation_scenario.origin import Origin
 from formation_scenario.path_of_legs import path_of_legs, planned_speeds
 from formation_scenario.path_plan import PathPlan
+from formation_scenario.registry import Registry
 from formation_scenario.repair_plan import RepairPlan
 from formation_scenario.safety import Safety
 from formation_scenario.scripted import AnyOrder, ScriptedOrder

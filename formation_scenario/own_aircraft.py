@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pydantic import ValidationError
 
-from formation_scenario import extensions
 from formation_scenario.error_messages import problems_of
 from formation_scenario.extension_keys import own_keys
-from formation_scenario.extensions import AIRCRAFT, Registered, Registry
+from formation_scenario.extensions import AIRCRAFT, Registered
 from formation_scenario.fields import Problem, ScenarioError, did_you_mean, refused
+from formation_scenario.registry import HOW, Registry, missing
 from formation_scenario.source import Key, KeyPath, Plain, Source, kind, plain_mapping, show
 from formation_scenario.vehicles import VehicleModel
 
@@ -30,8 +30,8 @@ def with_own_aircraft(model: Plain, registry: Registry, at: Source, path: KeyPat
         return model
     entry, known = registry.get(name, AIRCRAFT), registry.names(AIRCRAFT)
     if entry is None:
-        near = did_you_mean(name, known) or f"; an aircraft of one's own: {extensions.HOW}"
-        allowed = f"{', '.join(known) or 'none'}{near}{extensions.missing(name, at.home)}"
+        near = did_you_mean(name, known) or f"; an aircraft of one's own: {HOW}"
+        allowed = f"{', '.join(known) or 'none'}{near}{missing(name, at.home)}"
         raise ScenarioError([at.problem((*path, "aircraft"), f"found {show(name)}", allowed)])
     problems = list[Problem]()
     parameters = own_keys(entry, model.get("parameters"), (*path, "parameters"), at, problems)

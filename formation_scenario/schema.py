@@ -30,17 +30,16 @@ from formation_scenario.extensions import (
     LINK,
     METRIC,
     NAVIGATION,
-    OURS,
     PREDICTOR,
     SWITCHED,
     Registered,
-    Registry,
 )
 from formation_scenario.fields import DERIVED
 from formation_scenario.formation import SHAPE_NAMES
 from formation_scenario.law import LAW_TYPES, PREDICTORS
 from formation_scenario.model import Fleet, Scenario
 from formation_scenario.path_plan import GUIDANCES
+from formation_scenario.registry import OURS, Registry
 from formation_scenario.shapes import SHAPE
 from formation_scenario.source import Dumper, Plain, show
 from formation_scenario.vehicle_files import MODELS

@@ -14,9 +14,10 @@ import numpy as np
 from airlink.endpoint import VehicleId
 from flight_model.arrays import Array, Mask
 from formation_scenario import shapes
-from formation_scenario.extensions import Registry, registered_in
+from formation_scenario.extensions import registered_in
 from formation_scenario.fields import Vector, VehicleRef, did_you_mean
 from formation_scenario.formation import SHAPE_NAMES, Formation, FormationChange
+from formation_scenario.registry import Registry
 from formation_scenario.shapes import SHAPE, Shape
 from formation_scenario.vehicles import Vehicle, VehicleModel
 

@@ -12,7 +12,7 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from formation_scenario.error_messages import problems_of
-from formation_scenario.extensions import AIRCRAFT, Registry, missing
+from formation_scenario.extensions import AIRCRAFT
 from formation_scenario.fields import (
     Keys,
     Name,
@@ -23,6 +23,7 @@ from formation_scenario.fields import (
 )
 from formation_scenario.gains import AUTO
 from formation_scenario.own_aircraft import with_own_aircraft
+from formation_scenario.registry import Registry, missing
 from formation_scenario.shipped_aircraft import SHIPPED, SHIPPED_FILES, SUFFIXES, shipped_names
 from formation_scenario.source import Key, KeyPath, Plain, Source, plain_mapping, read_file, read_text
 from formation_scenario.vehicles import VehicleModel

@@ -14,10 +14,11 @@ from airlink.signing.key import ALLOWED, KeyFileError, SigningKey, read_key
 from flight_model.earth import GeodeticOrigin, true_by_equivalent_airspeed
 from formation_scenario import Scenario, Vehicle
 from formation_scenario.battery import EmulatedBattery
-from formation_scenario.extensions import EMULATED_FAMILY, Registered, Registry
+from formation_scenario.extensions import EMULATED_FAMILY, Registered
 from formation_scenario.fields import VehicleSelection, refused
 from formation_scenario.landing import StoredLanding
 from formation_scenario.navigation import Navigation, TrueNavigation
+from formation_scenario.registry import Registry
 from formation_scenario.start_states import StartState, start_states
 from formation_scenario.station import StationId
 from formation_scenario.surroundings import Disturbance, Fault

@@ -11,11 +11,11 @@ from typing import NamedTuple
 from flight_model.legs.detour import Detours
 from flight_model.legs.turn import TurnLimits
 from flight_model.path import PathError
-from formation_scenario.extensions import Registry
 from formation_scenario.feasibility import check
 from formation_scenario.fields import ScenarioError
 from formation_scenario.load import UnflyableError, to_the_paths_end
 from formation_scenario.model import Scenario
+from formation_scenario.registry import Registry
 from formation_scenario.rules import inconsistencies
 from formation_scenario.sampled_path import WAYPOINTS
 from formation_scenario.source import Key, KeyPath, Plain, Source, dotted, show

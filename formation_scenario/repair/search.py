@@ -18,9 +18,9 @@ from typing import Any
 import yaml
 
 from formation_scenario.expectation_rules import expectations
-from formation_scenario.extensions import Files, load_extensions
 from formation_scenario.fields import Problem
 from formation_scenario.load import UnflyableError, read_scenario
+from formation_scenario.registry import Files, load_extensions
 from formation_scenario.repair.draft import Change, Draft, Waypoint
 from formation_scenario.repair.points import HELPED, Points
 from formation_scenario.repair.settings import SETTINGS

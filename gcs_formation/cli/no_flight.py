@@ -253,7 +253,7 @@ def _export(scenario: Scenario, file: Path, vehicle: str | None) -> None:
 def schema(study: bool, markdown: bool, plugins: tuple[str, ...]) -> None:
     """Print the JSON schema of scenarios, for editors and validators."""
     from formation_scenario import ScenarioError  # noqa: PLC0415 - importing the keys takes a second
-    from formation_scenario.extensions import load_extensions  # noqa: PLC0415
+    from formation_scenario.registry import load_extensions  # noqa: PLC0415
     from formation_scenario.schema import scenario_reference, scenario_schema  # noqa: PLC0415
 
     try:

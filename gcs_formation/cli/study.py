@@ -15,7 +15,7 @@ import click
 from airlink.cli import SECONDS, SEED, Status, WholeNumber, WithDefault, counted, examples, fail, interruptible, say
 from airlink.cli.output_directory import OUT, default_directory, refusal
 from formation_scenario import ScenarioError
-from formation_scenario.extensions import load_extensions
+from formation_scenario.registry import load_extensions
 from gcs_formation.cli import OVERRIDES, PLUGINS
 from gcs_formation.errors import RecordError, RunAbortedError
 from gcs_formation.studies import INVARIANTS, Study

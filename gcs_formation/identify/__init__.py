@@ -14,7 +14,7 @@ import yaml
 from flight_model.arrays import Array
 from flight_model.slot import CHANNELS
 from formation_scenario import Scenario, load_scenario
-from formation_scenario.extensions import Files
+from formation_scenario.registry import Files
 from formation_scenario.source import Dumper, plain_mapping
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError

@@ -14,7 +14,7 @@ from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from airlink.host_system import lock
 from formation_scenario import Scenario, dump_scenario
-from formation_scenario.extensions import RECORD as EXTENSIONS
+from formation_scenario.registry import RECORD as EXTENSIONS
 from formation_scenario.used_extensions import used_extensions
 from gcs_formation.errors import RecordError
 from gcs_formation.phases import NONE_COMMANDED

@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from formation_scenario import dump_scenario
-from formation_scenario.extensions import Files, Registry
 from formation_scenario.feature_folders import brought
+from formation_scenario.registry import Files, Registry
 from gcs_formation.control.laws import law_kind
 from gcs_formation.errors import RecordError
 from gcs_formation.record.run_directory import FIGURES, REPORT

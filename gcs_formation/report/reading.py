@@ -14,7 +14,7 @@ from airlink.endpoint import VehicleId
 from flight_model.arrays import Array
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.bounded_read import require_file
-from formation_scenario.extensions import Files, Registry, load_extensions
+from formation_scenario.registry import Files, Registry, load_extensions
 from gcs_formation.errors import RecordError
 from gcs_formation.record.flight import Columns, RecordedFlight
 from gcs_formation.record.json_shape import (

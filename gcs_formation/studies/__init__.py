@@ -12,8 +12,8 @@ from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 from pydantic_core import PydanticCustomError
 
 from formation_scenario.expectation import METRICS
-from formation_scenario.extensions import Registry
 from formation_scenario.fields import WHOLE, Allowed, Fraction, Keys, Name, NonNegative, Number, Open, Positive, key
+from formation_scenario.registry import Registry
 from gcs_formation.app.run_options import Record
 
 MAX_VALUES = 10_000

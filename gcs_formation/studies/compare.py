@@ -14,8 +14,9 @@ from airlink.cli import Status, interruptible
 from airlink.cli.output_directory import refusal
 from flight_model.slot import CHANNELS
 from formation_scenario import Problem, Scenario, ScenarioError, load_scenario
-from formation_scenario.extensions import LAW_KINDS, Registry
+from formation_scenario.extensions import LAW_KINDS
 from formation_scenario.fields import did_you_mean
+from formation_scenario.registry import Registry
 from gcs_formation.app.check import tau_margins
 from gcs_formation.app.check_warnings import warnings
 from gcs_formation.app.result_text import WHOLE, WIDE, ColumnGroup

@@ -16,9 +16,9 @@ from airlink.clock import Stopwatch
 from airlink.installed import installed_version
 from formation_scenario import Scenario, ScenarioError, load_scenario
 from formation_scenario.expectation import FOLLOWER_METRICS, LINK_METRICS, METRICS, Expectation
-from formation_scenario.extensions import Registry
 from formation_scenario.named_files import read_path
 from formation_scenario.overrides import settings
+from formation_scenario.registry import Registry
 from gcs_formation.app.operator_at_terminal import Interrupts
 from gcs_formation.app.progress import Progress
 from gcs_formation.app.result_text import unjudged

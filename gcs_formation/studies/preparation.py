@@ -15,10 +15,11 @@ from formation_scenario import Problem, ScenarioError
 from formation_scenario.derived_defaults import standalone, with_absolute_files
 from formation_scenario.error_messages import problems_of
 from formation_scenario.expectation import pointless
-from formation_scenario.extensions import METRIC, Files, Registry, load_extensions
+from formation_scenario.extensions import METRIC
 from formation_scenario.fields import did_you_mean, refused
 from formation_scenario.load import SCENARIO_ALONE, STUDY_ALONE
 from formation_scenario.named_files import files_read
+from formation_scenario.registry import Files, Registry, load_extensions
 from formation_scenario.source import KeyPath, Plain, Source, dotted, plain_mapping, read_file, show
 from gcs_formation.studies import (
     DRAWN,

@@ -12,7 +12,8 @@ import numpy as np
 
 from airlink.telemetry_faults import EFFECTS, NEEDS_AMOUNT, QUANTITIES, refusal
 from formation_scenario import Scenario, ScenarioError, load_scenario
-from formation_scenario.extensions import FAULT, Registry
+from formation_scenario.extensions import FAULT
+from formation_scenario.registry import Registry
 from formation_scenario.surroundings import PASSING
 
 Keys = dict[str, Any]

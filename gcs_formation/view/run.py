@@ -12,7 +12,7 @@ import numpy as np
 from airlink.host_system import is_locked
 from flight_model.arrays import Indices
 from formation_scenario import Scenario, ScenarioError, load_scenario
-from formation_scenario.extensions import Files, load_extensions
+from formation_scenario.registry import Files, load_extensions
 from gcs_formation.errors import RecordError
 from gcs_formation.phases import OVER, Phase
 from gcs_formation.record.run_directory import EVENTS, SCENARIO, SPOOL, SUMMARY, TIMESERIES, TLOG, recorded_in

@@ -83,7 +83,7 @@ class Viewer:
         """Whether it is about to end: browsers are notified, so that they don't ask again."""
         self.streams = 0
         self._began_s, self.last_left_s = time.monotonic(), NEVER
-        """When the last browser left, wall time; `NEVER` before any came."""
+        """When the last browser left; `NEVER` before any came. Browsers are people's: they come and go in wall time."""
 
     def app(self) -> ASGIApp:
         """Return the application, guarded."""

@@ -7,8 +7,9 @@ from functools import partial
 from airlink.clock import NANOSECONDS, Instant
 from airlink.endpoint import VehicleId
 from airlink.random_streams import random_stream
-from formation_scenario.extensions import NAVIGATION, ExtensionError, Registry
+from formation_scenario.extensions import NAVIGATION, ExtensionError
 from formation_scenario.navigation import OwnNavigation
+from formation_scenario.registry import Registry
 from formation_scenario.simulated import NavigationSource
 from sim_vehicles.airframe.measured import measured_of, with_measured
 from sim_vehicles.airframe.motion import Estimate, Motion

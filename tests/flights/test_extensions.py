@@ -14,7 +14,7 @@ import yaml
 
 import gcs_formation
 from formation_scenario import ScenarioError, load_scenario
-from formation_scenario.extensions import load_extensions
+from formation_scenario.registry import load_extensions
 from formation_scenario.schema import scenario_schema
 from formation_scenario.used_extensions import used_extensions
 from gcs_formation.record.run_directory import SCENARIO, TIMESERIES

@@ -10,8 +10,8 @@ import yaml
 
 import gcs_formation
 from formation_scenario import ScenarioError, load_scenario
-from formation_scenario.extensions import load_extensions
 from formation_scenario.formation import CUSTOM, SHAPE_NAMES
+from formation_scenario.registry import load_extensions
 from formation_scenario.schema import scenario_schema
 from formation_scenario.slot_assignment import OURS, slot_schedule, slot_table
 from tests.flights.own_files import EXAMPLES, HEAD, keys, own, series

@@ -12,7 +12,8 @@ import yaml
 
 import gcs_formation
 from formation_scenario import ScenarioError, load_scenario
-from formation_scenario.extensions import AUTOPILOT, DELAY_ESTIMATOR, GUIDANCE, OURS, PREDICTOR
+from formation_scenario.extensions import AUTOPILOT, DELAY_ESTIMATOR, GUIDANCE, PREDICTOR
+from formation_scenario.registry import OURS
 from formation_scenario.used_extensions import used_extensions
 from tests.flights.own_files import EXAMPLES, HEAD, events, flown, keys, own, series
 

@@ -16,16 +16,16 @@ from airlink import mavlink as m
 VELOCITY_AND_YAW = 0x9C7
 WANTED_HZ = {m.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: 20, m.MAVLINK_MSG_ID_ATTITUDE: 20, m.MAVLINK_MSG_ID_VFR_HUD: 20}
 READY_EKF = 831
-TOLD_EVERY_S = 0.1
-Told = tuple[float, ...]
+SETPOINT_EVERY_S = 0.1
+Values = tuple[float, ...]
 
 
 class Step(NamedTuple):
     """From one setpoint to another, and the quantity that is measured."""
 
     name: str
-    before: Told
-    after: Told
+    before: Values
+    after: Values
     watched: str
     settles_s: float
 
@@ -35,7 +35,7 @@ class Family(NamedTuple):
 
     guided: int
     take_off: Callable[[Pilot], None]
-    tell: Callable[[Pilot, Told], None]
+    tell: Callable[[Pilot, Values], None]
     steps: tuple[Step, ...]
 
 
@@ -67,7 +67,7 @@ class Pilot:
     def value(self, name: str) -> float:
         return self.seen[name][-1][1]
 
-    def fly(self, seconds: float, told: Told | None = None) -> None:
+    def fly(self, seconds: float, values: Values | None = None) -> None:
         """Fly for a time, repeating the same setpoint ten times a second."""
         self.turn()
         until_s = self.now_s + seconds
@@ -75,8 +75,8 @@ class Pilot:
             if self.now_s >= self._beat_s + 1.0:
                 self.link.mav.heartbeat_send(m.MAV_TYPE_GCS, m.MAV_AUTOPILOT_INVALID, 0, 0, m.MAV_STATE_ACTIVE)
                 self._beat_s = self.now_s
-            if told is not None and self.now_s >= self._reported_s + TOLD_EVERY_S:
-                self.family.tell(self, told)
+            if values is not None and self.now_s >= self._reported_s + SETPOINT_EVERY_S:
+                self.family.tell(self, values)
                 self._reported_s = self.now_s
             self.turn()
 
@@ -142,8 +142,8 @@ def copter_rises(pilot: Pilot) -> None:
         pilot.fly(1.0)
 
 
-def tell_velocity(pilot: Pilot, told: Told) -> None:
-    north, east, up, yaw = told
+def tell_velocity(pilot: Pilot, values: Values) -> None:
+    north, east, up, yaw = values
     frame = m.MAV_FRAME_LOCAL_NED
     pilot.link.mav.set_position_target_local_ned_send(
         0, 1, 1, frame, VELOCITY_AND_YAW, 0, 0, 0, north, east, -up, 0, 0, 0, yaw, 0
@@ -160,15 +160,15 @@ def plane_rises(pilot: Pilot) -> None:
     pilot.fly(40.0, (22.0, 150.0, 0.0))
 
 
-def tell_flight(pilot: Pilot, told: Told) -> None:
-    speed, height, heading = told
+def tell_flight(pilot: Pilot, values: Values) -> None:
+    speed, height, heading = values
     send = pilot.link.mav.command_int_send
     send(1, 1, 0, m.MAV_CMD_GUIDED_CHANGE_SPEED, 0, 0, 0, speed, 0, 0, 0, 0, 0)
     send(1, 1, 3, m.MAV_CMD_GUIDED_CHANGE_ALTITUDE, 0, 0, 0, 0, 0, 0, 0, 0, height)
     send(1, 1, 0, m.MAV_CMD_GUIDED_CHANGE_HEADING, 0, 0, 1, math.degrees(heading) % 360.0, 10, 0, 0, 0, 0)
 
 
-def both_ways(name: str, low: Told, high: Told, watched: str, settles_s: float) -> tuple[Step, Step]:
+def both_ways(name: str, low: Values, high: Values, watched: str, settles_s: float) -> tuple[Step, Step]:
     return Step(f"{name}, on", low, high, watched, settles_s), Step(f"{name}, back", high, low, watched, settles_s)
 
 
@@ -180,7 +180,7 @@ COPTER = Family(
         *both_ways("speed 0 to 5", (0, 0, 0, 0), (5, 0, 0, 0), "north", 8.0),
         *both_ways("speed 5 to 6", (5, 0, 0, 0), (6, 0, 0, 0), "north", 8.0),
         *both_ways("speed 5 to 5.3", (5, 0, 0, 0), (5.3, 0, 0, 0), "north", 8.0),
-        *both_ways("0.5 aside", (-5, 0, 0, 0), (-5, 0.5, 0, 0), "east", 8.0),
+        *both_ways("0.5 sideways", (-5, 0, 0, 0), (-5, 0.5, 0, 0), "east", 8.0),
         *both_ways("climb 0 to 1", (0, 0, 0, 0), (0, 0, 1, 0), "up", 6.0),
         *both_ways("climb 0 to -1", (0, 0, 0, 0), (0, 0, -1, 0), "up", 6.0),
         *both_ways("climb 0 to 0.3", (0, 0, 0, 0), (0, 0, 0.3, 0), "up", 6.0),

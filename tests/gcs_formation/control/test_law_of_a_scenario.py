@@ -9,7 +9,8 @@ import pytest
 
 from formation_scenario import Scenario
 from formation_scenario import law as keys
-from formation_scenario.extensions import Origin, Registered, Registry
+from formation_scenario.extensions import Origin, Registered
+from formation_scenario.registry import Registry
 from gcs_formation.control.consensus import ConsensusLaw
 from gcs_formation.control.follower import FollowerController
 from gcs_formation.control.follower_loops import Controller

@@ -367,7 +367,7 @@ def test_a_worker_that_comes_later_is_sent_everything_then(named, tmp_path):
 READERS = {
     "bounded_read.py",  # what all others read by
     "terrain.py",  # rasterio opens a file itself, at its place
-    "extensions.py",  # extensions go along with what they register
+    "registry.py",  # extensions go along with what they register
     "vehicle_files.py",  # shipped aircraft, of the package
     "schema.py",  # likewise, the head of a page
     "feature_folders.py",  # likewise, captions; and which features a run was flown with, for an error's text
