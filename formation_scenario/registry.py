@@ -11,7 +11,7 @@ import hashlib
 import json
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from importlib.abc import SourceLoader
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import module_from_spec, spec_from_loader
@@ -151,7 +151,7 @@ def load_extensions(plugins: Files | Registry = ()) -> Registry:
     """
     if isinstance(plugins, Registry):
         return plugins
-    found = [one for entry in entry_points(group=GROUP) for one in _installed(entry)]
+    found = [one for entry in _entry_points() for one in _installed(entry)]
     for path in dict.fromkeys(Path(plugin).absolute() for plugin in plugins):
         try:
             content = path.read_bytes()
@@ -200,7 +200,7 @@ def _restored(origins: tuple[Origin, ...]) -> Registry:
             continue
         same = [
             one
-            for entry in entry_points(group=GROUP)
+            for entry in _entry_points()
             if entry.value == origin.entry_point
             for one in _installed(entry)
             if one.origin.sha256 == origin.sha256
@@ -239,6 +239,24 @@ def _of_file(origin: Origin) -> list[Registered]:
     if not found:
         raise refused("", "registers nothing", "a register function of gcs_formation.extend", f"{OPTION} {origin.file}")
     return found
+
+
+def _entry_points() -> tuple[EntryPoint, ...]:
+    """Return the entry points of our group; all packages' files are read again once a folder of packages has changed."""
+    return _read_entry_points(tuple((place, _changed_ns(place)) for place in sys.path))
+
+
+@lru_cache(1)
+def _read_entry_points(places: tuple[tuple[str, int], ...]) -> tuple[EntryPoint, ...]:
+    del places
+    return tuple(entry_points(group=GROUP))
+
+
+def _changed_ns(place: str) -> int:
+    try:
+        return Path(place).stat().st_mtime_ns
+    except OSError:
+        return 0
 
 
 def _installed(entry: EntryPoint) -> list[Registered]:

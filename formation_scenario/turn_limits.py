@@ -76,14 +76,13 @@ def _begins_s(
     shortest_s = max(SHORTEST_S, *(each.tau_psi_s for each in models))
     share = np.linspace(0.0, 1.0, 17)
     rates, changes = turn_rps * share**2 * (3.0 - 2.0 * share), turn_rps * 6.0 * share * (1.0 - share)
-    for begins_s in np.geomspace(shortest_s, max(LONGEST_S, shortest_s), 80).tolist():
-        flights = [
-            _flight(speed_mps, side * rates, direction * changes / begins_s)
-            for side in (1.0, -1.0)
-            for direction in (1.0, -1.0)
-        ]
-        if all(_kept(models, step, frame, flight).all() for step in steps for flight in flights):
-            return float(begins_s)
+    sides, directions = np.array([1.0, 1.0, -1.0, -1.0])[:, None], np.array([1.0, -1.0, 1.0, -1.0])[:, None]
+    for tried_s in np.split(np.geomspace(shortest_s, max(LONGEST_S, shortest_s), 80), 10):
+        turn_rates = np.broadcast_to(sides * rates, (tried_s.size, 4, share.size))
+        flight = _flight(speed_mps, turn_rates.ravel(), (directions * changes / tried_s[:, None, None]).ravel())
+        kept = np.all([_kept(models, step, frame, flight) for step in steps], axis=0).reshape(tried_s.size, -1)
+        if (flown := kept.all(axis=1)).any():
+            return float(tried_s[np.argmax(flown)])
     return LONGEST_S
 
 
