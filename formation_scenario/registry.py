@@ -242,7 +242,7 @@ def _of_file(origin: Origin) -> list[Registered]:
 
 
 def _entry_points() -> tuple[EntryPoint, ...]:
-    """Return the entry points of our group; all packages' files are read again once a folder of packages has changed."""
+    """Return the entry points of our group; they are read again once a folder of packages has changed."""
     return _read_entry_points(tuple((place, _changed_ns(place)) for place in sys.path))
 
 

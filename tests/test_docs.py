@@ -98,7 +98,8 @@ def logged_kinds(source):
 
 def test_every_kind_of_event_that_is_noted_is_in_the_events_schema():
     schema = json.loads((ROOT / "docs" / "events.schema.json").read_text())["properties"]["kind"]
-    logged = {kind for path in (ROOT / "gcs_formation").rglob("*.py") for kind in logged_kinds(path.read_text())}
+    texts = (path.read_text() for path in (ROOT / "gcs_formation").rglob("*.py"))
+    logged = {kind for text in texts if "log_event" in text for kind in logged_kinds(text)}
     assert len(logged) > 20
     ours = schema["anyOf"][0]["enum"]
     assert sorted(logged - set(ours)) == []

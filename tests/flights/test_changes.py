@@ -217,7 +217,7 @@ def test_orders_are_carried_out_or_refused_with_the_reason(fly: Fly, tmp_path: P
     assert max(f[f"error_{axis}_m"]["max"] for f in summary["followers"].values() for axis in "xyz") < 0.5
 
 
-@pytest.mark.parametrize(("duration_s", "under_way"), [(12, True), (30, False)])
+@pytest.mark.parametrize(("duration_s", "under_way"), [(12, True), pytest.param(30, False, marks=pytest.mark.slow)])
 def test_a_change_that_the_flight_s_end_cuts_is_not_done(fly: Fly, duration_s: float, under_way: bool) -> None:
     """The change from diamond to line takes 14.7 s; until it is over the slots move, and errors say nothing of it."""
     summary = fly(

@@ -271,7 +271,7 @@ def test_another_leads_only_when_a_turn_on_the_spot_is_over():
 @pytest.mark.parametrize(
     ("model", "delay_ms"),
     [
-        (FAMILY, 0),
+        pytest.param(FAMILY, 0, marks=pytest.mark.slow),
         ({"hovers": True, "speed_min_mps": 0, "speed_max_mps": 12, "tau_v_s": 0.8, "accel_max_mps2": 3}, 300),
     ],
 )

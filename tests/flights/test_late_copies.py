@@ -177,6 +177,7 @@ class Reordering(Between):
             super().handle_timer(now)
 
 
+@pytest.mark.slow
 def test_frames_that_others_overtook_are_no_copies() -> None:
     """The same: such a heartbeat's number comes before its turn, and seems to follow losses that are rare here."""
     world = flown(Reordering, seconds=30.0)

@@ -61,7 +61,10 @@ def flown(directory: Path, held_up: tuple[float, float] | None, **keys: Any) -> 
     return session.conclude(truth.between)
 
 
-@pytest.mark.parametrize("held_up", [None, (0.0, 1.0), (7.5, 1.0), (END_S - 0.4, 0.5), (END_S - 0.5, 1.0)])
+@pytest.mark.parametrize(
+    "held_up",
+    [None, pytest.param((0.0, 1.0), marks=pytest.mark.slow), (7.5, 1.0), (END_S - 0.4, 0.5), (END_S - 0.5, 1.0)],
+)
 def test_no_expectation_is_broken_because_ticks_are_late(held_up: tuple[float, float] | None, tmp_path: Path) -> None:
     """At the path's beginning, across the end of a window, and across the flight's end, which comes late then."""
     summary = flown(tmp_path, held_up)

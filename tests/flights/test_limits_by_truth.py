@@ -71,7 +71,7 @@ def test_the_leader_s_distance_from_its_path_is_that_of_its_true_places(fly: Fly
     assert summary.verdicts[0].value == pytest.approx(across_m[window].max(), abs=0.03)
 
 
-@pytest.mark.parametrize(("allowed_m", "safe"), [(50, True), (10, False)])
+@pytest.mark.parametrize(("allowed_m", "safe"), [pytest.param(50, True, marks=pytest.mark.slow), (10, False)])
 def test_a_leader_off_its_path_for_10_s_is_unsafe(fly: Fly, allowed_m: float, safe: bool):
     step = {"at_s": 3, "vehicles": "all", "velocity_mps": [0, 8, 0]}
     summary = fly(disturbances=[step], duration_s=30, safety={"path_distance_m": allowed_m})

@@ -11,6 +11,7 @@ AT_S = 5.0
 SCENARIO = {
     "duration_s": 25.0,
     "start": {"in_air": True},
+    "finish": {"loiter_s": 0},
     "vehicles": {"count": 4},
     "formation": {"shape": "diamond", "spacing_m": 30},
     "path": {"speed_mps": 22, "waypoints_m": [[0, 0, 100], [500, 0, 100], [1100, 300, 110]]},
@@ -66,9 +67,9 @@ def test_a_height_that_jumps_changes_no_height_by_truth(fly, vehicles, amount):
 @pytest.mark.parametrize(
     ("quantity", "effect", "amount"),
     [
-        ("velocity", "zero", None),
+        pytest.param("velocity", "zero", None, marks=pytest.mark.slow),
         pytest.param("airspeed", "nan", None, marks=pytest.mark.slow),
-        ("attitude", "nan", None),
+        pytest.param("attitude", "nan", None, marks=pytest.mark.slow),
         pytest.param("attitude", "offset", 0.5, marks=pytest.mark.slow),
         pytest.param("stamps", "offset", 0.5, marks=pytest.mark.slow),
         ("position", "offset", [0, 20, 0]),
@@ -172,6 +173,7 @@ def test_a_height_known_by_its_climb_rate_is_flown_with_unless_slots_lie_above_o
     assert any(each["kind"] == "member" for each in events) is leaves
 
 
+@pytest.mark.slow
 def test_a_flight_without_faults_has_no_event_of_health(fly):
     _, events = fly([3], "position", "duplicate", links={"default": {"delay_ms": 300, "jitter_ms": 20, "loss": 0.05}})
     assert health(events) == []

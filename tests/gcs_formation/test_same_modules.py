@@ -43,7 +43,7 @@ def beside_other_sources(tmp_path):
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("study", "study.yaml", "--workers", "1"),
+        pytest.param(("study", "study.yaml", "--workers", "1"), marks=pytest.mark.slow),
         pytest.param(("run", "two.yaml", "--speedup", "5"), marks=pytest.mark.slow),
     ],
     ids=["workers of a study", "emulated vehicles under the real clock"],

@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """How long a battery lasts: by what is measured in flight, by the scenario, or by the autopilot's own estimate.
 
 In flight the mean since the vehicle has climbed out counts, between the first and the last change of the percentage

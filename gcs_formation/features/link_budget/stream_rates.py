@@ -1,3 +1,5 @@
+# Compiled by mypyc: it runs every tick.
+
 """Lowers the rates of one vehicle's messages that come more often than wanted.
 
 A vehicle streams messages by its own parameters (SRn_ of ArduPilot, MAV_n_MODE of PX4) or by another ground station's

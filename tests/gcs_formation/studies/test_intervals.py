@@ -125,7 +125,7 @@ def test_clusters_may_have_any_size():
     assert 0.0 < low < 0.9 < high < 1.0
 
 
-def coverage(count, size, share, correlation, *, flown, like="beta"):
+def coverage(count: int, size: int, share: float, correlation: float, *, flown: int, like: str = "beta") -> float:
     """Return how often the interval covers the share, of `count` clusters of `size` flights, `flown` times.
 
     `like`: how flights of a cluster agree: by a share of their own (beta), or because some are copies of one (copies).
@@ -151,7 +151,7 @@ SHARES = 0.02, 0.1, 0.5, 0.8, 0.95, 0.99
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize("count", [8, 100])
+@pytest.mark.parametrize("count", [8, pytest.param(100, marks=pytest.mark.slow)])
 def test_nominal_95_percent_covers_92_to_98(count, correlation):
     """Over shares, for at one share alone few outcomes are possible: of 50 alike, 0.95 is covered in 91 or 99 %."""
     each = [coverage(count, 10, share, correlation, flown=2000) for share in SHARES]

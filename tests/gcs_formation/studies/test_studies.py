@@ -134,7 +134,7 @@ def test_metrics_count_in_their_window_of_time(tmp_path):
     assert max(within) < max(map(abs, filter(np.isfinite, rows["error_x_m"])))
 
 
-@pytest.mark.parametrize("window", [{}, {"from_s": 0.0}])
+@pytest.mark.parametrize("window", [{}, pytest.param({"from_s": 0.0}, marks=pytest.mark.slow)])
 def test_a_flight_that_lost_its_formation_has_no_figure_of_its_errors(window):
     """The leader crashes at 2 s of 12 s, and nobody takes over: errors were 0 while there were any."""
     base = SCENARIO | {"duration_s": 12, "faults": [{"at_s": 2, "vehicles": [1], "kind": "crash"}]}

@@ -56,7 +56,7 @@ def nearest_m(world: World, until: Any, limit_s: float = 120.0) -> float:
     return nearest
 
 
-@pytest.mark.parametrize("seed", [15, 23, 45])
+@pytest.mark.parametrize("seed", [15, *(pytest.param(each, marks=pytest.mark.slow) for each in (23, 45))])
 def test_where_a_third_of_all_commands_is_lost_those_that_take_off_keep_their_distances(seed: int) -> None:
     """Of 40 seeds, 9 to 48, the nearest are 25.7 m; without the feature 2.3 m, and these three below 8 m."""
     vehicles = {"count": 4}

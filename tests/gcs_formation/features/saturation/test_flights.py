@@ -22,7 +22,7 @@ KEYS: dict[str, Any] = {
 @pytest.mark.parametrize(
     ("further", "within_m"),
     [
-        pytest.param({}, 4.0, id="found by the change alone"),
+        pytest.param({}, 4.0, id="found by the change alone", marks=pytest.mark.slow),
         pytest.param({"links": {"default": {"delay_ms": 150, "jitter_ms": 20}}}, 1.5, id="found before it"),
     ],
 )

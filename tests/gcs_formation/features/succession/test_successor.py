@@ -44,7 +44,7 @@ class DeafFollowers(Between):
             super().take(datagram, now)
 
 
-@pytest.mark.parametrize("back", [True, False])
+@pytest.mark.parametrize("back", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_those_that_loiter_only_for_lack_of_a_leader_get_one_of_them_unless_their_own_is_back(*, back: bool) -> None:
     """None can take over while none receives; then they wait for their leader, which hangs for good or for 10 s."""
     world = World(DeafFollowers, duration_s=80, path=LONG)
