@@ -19,7 +19,7 @@ from airlink.messages import Message
 from formation_scenario import Scenario
 from gcs_formation.budget.levels import LEVELS, Level
 from gcs_formation.budget.traffic import STEADY_PROBE_S, UNSTATED, Stated, bytes_per_s, flight_hz, stated_by, thinned
-from gcs_formation.features.link_budget.link_load import LinkLoad
+from gcs_formation.features.link_budget.link_load import WINDOW, LinkLoad
 from gcs_formation.features.link_budget.stream_rates import StreamRates
 from gcs_formation.fleet.heartbeats import PROBE_S, HeartbeatScheduler
 from gcs_formation.link.radio_reports import RadioReports
@@ -67,7 +67,7 @@ class VehicleBudget:
         self._lost = 0.0
         """Share lost when the rates last went down."""
         self._carried, self._peak = stated.bytes_per_s, 0.0
-        """What the link carried when it was full, and at most since the level was set, bytes a second."""
+        """What the link carried when it was full, and at most since the level has acted, bytes a second."""
         self._try_again_s, self._rates_of = TRY_AGAIN_S, (-1, False, False)
         self._careful_at = LONG_AGO
         """When a loop was last near its margin, or the link lost something."""
@@ -86,7 +86,8 @@ class VehicleBudget:
     def level_change(self, now: Instant) -> int:
         """Return by how many levels the rates go down (1 or 0), or up (-1, or as many as there are)."""
         at_level_s = seconds_between(self._since, now)
-        self._peak = max(self._peak, self.load.bytes_per_s)
+        if at_level_s >= SETTLES_S + WINDOW:  # what was under way at the level before is still carried until then
+            self._peak = max(self._peak, self.load.bytes_per_s)
         limits = self.vehicle.limits
         if self.load.full:
             self._full_at, limits.full = now, self.load.words
@@ -158,7 +159,7 @@ class VehicleBudget:
         restarted = vehicle.rates_hz is vehicle.start_up_hz
         if self._rates_of == (self.level, flies, whole) and not (restarted and flies):
             return []
-        self._rates_of, before = (self.level, flies, whole), vehicle.rates_hz
+        self._rates_of, before = (self.level, flies, whole), dict(vehicle.rates_hz)
         vehicle.start_up_hz.update(thinned(vehicle.autopilot, level, self._all_hz))
         vehicle.rates_hz = self._flight_hz(level) if flies and not whole else dict(vehicle.start_up_hz)
         asked = vehicle.start_up.asked_for_telemetry

@@ -86,3 +86,19 @@ def test_edges_of_before_a_step_of_the_delay_are_forgotten(up_ms: float, down_ms
         if number in {399, 420}:
             assert abs(sync.to_instant(OFFSET_S + sent_s) / NANOSECONDS - sent_s) < (1e-3 if number < 400 else 8e-3)
     assert sync.one_way_s == pytest.approx(DELAY_S + (up_ms + down_ms) / 2e3, abs=2e-3)
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_clock_that_began_again_is_known_by_no_delays_of_before(seed: int) -> None:
+    """By edges of 25 s it is known to 0.3 ms, and to more again by its first answers since."""
+    up_s, down_s = draws("uniform", 0.004, 130, seed)
+    sync, deviations = ClockSync(), list[float]()
+    for number in range(130):
+        sent_s = PERIOD_S * number
+        shown_s = OFFSET_S + sent_s - (0.0 if number < 100 else PERIOD_S * 100 - 1.0)
+        received = Instant(round((sent_s + up_s[number] + down_s[number]) * NANOSECONDS))
+        sync.observe(Instant(round(sent_s * NANOSECONDS)), round((shown_s + up_s[number]) * NANOSECONDS), received)
+        off_s = abs(sync.to_instant(shown_s) / NANOSECONDS - sent_s)
+        assert number < 8 or off_s < 4.0 * sync.offset_deviation_s
+        deviations.append(sync.offset_deviation_s)
+    assert deviations[99] < 0.35e-3 < min(deviations[100:110])

@@ -294,3 +294,13 @@ def test_one_that_is_ahead_of_what_it_had_lost_is_another_vehicles() -> None:
     for k in range(80):
         probe(sync, rng, 0.25 * k, 0.02, 0.002, (400.0 - (3.0 if k > 40 else 0.0), 0.0))
     assert probe(sync, rng, 20.0, 0.02, 0.002, (402.0, 0.0))
+
+
+@pytest.mark.parametrize(("trips", "wait_s"), [(7, 0.01), (8, 0.015)])
+def test_the_wait_for_the_loop_is_told_by_a_round_trips_length_from_the_eighth_on(trips: int, wait_s: float) -> None:
+    """By turns 5 and 15 ms of 20 ms; before that it is half of the loop's period."""
+    sync = ClockSync(0.02)
+    for number in range(trips):
+        sent, waits_s = after(Instant(0), 0.25 * number), 0.005 + 0.01 * (number % 2)
+        sync.observe(sent, after(sent, 10.05 + waits_s), after(sent, 0.1 + waits_s))
+    assert sync._wait_s() == pytest.approx(wait_s)

@@ -68,7 +68,7 @@ def test_heartbeats_are_missing_after_three_and_a_half_seconds_of_other_frames(r
     assert connection.state is (LinkState.MUTE if mute else LinkState.CONNECTED)
 
 
-@pytest.mark.parametrize(("apart_s", "again"), [(3.499, True), (3.501, False)])
+@pytest.mark.parametrize(("apart_s", "again"), [(3.499, True), (3.5, True), (3.501, False)])
 def test_the_second_heartbeat_shows_that_they_are_sent_again(apart_s: float, again: bool) -> None:
     """If both come within the limit for missing ones."""
     connection = connected()
@@ -120,11 +120,11 @@ def test_the_clock_of_stamps_may_become_another() -> None:
     assert meter.jitter_s == pytest.approx(0.0, abs=1e-9)
 
 
-def heard(punctual: int, off_s: float = 0.0) -> Heartbeats:
+def heard(punctual: int, off_s: float = 0.0, each_s: float = 1.0) -> Heartbeats:
     """Return heartbeats that came each second, the last one at 0 s, alternately `off_s` too late."""
     heartbeats = Heartbeats()
     for number in range(punctual, -1, -1):
-        heartbeats.record(at(-number + off_s * (number % 2)))
+        heartbeats.record(at(-each_s * number + off_s * (number % 2)))
     return heartbeats
 
 
@@ -157,6 +157,17 @@ def test_a_lost_frame_may_have_been_the_heartbeat_within_four_mean_deviations_of
         heartbeats, edge_s = heard(punctual, off_s), side * share * near_s
         begun_s, ended_s = (1.0 + edge_s, 1.4) if side > 0 else (0.6, 1.0 + edge_s)
         heartbeats.record_gap(at(begun_s), at(ended_s))
+        for due_s in (2.0, 3.0, 4.0):
+            heartbeats.record_gap(at(due_s), at(due_s))
+        assert (heartbeats.missing_s(at(4.0), 0.5) > 0.0) == missing
+
+
+@pytest.mark.parametrize(("each_s", "near_s"), [(2.0, 0.0791), (3.0, 0.0791), (2.5, 0.25)])
+def test_heartbeats_are_punctual_that_come_whole_seconds_apart(each_s: float, near_s: float) -> None:
+    """Those between were lost."""
+    for share, missing in ((0.98, False), (1.02, True)):
+        heartbeats = heard(4, each_s=each_s)
+        heartbeats.record_gap(at(1.0 + share * near_s), at(1.4))
         for due_s in (2.0, 3.0, 4.0):
             heartbeats.record_gap(at(due_s), at(due_s))
         assert (heartbeats.missing_s(at(4.0), 0.5) > 0.0) == missing

@@ -165,6 +165,29 @@ def test_a_flight_that_passes_in_blocks_is_the_same(ticks):
     np.testing.assert_array_equal(ways_s[:, 2], injected[THIRD][:, 0])
 
 
+def test_vehicles_of_two_networks_with_the_same_number_keep_their_rows_in_whatever_order_they_were_recorded():
+    scenario = load_scenario(
+        KEYS | {"vehicles": [{"network": 2, "id": 1, "role": "leader"}, {"id": 1, "role": "follower"}]}
+    )
+    for networks in ([1, 2], [2, 1]):
+        rows = {name: np.zeros(4) for name in MEASURED} | {"phase": np.zeros(4), "vehicle": np.ones(4)}
+        rows |= {"network": np.tile(networks, 2), "north_m": 100.0 * np.tile(networks, 2) + [1, 1, 2, 2]}
+        nothing = {each.vehicle_id: np.zeros((2, 2)) for each in scenario.vehicles}
+        (whole,) = tables([rows], scenario, None, nothing)
+        vehicles = split(whole, scenario).vehicles
+        assert vehicles[VehicleId(2, 1)]["north_m"].tolist() == [201.0, 202.0]
+        assert vehicles[VehicleId(1, 1)]["north_m"].tolist() == [101.0, 102.0]
+
+
+@pytest.mark.parametrize("order", [(1, 2, 3), (1, 3, 2), (2, 1, 3), (3, 1, 2), (3, 2, 1)])
+def test_rows_are_their_vehicles_own_in_whatever_order_they_were_recorded(order):
+    rows = {name: np.zeros(6) for name in MEASURED} | {"phase": np.zeros(6), "network": np.ones(6)}
+    rows |= {"vehicle": np.tile(order, 2), "north_m": 100.0 * np.tile(order, 2) + [1, 1, 1, 2, 2, 2]}
+    (whole,) = tables([rows], SCENARIO, None, dict.fromkeys((LEADER, FOLLOWER, THIRD), np.zeros((2, 2))))
+    for vehicle, own in split(whole, SCENARIO).vehicles.items():
+        assert own["north_m"].tolist() == [100.0 * vehicle.system + 1, 100.0 * vehicle.system + 2]
+
+
 def test_the_least_of_no_finite_values_is_none():
     assert minimum(np.array([np.nan, np.inf])) is None
     assert minimum(np.array([np.nan, 3.0, 2.0])) == 2.0

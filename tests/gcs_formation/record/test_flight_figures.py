@@ -203,3 +203,11 @@ def test_a_tick_that_comes_one_and_a_half_periods_after_another_is_not_late():
     error_m = np.zeros((7, 3))
     assert settled_at_s(np.arange(3.0, 16.0, 2.0), error_m, 2.0, (0.0, 15.0)) == 3.0
     assert settled_at_s(np.arange(3.5, 16.0, 2.0), error_m, 2.0, (0.0, 15.5)) == 2.0
+
+
+@pytest.mark.parametrize(("gap_s", "settled_s"), [(3.125, 0.0), (3.25, None)])
+def test_a_gap_of_three_seconds_and_a_period_is_stayed_through(gap_s, settled_s):
+    """Ticks of an eighth of a second; after a longer gap the 10 s begin again."""
+    time_s = np.arange(0.0, 12.0, 0.125)
+    time_s = time_s[(time_s <= 4.0) | (time_s >= 4.0 + gap_s)]
+    assert settled_at_s(time_s, np.zeros((time_s.size, 3)), 0.125, (0.0, 12.0)) == settled_s

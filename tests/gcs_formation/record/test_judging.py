@@ -174,3 +174,33 @@ def test_ticks_at_less_than_95_percent_of_their_rate_are_said(rate_hz: float, *,
     two = lateness(begun(0.0, 0.0, rate_hz=5.0), 10.0)
     assert two is not None
     assert "there were 5 a second instead of 10" in two
+
+
+@pytest.mark.parametrize("later_s", [-0.01, 0.0, 0.01])
+@pytest.mark.parametrize("broken", [True, False])
+def test_a_follower_crashes_by_the_scenario_if_a_fault_was_due_by_the_tick_at_which_it_is_lost(
+    later_s: float, broken: bool
+) -> None:
+    """It is lost at 4.1 s, after an error of 5 m; by a fault that was due later it isn't."""
+    error_m = np.where(TIME_S < 1.0, 5.0, 0.0)
+    flight: Any = flown(FOLLOWER)
+    flight.vehicles[FOLLOWER]["error_x_m"] = np.where(TIME_S < 4.05, error_m, np.nan)
+    lost_s = float(TIME_S[41])
+    fault = {"at_s": lost_s + later_s, "vehicles": [2], "kind": "crash"}
+    entry = {"metric": "error_x_m.max", "followers": [2], "below": 0.1 if broken else 6.0}
+    (found,) = judge(load_scenario(KEYS | {"expect": [entry], "faults": [fault]}), flight, PARTS, {}, False)
+    by_fault = later_s <= 0.0
+    assert found.held is (None if by_fault and not broken else False)
+    said = f"crashed at {lost_s + later_s:.1f} s" if by_fault else "lost at 4.1 s"
+    assert found.reason == (f"before it {said}" if by_fault and broken else said)
+
+
+@pytest.mark.parametrize(("back_s", "held", "said"), [(8.0, True, ""), (8.2, None, "not recorded from 5.0 s to 8.2 s")])
+def test_late_ticks_around_one_without_an_error_are_one_gap(back_s: float, held: bool | None, said: str) -> None:
+    """Each of the two is short, and it was away for a moment; together they are more than 3 s and a period."""
+    whole = flown()
+    seen = (TIME_S < 5.05) | (abs(TIME_S - 6.6) < 0.05) | (back_s - 0.05 < TIME_S)
+    vehicles = {each: {name: values[seen] for name, values in own.items()} for each, own in whole.vehicles.items()}
+    vehicles[FOLLOWER]["error_x_m"][51] = np.nan
+    (found,) = verdicts(RecordedFlight(vehicles), to_s=10.0)
+    assert (found.held, found.reason) == (held, said)

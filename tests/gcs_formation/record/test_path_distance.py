@@ -76,6 +76,13 @@ def test_of_places_that_none_knows_there_are_no_distances() -> None:
     assert figures(found, np.ones(MISSION_S.size, dtype=bool))["along_m"] == {"rms": None, "max": None}
 
 
+@pytest.mark.parametrize("number", [0, 7, -1])
+def test_one_place_that_is_known_has_its_distances(number: int) -> None:
+    mission_s, place, _ = flown(12.0, -5.0, 3.0)
+    found = distances(SCENARIO, mission_s[[number]], place[:, [number]])
+    np.testing.assert_allclose(np.array(found)[:, 0], (12.0, -5.0, 3.0), atol=0.01)
+
+
 @pytest.mark.parametrize(("seconds", "found"), [(OFF_PATH_S - 1.0, False), (OFF_PATH_S + 1.0, True)])
 def test_a_leader_is_off_its_path_that_is_too_far_from_it_for_too_long(seconds: float, found: bool) -> None:
     since_s = MISSION_S - 40.0
@@ -235,6 +242,15 @@ def test_the_centre_behind_a_virtual_leader_turns_slots_by_its_heading() -> None
     np.testing.assert_allclose(centre(SCENARIO, seen), [[1.0], [-14.0], [103.0]], atol=1e-9)
     grounded = {vehicle: own | {"airborne": np.zeros(1)} for vehicle, own in vehicles.items()}
     assert np.isnan(centre(SCENARIO, grounded)).all()
+
+
+@pytest.mark.parametrize("leader", [0, 1, 2])
+def test_the_centre_turns_slots_by_the_heading_of_whoever_leads(leader: int) -> None:
+    """It heads east at the origin; the others, 20 m behind it and 10 m to its right, head otherwise."""
+    each = [row(north_m=-10.0, east_m=-20.0, slot_forward_m=-20.0, slot_right_m=10.0, heading_rad=2.5) for _ in "abc"]
+    each[leader] = row(leads=1.0, heading_rad=math.pi / 2, slot_forward_m=math.nan)
+    vehicles = {VehicleId(1, number): own for number, own in enumerate(each, 1)}
+    np.testing.assert_allclose(centre(SCENARIO, vehicles), [[0.0], [0.0], [100.0]], atol=1e-9)
 
 
 def test_the_leaders_place_is_its_own_in_flight() -> None:

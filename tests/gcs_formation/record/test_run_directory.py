@@ -2,6 +2,7 @@ import errno
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import jsonschema
@@ -254,6 +255,31 @@ def test_a_flush_or_a_close_that_fails_is_the_reason_why_recording_stops(
                 made.close()
         assert made.failure == f"cannot go on recording in {tmp_path / str(number)}: gone"
         made.close()
+
+
+def test_a_line_or_a_file_that_cannot_be_written_is_the_reason_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise OSError("gone")
+
+    record(tmp_path / "replace_earlier").close()
+    given: dict[str, tuple[Any, ...]] = {
+        "event": (Event(Instant(1), "mode", "GUIDED"),),
+        "record_scenario": (SCENARIO,),
+        "replace_earlier": (),
+    }
+    for method, arguments in given.items():
+        made = record(tmp_path / method)
+        where = made.path
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "replace", fails)
+            if method == "event":
+                made._events.close()
+                patch.setattr(made, "_events", SimpleNamespace(write=fails, close=lambda: None))
+            getattr(made, method)(*arguments)
+            assert made.failure == f"cannot go on recording in {where}: gone"
+            made.close()
 
 
 def test_a_summary_is_whole_or_not_there_and_has_no_number_that_json_does_not_know(tmp_path: Path) -> None:

@@ -150,6 +150,8 @@ def test_a_log_with_flags_that_are_not_known_is_refused(first: int, second: int,
     """Of incompatible flags none but that of appended data may be ignored."""
     with pytest.raises(ValueError, match="a ULog file of a later format"):
         read(tmp_path, flags(first, second=second), *AIR)
+    with pytest.raises(ValueError, match="a ULog file of a later format"):
+        read(tmp_path, flags(first, second=second))
     assert read(tmp_path, flags(), *AIR, row(3, 1, X)).topics["air"]["x"].tolist() == [0.5]
 
 

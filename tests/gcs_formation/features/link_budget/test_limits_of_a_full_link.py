@@ -139,6 +139,14 @@ def test_a_queue_that_grows_by_two_tenths_in_five_seconds_is_full_without_a_loss
     assert link.load.full is full
 
 
+def test_a_queue_that_grows_by_no_more_than_two_tenths_is_a_longer_link() -> None:
+    link = Load()
+    link.seconds(10, 0.0)
+    for trip_s in (0.25, 0.29, 0.33, 0.37, 0.41, 0.45):
+        link.second(trip_s)
+    assert not link.load.full
+
+
 def test_a_queue_that_is_as_long_once_does_not_grow() -> None:
     link = Load()
     link.seconds(10, 0.1)
@@ -194,13 +202,13 @@ class Links:
         reports: Any = SimpleNamespace(of=lambda *_: SimpleNamespace(txbuf_percent=self.free))
         self.budget = LinkBudget(vehicles, self.logged, reports, HeartbeatScheduler(vehicles, self.logged), {})
 
-    def seconds(self, count: int, used: tuple[float, ...] = ()) -> list[Any]:
+    def seconds(self, count: int, used: tuple[float, ...] = (), **given: Any) -> list[Any]:
         sent = list[Any]()
         for _ in range(count):
             self.now = after(self.now, 1.0)
             for each in self.each:
                 each.connection.record_frame(self.now, heartbeat=True)
-            sent += self.budget.due_requests(self.now, used)
+            sent += self.budget.due_requests(self.now, used, **given)
         return sent
 
 
@@ -218,6 +226,7 @@ def test_links_that_are_full_at_once_are_one_event() -> None:
     ("used", "held"),
     [
         ((0.3, 0.49), (False, False)),
+        ((0.3, 0.5), (False, False)),
         ((0.3, 0.51), (False, True)),
         ((0.51, 0.3), (True, False)),
         ((math.nan, 0.51), (True, True)),

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -110,6 +112,35 @@ def test_answers_that_are_under_way_since_the_link_has_become_longer_are_not_los
     for _ in range(10):
         link.second(1.4)
         assert not link.load.full
+
+
+@pytest.mark.parametrize("round_trip_s", [0.5, 1.5, 3.5])
+def test_where_looks_are_late_requests_under_way_are_in_proportion_to_the_time_between_them(
+    round_trip_s: float,
+) -> None:
+    """50 a second, and a look each two seconds; all are answered after a round trip."""
+    now, sequence = Instant(0), SimpleNamespace(received=0, lost=0, asked=0, answers=0)
+    trips = SimpleNamespace(shortest_s=lambda *_: round_trip_s, longest_s=lambda *_: round_trip_s)
+    vehicle: Any = SimpleNamespace(sequence=sequence, round_trips=trips, bytes_in=0, bytes_out=0)
+    load = LinkLoad(vehicle)
+    for number in range(12):
+        sequence.asked, sequence.answers = 100 * number, max(0, round(100 * number - 50 * round_trip_s))
+        load.look(now, None)
+        now = after(now, 2.0)
+    assert load.lost_up == pytest.approx(0.0, abs=1e-9)
+    assert load._looks[-1].due == pytest.approx(sequence.answers)
+
+
+def test_where_no_round_trip_is_known_nothing_waits() -> None:
+    link = Link()
+    for _ in range(10):
+        link.vehicle.sequence.received += 100
+        link.vehicle.sequence.lost += 50
+        link.now = after(link.now, 1.0)
+        link.load.look(link.now, None)
+        assert link.load.queue_s == 0.0
+        assert not link.load.full
+    assert link.load.lost_down == pytest.approx(1 / 3)
 
 
 def test_losses_are_reported_by_direction() -> None:

@@ -55,6 +55,8 @@ class Crossing:
         """Height of the second vehicle, and the height at which it was commanded to loiter."""
         self.hovers_after_s, self.returns_after_s = math.inf, 0.0
         self.home_m: tuple[float, float] | None = None
+        self.flies_home_m: tuple[float, float] | None = None
+        """Where the second one's mode takes it."""
         self.received_s: float | None = None
         """Time until which the second is known to have received setpoints; None: now."""
         self.seen_s: float | None = None
@@ -68,7 +70,7 @@ class Crossing:
         links[1].circling, links[1].flew = self.circling, self.flew
         links[1].holds_at_m = self.holds_at_m
         links[1].hovers_after_s, links[1].returns_after_s = self.hovers_after_s, self.returns_after_s
-        links[1].home_m = self.home_m
+        links[1].home_m, links[1].flies_home_m = self.home_m, self.flies_home_m
         links[1].received_at = now if self.received_s is None else after(Instant(0), self.received_s)
         tick = Tick(now, 0.0, "flying", 0, links, [age_s] * 2, [0.0] * 2, ours)
         tick.state = tables.states(table)

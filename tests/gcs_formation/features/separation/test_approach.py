@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs_formation.features.separation.approach import sample_times
+from gcs_formation.features.separation.approach import MinimumDistance, may_come_near, sample_times
 from gcs_formation.features.separation.traffic import free_heights
 from tests.gcs_formation.features.separation.encounters import KEPT_M, Vehicles, picture, wanted
 
@@ -65,3 +65,23 @@ def test_a_height_at_the_floor_is_free_and_none_below_it(floor_m: float, heights
     vehicles = Vehicles(rows, floor_m=floor_m)
     made = picture(vehicles, vehicles.state, wanted(vehicles, 0.0))
     assert free_heights(made, 0, np.array((1, 2)), np.array((98.0, 21.0)), 0.0).tolist() == heights_m
+
+
+@pytest.mark.parametrize(("east_m", "near"), [(11.9, True), (12.1, False)])
+def test_a_timing_error_counts_at_the_speed_of_the_fastest_of_ones_ways(east_m: float, near: bool) -> None:
+    """One stands or flies 8 m north in 2 s: 10 m, and 0.5 s at 4 m/s."""
+    ours, theirs = np.zeros((2, 2, 2)), np.array((((4.0,), (4.0,)), ((east_m,), (east_m,))))
+    ours[0, 1, 1] = 8.0
+    minimum = MinimumDistance(np.array([10.0]), np.array([0.5]))
+    assert may_come_near(ours, theirs, minimum, np.array((0.0, 2.0))).tolist() == [near]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("along", [0, 1])
+def test_one_that_comes_to_where_another_has_been_is_not_near_it(along: int, sign: float) -> None:
+    """It follows 80 m behind; what both cover in a second is 60 m apart."""
+    times_s, ours, theirs = np.arange(5.0), np.zeros((2, 5, 1)), np.zeros((2, 5, 1))
+    ours[along, :, 0] = sign * 20.0 * (times_s - 4.0)
+    theirs[along, :, 0] = sign * 20.0 * times_s
+    minimum = MinimumDistance(np.array([59.0]), np.array([0.0]))
+    assert may_come_near(ours, theirs, minimum, times_s).tolist() == [False]

@@ -72,6 +72,29 @@ def test_one_that_evades_goes_on_to_the_side_it_has_begun_with(side: float, heig
     assert decided.setpoints.height_m.tolist() == pytest.approx([100.0, height_m])
 
 
+@pytest.mark.parametrize(
+    ("fence_m", "side", "height_m"),
+    [((0.0, 112.0), 1.0, 111.0), ((0.0, 110.0), -1.0, 89.0), ((90.0, 110.0), 1.0, 100.0)],
+)
+def test_the_first_manoeuvre_that_is_left_is_not_flown_where_it_leads_out_of_the_fence(
+    fence_m: tuple[float, float], side: float, height_m: float
+) -> None:
+    """11 m up and then along the other's course comes first; 11 m down is as good, and then to turn as high."""
+    decided = resolve(passing(0.0, 94.5, fence_m=fence_m), np.zeros(2))
+    assert decided.side.tolist() == [0.0, side]
+    assert decided.setpoints.height_m.tolist() == pytest.approx([100.0, height_m])
+
+
+@pytest.mark.parametrize(("ahead_m", "evades"), [(94.5, True), (95.0, False)])
+def test_one_that_can_wait_does_even_if_all_that_it_could_do_later_leads_out_of_the_fence(
+    ahead_m: float, evades: bool
+) -> None:
+    """Below it is the floor: it could climb to 111 m later, and turns as high at last."""
+    decided = resolve(passing(0.0, ahead_m, fence_m=(0.0, 105.0), floor_m=95.0), np.zeros(2))
+    assert decided.side.any() == evades
+    assert decided.setpoints.height_m.tolist() == [100.0, 100.0]
+
+
 class Meetings:
     """Two and what is logged of them."""
 

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flight_model.slot import UNKNOWN
 from flight_model.vehicle_arrays import FlightStates, Setpoints
 from gcs_formation.features.separation.approach import approach, fly, fly_level, may_come_near
 from gcs_formation.features.separation.broad_phase import BroadPhase, KeptDistance
 from gcs_formation.features.separation.traffic import TrafficPicture, bound, possible_pairs
 from tests.gcs_formation import tables
-from tests.gcs_formation.features.separation.encounters import KEPT_M, Vehicles, picture, wanted
+from tests.gcs_formation.features.separation.encounters import KEPT_M, Vehicles, model, picture, wanted
 
 PI = np.pi
 
@@ -103,6 +106,25 @@ def test_the_broad_phase_check_on_plain_numbers_finds_a_pair_where_there_is_one(
                 place, state, slots_m[place], commands[0], commands[1], early_s[place], timing_s[place], accel[place]
             )
         assert look.all_separated(made.kept) == (possible_pairs(made)[0].size == 0)
+
+
+@pytest.mark.parametrize("along", [0, 1])
+@pytest.mark.parametrize(("apart_m", "separated"), [(9.9, False), (10.1, True)])
+def test_two_that_are_near_are_found_whatever_the_order_of_all_is_and_was_before(
+    along: int, apart_m: float, separated: bool
+) -> None:
+    """Two abreast, and three far from them and from each other, on a line northwards or eastwards."""
+    places_m = -3000.0, 0.0, apart_m, 1500.0, 4000.0
+    look = BroadPhase(tables.models(model(len(places_m))), 0.3, 12.0, hovers=False)
+    for order in permutations(places_m):
+        place_m = np.zeros((2, len(order)))
+        place_m[along] = order
+        vehicles = Vehicles([[north_m, east_m, 100, 22, 0, 0] for north_m, east_m in place_m.T.tolist()])
+        states = tables.states(vehicles.state)
+        look.begin_test(states[0], 22.0, 0.0)
+        for index, state in enumerate(states):
+            look.see(index, state, UNKNOWN, 22.0, 0.0, 0.0, 0.0, 0.0)
+        assert look.all_separated(KeptDistance(KEPT_M)) == separated
 
 
 @settings(max_examples=50, deadline=None)
