@@ -51,7 +51,8 @@ class Restarts(Stage):
                 self._handled[index] = vehicle.restarts
                 cycle.controller.estimator.restart_filter(vehicle.index)
                 cycle.restarted.append(vehicle.index)
-                cycle.log_event(cycle.now, "restarted", "its clock has begun again", vehicle)
+                pilots = ": it stays its pilot's" if vehicle.is_left else ""
+                cycle.log_event(cycle.now, "restarted", f"its clock has begun again{pilots}", vehicle)
 
 
 class Start(Stage):

@@ -37,14 +37,19 @@ class Estimates(Stage):
 
 
 class Members(Stage):
-    """Decides which vehicles fly in the formation, by the age of their states; without a leader none does."""
+    """Decides which vehicles fly in the formation, by the age of their states; without a leader none does.
+
+    Once all loiter none flies in it any more; their pilots may take them over still.
+    """
 
     name = "members"
 
     def run(self, cycle: Cycle) -> None:
-        """Decide, unless all loiter."""
+        """Decide by the phase."""
         phase = cycle.flight.phase
-        if phase is not Phase.LOITERING:
+        if phase is Phase.LOITERING:
+            cycle.membership.update_at_end(cycle.now)
+        else:
             leader, estimator = cycle.reconfiguration.leader, cycle.controller.estimator
             connecting, beyond = phase is Phase.CONNECTING, cycle.findings.beyond
             if connecting and cycle.findings.waiting:

@@ -13,6 +13,7 @@ from gcs_formation.estimation.estimator import StateEstimator
 from gcs_formation.estimation.projection import FORGOTTEN_AFTER_S
 from gcs_formation.fleet.circle_heights import GroundFloor, loiter_heights, may_meet
 from gcs_formation.fleet.membership_table import Seen, next_membership
+from gcs_formation.fleet.mode_watch import ModeWatch
 from gcs_formation.link.link_health import LinkState
 from gcs_formation.recorder import LogEvent
 from gcs_formation.vehicle.command_delivery import Outcome
@@ -55,6 +56,7 @@ class Membership:
         """Whether a vehicle leaves the formation because its heartbeats are missing. All whose heartbeats are overdue
         leave with it: circles that are begun a second apart cross one another."""
         self._floor_at, self._floor_m = Instant(-1), -math.inf
+        self._modes = ModeWatch()
         self._commanded_to_loiter = dict[VehicleId, Instant]()
         """When each vehicle was last commanded to loiter."""
         self._parted, self._failsafes = dict[VehicleId, Instant](), dict[VehicleId, tuple[Instant, str]]()
@@ -82,6 +84,12 @@ class Membership:
         for vehicle in self._each:
             if vehicle is not leader:
                 self.judge_one(vehicle, estimator, now, fresh=led and self.is_fresh(vehicle, estimator, beyond, now))
+
+    def update_at_end(self, now: Instant) -> None:
+        """Leave vehicles to their pilots that have changed the modes in which they obeyed the commands of the end."""
+        for vehicle in self._each:
+            if vehicle.member is not Member.PARTED and not vehicle.is_left and self._modes.is_taken_over(vehicle, now):
+                self._become(vehicle, Member.PARTED, now)
 
     def receive(self, vehicle: Vehicle, text: str, now: Instant) -> None:
         """Take a vehicle's text; a failsafe's text may arrive after the mode that the failsafe chose."""
@@ -123,10 +131,14 @@ class Membership:
             self._commanded_to_loiter[vehicle.identity] = now
         member = self._next(vehicle, estimator, now, fresh=fresh)
         if member is not vehicle.member:
-            revokes = vehicle.member is Member.HOLDING and self.order_may_come(vehicle, now)
-            vehicle.member = member
-            self._log_event(now, "member", self._words(vehicle, now), vehicle)
-            self._command(vehicle, now, revokes=revokes)
+            self._become(vehicle, member, now)
+
+    def _become(self, vehicle: Vehicle, member: Member, now: Instant) -> None:
+        """Change a vehicle's membership: record it, and send its commands."""
+        revokes = vehicle.member is Member.HOLDING and self.order_may_come(vehicle, now)
+        vehicle.member, vehicle.member_since = member, now
+        self._log_event(now, "member", self._words(vehicle, now), vehicle)
+        self._command(vehicle, now, revokes=revokes)
 
     def _next(self, vehicle: Vehicle, estimator: StateEstimator, now: Instant, *, fresh: bool) -> Member:
         """Return a vehicle's next membership by what is known of it now."""

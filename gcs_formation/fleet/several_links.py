@@ -95,7 +95,7 @@ class SeveralLinks:
         vehicle.see(link)
         vehicle.forget_setpoints()
         if before.connection.state is LinkState.LOST and not is_one_clock(before.clock, link.clock, now):
-            vehicle.restart()
+            vehicle.restart(now)
 
 
 def receivers(vehicle: Vehicle, message: Message) -> list[Link]:

@@ -96,12 +96,13 @@ class Starting:
             mode = vehicle.autopilot.mode_name(vehicle.telemetry)
             vehicle.leave_to_pilot(now)
             self._log_event(now, "abandoned", f"taken over in {mode} before it was ready: left to its pilot", vehicle)
-        may_act = self._beginning.may_act(vehicle, now) and self._gate.passed
+        too_late = self._flight.phase is Phase.FLYING and vehicle.autopilot.is_grounded(vehicle.telemetry)
+        may_act = self._beginning.may_act(vehicle, now) and self._gate.passed and not too_late
         if not (vehicle.start_up.asks_for_telemetry and vehicle.sampler.why_unknown(now)):
             vehicle.start_up.advance(vehicle.telemetry, vehicle.commands, now, may_act=may_act)
         if vehicle.start_up.asks_for_telemetry:
             vehicle.start_up.ask_again(vehicle.telemetry, vehicle.commands, now)
-        if self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off:
+        if (too_late and vehicle.start_up.held) or (self._flight.phase is Phase.FLYING and vehicle.start_up.takes_off):
             vehicle.leave_to_pilot(now)
             self._log_event(now, "abandoned", "on the ground after the path has begun: left to its pilot", vehicle)
         vehicle.start_up.update_progress(vehicle.telemetry, now)

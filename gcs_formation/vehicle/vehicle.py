@@ -38,8 +38,12 @@ class Vehicle(VehicleState):
     def leave_to_pilot(self, now: Instant) -> None:
         """Send nothing more until its pilot has put it into the guided mode."""
         self.commands.send((), now)
+        self.start_up = self._left_to_pilot(())
+
+    def _left_to_pilot(self, before: tuple[StartUpStep, ...]) -> StartUp:
+        """Return the start-up that waits for the pilot; a family that needs a stream for its mode keeps it."""
         wait = StartUpStep("left it to its pilot", self.autopilot.takes_setpoints, timeout_s=math.inf)
-        self.start_up = StartUp((wait,), abandoned=True, left=True)
+        return StartUp((*before, wait), abandoned=True, left=True, acted=self.start_up.acted)
 
     def left_alone(self, now: Instant) -> None:
         """Record that setpoints, heartbeats or the link are missing, on which its failsafe may act."""
@@ -241,19 +245,23 @@ class Vehicle(VehicleState):
         if not 0 < answer.tc1_ns <= CLOCK_LIMIT_NS:
             self.telemetry.implausible += 1
         elif self.source_binding.accepts(answer.tc1_ns / NANOSECONDS, now) and self.round_trips.measure(answer, now):
-            self._begin_again()
+            self._begin_again(Instant(now - answer.tc1_ns))
         elif self.clock.samples == 1 and answer.tc1_ns > TURN_S * NANOSECONDS:
             self.jitter.drop_sample()  # the first answer shows that earlier stamps had wrapped
 
-    def _begin_again(self) -> None:
+    def _begin_again(self, booted: Instant) -> None:
         """Take note that its clock has restarted: each link shows that, the one in use counts."""
         if self.links is None or self.connection is self.links.in_use.connection:
-            self.restart()
+            self.restart(booted)
         else:
             self._forget_numbers()
 
-    def restart(self) -> None:
-        """Start afresh after the vehicle's clock has restarted: earlier knowledge of it is void."""
+    def restart(self, booted: Instant) -> None:
+        """Start afresh after the vehicle's clock has begun again at `booted`: earlier knowledge of it is void.
+
+        But whom a pilot had by then stays the pilot's, and is requested telemetry alone.
+        """
+        was_pilots = self.is_left or (self.member is Member.PARTED and self.member_since < booted)
         self.restarts += 1
         self._flew_before = self.may_fly
         self.telemetry.invalidate()
@@ -264,7 +272,11 @@ class Vehicle(VehicleState):
         self.take_off = TakeOff()
         self.forget_setpoints()
         self.rates_hz = self.start_up_hz
-        self.start_up = self._started_afresh()
+        self.start_up = self._left_to_pilot(self._requests()) if was_pilots else self._started_afresh()
+
+    def _requests(self) -> tuple[StartUpStep, ...]:
+        """Return the steps of its start-up that request telemetry."""
+        return tuple([each for each in self._started_afresh().steps if each.every_command_acknowledged])
 
     def _forget_numbers(self) -> None:
         """Forget what a restart makes void of the link by which it is seen."""

@@ -123,6 +123,7 @@ class VehicleState:
         # holds_at_m: the height at which it was last commanded to loiter while the others fly on; unfit: why its
         # telemetry can't be flown by in the formation, sent_home: why it is to fly home while they fly on, or empty
         self.member, self.holds_at_m, self.unfit, self.sent_home = Member.STARTING, math.nan, "", ""
+        self.member_since = LONG_AGO
         self.bytes_in, self.bytes_out, self._by_command = 0, 0, ClockByCommand()
         self.effects, self.pilots_choice, self.take_off = EffectWatch(), PilotsChoice(), TakeOff()
         self.restarts, self._flew_before = 0, False

@@ -17,6 +17,7 @@ from gcs_formation.features.ending.holding_stack import home_of
 from gcs_formation.fleet.circle_heights import CIRCLES_MEET_M, STACK_M
 from gcs_formation.mission.ending import may_be_armed
 from gcs_formation.vehicle.command_delivery import Outcome
+from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
 
 AT_HEIGHT_M = STACK_M / 3
@@ -84,6 +85,7 @@ class Landings:
         """Command the next landing if none is in progress, no vehicle climbs out, and all circle at their heights."""
         if self._since is None:
             self._since = now
+        self._waiting = deque(each for each in self._waiting if each[1].member is not Member.PARTED)
         if self._landing is not None:
             self._watch(self._landing, seconds_between(self._since, now), now)
         elif self._waiting and not climbs_out and all(_circles(each, height_m) for height_m, each in self._waiting):
@@ -107,6 +109,8 @@ class Landings:
         if not may_be_armed(vehicle):
             if _has_stopped(vehicle):
                 self._landing, self._since = None, now
+        elif vehicle.member is Member.PARTED:
+            self._give_up(f"vehicle {vehicle.identity} was taken over by its pilot as it landed")
         elif vehicle.commands.outcome is not Outcome.ACCEPTED and refusal is not None and waited_s > REFUSED_FOR_S:
             vehicle.commands.send((), now)
             reason = vehicle.telemetry.last_words

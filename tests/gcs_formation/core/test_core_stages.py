@@ -41,7 +41,7 @@ def cycle(phase: Phase = Phase.FLYING, **more: Any) -> Any:
 
 
 def test_a_restart_is_said_once_and_only_that_vehicles_filter_begins_again() -> None:
-    made = cycle(each=[vehicle(0, restarts=0), vehicle(1, restarts=0)], restarted=[], controller=Mock())
+    made = cycle(each=[vehicle(index, restarts=0, is_left=False) for index in (0, 1)], restarted=[], controller=Mock())
     stage = Restarts(made)
     stage.run(made)
     assert made.restarted == []
@@ -52,9 +52,10 @@ def test_a_restart_is_said_once_and_only_that_vehicles_filter_begins_again() -> 
     made.log_event.assert_called_once_with(NOW, "restarted", "its clock has begun again", made.each[1])
     stage.run(made)
     assert made.restarted == [], "handled"
-    made.each[1].restarts = 2
+    made.each[1].restarts, made.each[1].is_left = 2, True
     stage.run(made)
     assert made.restarted == [1]
+    assert "it stays its pilot's" in made.log_event.call_args.args[2]
 
 
 @pytest.mark.parametrize("phase", list(Phase))
@@ -101,6 +102,7 @@ def test_membership_is_decided_until_all_loiter(phase: Phase) -> None:
     made = cycle(phase, reconfiguration=Mock(), controller=Mock(), findings=findings, membership=Mock())
     Members().run(made)
     assert made.membership.update.called is (phase is not Phase.LOITERING)
+    assert made.membership.update_at_end.called is (phase is Phase.LOITERING)
     if made.membership.update.called:
         connecting, given = phase is Phase.CONNECTING, made.membership.update.call_args.kwargs
         assert given["connecting"] is connecting

@@ -135,7 +135,7 @@ def test_who_can_stand_begins_when_all_are_ready(together: bool) -> None:
 def test_who_restarts_meanwhile_waits_for_the_others_too() -> None:
     ground = Ground(together=True)
     waits = ground.at(2).start_up.steps[-1]
-    ground.at(1).restart()
+    ground.at(1).restart(Instant(0))
     assert ground.at(1).start_up.steps[-1] is waits
     ground.receive(1, 2)
     ground.receive(2, mode=m.PLANE_MODE_GUIDED)

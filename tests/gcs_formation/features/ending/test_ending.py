@@ -243,7 +243,7 @@ def test_one_that_is_armed_and_has_reported_no_position_circles_and_is_not_disar
 def test_one_that_restarted_in_flight_circles_until_it_is_known_to_stand(place: Place):
     """Right after boot an ArduPilot reports STANDBY, and would obey a command to disarm."""
     vehicle = place(1, m.PLANE_MODE_GUIDED, 100.0)
-    vehicle.restart()
+    vehicle.restart(Instant(0))
     end = ending(vehicle)
     assert sent_to(vehicle)[0] == CIRCLES
     beats(vehicle, m.PLANE_MODE_MANUAL, WAITING)
@@ -256,7 +256,7 @@ def test_one_that_restarted_in_flight_circles_until_it_is_known_to_stand(place: 
 
 def test_one_that_restarted_on_the_ground_is_commanded_nothing(place: Place):
     vehicle = place(1, m.PLANE_MODE_MANUAL, 0.0, armed=False, status=WAITING)
-    vehicle.restart()
+    vehicle.restart(Instant(0))
     end = ending(vehicle)
     beats(vehicle, m.PLANE_MODE_MANUAL, WAITING)
     end.advance(NOW)

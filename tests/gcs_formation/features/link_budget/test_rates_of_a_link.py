@@ -193,7 +193,7 @@ def test_at_another_level_what_comes_too_often_is_asked_for_anew() -> None:
 def test_one_that_restarted_before_it_was_ready_has_its_telemetry_lowered_over_a_full_link() -> None:
     links = Links()
     links.seconds(1)
-    links.each[0].restart()
+    links.each[0].restart(Instant(0))
     flies(links.each[0], finished=False)
     links.free = 10.0
     assert intervals_of(links, 3, POSITION) == [200_000]
