@@ -9,8 +9,7 @@ import pytest
 
 from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
-from sim_vehicles.autopilot.modes_and_failsafe import CopterMode, Mode, Px4Mode
-from sim_vehicles.autopilot.pilot import Condition
+from sim_vehicles.autopilot.modes_and_failsafe import Condition, CopterMode, Mode, Px4Mode
 from tests.flights.in_memory import World
 
 COPTERS_PATH = {"speed_mps": 5, "waypoints_m": [[0, 0, 50], [300, 0, 50]]}
