@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flight_model.arrays import Array
-from gcs_formation.estimation.noise_and_plausibility import MAX_DRIFT, PositionDrift, VehicleNoise
+from gcs_formation.estimation.noise_and_plausibility import MAX_DRIFT, RESOLUTION, PositionDrift, VehicleNoise
 
 SIGMA = np.array((0.3, 0.3, 0.1, 0.1, 0.3, 0.01))
 ROW_OF = (0, 0, 1, 2, 2, 3, 4, 5)
@@ -64,6 +64,17 @@ def test_noise_is_compared_with_what_is_stated_and_more_than_rounding(stated: bo
         noise.adapt(each_of_eight(0.5 * (-1) ** number), each_of_eight(1.0))
     compared = np.flatnonzero(np.array(noise.ratios()) != 1.0)
     assert compared.tolist() == ([1, 3, 4, 5] if stated else [])
+
+
+def test_what_is_exact_has_the_noise_of_its_rounding() -> None:
+    """The standard deviation of an even distribution over 1e-7 degrees of latitude, or 1 cm/s, is its 12^-1/2th part.
+
+    Heights are rounded to 1 mm; airspeeds and headings hardly.
+    """
+    position_m, velocity_mps = 1e-7 * 10_002e3 / 90.0 / math.sqrt(12.0), 0.01 / math.sqrt(12.0)
+    assert RESOLUTION[[0, 2, 3]] == pytest.approx([position_m, velocity_mps, velocity_mps], rel=0.1)
+    assert RESOLUTION[1] == pytest.approx(0.001)
+    assert RESOLUTION[4:] == pytest.approx([1e-4, 2e-5])
 
 
 def strayed(places: Array, velocities: Array, step_s: float, sigma: float, sigma_mps: float = 0.003) -> list[float]:

@@ -77,6 +77,16 @@ def test_a_vehicle_that_comes_back_is_not_mixed_with_what_stood_for_it() -> None
     assert abs(states.of(2, 2).north_m - 24.0 * 1.1) < 2.0
 
 
+def test_a_vehicle_that_is_no_longer_active_stays_as_measured_and_the_others_are_interpolated() -> None:
+    """The third flies at 24 m/s until it leaves, and the second at 22 m/s; the pair is that of 1.05 s."""
+    pairing = Pairing(RATE_HZ)
+    pairing.align(measured(np.array([1000, 1000, 1000]) * MS))
+    states = pairing.align(measured(np.array([1050, 1100, 1100]) * MS, np.array([True, True, False])))
+    assert states.instant(2) == 1050 * MS
+    norths_m = [states.of(vehicle, vehicle).north_m for vehicle in range(COUNT)]
+    np.testing.assert_allclose(norths_m, [20.0 * 1.05, 22.0 * 1.05, 24.0 * 1.1])
+
+
 def test_who_is_not_heard_is_taken_to_have_met_the_others_gust_when_the_other_met_it() -> None:
     """Both fly north at 20 m/s; a gust of 0.6 m/s comes at 1 s, and the second is no longer received after 0.8 s."""
     model = AutopilotModels.of(np.repeat([[4.0], [1.5], [1.0], [3.0], [16.0], [28.0], [1.5], [0.25], [3.0]], 2, axis=1))

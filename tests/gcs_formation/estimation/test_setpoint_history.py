@@ -152,6 +152,15 @@ def test_a_step_becomes_two_at_280_ms(over_ms: int, steps: int) -> None:
     assert state.airspeed_mps == pytest.approx(once_mps if steps == 1 else twice_mps, abs=1e-9)
 
 
+def test_a_setpoint_that_is_not_known_yet_changes_nothing_before_it_acts() -> None:
+    """Until the instant at which it does, the one before is answered."""
+    history, state = sent((0, (26.0, 0.3, 100.0))), flying()
+    history.begin_tick(vec[i64]([200 * MS]))
+    history.respond(state, 0, 200 * MS, 0, MODEL)
+    assert state.airspeed_mps == pytest.approx(26.0 - 4.0 * LEFT["speed"])
+    assert state.heading_rad == pytest.approx(0.3 - 0.3 * LEFT["heading"])
+
+
 def test_a_multirotor_answers_by_its_velocity_over_ground() -> None:
     """Commanded 6 m/s to the east, half of the difference from 6 m/s to the north is left after 2.8 s of 4 s."""
     model = AutopilotModel(4.0, 1.5, 1.0, 3.0, 0.0, 12.0, 99.0, 99.0, 99.0)

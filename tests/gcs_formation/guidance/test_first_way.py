@@ -7,9 +7,11 @@ import math
 import pytest
 
 from flight_model.autopilot_model import AutopilotModel
+from flight_model.curve import PathPoint
 from flight_model.flight_state import FlightState
 from formation_scenario import load_scenario
 from gcs_formation import from_scenario
+from gcs_formation.guidance.join_route import JoinRoute, Leg
 from gcs_formation.guidance.leader_guidance import JOINED_S, SETTLE_S, LeaderGuidance
 from tests.flights.conftest import scenario
 
@@ -92,3 +94,14 @@ def test_an_order_of_speed_is_flown_after_the_wait() -> None:
     leads.fly_at(3.0)
     assert leads.steer(state, HOVERING, assembled=False).speed_mps == 0.0
     assert leads.steer(state, HOVERING, assembled=True).speed_mps == pytest.approx(3.0)
+
+
+def test_a_way_that_is_half_a_metre_too_short_ranks_after_a_longer_one_that_is_not() -> None:
+    """80 s at 22 m/s, with a straight of 15 s."""
+    leads = from_scenario.leader_guidance(load_scenario(scenario(start={"in_air": False})))
+    straight_m = leads.first_straight_s * SPEED
+    short, long_enough = (
+        JoinRoute((Leg(PathPoint(0.0, 0.0, 100.0, 0.0), length_m, 0.0),), 100.0, 100.0, 0.1)
+        for length_m in (JOINED_S * SPEED - straight_m - 0.5, JOINED_S * SPEED - straight_m + 200.0)
+    )
+    assert leads._by_use((long_enough, straight_m)) < leads._by_use((short, straight_m))

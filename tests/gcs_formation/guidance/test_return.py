@@ -10,8 +10,10 @@ import pytest
 
 from flight_model.autopilot_model import AutopilotModel
 from flight_model.flight_state import FlightState
+from flight_model.path_offsets import DisplacedPath, Rise
 from formation_scenario import load_scenario
 from gcs_formation import from_scenario
+from gcs_formation.guidance.lateral import TurnBounds
 from gcs_formation.guidance.leader_guidance import SETTLE_S, LeaderGuidance
 from tests.flights.conftest import scenario
 
@@ -57,6 +59,23 @@ def test_off_the_path_it_returns_in_wide_turns_and_then_follows_it(east_m: float
     leads.steer(state(end.north_m + 1.0, 0.0, 0.0), MODEL, assembled=False)
     assert leads.started
     assert leads.distance_m == pytest.approx(end.north_m + 1.0)
+
+
+@pytest.mark.parametrize("bend_max_rps2", [0.01, 0.03])
+def test_beside_its_path_it_turns_back_as_its_followers_can_keep_up(bend_max_rps2: float) -> None:
+    """8 degrees off it, all of what they can; the setpoint leads by that times the time constant of 1.5 s."""
+    leads = guidance()
+    leads.steer(state(700.0, 4.0, 8.0), MODEL, assembled=False, bounds=TurnBounds(bend_max_rps2))
+    assert leads.started
+    assert leads.turn_rps == pytest.approx(-1.5 * bend_max_rps2)
+
+
+def test_a_new_leaders_own_route_onto_its_path_counts_as_the_path() -> None:
+    leads = guidance()
+    leads.take_over(DisplacedPath(leads.path, 600.0, 400.0, 20.0, Rise(0.0)), 700.0)
+    leads.steer(state(700.0, 18.0, 0.0), MODEL, assembled=False)
+    assert leads.started
+    assert leads.rounds == 0
 
 
 def test_from_a_little_beside_its_path_it_is_back_within_a_turns_radius() -> None:

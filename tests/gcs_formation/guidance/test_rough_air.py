@@ -74,8 +74,9 @@ def test_the_direction_of_a_change_and_the_rate_of_ticks_do_not_matter(course_ra
 
 
 def test_what_a_minute_remembers_fades_by_an_e_th_in_a_minute() -> None:
-    """The filtered wind needs a second to lag by all of it."""
-    assert growing(0.12, 61.0).changes_mps == pytest.approx(0.12 * (1.0 - math.exp(-1.0)), rel=0.01)
+    """From when the filtered wind lags by all of it, which takes it seconds."""
+    early_mps, later_mps = (0.12 - growing(0.12, seconds).changes_mps for seconds in (20.0, 80.0))
+    assert later_mps / early_mps == pytest.approx(1.0 / math.e, rel=2e-3)
 
 
 @pytest.mark.parametrize(("mps2", "share"), [(0.07, 0.0), (0.1, 0.25), (0.12, 0.5), (0.15, 0.875), (0.17, 1.0)])

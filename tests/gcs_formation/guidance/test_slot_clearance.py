@@ -159,6 +159,16 @@ def test_a_bound_of_slope_that_differs_by_a_hundredth_has_offsets_computed_again
     assert len(programmes) == 1 + computed
 
 
+def test_offsets_reach_two_kilometres_ahead_of_who_is_last(programmes: list[object]) -> None:
+    """140 steps of 20 m from 40 m behind it: 100 are left once it has flown 800 m, here 100 m behind the leader."""
+    flight = Flight()
+    leader = FlightState(0.0, 0.0, HEIGHT_M, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
+    for at_m in np.arange(0.0, 1000.0, ADVANCE_M).tolist():
+        ahead = TrackAhead(flight.route, leader, 0, at_m, SPEED_MPS, lambda _: flight.slots_m, flight.plan)
+        flight.offsets_m.look_ahead(ahead, [at_m, at_m - 100.0])
+        assert len(programmes) == (1 if at_m < 850.0 else 2)
+
+
 def test_another_plan_has_offsets_computed_again_at_once(programmes: list[object]) -> None:
     flight = Flight()
     flight.on(2 * TICK_M)
@@ -175,7 +185,7 @@ def test_what_is_near_is_not_changed_when_offsets_are_computed_again() -> None:
     flight, near_m = Flight(), np.arange(-55.0, 41.0, 5.0)
     flight.on(1250.0)
     before = [flight.offsets_m.offsets([each, each])[1] for each in (flight.at_m + near_m).tolist()]
-    ahead_m = flight.offsets_m.offsets([flight.at_m + 400.0] * 2)[1][0]
+    soon_m, ahead_m = (flight.offsets_m.offsets([flight.at_m + each] * 2)[1][0] for each in (80.0, 400.0))
     flight.slots_m = flight.slots_m - np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 7.0]])
     flight.plan = FormationPlan(load_scenario(scenario())).arrangement
     leader = FlightState(flight.at_m, 0.0, HEIGHT_M, 0.0, SPEED_MPS, 0.0, 0.0, 0.0)
@@ -183,6 +193,7 @@ def test_what_is_near_is_not_changed_when_offsets_are_computed_again() -> None:
     flight.offsets_m.look_ahead(ahead, [flight.at_m, flight.at_m - 15.0])
     after = [flight.offsets_m.offsets([each, each])[1] for each in (flight.at_m + near_m).tolist()]
     assert np.array(after) == pytest.approx(np.array(before), abs=1e-9)
+    assert flight.offsets_m.offsets([flight.at_m + 80.0] * 2)[1][0] > soon_m + 0.1, "it isn't kept any farther"
     assert flight.offsets_m.offsets([flight.at_m + 400.0] * 2)[1][0] > ahead_m + 1.0
 
 

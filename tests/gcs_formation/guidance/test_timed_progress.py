@@ -233,6 +233,18 @@ def test_at_a_stop_it_settles_for_two_seconds_holds_and_then_turns_as_long_as_is
     assert seconds_between(Instant(0), turn.begun) == pytest.approx(0.03 + pause.begin_s + SETTLE_S + HOLD_S, abs=1e-6)
 
 
+def test_a_stop_is_as_long_as_planned_for_a_leader_that_makes_the_turn() -> None:
+    """Its own turn isn't one to be ended before time goes on."""
+    timed, pause = progress(), progress().timetable.pauses[0]
+    turn: TurnOnSpot | None = None
+    for tick in range(int(pause.end_s / TICK_S) + 5):
+        now_s = TICK_S * tick
+        distance_m, _, _ = timed.timetable.after(now_s)
+        turn = due_at(timed, distance_m, now_s, turn).turn
+        if min(abs(now_s - pause.begin_s), abs(now_s - pause.end_s)) > 0.01:
+            assert timed.pauses == (pause.begin_s < now_s < pause.end_s)
+
+
 def test_who_takes_the_lead_in_mid_turn_is_at_the_stop_until_its_first_setpoint() -> None:
     timed, pause = progress(), progress().timetable.pauses[0]
     leader = Leader(timed)
@@ -252,7 +264,7 @@ def test_where_no_turn_is_planned_it_stands_without_one() -> None:
     assert leader.turned_s == 0.0
 
 
-@pytest.mark.parametrize(("off_m", "hovers"), [(-5.2, True), (-4.8, False), (4.8, False), (5.2, True)])
+@pytest.mark.parametrize(("off_m", "hovers"), [(-5.2, True), (-5.0, False), (5.0, False), (5.2, True)])
 def test_a_new_leader_that_is_far_from_the_stop_stays_where_it_is(off_m: float, hovers: bool) -> None:
     """One that is near still has the rest of two seconds to reach it."""
     timed, pause = progress(), progress().timetable.pauses[0]
@@ -274,6 +286,15 @@ def test_a_new_leader_from_before_the_last_stop_is_due_right_after_it() -> None:
     assert due is not None
     assert due.ahead_m == pytest.approx(20.0, abs=0.01)
     assert not timed.pauses
+
+
+def test_a_new_leader_from_before_the_last_of_several_stops_is_due_right_after_that_one() -> None:
+    stops = [Passage(at_m, at_m, 0.0, hold_s=HOLD_S) for at_m in (STOP_M, 140.0)]
+    timed = TimedProgress(Timetable(CRUISE_MPS, [CRUISE_MPS] * 3, stops, LENGTH_M, Rates(1.0, 2.0)))
+    leader = Leader(timed)
+    leader.fly(timed.timetable.pauses[1].end_s + 3.0)
+    timed.take_over()
+    assert due_at(timed, STOP_M + 10.0, 0.0).ahead_m == pytest.approx(30.0, abs=0.01)
 
 
 def test_a_new_leader_flies_on_from_where_it_is_once_its_own_turn_is_over() -> None:

@@ -135,6 +135,20 @@ def test_the_nearest_point_is_never_beyond_what_is_searched() -> None:
     assert nearest(path, 703.0, 40.0, 700.0, 705.0) == pytest.approx(703.0)
 
 
+def test_what_is_near_just_beyond_the_end_of_what_is_searched_does_not_count() -> None:
+    """Between two legs 60 m apart, 25 m from the one that leads back: the search ends 28 m before its foot there.
+
+    So the first leg is nearer, at 35 m, than the end, at 37.5 m.
+    """
+    there, arc_m = Leg(PathPoint(0.0, 0.0, 100.0, 0.0), 1000.0, 0.0), 30.0 * math.pi
+    arc = Leg(there.at(1000.0), arc_m, 1.0 / 30.0)
+    route = JoinRoute((there, arc, Leg(arc.at(arc_m), 1000.0, 0.0)), 100.0, 100.0, 0.1)
+    foot_m = 1500.0 + arc_m
+    assert nearest(route, 500.0, 35.0, 0.0, foot_m - 28.0) == pytest.approx(500.0)
+    assert nearest(route, 500.0, 35.0, 0.0, foot_m - 20.0) == pytest.approx(foot_m - 20.0)
+    assert nearest(route, 500.0, 35.0, 0.0, foot_m + 20.0) == pytest.approx(foot_m)
+
+
 @pytest.mark.parametrize(("wind_mps", "along_mps"), [(0.0, 20.0), (5.0, 25.0), (-8.0, 12.0)])
 def test_rates_along_a_route_are_its_derivatives_by_the_distance_times_the_speed_over_ground(
     wind_mps: float, along_mps: float
@@ -167,7 +181,7 @@ def test_the_height_setpoint_inverts_equation_seven() -> None:
     assert height_setpoint_m(point, state, MODEL) == pytest.approx(100.0 + 4.0 * -1.5 + 0.12)
 
 
-@pytest.mark.parametrize(("speed_mps", "by_course"), [(1.95, False), (2.05, True)])
+@pytest.mark.parametrize(("speed_mps", "by_course"), [(1.95, False), (2.0, True)])
 def test_a_course_counts_from_two_metres_a_second_on(speed_mps: float, by_course: bool) -> None:
     """Here it drifts to the east, and faces 0.3 rad."""
     drifts = FlightState(0.0, 0.0, 100.0, 0.0, 0.0, 0.3, 0.0, speed_mps)

@@ -98,10 +98,14 @@ def test_its_end_is_said_once_too() -> None:
 
 @pytest.mark.parametrize(
     "given",
-    [{"yielding": [False, True]}, {"replaced": [(False,) * 3, (False, True, False)]}],
-    ids=["avoids it", "its lateral setpoint is replaced"],
+    [
+        {"yielding": [False, True]},
+        {"replaced": [(False,) * 3, (False, True, False)]},
+        {"error_of": lambda _: (9.0, math.nan, 9.0)},
+    ],
+    ids=["avoids it", "its lateral setpoint is replaced", "it has no slot"],
 )
-def test_what_others_command_does_not_count_and_begins_again(given: dict[str, Any]) -> None:
+def test_an_error_that_says_nothing_of_its_loops_does_not_count_and_begins_again(given: dict[str, Any]) -> None:
     swinging = Swinging()
     swinging.run(70.0, **given)
     assert swinging.logged == []
@@ -110,6 +114,13 @@ def test_what_others_command_does_not_count_and_begins_again(given: dict[str, An
     swinging.run(38.0)
     assert swinging.logged == []
     swinging.run(20.0)
+    assert len(swinging.logged) == 1
+
+
+def test_nothing_is_said_of_it_while_it_avoids_another() -> None:
+    swinging = Swinging()
+    swinging.run(60.0)
+    swinging.run(30.0, yielding=[False, True])
     assert len(swinging.logged) == 1
 
 
