@@ -81,14 +81,18 @@ class Check:
     def bound(self, values: Mapping[str, float]) -> tuple[str, float, str] | None:
         """Return the key of the model that the parameter bounds, the bound, and the parameter in words.
 
-        None if it is unknown, as its model needs it, or bounds none.
+        None if it is unknown, as its model needs it, or bounds none. A bound that leaves nothing to fly with is none.
         """
         name = next((name for name in self.names if name in values), None)
         if name is None:
             return None if self.older is None else self.older.bound(values)
-        if self.bounds is None or self.holds(values[name]):
+        if self.bounds is None or self.holds(values[name]) or self._leaves_nothing(values[name]):
             return None
         return *self.bounds(values[name]), f"{name} {values[name]:g}"
+
+    def _leaves_nothing(self, value: float) -> bool:
+        """Return whether a value leaves the vehicle no speed, no turn or no climb at all."""
+        return self.bounds is not None and not self.bounds(value)[1] > 0.0
 
     def change(self, values: Mapping[str, float]) -> tuple[str, float, float] | None:
         """Return the parameter's name, its value among `values`, and the one that is asked for; None if it is allowed.
@@ -114,7 +118,8 @@ class Check:
             return None if self.older is None else self.older.finding(values)
         if self.holds(found[1]):
             return None
-        return Finding(f"{found[0]}: found {found[1]:g}; allowed: {self.allowed}", self.refuses(found[1]))
+        refuses = self.refuses(found[1]) or self._leaves_nothing(found[1])
+        return Finding(f"{found[0]}: found {found[1]:g}; allowed: {self.allowed}", refuses)
 
 
 def only_read(name: str, *, may_lack: bool = False) -> Check:
@@ -235,12 +240,16 @@ class ParameterReader:
         return [ParamRequestRead(self._system, m.MAV_COMP_ID_AUTOPILOT1, name) for name in missing]
 
     def receive_parameter(self, message: ParamValue, now: Instant) -> None:
-        """Take a parameter; ones not requested are ignored. Names not yet tried are requested at once."""
-        if message.param_id in self._tries:
-            self._values[message.param_id] = self._value_of(message)
-            self._kinds[message.param_id] = message.param_type
-            if not any(self._tries[name] for name in self._missing()):
-                self._next = now
+        """Take a parameter; ones not requested or not finite are ignored. Names not yet tried are requested at once."""
+        if message.param_id not in self._tries:
+            return
+        value = self._value_of(message)
+        if not math.isfinite(value):
+            return
+        self._values[message.param_id] = value
+        self._kinds[message.param_id] = message.param_type
+        if not any(self._tries[name] for name in self._missing()):
+            self._next = now
 
     @property
     def values(self) -> Mapping[str, float]:

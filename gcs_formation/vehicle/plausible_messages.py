@@ -9,7 +9,10 @@ from airlink.messages import Message
 from airlink.messages.telemetry import (
     Attitude,
     GlobalPositionInt,
+    HomePosition,
 )
+from flight_model.earth import GeodeticOrigin
+from formation_scenario.fields import MAX_DISTANCE_M
 
 SPEED_LIMIT_MPS: Final = 400.0
 ANGLE_LIMIT_RAD: Final = 2 * math.pi
@@ -21,22 +24,38 @@ TURN_RAD: Final = 2 * math.pi
 TURN_LIMIT_RPS: Final = 50.0
 ALTITUDE_LIMIT_M: Final = 100e3
 """Limits of plausible values for an aircraft."""
+HOME_LIMIT_M: Final[float] = MAX_DISTANCE_M
+"""Largest distance of a home from the origin: that of a waypoint, for vehicles fly from there to the path and back."""
 
 
 def is_position(message: GlobalPositionInt) -> bool:
     """Return whether values are in their ranges, and latitude and longitude aren't both 0."""
-    lat_rad, lon_rad, alt_m, above_m = message.lat_rad, message.lon_rad, message.alt_m, message.relative_alt_m
     return (
-        (lat_rad != 0.0 or lon_rad != 0.0)
-        and -QUARTER_RAD < lat_rad < QUARTER_RAD
-        and -HALF_TURN_RAD <= lon_rad <= HALF_TURN_RAD
-        and -ALTITUDE_LIMIT_M <= alt_m <= ALTITUDE_LIMIT_M
-        and -ALTITUDE_LIMIT_M <= above_m <= ALTITUDE_LIMIT_M
+        is_place(message.lat_rad, message.lon_rad, message.alt_m)
+        and -ALTITUDE_LIMIT_M <= message.relative_alt_m <= ALTITUDE_LIMIT_M
         and abs(message.time_boot_s) < INFINITE
         and abs(message.vx_mps) < INFINITE
         and abs(message.vy_mps) < INFINITE
         and abs(message.vz_mps) < INFINITE
     )
+
+
+def is_place(lat_rad: float, lon_rad: float, alt_m: float) -> bool:
+    """Return whether a place is in the ranges of an aircraft's, and its latitude and longitude aren't both 0."""
+    return (
+        (lat_rad != 0.0 or lon_rad != 0.0)
+        and -QUARTER_RAD < lat_rad < QUARTER_RAD
+        and -HALF_TURN_RAD <= lon_rad <= HALF_TURN_RAD
+        and -ALTITUDE_LIMIT_M <= alt_m <= ALTITUDE_LIMIT_M
+    )
+
+
+def plausible_home(message: HomePosition, origin: GeodeticOrigin) -> tuple[float, float, float] | None:
+    """Return a home north and east of the origin and its height above it, m; None if no aircraft can have it."""
+    if not is_place(message.latitude_rad, message.longitude_rad, message.altitude_m):
+        return None
+    north_m, east_m, down_m = origin.to_ned(message.latitude_rad, message.longitude_rad, message.altitude_m)
+    return (north_m, east_m, -down_m) if math.hypot(north_m, east_m) <= HOME_LIMIT_M else None
 
 
 def is_attitude(message: Attitude) -> bool:

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 from airlink import mavlink as m
 from airlink.clock import Instant, after
+from airlink.endpoint import ComponentId
 from airlink.messages import Message
 from airlink.messages.mission import MissionAck, MissionCount, MissionItemInt, MissionRequestInt, MissionRequestList
 from flight_model.earth import GeodeticOrigin
@@ -39,9 +40,9 @@ class LandingSequence(NamedTuple):
 class StoredMission:
     """Asks one vehicle for its mission, item by item."""
 
-    def __init__(self, system: int, origin: GeodeticOrigin, *, needs_mark: bool) -> None:
-        """Prepare requests to `system`; `needs_mark`: only a mission with DO_LAND_START can be landed by."""
-        self._system, self._origin, self._needs_mark = system, origin, needs_mark
+    def __init__(self, system: int, station: ComponentId, origin: GeodeticOrigin, *, needs_mark: bool) -> None:
+        """Prepare requests of `station` to `system`; `needs_mark`: only by DO_LAND_START a mission has a landing."""
+        self._system, self._station, self._origin, self._needs_mark = system, station, origin, needs_mark
         self._items, self._count = dict[int, MissionItemInt](), -1
         self._tries, self._next, self._thanked = 0, Instant(0), False
 
@@ -63,14 +64,20 @@ class StoredMission:
         return [MissionRequestInt(self._system, m.MAV_COMP_ID_AUTOPILOT1, self._missing())]
 
     def handle(self, message: Message, now: Instant) -> None:
-        """Take the number of items, or one; the next one is requested at once."""
+        """Take the number of items, or one; the next one is requested at once.
+
+        Another number is that of another mission, whose items all have to come. What isn't of a mission (a fence, rally
+        points), or answers another station, is ignored.
+        """
         before = len(self._items), self._count
-        if self.complete:
+        if self.complete or not isinstance(message, (MissionCount, MissionItemInt)) or not self._answers_us(message):
             return
-        if isinstance(message, MissionCount) and message.mission_type == m.MAV_MISSION_TYPE_MISSION:
+        if isinstance(message, MissionItemInt):
+            if message.seq < self._count:
+                self._items[message.seq] = message
+        elif message.count != self._count:
+            self._items.clear()
             self._count = message.count
-        elif isinstance(message, MissionItemInt) and message.seq < self._count:
-            self._items[message.seq] = message
         if (len(self._items), self._count) != before:
             self._tries, self._next = 0, now
 
@@ -88,6 +95,11 @@ class StoredMission:
             return None
         waypoints = [item for item in items[first if marks else max(0, lands - 1) : lands] if item.command in FLOWN]
         return self._sequence(items[lands], waypoints, home_above_sea_m) if waypoints else None
+
+    def _answers_us(self, message: MissionCount | MissionItemInt) -> bool:
+        ours = self._station
+        ours_or_all = message.target_system in (0, ours.system) and message.target_component in (0, ours.component)
+        return ours_or_all and message.mission_type == m.MAV_MISSION_TYPE_MISSION
 
     def _sequence(self, land: MissionItemInt, waypoints: list[MissionItemInt], home_m: float) -> LandingSequence:
         north_m, east_m = self._position(land)

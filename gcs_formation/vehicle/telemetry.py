@@ -31,6 +31,7 @@ from gcs_formation.vehicle.plausible_messages import (
     first_not_finite,
     is_attitude,
     is_position,
+    plausible_home,
     usable_of,
     why_no_position,
 )
@@ -46,6 +47,7 @@ BOOTING: Final = (m.MAV_STATE_BOOT, m.MAV_STATE_CALIBRATING)
 KEPT_TEXTS: Final = 8
 TEXT_BYTES: Final = 50
 """Length of STATUSTEXT's field: a text that fills it is continued in another message with its id."""
+NO_CHUNKS: Final = (0, "", 0)
 ALONE: Final = 5
 ALONE_S: Final = 1.5
 """An airspeed or attitude is flown without after so many positions alone, over this time, s."""
@@ -112,8 +114,8 @@ class Telemetry:
     texts: deque[str] = field(default_factory=lambda: deque[str](maxlen=KEPT_TEXTS))
     texts_reported: int = 0
     """Number of complete texts received."""
-    _chunks: tuple[int, str] = (0, "")
-    """Id and beginning of an incomplete text."""
+    _chunks: tuple[int, str, int] = NO_CHUNKS
+    """Id of an incomplete text, what has come of it, and the number of its next chunk."""
 
     def store(self, message: Message) -> None:
         """Store the state in `message`; values that are infinite or implausible are dropped and counted."""
@@ -138,10 +140,7 @@ class Telemetry:
         elif isinstance(message, ExtendedSysState):
             self.landed_state = message.landed_state
         elif isinstance(message, HomePosition):
-            north_m, east_m, down_m = self.origin.to_ned(
-                message.latitude_rad, message.longitude_rad, message.altitude_m
-            )
-            self.home_m, self.home_height_m = (north_m, east_m), -down_m
+            self._take_home(message)
         elif isinstance(message, Statustext):
             self.take_text(message)
         elif isinstance(message, GpsRawInt):
@@ -195,6 +194,15 @@ class Telemetry:
         self.motion.heading_rad = message.hdg_rad if message.hdg_rad < TURN_RAD else math.nan
         if math.isnan(self.airspeed_stamp_s):
             self.airspeed_stamp_s = stamp_s
+
+    def _take_home(self, message: HomePosition) -> None:
+        """Store a home; before the first position, latitude and longitude 0 are an autopilot without a fix."""
+        home = plausible_home(message, self.origin)
+        if home is None:
+            self.implausible += self.motion is not None or message.latitude_rad != 0.0 or message.longitude_rad != 0.0
+            return
+        north_m, east_m, self.home_height_m = home
+        self.home_m = north_m, east_m
 
     def separation_m(self, message: GlobalPositionInt) -> float:
         """Return how far a reported position is from the newest one, carried by its velocity; NaN if none is known."""
@@ -251,13 +259,18 @@ class Telemetry:
             self.implausible += 1
 
     def take_text(self, message: Statustext) -> None:
-        """Store a text once its last chunk has arrived: the one that doesn't fill its field."""
-        number, begun = self._chunks
-        text = (begun if message.id and message.id == number else "") + message.text
+        """Store a text once its last chunk has arrived: the one that doesn't fill its field.
+
+        What has come of a text is dropped where a chunk of it is missing. A field of one byte numbers the chunks, so
+        there are 256 at most.
+        """
+        number, begun, following = self._chunks
+        goes_on = message.id and message.id == number and message.chunk_seq == following
+        text = (begun if goes_on else "") + message.text
         if message.id and len(message.text.encode()) >= TEXT_BYTES:
-            self._chunks = message.id, text
+            self._chunks = message.id, text, message.chunk_seq + 1
             return
-        self._chunks = 0, ""
+        self._chunks = NO_CHUNKS
         self.texts.append(_printable(text.strip()))
         self.texts_reported += 1
 

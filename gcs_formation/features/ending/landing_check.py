@@ -31,7 +31,10 @@ class LandingCheck(AlwaysExamined):
         asked = scenario.finish.then == "land"
         self._readers = {
             identity: StoredMission(
-                each.autopilot.system, each.autopilot.origin, needs_mark=each.autopilot.landing_is_marked
+                each.autopilot.system,
+                each.autopilot.station,
+                each.autopilot.origin,
+                needs_mark=each.autopilot.landing_is_marked,
             )
             for identity, each in vehicles.items()
             if asked and each.autopilot.lands_by_mission

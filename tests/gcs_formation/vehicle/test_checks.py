@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import pytest
 
@@ -13,7 +14,10 @@ from flight_model.earth import GeodeticOrigin
 from flight_model.flight_state import FlightState, Setpoint
 from gcs_formation.estimation.airspeed import AirspeedScale
 from gcs_formation.vehicle.checks import AT_ONCE, RETRY_S, TRIES, Finding, ParameterReader
+from gcs_formation.vehicle.families.arducopter.arducopter import ArduCopter
 from gcs_formation.vehicle.families.arduplane.arduplane import ArduPlane
+from gcs_formation.vehicle.families.px4.copter import Px4Copter
+from gcs_formation.vehicle.families.px4.plane import Px4Plane
 from gcs_formation.vehicle.own_fence import FENCE_NAMES
 from tests.gcs_formation.vehicle.conftest import ORIGIN, planned
 
@@ -37,7 +41,7 @@ NOW = ("AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG")
 START, PLANE = Instant(0), ArduPlane(2, ORIGIN, 0.25)
 
 
-def told(reader: ParameterReader, values: dict[str, float], now: Instant = START) -> None:
+def told(reader: ParameterReader, values: Mapping[str, float], now: Instant = START) -> None:
     for name, value in values.items():
         reader.receive_parameter(ParamValue(name, value, m.MAV_PARAM_TYPE_REAL32, 1400, 65535), now)
 
@@ -68,6 +72,10 @@ def test_parameters_as_they_should_be_are_no_findings() -> None:
         ("AIRSPEED_MAX", 21, "29 m/s or more", True),
         ("AIRSPEED_CRUISE", 18, "22 m/s, path.speed_mps", False),
         ("ROLL_LIMIT_DEG", 25, "29 degrees or more", False),  # atan(22 * 0.25 / 9.81) = 29.3 degrees
+        ("ROLL_LIMIT_DEG", 0, "29 degrees or more", True),
+        ("ROLL_LIMIT_DEG", -5, "29 degrees or more", True),
+        ("TECS_CLMB_MAX", 0, "3 m/s or more", True),
+        ("TECS_SINK_MAX", -1, "3 m/s or more", True),
     ],
 )
 def test_a_parameter_that_is_not_as_it_should_be_is_named_with_what_is_allowed(
@@ -123,6 +131,26 @@ def test_parameters_that_none_asked_for_are_ignored() -> None:
     assert len(reader._values) == 0
 
 
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_value_that_is_not_finite_is_not_read_and_named_as_such(value: float) -> None:
+    reader, asked, now = ParameterReader(2, PLANE.checks(MODEL, PATH)), 0, START
+    while not reader.complete:
+        asked += sum(request.param_id == "ROLL_LIMIT_DEG" for request in reader.requests(now))
+        told(reader, IN_ORDER | {"ROLL_LIMIT_DEG": value}, now)
+        now = after(now, RETRY_S)
+    assert asked == TRIES
+    assert "ROLL_LIMIT_DEG" not in reader.values
+    assert reader.bounds() == []
+    assert reader.findings() == [Finding("no answer for ROLL_LIMIT_DEG or LIM_ROLL_CD, not checked")]
+
+
+def test_a_value_that_is_not_finite_leaves_the_one_that_was_read() -> None:
+    reader = ParameterReader(2, PLANE.checks(MODEL, PATH))
+    told(reader, IN_ORDER)
+    told(reader, {"ROLL_LIMIT_DEG": math.nan})
+    assert reader.values["ROLL_LIMIT_DEG"] == 45
+
+
 def test_an_older_arduplanes_limits_are_read_by_their_names_and_units_before_4_5() -> None:
     older = {"ARSPD_FBW_MIN": 14, "ARSPD_FBW_MAX": 29, "TRIM_ARSPD_CM": 2200, "LIM_ROLL_CD": 4500}
     others: dict[str, float] = {name: value for name, value in IN_ORDER.items() if name not in NOW}
@@ -173,6 +201,10 @@ def test_airspeeds_are_commanded_within_what_the_vehicle_tells(field_m: float | 
         ("TECS_CLMB_MAX", 2.0, ("climb_max_mps", 2.0)),
         ("TECS_SINK_MAX", 1.5, ("climb_max_mps", 1.5)),
         ("TECS_CLMB_MAX", 3.0, None),
+        ("TECS_CLMB_MAX", 0.0, None),
+        ("TECS_SINK_MAX", -1.0, None),
+        ("ROLL_LIMIT_DEG", 0.0, None),
+        ("LIM_ROLL_CD", -100.0, None),
     ],
 )
 def test_parameters_narrower_than_the_model_bound_it(name: str, value: float, bound: tuple[str, float] | None) -> None:
@@ -180,3 +212,16 @@ def test_parameters_narrower_than_the_model_bound_it(name: str, value: float, bo
     assert [each[:2] for each in found if each is not None] == (
         [] if bound is None else [(bound[0], pytest.approx(bound[1], rel=1e-3))]
     )
+
+
+LARGEST = 3.4e38
+"""Near the largest 32-bit float."""
+
+
+@pytest.mark.parametrize("value", [LARGEST, -LARGEST])
+def test_a_fence_or_failsafe_of_a_number_that_is_none_of_its_choices_is_read_all_the_same(value: float) -> None:
+    assert PLANE.own_fence({"FENCE_ENABLE": 1.0, "FENCE_TYPE": value}) is not None
+    assert PLANE.own_failsafe({"FS_GCS_ENABL": 1.0, "FS_LONG_ACTN": value}) is not None
+    assert ArduCopter(2, ORIGIN, 0.5).own_failsafe({"FS_GCS_ENABLE": value}) is not None
+    assert Px4Plane(2, ORIGIN, 0.25).own_failsafe({"NAV_DLL_ACT": value}) is None
+    assert Px4Copter(2, ORIGIN, 0.5).own_failsafe({"COM_OBL_RC_ACT": value}) is not None

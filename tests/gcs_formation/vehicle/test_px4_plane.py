@@ -18,7 +18,7 @@ from airlink.messages.system import Heartbeat, Statustext
 from airlink.messages.telemetry import Attitude, ExtendedSysState, HomePosition, SysStatus, VfrHud
 from airlink.stream_parser import StreamParser
 from flight_model.flight_state import FlightState, Setpoint
-from gcs_formation.vehicle.checks import ParameterReader
+from gcs_formation.vehicle.checks import ParameterReader, only_read
 from gcs_formation.vehicle.command_delivery import CommandQueue, EffectWatch, Outcome
 from gcs_formation.vehicle.families.px4.plane import Px4Plane
 from gcs_formation.vehicle.own_fence import GEOFENCE_NAMES
@@ -274,6 +274,16 @@ def test_a_parameter_that_bounds_what_is_asked_is_named(name, value, refuses):
     (finding,) = reader.findings()
     assert finding.text.startswith(f"{name}: found {value:g}; allowed: ")
     assert finding.refuses is refuses
+
+
+def test_an_integer_whose_bytes_are_no_number_as_a_float_is_read():
+    reader = ParameterReader(7, [only_read("GF_ACTION")], PLANE.parameter)
+    reader.receive_parameter(ParamValue("GF_ACTION", math.nan, m.MAV_PARAM_TYPE_REAL32, 900, 1), NOW)
+    assert not reader.complete
+    minus_one = struct.unpack("<f", struct.pack("<i", -1))[0]
+    assert math.isnan(minus_one)
+    reader.receive_parameter(ParamValue("GF_ACTION", minus_one, m.MAV_PARAM_TYPE_INT32, 900, 1), NOW)
+    assert reader.values == {"GF_ACTION": -1.0}
 
 
 def test_a_long_text_comes_in_chunks_and_is_one(telemetry):

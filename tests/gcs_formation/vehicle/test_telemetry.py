@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from airlink import mavlink as m
-from airlink.messages.telemetry import Attitude, GlobalPositionInt, VfrHud
+from airlink.messages.system import Statustext
+from airlink.messages.telemetry import Attitude, GlobalPositionInt, HomePosition, VfrHud
 from gcs_formation.vehicle.telemetry import Telemetry
 from tests.gcs_formation.vehicle.conftest import ORIGIN, heartbeat, position
 
@@ -147,3 +148,75 @@ def test_a_restart_begins_the_count_again(telemetry):
     telemetry.invalidate()
     assert telemetry.lacking == ""
     assert told_at(telemetry, airspeeds_s=[0.5, 3.5], seconds=4) == math.inf
+
+
+def home(lat_deg, lon_deg, alt_m=20.0):
+    return HomePosition(math.radians(lat_deg), math.radians(lon_deg), alt_m, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0))
+
+
+IMPOSSIBLE_HOMES = {
+    "nowhere": (0.0, 0.0),
+    "beyond_the_poles": (214.7, 125.0),
+    "at_the_pole": (90.0, 125.0),
+    "round_the_earth": (35.0, 214.7),
+    "not_a_number": (math.nan, 125.0),
+    "in_space": (35.0, 125.0, 100.1e3),
+    "below_the_crust": (35.0, 125.0, -100.1e3),
+    "on_another_continent": (44.1, 125.0),  # 1010 km north
+}
+
+
+@pytest.mark.parametrize("where", IMPOSSIBLE_HOMES.values(), ids=IMPOSSIBLE_HOMES)
+def test_a_home_that_cannot_be_is_counted_and_leaves_the_last_one(telemetry, where):
+    telemetry.store(position(30.0))
+    telemetry.store(home(35.001, 125.0))
+    before = telemetry.home_m, telemetry.home_height_m
+    assert before == (pytest.approx((110.95, 0.0), abs=0.1), pytest.approx(0.0))
+    telemetry.store(home(*where))
+    assert (telemetry.home_m, telemetry.home_height_m) == before
+    assert telemetry.implausible == 1
+
+
+@pytest.mark.parametrize("lat_deg", [35.0, 43.9, 26.1])
+def test_a_home_is_at_most_1000_km_away(telemetry, lat_deg):
+    telemetry.store(home(lat_deg, 125.0))
+    assert telemetry.home_m == pytest.approx(((lat_deg - 35.0) * 110.95e3, 0.0), rel=2e-3)
+    assert telemetry.implausible == 0
+
+
+def test_a_home_at_0_0_is_none_and_before_the_first_position_no_error_either(telemetry):
+    telemetry.store(home(0.0, 0.0))
+    assert telemetry.home_m is None
+    assert telemetry.implausible == 0
+
+
+def chunk(number, text="x" * 50, *, text_id=7):
+    return Statustext(4, text, text_id, number)
+
+
+def test_a_text_without_an_end_is_dropped_as_its_chunks_begin_again(telemetry):
+    longest = 0
+    for number in range(3000):
+        telemetry.store(chunk(number % 256))
+        longest = max(longest, len(telemetry._chunks[1]))
+    assert telemetry.texts_reported == 0
+    assert longest == 256 * 50
+
+
+def test_chunks_with_one_number_do_not_add_up(telemetry):
+    for _ in range(1000):
+        telemetry.store(chunk(0))
+    telemetry.store(chunk(1, "end"))
+    assert list(telemetry.texts) == ["x" * 50 + "end"]
+
+
+def test_what_came_before_a_missing_chunk_is_no_part_of_the_text(telemetry):
+    for each in (chunk(0, "a" * 50), chunk(1, "b" * 50), chunk(3, "d" * 50), chunk(4, "end")):
+        telemetry.store(each)
+    assert list(telemetry.texts) == ["d" * 50 + "end"]
+
+
+def test_the_end_of_a_text_is_not_that_of_another_whose_end_is_missing(telemetry):
+    for each in (chunk(0, "a" * 50), chunk(1, "b" * 50, text_id=8), chunk(2, "end", text_id=8), chunk(1, "late")):
+        telemetry.store(each)
+    assert list(telemetry.texts) == ["b" * 50 + "end", "late"]

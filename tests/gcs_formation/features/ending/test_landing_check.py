@@ -17,6 +17,7 @@ from formation_scenario import load_scenario
 from gcs_formation.features.ending.approach_heights import ApproachHeights, lands
 from gcs_formation.features.ending.landing_check import LandingCheck
 from gcs_formation.link.link_health import Connection, LinkState
+from gcs_formation.vehicle.autopilot_family import STATION
 from gcs_formation.vehicle.families.arducopter.arducopter import ArduCopter
 from gcs_formation.vehicle.families.px4.plane import Px4Plane
 from gcs_formation.vehicle.vehicle import Vehicle
@@ -57,12 +58,12 @@ def px4() -> Vehicle:
 def item(number: int, command: int, north_m: float, east_m: float, up_m: float, frame: int) -> MissionItemInt:
     lat_rad, lon_rad, _ = ORIGIN.from_ned(north_m, east_m, 0.0)
     x, y = round(math.degrees(lat_rad) * 1e7), round(math.degrees(lon_rad) * 1e7)
-    return MissionItemInt(255, 190, number, frame, command, 0, 1, 0.0, 0.0, 0.0, 0.0, x, y, up_m)
+    return MissionItemInt(*STATION, number, frame, command, 0, 1, 0.0, 0.0, 0.0, 0.0, x, y, up_m)
 
 
 def read(check: LandingCheck, vehicle: Vehicle) -> None:
     """Answer with a mission that approaches from the west to a place, 120 m above sea level."""
-    check.take_item(vehicle, MissionCount(255, 190, 2, m.MAV_MISSION_TYPE_MISSION), NOW)
+    check.take_item(vehicle, MissionCount(*STATION, 2, m.MAV_MISSION_TYPE_MISSION), NOW)
     sea, ground = m.MAV_FRAME_GLOBAL_INT, m.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
     north_m, east_m = LAND_AT
     for each in (
@@ -102,7 +103,7 @@ def test_while_its_height_is_unknown_or_it_is_not_heard_nothing_is_taken_or_aske
     assert check.requests(NOW) == []
     vehicle.connection.state = LinkState.CONNECTED
     assert len(check.requests(NOW)) == 1
-    check.take_item(vehicle, MissionCount(255, 190, 2, m.MAV_MISSION_TYPE_MISSION), NOW)
+    check.take_item(vehicle, MissionCount(*STATION, 2, m.MAV_MISSION_TYPE_MISSION), NOW)
     assert isinstance(check.requests(after(NOW, 2.0))[0][1], MissionRequestInt)
     read(check, vehicle)
     motion, vehicle.telemetry.motion = vehicle.telemetry.motion, None
