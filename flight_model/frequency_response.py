@@ -20,6 +20,8 @@ FREQUENCIES = np.geomspace(0.005, 25.0, 400)
 """rad/s."""
 MISMATCH = 0.3
 """Relative error of the autopilot's time scale and gain, in all combinations."""
+LEAST = 1e-300
+"""Least size of a response that has a logarithm: a channel that a limit holds responds by 0."""
 ROUNDING = 1e-6
 SLOW_RADPS = 0.15
 """Turns and climbs of a formation's path change no faster than this."""
@@ -111,7 +113,7 @@ def delay_response(delay_s: float) -> Complex:
 def mismatched(controller: Complex, plant: Complex) -> Iterator[Complex]:
     """Yield loops around a plant with mismatched time scale and gain: its response at w is the known one at w k."""
     log_w = np.log(FREQUENCIES)
-    size: Array = np.log(np.abs(plant))
+    size: Array = np.log(np.maximum(np.abs(plant), LEAST))
     angle: Array = np.unwrap(np.angle(plant))
     for scale in (1.0 - MISMATCH, 1.0 + MISMATCH):
         moved = np.exp(_interp(size, log_w + np.log(scale))) * np.exp(1j * _interp(angle, log_w + np.log(scale)))

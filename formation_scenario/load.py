@@ -106,6 +106,8 @@ def _read(source: str | Path | Mapping[Any, Any] | Scenario) -> Source:
         return Source(None, _plain(source))
     if isinstance(source, Mapping):
         return Source(None, plain_mapping(source))
+    if not isinstance(source, str | Path):
+        raise refused("", f"found {source!r}", "a file, a mapping of its keys, or a Scenario", "scenario")
     read = read_file(Path(source))
     if STUDY_ALONE & read.data.keys() and not SCENARIO_ALONE & read.data.keys():
         flies = f"gcs-formation study {shlex.quote(str(source))} --out DIR flies it"

@@ -1,5 +1,10 @@
 """Errors of the ground station."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
 
 class StationError(Exception):
     """Root of the ground station's errors; the message says what was found and what is allowed."""
@@ -7,6 +12,11 @@ class StationError(Exception):
 
 class RunAbortedError(StationError):
     """The run could not go on: a port is taken, no vehicle answered, a vehicle refused."""
+
+    def __init__(self, text: str, figures: Mapping[str, Any] | None = None) -> None:
+        """Take why, and what `summary.json` has where there is one."""
+        super().__init__(text)
+        self.figures = figures
 
 
 class NotFiniteError(StationError):

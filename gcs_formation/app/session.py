@@ -297,7 +297,7 @@ class Session:
         except OSError as error:
             raise RecordingError(f"cannot write to {self.recorder.path}: {error.strerror or error}") from error
         if summary.figures["failure"] is not None:  # the flight's, or a metric's of an extension after it
-            raise RunAbortedError(summary.figures["failure"] + self._if_too_fast())
+            raise RunAbortedError(summary.figures["failure"] + self._if_too_fast(), summary.to_dict())
         return summary
 
     def _conclusion(self) -> Conclusion:

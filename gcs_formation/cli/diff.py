@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 
 from airlink.cli import Number, Status, examples, fail
+from gcs_formation.cli import PLUGINS
 from gcs_formation.errors import RecordError
 
 DIFF_EXAMPLES = examples(
@@ -36,11 +37,21 @@ DIFF_EXAMPLES = examples(
 )
 @click.option("--lines", type=click.IntRange(min=1), default=20, show_default=True, help="Show at most so many.")
 @click.option("--json", "as_json", is_flag=True, help="All differences as JSON.")
-def diff(one: Path, other: Path, tolerance: float | None, ignore: tuple[str, ...], lines: int, as_json: bool) -> None:
+@PLUGINS
+def diff(
+    one: Path,
+    other: Path,
+    tolerance: float | None,
+    ignore: tuple[str, ...],
+    lines: int,
+    as_json: bool,
+    plugins: tuple[str, ...],
+) -> None:
     """Say what differs first between the runs in ONE and OTHER, and where. Exit status 0: nothing, 1: something.
 
     Versions and keys come first, then what happened, by time, then figures. Figures of the machine's speed don't count.
     """
+    del plugins  # what was flown with them is compared as it was recorded
     from gcs_formation.diff.runs import differences  # noqa: PLC0415 - reading records is needed by this command alone
 
     try:

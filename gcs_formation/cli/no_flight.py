@@ -157,6 +157,8 @@ def check(  # noqa: PLR0913, PLR0917 - a parameter for each option
     from gcs_formation.app.check import check_report, check_text  # noqa: PLC0415
     from gcs_formation.app.rehearsal.rehearsal import rehearse  # noqa: PLC0415
 
+    if exported is not None:
+        _keep(scenario, exported)
     if repaired is not None:
         _repair(scenario, overrides, plugins, as_json, repaired, plan)
         return
@@ -204,6 +206,7 @@ def _repair(
     from formation_scenario.repair import repair  # noqa: PLC0415 - only this option needs it
     from gcs_formation.app.check import repair_report  # noqa: PLC0415
 
+    _keep(scenario, file)
     try:
         found = repair(scenario, overrides, plugins)
     except ScenarioError as error:
@@ -221,6 +224,12 @@ def _repair(
     if not as_json:
         click.echo("".join(f"{each}\n" for each in found.changes) or "nothing to repair\n", nl=False)
     click.echo(f"wrote {file}", err=True)
+
+
+def _keep(scenario: Path, file: Path) -> None:
+    """Exit where a file that is to be written is the scenario itself, with its comments."""
+    if file.exists() and file.samefile(scenario):
+        fail(f"found the scenario itself, {file}; allowed: another file, so that yours is kept")
 
 
 def _draw(file: Path, scenario: Scenario, violations: Sequence[Violation], repair: Repair | None = None) -> None:

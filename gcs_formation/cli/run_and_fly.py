@@ -220,7 +220,7 @@ def _done(
             options = replace(options, recording=stack.enter_context(viewer).announce)
         for warning in () if quiet else never_reached(loaded, math.inf if options.until_s is None else options.until_s):
             tell(f"warning: {warning}", err=True)
-        result = flown_or_exit(flown, loaded, options, interrupts, quiet=quiet)
+        result = flown_or_exit(flown, loaded, options, interrupts, quiet=quiet, as_json=as_json)
         return conclude(result, options, interrupts, quiet=quiet, as_json=as_json)
 
 
@@ -236,15 +236,26 @@ def run_options(out: Path, given: dict[str, Any]) -> RunOptions:
 
 
 def flown_or_exit(
-    fly: Fly[Result], scenario: Scenario, options: RunOptions, interrupts: Interrupts, *, quiet: bool
+    fly: Fly[Result],
+    scenario: Scenario,
+    options: RunOptions,
+    interrupts: Interrupts,
+    *,
+    quiet: bool,
+    as_json: bool = False,
 ) -> Result:
-    """Return the result of a flight, or exit with the reason why it couldn't begin or go on."""
+    """Return the result of a flight, or exit with the reason why it couldn't begin or go on.
+
+    `as_json`: the summary of one that couldn't go on is printed, if there is one.
+    """
     shown = Progress() if quiet else progress_on(sys.stderr)
     try:
         return fly(scenario, options, shown, interrupts)
     except (RecordError, ScenarioError) as error:
         fail(str(error))
     except RunAbortedError as error:
+        if as_json and error.figures is not None:
+            click.echo(json.dumps(error.figures, indent=2))
         sys.exit(interrupted(options) if interrupts.count else say(str(error), Status.COULD_NOT_GO_ON))
     finally:
         shown.close()

@@ -36,6 +36,14 @@ def three_numbers(values: Iterable[Any]) -> Vector3:
     return float(first), float(second), float(third)
 
 
+def _as_feedback(values: Iterable[Any]) -> Vector3:
+    try:
+        return three_numbers(values)
+    except (TypeError, ValueError):
+        allowed = "three numbers: speed m/s, heading rad, height m"
+        raise TypeError(f"returned {values!r}; allowed: {allowed}") from None
+
+
 class Feedback:
     """The feedback of one follower's law from outside."""
 
@@ -51,7 +59,7 @@ class Feedback:
         """
         law = self._law
         law.replaced = replaced
-        output = guarded(self._entry, lambda: three_numbers(law.feedback(mixed, slopes, dt_s)))
+        output = guarded(self._entry, lambda: _as_feedback(law.feedback(mixed, slopes, dt_s)))
         if not all_finite(output):
             values = "speed {:.6g} m/s, heading {:.6g} rad, height {:.6g} m".format(*output)
             raise NotFiniteError(f"{self._entry} ({self._entry.where})", self._index, f"feedback: {values}")

@@ -13,6 +13,7 @@ from flight_model.frequency_response import (
     airframe_responses,
     delay_response,
     linearised,
+    mismatched,
     stable_delay_s,
     tau_responses,
 )
@@ -250,3 +251,9 @@ def test_links_over_which_nothing_holds_leave_the_slowest_that_is_tried():
 def test_a_loop_of_gain_1_at_the_highest_frequency_counts_as_unstable():
     assert stable_delay_s(np.full(FREQUENCIES.size, 1.01 + 0j), 0) == 0.0
     assert stable_delay_s(np.full(FREQUENCIES.size, 0.99 + 0j), 0) == math.inf
+
+
+def test_a_channel_that_a_limit_holds_has_loops_without_a_response_and_without_a_warning() -> None:
+    loops = list(mismatched(np.ones(FREQUENCIES.size, complex), np.zeros(FREQUENCIES.size, complex)))
+    assert len(loops) == 4
+    assert np.abs(loops).max() < 1e-200

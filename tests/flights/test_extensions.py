@@ -11,12 +11,14 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from click.testing import CliRunner
 
 import gcs_formation
 from formation_scenario import ScenarioError, load_scenario
 from formation_scenario.registry import load_extensions
 from formation_scenario.schema import scenario_schema
 from formation_scenario.used_extensions import used_extensions
+from gcs_formation.cli import main
 from gcs_formation.record.run_directory import SCENARIO, TIMESERIES
 from gcs_formation.report.page import write_report
 from gcs_formation.studies import Study
@@ -220,6 +222,16 @@ def test_what_is_not_finite_ends_the_flight(code, more, said, tmp_path):
         flown(tmp_path, file, **more)
     assert f"'it' ({file}:3) returned for vehicle" in str(failed.value)
     assert said in str(failed.value)
+
+
+def test_the_summary_of_a_flight_that_ended_early_is_printed_as_json_too(tmp_path):
+    code = HEAD + "@register_law('it')\nclass It(FollowerLaw):\n    def feedback(self, *_):\n        return 1, 2\n"
+    (tmp_path / "s.yaml").write_text(yaml.dump(keys(law={"type": "it"})))
+    options = ["--clock", "virtual", "--plugin", str(own(tmp_path, code)), "--out", str(tmp_path / "run"), "--json"]
+    done = CliRunner().invoke(main, ["run", str(tmp_path / "s.yaml"), *options])
+    assert done.exit_code == 3
+    assert json.loads(done.stdout) == json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert "returned (1, 2); allowed: three numbers" in done.stderr
 
 
 def test_a_filter_stays_within_the_envelope_and_the_law_knows_what_was_replaced(tmp_path):

@@ -63,6 +63,11 @@ def test_a_wrong_key_is_named_as_it_was_given_and_not_as_an_option_of_the_comman
     assert "--set" not in str(refused.value)
 
 
+def test_what_is_no_scenario_is_refused() -> None:
+    with pytest.raises(gcs_formation.ScenarioError, match=r"found \[1, 2\]; allowed: a file, a mapping"):
+        gcs_formation.run([1, 2])  # type: ignore[arg-type]
+
+
 def test_an_empty_directory_name_is_refused() -> None:
     with pytest.raises(ValueError, match="out: found ''; allowed: a directory"):
         gcs_formation.run(scenario(), out="")

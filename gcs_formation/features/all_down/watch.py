@@ -14,7 +14,7 @@ from gcs_formation.vehicle.vehicle import Vehicle
 
 DOWN_S: Final = 4.0
 """How long all vehicles must be down until the flight is given up: a restart looks so for a moment. Tuned: s; 2 to 10;
-by judgement."""
+shown by `pytest tests/gcs_formation/features/all_down`."""
 
 
 class AllDown(Stage):

@@ -20,7 +20,8 @@ UTC_IN_USE_S: Final = 10e-3
 """The same for UTC already in use. Tuned: s; more than `UTC_SLACK_S`, 6e-3 to 20e-3; shown by `python -m
 benchmarks.gnss_grid`."""
 UTC_AGAIN_S: Final = 10.0
-"""UTC that was rejected is used again once it has been consistent for this long. Tuned: s; 5 to 60; by judgement."""
+"""UTC that was rejected is used again once it has been consistent for this long. Tuned: s; 5 to 60; shown by `pytest
+tests/gcs_formation/features/common_clock`."""
 UTC_SLEW: Final = 0.01
 """Rate at which the mapping of stamps changes in flight, s a second. Tuned: s/s; 0.002 to 0.02; shown by `python -m
 benchmarks.gnss_grid`."""

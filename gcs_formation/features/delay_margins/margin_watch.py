@@ -23,24 +23,27 @@ from gcs_formation.stability.mismatch import NEAR, TAUS_OFF_COUNTED
 from gcs_formation.vehicle.vehicle import Vehicle
 
 CLEAR: Final = 0.7
-"""Share below which another event reports that this has ended. Tuned: share; 0.5 to 0.8; by judgement."""
+"""Share below which another event reports that this has ended. Tuned: share; 0.5 to 0.8; shown by `pytest
+tests/gcs_formation/features/delay_margins`."""
 DEGRADE: Final = 0.9
-"""Share from which gains are reduced. Tuned: share; 0.8 to 0.95; by judgement."""
+"""Share from which gains are reduced. Tuned: share; 0.8 to 0.95; shown by `pytest
+tests/gcs_formation/features/delay_margins`."""
 RESTORE: Final = 0.5
 """Share below which reduced gains are raised again, after `CALM_LOOKS` checks. Tuned: share; 0.3 to 0.6; by
 judgement."""
 LASTING_LOOKS: Final = 4
 """Number of checks, one a second, of which the smallest jitter counts: for up to 3 s after a step of the delay, round
-trips before and after it are in one window and seem to jitter. Tuned: s; 3 to 6; by judgement."""
+trips before and after it are in one window and seem to jitter. Tuned: s; 3 to 6; shown by `pytest
+tests/gcs_formation/features/delay_margins`."""
 CALM_LOOKS: Final = 10
 """Number of checks, one a second: the standard deviation of a few round trips is itself uncertain. Tuned: s; 5 to 30;
-by judgement."""
+shown by `pytest tests/gcs_formation/features/delay_margins`."""
 HOLD_LOOKS: Final = 20
 """Longest hold by `law.on_delay`, of checks once a second. A leader at 22 m/s flies 440 m meanwhile. Tuned: s; 10 to
-60; by judgement."""
+60; shown by `pytest tests/gcs_formation/features/delay_margins`."""
 KEPT: Final = 0.7
 """Share in use after either change; fuzzy scheduling can reduce a margin to about 0.77 of itself. Tuned: share; 0.5 to
-0.75; by judgement."""
+0.75; shown by `pytest tests/gcs_formation/features/delay_margins`."""
 CHANNELS: Final = {"x": "speed", "y": "heading", "z": "height"}
 INDICES: Final = {axis: [index] for index, axis in enumerate(CHANNELS)}
 EVERY_INDEX: Final = list(range(len(CHANNELS)))
@@ -49,7 +52,7 @@ UNDESIGNED_S: Final = 0.05
 judgement."""
 SLOW_LOOKS: Final = 5
 """Number of checks, one a second, for which this must last in flight: a machine may just have been held up. Tuned: s; 3
-to 10; by judgement."""
+to 10; shown by `pytest tests/gcs_formation/features/delay_margins`."""
 DESIGN_STEP_S: Final = 0.01
 """Step to which design delays are rounded, so that few designs are computed. Tuned: s; 0.005 to 0.05; by
 judgement."""

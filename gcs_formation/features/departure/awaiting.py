@@ -15,13 +15,14 @@ from gcs_formation.vehicle.member import Member
 from gcs_formation.vehicle.vehicle import Vehicle
 
 STRAIGHT_S: Final = 20.0
-"""Longest flight straight on. Tuned: s; 10 to 40; by judgement: commands that are lost half of the time are there by
-then with a probability of 0.9999, and at 22 m/s it is 440 m."""
+"""Longest flight straight on. Tuned: s; 10 to 40; shown by `pytest tests/gcs_formation/features/departure`: commands
+that are lost half of the time are there by then with a probability of 0.9999, and at 22 m/s it is 440 m."""
 
 
 TURNS_S: Final = 1.0
 """Time for which it may circle first: mostly the leader is there by then, and nothing needs to be sent. Tuned: s; 0.5
-to 2; by judgement: at 22 m/s and 0.25 rad/s it is 3 m off its line by then."""
+to 2; shown by `pytest tests/gcs_formation/features/departure`: at 22 m/s and 0.25 rad/s it is 3 m off its line by
+then."""
 
 
 class AwaitingFormation(Stage):

@@ -14,13 +14,15 @@ from gcs_formation.phases import Phase
 from gcs_formation.vehicle.vehicle import Vehicle
 
 LATERAL_M: Final = 25.0
-"""Distance beside its line of take-off within which another stands in its way. Tuned: m; 10 to 30; by judgement: slots
-are 30 m apart, and a gust or a slope of the ground turns a plane that rolls."""
+"""Distance beside its line of take-off within which another stands in its way. Tuned: m; 10 to 30; shown by `pytest
+tests/gcs_formation/features/departure`: slots are 30 m apart, and a gust or a slope of the ground turns a plane that
+rolls."""
 AHEAD_M: Final = 600.0
-"""Distance ahead within which it may come near another that takes off later. Tuned: m; 300 to 1000; by judgement: at
-3 m/s it takes 20 s to climb out, at 22 m/s 440 m."""
+"""Distance ahead within which it may come near another that takes off later. Tuned: m; 300 to 1000; shown by `pytest
+tests/gcs_formation/features/departure`: at 3 m/s it takes 20 s to climb out, at 22 m/s 440 m."""
 SAID_AFTER_NS: Final = 3 * NANOSECONDS
-"""A wait is said once it is longer than an answer takes. Tuned: ns; 2 to 5 s; by judgement."""
+"""A wait is said once it is longer than an answer takes. Tuned: ns; 2 to 5 s; shown by `pytest
+tests/gcs_formation/features/departure`."""
 
 
 class TakeOffOrder(Stage):

@@ -21,7 +21,8 @@ BEFORE_M, BEYOND_M, LATERAL_M = 150.0, 60.0, 25.0
 """Distances before, beyond and to the side of its home within which a landing aircraft is low, or rolls."""
 BEYOND_LANDED_M: Final = 35.0
 """The same beyond its home, where one stands that has landed in this flight: of the 60 m that were between their homes
-it may have used up 25, short of its own home. Tuned: m; 20 to 60; by judgement."""
+it may have used up 25, short of its own home. Tuned: m; 20 to 60; shown by `pytest
+tests/gcs_formation/features/ending`."""
 RESOLUTION_M: Final = 0.5
 """Least distance of two reported positions: in slots of 30 m vehicles are 60 m behind one another, to the cm. Tuned: m;
 0.1 to 1; shown by `pytest tests/gcs_formation/features/ending`."""

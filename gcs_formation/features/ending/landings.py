@@ -29,11 +29,13 @@ there at once: below 0.3 m/s four never are.
 """
 ROLLS_MPS = 1.5
 """Ground speed from which on a landed vehicle still rolls: a receiver says less of one that stands. Tuned: m/s; 0.5 to
-3; by judgement."""
+3; shown by `pytest tests/gcs_formation/features/ending`."""
 REFUSED_FOR_S = 5.0
-"""How long a command to land may be refused until landings stop. Tuned: s; 3 to 10; by judgement."""
+"""How long a command to land may be refused until landings stop. Tuned: s; 3 to 10; shown by `pytest
+tests/gcs_formation/features/ending`."""
 LANDING_LIMIT_S = 900.0
-"""Longest wait for vehicles to circle over their homes, and for each to land. Tuned: s; 300 to 1800; by judgement."""
+"""Longest wait for vehicles to circle over their homes, and for each to land. Tuned: s; 300 to 1800; shown by `pytest
+tests/gcs_formation/features/ending`."""
 
 
 class Landings:

@@ -33,7 +33,8 @@ CONFIRMED_S = 1.5
 confirmed or dropped within two checks, 1 s, and each move has them climb above it. Tuned: s; 1 to 3; shown by flights
 of PX4's simulator, whose vehicles were doubted for 0.4 to 1 s up to 14 times an ending."""
 HOVER_MPS = 0.5
-"""Ground speed below which a stopping vehicle counts as hovering. Tuned: m/s; 0.2 to 1; by judgement."""
+"""Ground speed below which a stopping vehicle counts as hovering. Tuned: m/s; 0.2 to 1; shown by `pytest
+tests/gcs_formation/features/ending`."""
 
 
 class VerticalSeparation:

@@ -12,7 +12,8 @@ import numpy as np
 from flight_model.arrays import Array
 
 KEPT: Final = 1200
-"""Ticks that are kept. Tuned: ticks; three periods and more, 600 to 3000; by judgement."""
+"""Ticks that are kept. Tuned: ticks; three periods and more, 600 to 3000; shown by `pytest
+tests/gcs_formation/features/limit_cycle`."""
 PERIODS: Final = 3.0
 """Periods of the oscillation that are used, the newest. Tuned: periods; 2 to 6; shown by `pytest
 tests/gcs_formation/features/limit_cycle`."""

@@ -35,20 +35,22 @@ SETTLES_S: Final = 6.0
 """Time that a lower level gets to empty the queues. Tuned: s; 4 to 15; shown by `pytest
 tests/gcs_formation/features/link_budget`."""
 SILENT_S: Final = 0.5
-"""Time without any frame from which on nothing more is asked for. Tuned: s; 0.3 to 1; by judgement."""
+"""Time without any frame from which on nothing more is asked for. Tuned: s; 0.3 to 1; shown by `pytest
+tests/gcs_formation/features/link_budget`."""
 CALM_S: Final = 20.0
 """Time without a full link before rates go up. Tuned: s; 10 to 60; shown by `pytest
 tests/gcs_formation/features/link_budget`."""
 ROOM: Final = 0.75
 """They go up if they would need less than this share of what the link carried when it was full, in turns and climbs.
-Tuned: share; 0.5 to 0.9; by judgement."""
+Tuned: share; 0.5 to 0.9; shown by `pytest tests/gcs_formation/features/link_budget`."""
 TRY_AGAIN_S, TRY_AGAIN_MAX_S = 120.0, 960.0
 """Or after this time, doubled after each time that the link was full again."""
 TELLS: Final = 0.1
 """A level is in vain if the loss doesn't fall, where it would have to by more than this. Tuned: share; 0.08 to 0.15;
 shown by `pytest tests/gcs_formation/features/link_budget`."""
 IN_VAIN_S: Final = 12.0
-"""Time at the lowest rates after which the link counts as bad instead of full. Tuned: s; 6 to 30; by judgement."""
+"""Time at the lowest rates after which the link counts as bad instead of full. Tuned: s; 6 to 30; shown by `pytest
+tests/gcs_formation/features/link_budget`."""
 
 
 class VehicleBudget:

@@ -32,7 +32,7 @@ FEWEST: Final = 16
 shown by `pytest tests/gcs_formation/features/message_intervals`."""
 FEWEST_SENT: Final = 8.0
 """Messages expected in the time in which anything was received, from which on their lack says something. Tuned:
-messages; 5 to 20; by judgement."""
+messages; 5 to 20; shown by `pytest tests/gcs_formation/features/message_intervals`."""
 QUICK_HZ: Final = 5.0
 """Messages that come at least as often as attitudes are counted over `WINDOW_S`. Tuned: Hz; 2 to 10; shown by `pytest
 tests/gcs_formation/features/message_intervals`."""

@@ -8,7 +8,7 @@ import math
 from typing import Final
 
 CHECK_S: Final = 0.4
-"""Interval of the checks. Tuned: s; 0.2 to 0.8; by judgement."""
+"""Interval of the checks. Tuned: s; 0.2 to 0.8; shown by `pytest tests/gcs_formation/features/saturation`."""
 CHECKS: Final = 4
 """Consecutive checks, three intervals, in which it must be too slow. The time constants of multirotors are 0.4 to
 0.7 s. Tuned: checks; 4 to 8; shown by `pytest tests/gcs_formation/features/saturation`."""
@@ -20,7 +20,7 @@ GAINED: Final = 0.3
 tests/gcs_formation/features/saturation`."""
 FLIES: Final = 0.3
 """Share of its commanded speed that it must fly: one that doesn't fly at all isn't waited for. Tuned: share; 0.2 to
-0.5; by judgement."""
+0.5; shown by `pytest tests/gcs_formation/features/saturation`."""
 FORGETS_MPS2: Final = 0.05
 """Rate at which the limit rises again. Tuned: m/s²; 0.02 to 0.2; shown by `pytest
 tests/gcs_formation/features/saturation`."""

@@ -17,9 +17,10 @@ RESERVE_MPS: Final = 0.5
 """Speed that each is left, below its limit. Tuned: m/s; 0.3 to 1; shown by `pytest
 tests/gcs_formation/features/saturation`."""
 SLOWS_MPS2: Final = 2.0
-"""How fast the leader's bound falls. Tuned: m/s²; 0.5 to 2.5; by judgement."""
+"""How fast the leader's bound falls. Tuned: m/s²; 0.5 to 2.5; shown by `pytest
+tests/gcs_formation/features/saturation`."""
 RESUMES_MPS2: Final = 0.3
-"""How fast it rises. Tuned: m/s²; 0.1 to 0.5; by judgement."""
+"""How fast it rises. Tuned: m/s²; 0.1 to 0.5; shown by `pytest tests/gcs_formation/features/saturation`."""
 MIN_MPS: Final = 1.0
 """The leader isn't bounded to less: a formation that is to hover has no slots to fly to. Tuned: m/s; 0.5 to 2; by
 judgement."""
@@ -33,7 +34,8 @@ BEYOND_MPS: Final = 1.0
 """By how much more than its limit each may be commanded: enough to see that it still can't. Tuned: m/s; 0.6 to 2; shown
 by `pytest tests/gcs_formation/features/saturation`."""
 QUIET_S: Final = 20.0
-"""Time without saturation after which an event says so. Tuned: s; 10 to 60; by judgement."""
+"""Time without saturation after which an event says so. Tuned: s; 10 to 60; shown by `pytest
+tests/gcs_formation/features/saturation`."""
 
 
 class SpeedReserve(Stage):

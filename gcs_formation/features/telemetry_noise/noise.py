@@ -16,7 +16,8 @@ NOISE_OFF: Final = 1.8
 """Ratio to the declared noise, or its inverse, from which a difference is reported. Tuned: ratio; 1.5 to 3; shown by
 `pytest tests/gcs_formation/features/telemetry_noise`."""
 NOISE_BACK: Final = 1.4
-"""Ratio below which the noise is as declared again. Tuned: ratio; 1.2 to below `NOISE_OFF`; by judgement."""
+"""Ratio below which the noise is as declared again. Tuned: ratio; 1.2 to below `NOISE_OFF`; shown by `pytest
+tests/gcs_formation/features/telemetry_noise`."""
 UNITS: Final = ("m", "m", "m/s", "m/s", "m/s", "rad")
 ACCEPTED_AGAIN: Final = "what it measures is accepted again"
 

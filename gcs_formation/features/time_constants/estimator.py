@@ -25,7 +25,8 @@ FINEST: Final[tuple[float, ...]] = (0.001, 1e-4, 0.05)
 constants: their small motions teach nothing. Tuned: m/s, rad, m; at most `RESOLUTION`; shown by `pytest
 tests/gcs_formation/features/time_constants`."""
 GAP_S: Final = 3.0
-"""A longer gap in the telemetry restarts the simulations. Tuned: s; 1 to 5; by judgement."""
+"""A longer gap in the telemetry restarts the simulations. Tuned: s; 1 to 5; shown by `pytest
+tests/gcs_formation/features/time_constants`."""
 
 
 class VehicleEstimator:

@@ -33,17 +33,20 @@ to 0.7; shown by `python -m benchmarks.model_draws`."""
 PRIOR_INFORMATION: Final = 1.0 / PRIOR_SPREAD**2
 CORRELATED_S: Final = 1.0
 """Residuals this far apart count as independent, unless they are found to be correlated for longer. Tuned: s; 0.5 to 3;
-by judgement."""
+shown by `pytest tests/gcs_formation/features/time_constants`."""
 STEP_MAX: Final = 0.1
-"""Largest change of a ratio's logarithm at a fit. Tuned: a number; 0.05 to 0.2; by judgement."""
+"""Largest change of a ratio's logarithm at a fit. Tuned: a number; 0.05 to 0.2; shown by `pytest
+tests/gcs_formation/features/time_constants`."""
 SETTLED: Final = 1e-3
 """After a fit that changes a ratio's logarithm by less, the next one waits for a batch with excitation. Tuned: a
 number; 1e-4 to 1e-2; by judgement."""
 MIN_SPREAD: Final = 0.02
 """Old samples are forgotten once a ratio's logarithm has a smaller standard deviation, since time constants may change.
-Without excitation nothing is estimated and nothing forgotten. Tuned: a number; 0.01 to 0.05; by judgement."""
+Without excitation nothing is estimated and nothing forgotten. Tuned: a number; 0.01 to 0.05; shown by `pytest
+tests/gcs_formation/features/time_constants`."""
 RECENT_S: Final = 20.0
-"""Time constant of the mismatch's memory. Tuned: s; 10 to 60; by judgement."""
+"""Time constant of the mismatch's memory. Tuned: s; 10 to 60; shown by `pytest
+tests/gcs_formation/features/time_constants`."""
 STILL_RECENT: Final = math.exp(-BATCH_S / RECENT_S)
 FITTED: Final = 2.0
 """Degrees of freedom of the residuals that the mismatch's own fit uses, for a mean and a share."""

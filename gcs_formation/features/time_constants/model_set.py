@@ -22,7 +22,7 @@ limit may be lower than declared (the faster an aircraft flies, the slower it tu
 judgement."""
 STEP_NS: Final = 100_000_000
 """Approximate time step; in each step the simulations follow the mean of the setpoints that act in it. Tuned: ns; 50 to
-200 ms; by judgement."""
+200 ms; shown by `pytest tests/gcs_formation/features/time_constants`."""
 ALIKE_NS: Final = 1_000_000
 """Steps that differ by no more count as equal, which saves exponentials. The next step makes up for the difference.
 Tuned: ns; 0.1 to 5 ms; by judgement."""

@@ -10,16 +10,18 @@ from typing import Final
 from flight_model.autopilot_model import squared
 
 BATCH_S: Final = 1.0
-"""Interval between fits. Tuned: s; 0.5 to 3; by judgement."""
+"""Interval between fits. Tuned: s; 0.5 to 3; shown by `pytest tests/gcs_formation/features/time_constants`."""
 ALIKE_S: Final = 60.0
-"""Time constant of the memory of `Persistence`. Tuned: s; 30 to 180; by judgement."""
+"""Time constant of the memory of `Persistence`. Tuned: s; 30 to 180; shown by `pytest
+tests/gcs_formation/features/time_constants`."""
 STILL_ALIKE: Final = math.exp(-BATCH_S / ALIKE_S)
 PRIOR_BATCHES: Final = 6.0
 """Prior number of successive batches whose residuals are correlated. Also the largest number that the mismatch uses:
 residuals that are correlated for longer may come from wrong time constants. Tuned: batches; 3 to 12; shown by `pytest
 tests/gcs_formation/features/time_constants`."""
 PRIOR_WORTH: Final = 5.0
-"""Weight of that prior, in pairs of batches. Tuned: pairs; 2 to 10; by judgement."""
+"""Weight of that prior, in pairs of batches. Tuned: pairs; 2 to 10; shown by `pytest
+tests/gcs_formation/features/time_constants`."""
 
 
 class Persistence:

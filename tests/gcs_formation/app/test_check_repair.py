@@ -105,3 +105,10 @@ def test_a_mission_that_ends_with_a_short_steep_leg_behind_a_detour_is_repaired_
     ]
     checked = CliRunner().invoke(main, ["check", str(out), "--no-fly"])
     assert (checked.exit_code, checked.exception) == (0, None)
+
+
+@pytest.mark.parametrize("option", ["--repair", "--export"])
+def test_the_scenario_itself_is_not_written_over(tmp_path: Path, option: str) -> None:
+    status, said = check(tmp_path, {"waypoints_m": LOW[::2]}, option, str(tmp_path / "mission.json"))
+    assert (status, "found the scenario itself" in said) == (2, True)
+    assert json.loads((tmp_path / "mission.json").read_text())["vehicles"] == {"count": 3}

@@ -214,8 +214,8 @@ def test_a_feedback_gets_errors_and_rates_and_what_limits_and_the_separation_rul
     ("answer", "words", "index"),
     [
         ((0.5, math.nan, 2.0), "feedback: speed 0.5 m/s, heading nan rad, height 2 m", 2),
-        ((0.5, 0.1), "ValueError", None),
-        (None, "TypeError", None),
+        ((0.5, 0.1), "TypeError: returned (0.5, 0.1); allowed: three numbers: speed m/s, heading rad, height m", None),
+        (None, "TypeError: returned None; allowed: three numbers", None),
     ],
 )
 def test_a_feedback_owes_three_finite_numbers(answer: Any, words: str, index: int | None) -> None:

@@ -125,6 +125,7 @@ def test_the_exit_status_says_whether_anything_differs(tmp_path: Path) -> None:
     one, other = write_record(tmp_path / "one"), write_record(tmp_path / "other")
     same = called(one, other)
     assert (same.exit_code, same.output) == (0, "no difference\n")
+    assert called(one, other, "--plugin", "law.py").exit_code == 0, "as of every command that reads a run"
     text("run.yaml", KEYS.replace("3", "4"))(other)
     assert called(one, other).exit_code == 1
     assert called(one, other, "--ignore", "run.yaml: s*d").exit_code == 0

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from airlink import mavlink as m
 from airlink.clock import Instant
-from airlink.endpoint import LOOPBACK
+from airlink.endpoint import LOOPBACK, ComponentId
 from airlink.messages.mission import MissionAck, MissionCount, MissionItemInt, MissionRequest, MissionRequestInt
 from flight_model.earth import GeodeticOrigin
 from gcs_formation.app.sitl.fleet import not_simulated, simulated
@@ -26,6 +26,8 @@ from tests.processes import LIMIT_S, free_port
 PX4S = {"count": 2, "autopilot": "px4", "endpoint": "udpin:127.0.0.1:14550"}
 ORIGIN = GeodeticOrigin(math.radians(35.0), math.radians(125.0), 0.0)
 NOW = Instant(0)
+GIVEN_TO = ComponentId(2, m.MAV_COMP_ID_AUTOPILOT1)
+"""Whom the items are addressed to, and who reads them here."""
 
 
 def given(**landing: float) -> tuple[MissionItemInt, ...]:
@@ -36,7 +38,7 @@ def given(**landing: float) -> tuple[MissionItemInt, ...]:
 def test_what_is_given_is_read_as_the_landing_of_the_scenario() -> None:
     upload, reader = (
         Upload(given(approach_m=700, height_m=45, course_deg=90)),
-        StoredMission(2, ORIGIN, needs_mark=True),
+        StoredMission(2, GIVEN_TO, ORIGIN, needs_mark=True),
     )
     assert isinstance(upload.begins, MissionCount)
     reader.requests(NOW)
