@@ -91,11 +91,11 @@ class FormationController:
             0.0 if scenario.hovers else observer_radps,
             updraughts=observer_radps > 0.0 and self._compensates,  # a late response to updraughts would oscillate
         )
-        self._virtual = None if scenario.leader is not None else self._virtual_leader()
+        self._virtual = None if scenario.leader is not None else self._virtual_leader(scenario.start.tolerance_m)
 
-    def _virtual_leader(self) -> VirtualLeader:
-        filters, model = self.estimator.filters, self.models[VIRTUAL]
-        return VirtualLeader(filters, self.history, model, self._frame, as_centroid=self._leads_as_centroid)
+    def _virtual_leader(self, tolerance_m: float) -> VirtualLeader:
+        filters, model, mutual = self.estimator.filters, self.models[VIRTUAL], self._leads_as_centroid
+        return VirtualLeader(filters, self.history, model, self._frame, tolerance_m, as_centroid=mutual)
 
     @property
     def leader_m(self) -> float:
@@ -152,7 +152,7 @@ class FormationController:
             margin_used: (C,) share of the delay margin that the loops use.
         """
         if self._virtual is not None and self.fault is None:
-            self._place_virtual_leader(self._virtual, now)
+            self._place_virtual_leader(self._virtual, now, links)
         self._limit_speeds(links)
         self._steering.set_turn_time_constant()
         self._acts = self._acts_at(now, links)
@@ -283,10 +283,10 @@ class FormationController:
             self.models[index].reach(slowest_mps, min(fastest_mps, self._reached_mps[index]))
 
     def _acts_at(self, now: Instant, links: list[VehicleLink]) -> vec[i64]:
-        """Return when each vehicle's present setpoint acts; for a leader that is their centroid the mean."""
-        acts = vec[i64]([_acts(now, link) for link in links])
-        if self._leads_as_centroid:
-            acts[0] = sum([acts[index] for index in self._indices[1:]]) // (self.count - 1)
+        """Return when each vehicle's present setpoint acts; for a leader at vehicles' centroid the mean of theirs."""
+        acts, leader = vec[i64]([_acts(now, link) for link in links]), self._virtual
+        if leader is not None and leader.members and self._leads_as_centroid:
+            acts[0] = sum([acts[index] for index in leader.members]) // len(leader.members)
         return acts
 
     def _measured(self, active: list[bool], acts: vec[i64]) -> MeasuredStates:
@@ -321,11 +321,12 @@ class FormationController:
             if not math.isnan(tick.age_s[index]):
                 tick.state[index] = each.state
 
-    def _place_virtual_leader(self, leader: VirtualLeader, now: Instant) -> None:
+    def _place_virtual_leader(self, leader: VirtualLeader, now: Instant, links: list[VehicleLink]) -> None:
         """Set the virtual leader's state: from the followers' at first or if the law commands it, else by the model."""
         flown = self.last_tick
         if leader.begins(flown=flown is not None):
             slots = self._slots.planned(now, math.nan if flown is None else flown.mission_time_s)
+            leader.take_members(links, flown)
             leader.place_at_centroid(now, slots.each, self.guidance.speed_mps, self._turn_rps)
         else:
             leader.carry_on(now)

@@ -92,7 +92,7 @@ class Parts:
             together=scenario.hovers and not scenario.start.in_air and begins.from_start,
         )
         self.orders = Orders(scenario, self.phase_machine, self.reconfiguration, log_event)
-        self.heartbeats = HeartbeatScheduler(*fleet, narrow, self.radio_reports)
+        self.heartbeats = HeartbeatScheduler(*fleet, narrow, self.radio_reports, 1.0 / scenario.law.rate_hz)
         self.cycle.as_written, self.cycle.heartbeats = stated, self.heartbeats
         self.cycle.radio_reports = self.radio_reports
 

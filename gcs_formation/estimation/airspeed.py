@@ -94,6 +94,13 @@ class AirspeedCheck:
         self.synthetic_mps: float = math.nan
         """The newest true airspeed by velocity over ground and wind."""
 
+    def restart(self) -> None:
+        """Judge readings as if they were the first ones: the aircraft, its clock and its sensor have restarted.
+
+        The wind stays: it is the air's, and if the sensor still fails, the synthetic airspeed is by what was known.
+        """
+        self._stamp_s, self._plausible_s, self.accepted = math.nan, 0.0, True
+
     def accepts(
         self,
         stamp_s: float,
@@ -129,7 +136,7 @@ class AirspeedCheck:
             self.accepted = self._is_plausible(ias_mps, expected_mps, 1.0) or not self._is_flown(expected_mps, 1.0)
             self._plausible_s = 0.0
             return
-        self._plausible_s += elapsed_s
+        self._plausible_s += max(elapsed_s, 0.0)
         if not self._is_plausible(ias_mps, expected_mps, RETURN_SHARE):
             self._plausible_s = 0.0
         self.accepted = self._plausible_s >= RETURN_S

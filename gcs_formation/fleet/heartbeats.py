@@ -45,10 +45,11 @@ class HeartbeatScheduler:
         log_event: LogEvent,
         narrow: Collection[VehicleId] = (),
         radios: RadioReports | None = None,
+        tick_s: float = 0.0,
     ) -> None:
         """Start with both due at once; `narrow`: vehicles to which nothing more is sent than needed.
 
-        Nor is it to those behind a radio, as far as `radios` have reported.
+        Nor is it to those behind a radio, as far as `radios` have reported. Heartbeats leave at ticks, `tick_s` apart.
         """
         self.next_probe = Instant(0)
         self._vehicles, self._narrow, self._radios = vehicles, set(narrow), radios
@@ -58,7 +59,7 @@ class HeartbeatScheduler:
         """When those that haven't been asked yet are."""
         self._slower = dict[VehicleId, tuple[float, bool]]()
         """The periods of requests to vehicles, s, and whether they are irregular."""
-        self._next_heartbeat = Instant(0)
+        self._next_heartbeat, self._half_tick_s = Instant(0), tick_s / 2.0
         self._log_event, self._withheld = log_event, frozenset[VehicleId]()
         self._missed = list[Vehicle]()
         """Vehicles of a resumed flight that haven't been received yet: their failsafe may be about to act."""
@@ -77,15 +78,19 @@ class HeartbeatScheduler:
         self._next_heartbeat = now
 
     def heartbeat_due(self, now: Instant) -> bool:
-        """Return whether a heartbeat is due; if so, schedule the next one."""
+        """Return whether a heartbeat is due; if so, schedule the next one.
+
+        It leaves at the tick nearest to its second: ticks needn't divide one, as at 3 Hz, and still it is one a second.
+        """
         if self._missed:
             missed = [each for each in self._missed if each.connection.state is LinkState.SEARCHING]
             if len(missed) < len(self._missed):
                 self._missed = missed
                 self.hasten(now)
-        if now < self._next_heartbeat:
+        late_s = seconds_between(self._next_heartbeat, now)
+        if late_s < -self._half_tick_s:
             return False
-        self._next_heartbeat = after(now, HEARTBEAT_S)
+        self._next_heartbeat = after(self._next_heartbeat if late_s <= self._half_tick_s else now, HEARTBEAT_S)
         return True
 
     def heartbeats(self, mission_s: float, unguided: Set[VehicleId], now: Instant) -> list[tuple[Vehicle, Message]]:

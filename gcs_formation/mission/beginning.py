@@ -47,5 +47,6 @@ class Beginning:
         """Take a parameter reported by a vehicle."""
 
     def may_begin(self, now: Instant) -> bool:  # noqa: ARG002 - as soon as they follow, by default
-        """Return whether the leader follows setpoints or, with a virtual leader, whether all vehicles do."""
-        return all(vehicle.member is Member.FLYING for vehicle in self._needed)
+        """Return whether the leader follows setpoints or, with a virtual leader, whether all do that are awaited."""
+        awaited = [vehicle for vehicle in self._needed if vehicle.awaited]
+        return bool(awaited) and all(vehicle.member is Member.FLYING for vehicle in awaited)

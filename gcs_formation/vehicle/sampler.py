@@ -50,6 +50,11 @@ class Sampler:
         """Map stamps by what is known on another of the vehicle's links from now on."""
         self._round_trips, self._source_binding = round_trips, source_binding
 
+    def restart(self) -> None:
+        """Forget what earlier readings showed: the vehicle has restarted."""
+        if self.airspeed_check is not None:
+            self.airspeed_check.restart()
+
     def new(self, now: Instant, *, flew: bool, leads: bool = False) -> Sample | None:
         """Return the newest sample, once; None while the vehicle's clock is unknown.
 

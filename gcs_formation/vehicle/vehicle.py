@@ -259,12 +259,17 @@ class Vehicle(VehicleState):
     def restart(self, booted: Instant) -> None:
         """Start afresh after the vehicle's clock has begun again at `booted`: earlier knowledge of it is void.
 
-        But whom a pilot had by then stays the pilot's, and is requested telemetry alone.
+        But whom a pilot had by then stays the pilot's, and is requested telemetry alone. That it is to fly home isn't
+        knowledge of it either but our decision. It holds while it may fly: no battery is filled in the air, but what
+        the autopilot reports of one may begin again at full. On the ground it may get another.
         """
         was_pilots = self.is_left or (self.member is Member.PARTED and self.member_since < booted)
         self.restarts += 1
         self._flew_before = self.may_fly
+        if not self._flew_before:
+            self.sent_home = ""
         self.telemetry.invalidate()
+        self.sampler.restart()
         self._forget_numbers()
         if self.links is not None:
             self.links.restart()

@@ -182,6 +182,16 @@ class VehicleState:
         return self.start_up.left and not self.start_up.finished
 
     @property
+    def awaited(self) -> bool:
+        """Whether the formation waits for it before it begins.
+
+        Not once it was given up, while its pilot has it, or while its link is lost after it had got ready.
+        """
+        ready = self.start_up.finished
+        out = self.connection.state is LinkState.LOST if ready else self.start_up.abandoned
+        return not out and self.member is not Member.PARTED
+
+    @property
     def unanswered_s(self) -> float:
         """Time from its newest answer to its last frame, s."""
         return self.round_trips.unanswered_s(self.connection.last_received)

@@ -12,6 +12,7 @@ from airlink.engine import Datagram
 from airlink.frame import FrameWriter
 from airlink.messages.telemetry import VfrHud
 from airlink.stream_parser import StreamParser
+from gcs_formation.vehicle.member import Member
 from sim_vehicles.fleet import Fleet
 from tests.flights.in_memory import Between, World
 
@@ -87,6 +88,22 @@ def test_a_sensor_that_reads_0_for_a_while_is_reported_and_changes_nothing(numbe
     assert last == "what it measures is accepted again"
     assert len(world.times_s("airspeed", number)) == 2
     assert world.words("disobeys") == []
+
+
+def test_a_rejected_sensor_that_works_after_a_restart_in_the_air_is_accepted_as_soon_as_the_vehicle_is_back() -> None:
+    """What it had read before the restart isn't held against it for as long as its autopilot had been up."""
+    world, sensor = flown(duration_s=20, vehicles={"count": 2})
+    world.fly_to(2.0)
+    sensor.fail(2, 0.0)
+    world.run(2.0)
+    world.inject(2, "restart")
+    sensor.fail(2)
+    world.run(4.0)
+    (vehicle,) = (each for each in world.station.vehicles.values() if each.identity.system == 2)
+    assert vehicle.member is Member.FLYING
+    assert vehicle.sampler.airspeed_check is not None
+    assert vehicle.sampler.airspeed_check.accepted
+    assert world.words("airspeed")[-1] == "what it measures is accepted again"
 
 
 @pytest.mark.slow

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from airlink import mavlink as m
+from airlink.clock import NANOSECONDS
 from airlink.messages.command import ParamSet
+from gcs_formation.core.cycle import EACH_SECOND, Cycle, Stage
 from gcs_formation.fleet.unguided import UNGUIDED_S
 from gcs_formation.recorder import Tick
 from sim_vehicles.autopilot.modes_and_failsafe import Mode
@@ -58,3 +60,24 @@ def test_a_vehicle_for_which_the_law_has_no_setpoint_gets_no_heartbeat_and_goes_
     assert world.words("member")[-1] == "parted by its failsafe: 'GCS Failsafe On: RTL'"
     assert world.words("heartbeats") == ["withheld: there is no setpoint for it", "sent again"]
     assert [world.vehicle(number).pilot.mode for number in (1, 2)] == [Mode.GUIDED] * 2
+
+
+class Seconds(Stage):
+    """A stage that keeps when the stages of once a second run, s."""
+
+    name = "seconds"
+    when = EACH_SECOND
+
+    def __init__(self) -> None:
+        self.times_s = list[float]()
+
+    def run(self, cycle: Cycle) -> None:
+        self.times_s.append(cycle.now / NANOSECONDS)
+
+
+@pytest.mark.parametrize("rate_hz", [1.5, 3.0, 9.0])
+def test_what_is_done_once_a_second_is_so_where_ticks_do_not_divide_a_second(rate_hz: float) -> None:
+    world, seconds = World(law={"rate_hz": rate_hz}), Seconds()
+    world.station.cycle.order([*world.station.cycle.stages, seconds])
+    world.run(5.2)  # before the path, at whose beginning the mission time is sent at once
+    assert seconds.times_s == pytest.approx([0.0, 1.0, 2.0, 3.0, 4.0, 5.0], abs=0.5 / rate_hz + 1e-6)

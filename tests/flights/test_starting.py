@@ -364,3 +364,14 @@ def test_one_that_is_taken_over_by_its_pilot_as_it_climbs_is_left_to_it_until_it
     taken.enter(Mode.GUIDED)
     world.run(3.0)
     assert world.times_s("member", number, "flying in formation")
+
+
+def test_under_a_virtual_leader_the_others_go_on_without_one_that_its_pilot_takes_as_it_climbs() -> None:
+    world = World(vehicles=[{"id": number, "role": "follower"} for number in (1, 2, LAST)], **ON_THE_GROUND)
+    taken = world.vehicle(LAST)
+    world.network.run(lambda: taken.body.state.height_m > 15.0)
+    world.inject(LAST, "pilot", mode="FBWA")
+    world.run(30.0)
+    assert world.words("abandoned") == ["taken over in FBWA before it was ready: left to its pilot"]
+    assert world.station.flight.phase is Phase.ASSEMBLING
+    assert list(world.recorder.ticks[-1].active) == [True, True, True, False]

@@ -77,6 +77,7 @@ class BatteryWatch(Stage):
         """Send it home, or only say so, once."""
         if self._keys.in_flight == "home":
             vehicle.sent_home = text
+            self._since.pop(vehicle.identity, None)
         if vehicle.identity not in self._reported:
             self._reported.add(vehicle.identity)
             cycle.log_event(cycle.now, "battery", text, vehicle, {"left": vehicle.telemetry.battery.left})

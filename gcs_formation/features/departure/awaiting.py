@@ -40,11 +40,16 @@ class AwaitingFormation(Stage):
         """Since when each flies straight on, and what it is commanded."""
 
     def run(self, cycle: Cycle) -> None:
-        """Command each that waits, as long as it may fly straight on; release those that circle once all are there."""
+        """Command each that waits, as long as it may fly straight on; release those that circle once all are there.
+
+        A follower that isn't awaited any more, as its pilot has it or it is lost, needn't be.
+        """
         waiting = cycle.findings.waiting
         if cycle.flight.phase is not Phase.CONNECTING:
             return
-        if waiting and all(each.member is Member.FLYING or each.identity in waiting for each in cycle.each):
+        leader = cycle.reconfiguration.leader
+        awaited = [each for each in cycle.each if each.awaited or each is leader]
+        if waiting and all(each.member is Member.FLYING or each.identity in waiting for each in awaited):
             waiting.clear()
             self._straight.clear()
         for vehicle in self._planes:

@@ -141,3 +141,33 @@ def test_a_restart_leaves_the_wind_as_it_is() -> None:
     plane.now_s = 1.0
     assert not any(plane.fly(5.0, lambda _: 0.0))
     assert plane.check.synthetic_mps == pytest.approx(FLOWN_MPS)
+
+
+def test_stamps_that_begin_again_do_not_delay_that_a_sensor_which_works_is_accepted() -> None:
+    plane = Aircraft(now_s=500.0)
+    plane.fly(10.0)
+    assert not any(plane.fly(5.0, lambda _: 0.0))
+    plane.now_s = 1.0
+    back = plane.fly(5.0)
+    assert back == sorted(back)
+    assert PERIOD_S * back.count(False) == pytest.approx(RETURN_S, abs=2 * PERIOD_S)
+
+
+def test_after_a_restart_that_is_known_a_sensor_which_works_is_accepted_at_once() -> None:
+    plane = Aircraft(wind_mps=(-6.0, 3.0), now_s=500.0)
+    plane.fly(10.0)
+    plane.fly(5.0, lambda _: 0.0)
+    plane.check.restart()
+    plane.now_s = 1.0
+    assert all(plane.fly(5.0))
+    assert plane.check.synthetic_mps == pytest.approx(FLOWN_MPS)
+
+
+def test_after_a_restart_that_is_known_one_which_still_fails_is_replaced_by_the_wind_known_before() -> None:
+    plane = Aircraft(wind_mps=(-6.0, 3.0), now_s=500.0)
+    plane.fly(10.0)
+    plane.fly(5.0, lambda _: 0.0)
+    plane.check.restart()
+    plane.now_s = 1.0
+    assert not any(plane.fly(5.0, lambda _: 0.0))
+    assert plane.check.synthetic_mps == pytest.approx(FLOWN_MPS)

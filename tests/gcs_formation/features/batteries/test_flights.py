@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from gcs_formation.vehicle.member import Member
+from gcs_formation.vehicle.vehicle import Vehicle
 from tests.flights.in_memory import World
 
 BATTERY = {"capacity_mah": 140, "charged_percent": 90}
@@ -17,6 +18,11 @@ def flown(who: int, seconds: float = 10.0, **keys: Any) -> World:
     world = World(vehicles=vehicles, **keys)
     world.run(seconds)
     return world
+
+
+def vehicle(world: World, number: int) -> Vehicle:
+    """Return a vehicle as the station knows it."""
+    return next(each for each in world.station.vehicles.values() if each.identity.system == number)
 
 
 @pytest.mark.parametrize("who", [1, 2])
@@ -45,3 +51,13 @@ def test_its_pilot_may_take_it_on_its_way_home() -> None:
     world.run(1.5)
     assert world.vehicle(2).pilot.mode.name == "FBWA"
     assert world.words("member")[-1].startswith("parted by its pilot")
+
+
+def test_one_that_restarts_on_its_way_home_is_sent_home_again_and_does_not_come_back_to_its_slot() -> None:
+    """A battery isn't filled in the air, whatever an autopilot that has begun to count again says of it."""
+    world = flown(2)
+    world.inject(2, "restart")
+    world.run(4.0)
+    assert len(world.times_s("restarted", 2)) == 1
+    assert vehicle(world, 2).member is Member.HOMEWARD
+    assert world.vehicle(2).pilot.mode.name == "RTL"

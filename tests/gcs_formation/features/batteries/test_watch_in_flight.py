@@ -109,6 +109,14 @@ def test_four_seconds_of_too_little_count_and_a_single_report_does_not() -> None
     assert watched.logged[0].details == {"left": 0.25}
 
 
+def test_four_seconds_count_again_for_one_that_was_sent_home_and_has_restarted_on_the_ground() -> None:
+    watched = Watched()
+    assert watched.seconds(6, 0.25)
+    watched.vehicle.sent_home = ""
+    assert not watched.seconds(1, 0.25)
+    assert watched.seconds(6, 0.25)
+
+
 def test_where_it_is_only_said_it_is_said_once() -> None:
     watched = Watched(in_flight="warn")
     assert watched.seconds(20, 0.25) == ""

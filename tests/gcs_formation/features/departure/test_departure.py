@@ -89,6 +89,27 @@ def test_those_that_wait_for_their_leader_fly_straight_on_and_then_circle_at_hei
     assert {each.member for each in followers} == {Member.FLYING}
 
 
+@pytest.mark.parametrize("lost", [False, True])
+def test_those_that_wait_under_a_virtual_leader_go_on_without_one_that_is_its_pilots_or_lost(*, lost: bool) -> None:
+    """The first climbs slowly; its pilot takes it, or the second, which has climbed out, crashes."""
+    slow = {"id": 1, "role": "follower", "true_model": {"climb_max_mps": 0.7}}
+    vehicles = [slow, *({"id": number, "role": "follower"} for number in (2, 3))]
+    world = World(start={"in_air": False}, vehicles=vehicles, telemetry={"rate_hz": 5}, law={"rate_hz": 5})
+    waits = list(world.station.vehicles.values())[2]
+    if lost:
+        world.network.run(lambda: waits.member is Member.FLYING)
+        world.inject(2, "crash")
+    world.network.run(lambda: waits.member is Member.HOLDING)
+    if not lost:
+        world.vehicle(1).take_over("FBWA")
+    world.network.run(lambda: waits.member is Member.FLYING or world.now_s > 140.0)
+    world.run(2.0)
+    assert world.station.flight.phase is Phase.ASSEMBLING
+    assert [each.member for each in world.station.vehicles.values()] == (
+        [Member.FLYING, Member.HOLDING, Member.FLYING] if lost else [Member.STARTING, Member.FLYING, Member.FLYING]
+    )
+
+
 def standing(number: int, north_m: float, east_m: float, *, yaw_deg: float = 0.0, armed: bool = False) -> Any:
     telemetry = SimpleNamespace(
         armed=armed,

@@ -138,7 +138,7 @@ class Waiting:
         self.autopilot = SimpleNamespace(hovers=hovers)
         self.take_off = SimpleNamespace(course_rad=0.5)
         self.sampler = SimpleNamespace(extrapolated=self._extrapolated)
-        self.height_m, self.known = 80.0, True
+        self.height_m, self.known, self.awaited = 80.0, True, True
         self.asked = list[tuple[float, float, float, float, float, Instant]]()
 
     def _extrapolated(self, _: Instant) -> tuple[FlightState, float] | None:
@@ -160,6 +160,7 @@ class Connecting:
         self.flight, self.now = SimpleNamespace(phase=Phase.CONNECTING), Instant(0)
         self.findings = SimpleNamespace(waiting=set[VehicleId]())
         self.scenario = SimpleNamespace(path=SimpleNamespace(begin_mps=LINE_MPS))
+        self.reconfiguration = SimpleNamespace(leader=None)
 
     def send(self, messages: list[tuple[Any, str]], now: Instant) -> None:
         assert now == self.now
@@ -211,6 +212,19 @@ def test_when_all_are_there_those_that_circle_fly_straight_on_again() -> None:
         each.asked.clear()
     cycle.run(stage, 32.0)
     assert [len(each.asked) for each in (plane, late)] == [1, 1]
+
+
+@pytest.mark.parametrize("leads", [False, True])
+def test_one_that_its_pilot_has_is_not_waited_for_unless_it_is_to_lead(*, leads: bool) -> None:
+    plane, taken = Waiting(1), Waiting(2)
+    cycle, stage = made(plane, taken)
+    taken.member, taken.awaited = Member.STARTING, False
+    cycle.reconfiguration.leader = taken if leads else None
+    for at_s in (0.0, 21.0):
+        cycle.run(stage, at_s)
+    plane.member = Member.HOLDING
+    cycle.run(stage, 22.0)
+    assert cycle.findings.waiting == ({plane.identity} if leads else set())
 
 
 @pytest.mark.parametrize("lacks", ["membership", "a course", "a position", "wings"])
