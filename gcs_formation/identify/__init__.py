@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +104,7 @@ def identify(
 
     The written model has an airframe if that fits the recording so much better that its parameters are worth it; its
     time constants are then those of slow changes. `flown_rms` has the errors of a flight simulated by the setpoints
-    alone, by the model's name.
+    alone, by the model's name: of the longest recording among those with the most of the identified channels, in these.
 
     Args:
         source: a run directory, or a log of a format in `logs.READERS`.
@@ -123,15 +123,15 @@ def identify(
         accepted = load_scenario(directory / SCENARIO, plugins=plugins)
     begin = begin_with(accepted, found)
     fitted = _nearest(found, begin) if accepted is None else fit(found, begin)
-    longest = max(found, key=lambda each: each.seen.shape[1])
+    longest = max(found, key=lambda each: (len(_shared(each, fitted)), each.seen.shape[1]))
     model, flown = _chosen(longest, fitted, begin)
-    known = [row for row, channel in enumerate(CHANNELS) if channel not in fitted.unidentified]
+    known = [row for row, channel in enumerate(CHANNELS) if channel in _shared(longest, fitted)]
     errors = {name: _rms(longest, values)[known] for name, values in flown.items()}
     quantities = [QUANTITIES[row] for row in known]
     shown = {name: values for name, values in flown.items() if name == EQUATION or model.airframe is not None}
     figure = file.with_suffix(FIGURE)
     try:
-        _write(file, source, fitted, model, dict(zip(quantities, errors[_kept(model)].tolist(), strict=True)))
+        _write(file, source, fitted, model, dict(zip(quantities, errors[_kept(model, flown)].tolist(), strict=True)))
         draw(longest, shown, figure)
     except OSError as error:
         raise RecordError(f"{file}: {error.strerror or error}") from error
@@ -141,6 +141,7 @@ def identify(
         "vehicles": [each.system for each in found],
         "setpoints": [_described(each) for each in found],
         "recorded_s": [each.duration_s for each in found],
+        "channels": [list(each.channels) for each in found],
         "unfit": None if directory is None else unfit(directory),
         "lags": {name: each._asdict() for name, each in fitted.estimates.items()},
         "unidentified": fitted.unidentified,
@@ -175,10 +176,15 @@ def _nearest(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     return min(fits, key=lambda each: each.residual_rms.get(QUANTITIES[0], math.inf))
 
 
+def _shared(recording: Recording, fitted: Fit) -> list[str]:
+    """Return the identified channels that a recording has."""
+    return [channel for channel in recording.channels if channel not in fitted.unidentified]
+
+
 def _chosen(recording: Recording, fitted: Fit, begin: VehicleModel) -> tuple[VehicleModel, dict[str, Array]]:
     """Return the model that is worth its parameters, and the flight (3, K) by each model, by its name."""
     flown = {EQUATION: flown_by_time_constants(recording, fitted.model)}
-    if begin.hovers or begin.prompt_share < 1.0 or fitted.unidentified:
+    if begin.hovers or begin.prompt_share < 1.0 or len(_shared(recording, fitted)) < len(CHANNELS):
         return fitted.model, flown
     airframe, flown[AIRFRAME] = fit_airframe(recording, begin.airframe or EnergyAirframe(), begin.turn_rate_max_rps)
     by_airframe, by_taus = (flown[name] - recording.seen[:3] for name in (AIRFRAME, EQUATION))
@@ -189,8 +195,10 @@ def _chosen(recording: Recording, fitted: Fit, begin: VehicleModel) -> tuple[Veh
 
 def report(found: Mapping[str, Any]) -> str:
     """Return the result as text."""
-    recorded = zip(found["vehicles"], found["recorded_s"], strict=True)
-    whose = ", ".join(f"{system} ({duration_s:.0f} s)" for system, duration_s in recorded)
+    recorded = zip(found["vehicles"], found["recorded_s"], found["channels"], strict=True)
+    whose = ", ".join(
+        f"{system} ({duration_s:.0f} s{_those_of(channels)})" for system, duration_s, channels in recorded
+    )
     lines = [f"vehicles {whose}", *_setpoints_text(found["setpoints"])]
     lines.append("equation (7), as the law predicts and feeds forward by it:")
     for name, each in found["lags"].items():
@@ -206,13 +214,18 @@ def report(found: Mapping[str, Any]) -> str:
     for name, rms in found["flown_rms"].items():
         each_error = (f"{error:.3f} {units[quantity]}" for quantity, error in rms.items())
         lines.append(f"  {name:<13} {', '.join(each_error)}")
-    if "airframe" in found["model"]:
+    if "airframe" in found["model"] and AIRFRAME in found["flown_rms"]:
         time_constants = ", ".join(f"{name} {found['model'][name]:g}" for name in found["lags"])
         lines.append(
             f"it flies as an aircraft under total-energy control; time constants of slow changes, s: {time_constants}"
         )
     lines.append(f"wrote {found['file']} and {found['figure']}")
     return "\n".join(lines)
+
+
+def _those_of(channels: Sequence[str]) -> str:
+    """Return the channels whose setpoints were recorded, in words; nothing if all were."""
+    return "" if len(channels) == len(CHANNELS) else f" of {', '.join(channels)}"
 
 
 def _setpoints_text(setpoints: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -261,9 +274,9 @@ def _rms(recording: Recording, flown: Array) -> Array:
     return np.sqrt(np.mean((flown - recording.seen[:3]) ** 2, axis=1))
 
 
-def _kept(model: VehicleModel) -> str:
-    """Return the name of the model that is written."""
-    return AIRFRAME if model.airframe is not None else EQUATION
+def _kept(model: VehicleModel, flown: Collection[str]) -> str:
+    """Return the name of the model that is written; a declared airframe stays if none was fitted and flown."""
+    return AIRFRAME if model.airframe is not None and AIRFRAME in flown else EQUATION
 
 
 def _described(recording: Recording) -> dict[str, Any]:

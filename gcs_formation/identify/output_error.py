@@ -151,7 +151,7 @@ class Search:
             weights = self._counted(index) * np.sqrt(np.minimum(1.0, HUBER / np.maximum(np.abs(error), TINY)))
             full, rows = (error * weights).ravel(), np.stack([(each * weights).ravel() for each in every])
             slopes, basis = rows[: len(logs)], rows[len(logs) :]
-            directions = np.linalg.qr(basis.T)[0]
+            directions = np.linalg.qr(basis[basis.any(axis=1)].T)[0]  # a channel without measurements has none
             without = [each - (each @ directions) @ directions.T for each in (full, slopes)]
             found.append(Point(without[0], without[1], basis, full, slopes))
         return found
@@ -267,10 +267,13 @@ def predictor(errors: Sequence[Array]) -> Array:
     By the Yule-Walker equations, with the order P that minimises Schwarz's criterion.
 
     Args:
-        errors: of each recording (M,), in time order, in units of `RESOLUTION`; white noise of one unit is added.
+        errors: of each recording (M,), in time order, in units of `RESOLUTION`; white noise of one unit is added. M may
+            be 0.
     """
     count, alike = sum(each.size for each in errors), np.eye(1, ORDER_MAX + 1)[0]
-    for each in errors:
+    if not count:
+        return np.ones(1)
+    for each in (one for one in errors if one.size):
         limit = OUTLYING * _sigma(each)
         kept = np.clip(each - np.median(each), -limit, limit)
         for lag in range(min(ORDER_MAX + 1, kept.size)):
@@ -285,8 +288,8 @@ def predictor(errors: Sequence[Array]) -> Array:
 
 
 def _sigma(errors: Array) -> float:
-    """Return the standard deviation of errors, from the median of their sizes."""
-    return 1.4826 * float(np.median(np.abs(errors)))
+    """Return the standard deviation of errors, from the median of their sizes; 0 if there are none."""
+    return 1.4826 * float(np.median(np.abs(errors))) if errors.size else 0.0
 
 
 def simulated(commanded: Sequence[Array], models: AutopilotModels, begins: Array) -> list[Array]:

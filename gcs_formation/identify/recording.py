@@ -87,9 +87,14 @@ class Recording:
         return sum(span >= MIN_MOVED[name][0] for name, span in self.moved().items())
 
     def measured(self) -> tuple[tuple[Array, Array], ...]:
-        """Return the times, in steps since the first point, and values of each channel's measurements."""
-        points: Array = np.arange(self.seen.shape[1], dtype=np.float64)
-        return self.samples or tuple((points, each) for each in self.seen[:3])
+        """Return the times, in steps since the first point, and values of each channel's measurements.
+
+        A channel that isn't in `channels` has none: without its setpoints they tell nothing of how it answers.
+        """
+        points, none = np.arange(self.seen.shape[1], dtype=np.float64), np.empty(0)
+        every = self.samples or tuple((points, each) for each in self.seen[:3])
+        named = zip(CHANNELS, every, strict=True)
+        return tuple(samples if channel in self.channels else (none, none) for channel, samples in named)
 
     @property
     def labels(self) -> tuple[str, ...]:

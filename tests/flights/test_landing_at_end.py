@@ -73,6 +73,15 @@ def test_everybody_lands_and_is_disarmed(family: str, from_deg: int | None) -> N
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("family", ["ArduCopter", "PX4 multirotor"])
+def test_multirotors_that_begin_in_the_air_tell_their_homes_and_land_there(family: str) -> None:
+    world = World(**ON_GROUND | FAMILIES[family] | {"start": {"in_air": True, "run_in_s": 6}})
+    world.network.run(lambda: world.station.flight.ended)
+    assert world.station.phase_machine.failure is None
+    assert [each.pilot.condition for each in world.fleet.vehicles] == [Condition.DISARMED] * 4
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [2, 4])
 def test_they_land_in_order_though_one_followed_nothing_as_they_separated(number: int) -> None:
     """The others climb above it; when it follows again, who lands after others is above them again."""

@@ -1,6 +1,7 @@
 """Before the first command of a flight that ends in landings: whether all can land, and one after another.
 
-Each fixed wing is asked for the landing in its mission.
+Each fixed wing is asked for the landing in its mission, and each multirotor that is in the air already for its home:
+one on the ground will have it where it stands.
 """
 
 from __future__ import annotations
@@ -8,25 +9,47 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from airlink.clock import Instant
+from airlink.clock import Instant, after
 from airlink.endpoint import VehicleId
 from airlink.messages import Message
 from formation_scenario import Scenario
+from gcs_formation.features.ending.holding_stack import home_of
 from gcs_formation.features.ending.landing_order import LandingOrder
 from gcs_formation.fleet.circle_heights import GroundFloor
 from gcs_formation.mission.gate import AlwaysExamined
-from gcs_formation.vehicle.stored_mission import StoredMission
+from gcs_formation.vehicle.stored_mission import RETRY_S, TRIES, StoredMission
 from gcs_formation.vehicle.vehicle import Vehicle
 
 KEY: Final = "finish.then: found land, but"
 ALLOWED: Final = "allowed: rtl, loiter, or another place or a stored landing for it"
 
 
+class _HomeRequests:
+    """Asks a multirotor for its home, if it is in the air and hasn't reported it."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        """Prepare requests."""
+        self._vehicle, self._tries, self._next = vehicle, 0, Instant(0)
+
+    @property
+    def complete(self) -> bool:
+        """Whether its home is known or needn't be, or it doesn't answer."""
+        return not self._vehicle.airborne or home_of(self._vehicle) is not None or self._tries >= TRIES
+
+    def requests(self, now: Instant) -> list[Message]:
+        """Return the request to send now, if one is due."""
+        if self.complete or now < self._next:
+            return []
+        self._next = after(now, RETRY_S)
+        self._tries += 1
+        return [self._vehicle.ask(self._vehicle.autopilot.home_request())]
+
+
 class LandingCheck(AlwaysExamined):
-    """Reads the landings of stored missions, then judges all landings together."""
+    """Reads the landings of stored missions and homes, then judges all landings together."""
 
     def __init__(self, scenario: Scenario, vehicles: Mapping[VehicleId, Vehicle]) -> None:
-        """Ask every fixed wing for its mission, if the scenario ends in landings."""
+        """Ask every fixed wing for its mission and others for their homes, if the scenario ends in landings."""
         self._vehicles, self._ground = vehicles, GroundFloor(scenario)
         asked = scenario.finish.then == "land"
         self._readers = {
@@ -39,6 +62,9 @@ class LandingCheck(AlwaysExamined):
             for identity, each in vehicles.items()
             if asked and each.autopilot.lands_by_mission
         }
+        self._homes = {
+            identity: _HomeRequests(each) for identity, each in vehicles.items() if asked and each.autopilot.hovers
+        }
         self._judged = not asked
         self.only_warns = False
 
@@ -50,6 +76,10 @@ class LandingCheck(AlwaysExamined):
     def requests(self, now: Instant) -> list[tuple[Vehicle, Message]]:
         """Return the requests to send now; take the landings of missions that are read."""
         found = list[tuple[Vehicle, Message]]()
+        for identity, home in self._homes.items():
+            vehicle = self._vehicles[identity]
+            if not self._judged and vehicle.connection.talks:
+                found += [(vehicle, request) for request in home.requests(now)]
         for identity, reader in self._readers.items():
             vehicle = self._vehicles[identity]
             if not self._judged and vehicle.connection.talks:
@@ -71,7 +101,9 @@ class LandingCheck(AlwaysExamined):
 
         Where it only warns, those that can't land circle over their homes at the end.
         """
-        if self._judged or not (ready and all(reader.complete for reader in self._readers.values())):
+        read = all(each.complete for each in self._readers.values())
+        told = all(each.complete for each in self._homes.values())
+        if self._judged or not (ready and read and told):
             return None
         grounded = not any(each.airborne for each in self._vehicles.values())
         why = LandingOrder(self._vehicles, self._ground, planned=grounded).refusal

@@ -1,12 +1,14 @@
 """Models are identified from their own flights; what wasn't flown isn't identified."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from flight_model import energy
+from flight_model.slot import CHANNELS
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify import is_nearer, measured
@@ -212,6 +214,51 @@ def test_what_was_hardly_moved_is_said():
     commanded[:] = commanded[:, :1]
     with pytest.raises(RecordError, match=r"0 m/s: .*the heading setpoint .*the height setpoint .*; allowed: steps or"):
         fit([flown(TRUE, commanded, noise=0.05)], VehicleModel())
+
+
+def without(channel, system):
+    """Return the recording of a vehicle whose log has no setpoints of one channel: what was seen stands for them."""
+    row, whole = CHANNELS.index(channel), flown(TRUE, stepped())
+    whole.commanded[row] = whole.seen[row]
+    return replace(whole, system=system, channels=tuple(each for each in CHANNELS if each != channel))
+
+
+def test_a_channel_is_found_from_the_vehicles_that_have_its_setpoints_as_from_those_alone():
+    speedless, heightless = without("speed", 1), without("height", 2)
+    both, first, second = (fit(each, VehicleModel()) for each in ([speedless, heightless], [speedless], [heightless]))
+    assert both.unidentified == {}
+    assert list(first.unidentified.values()) == ["no speed setpoints with responses to them"]
+    for names, alone in ((TAUS[2:], first), (TAUS[:1], second)):
+        for name in names:
+            assert abs(both.estimates[name].value - alone.estimates[name].value) < 0.5 * alone.estimates[name].sigma
+            assert both.estimates[name].value == pytest.approx(getattr(TRUE, name), rel=0.1)
+            assert both.estimates[name].sigma == pytest.approx(alone.estimates[name].sigma, rel=0.2)
+    assert both.residual_rms["height_m"] == pytest.approx(first.residual_rms["height_m"], abs=0.02)
+    assert min(both.explained.values()) > 0.97
+
+
+def test_a_channel_of_which_no_vehicle_has_setpoints_is_said_to_have_none():
+    found = fit([without("height", 1), without("height", 2)], VehicleModel())
+    assert found.unidentified == {"height": "no height setpoints with responses to them"}
+    assert list(found.residual_rms) == ["airspeed_mps", "heading_rad"]
+
+
+def test_a_height_that_gusts_moved_more_than_its_setpoints_did_is_not_identified():
+    """Setpoints answer gusts that last 10 s, and undo half of what these do."""
+    kept, random, gust, gusts = math.exp(-STEP_S / 10.0), np.random.default_rng(4), 0.0, []
+    for _ in range(POINTS // 2):
+        gust = kept * gust + math.sqrt(1.0 - kept**2) * 0.8 * random.standard_normal()
+        gusts.append(gust)
+    commanded = stepped()[:, : POINTS // 2]
+    commanded[2] = 100.0 - np.array(gusts)
+    blown = flown(TRUE, commanded)
+    blown.seen[2] += 2.0 * np.array(gusts)
+    found = fit([blown], VehicleModel())
+    said = r"height: its predictions explain \d+% of its change, as in gusts; 80% or more would do"
+    assert re.fullmatch(said, found.unidentified["height"])
+    assert found.model.tau_ha_s == VehicleModel().tau_ha_s
+    assert not {"tau_ha_s", "tau_hb_s"} & set(found.estimates)
+    assert list(found.explained) == ["airspeed_mps", "heading_rad"]
 
 
 @pytest.mark.slow

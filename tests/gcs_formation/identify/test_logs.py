@@ -13,6 +13,7 @@ from airlink.clock import Instant
 from airlink.frame import FrameWriter
 from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, NavControllerOutput, VfrHud
+from formation_scenario import load_scenario
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify import identify, report
@@ -173,7 +174,8 @@ def plane_tlog(file, mode=AUTO, kind=1):
     return file
 
 
-def table(file):
+def table(file, lacking=None):
+    """Write the same flight of each vehicle, without the setpoints that it lacks: 0 to 2; of one that lacks none."""
     commanded, seen = flight(PLANE)
     with file.open("w", newline="") as opened:
         writer = csv.writer(opened)
@@ -181,9 +183,12 @@ def table(file):
         for at_s, (speed, heading, height), (airspeed, course, alt, _) in zip(
             times(), commanded.T.tolist(), seen.T.tolist(), strict=True
         ):
-            writer.writerow(
-                [at_s, 4, speed, math.degrees(heading), height, "fine", airspeed, math.degrees(course), alt]
-            )
+            for system, row in (lacking or {4: None}).items():
+                told = [
+                    each if each_row != row else ""
+                    for each_row, each in enumerate((speed, math.degrees(heading), height))
+                ]
+                writer.writerow([at_s, system, *told, "fine", airspeed, math.degrees(course), alt])
     return file
 
 
@@ -250,6 +255,34 @@ def test_an_axis_that_isnt_excited_is_said_and_the_others_are_given(moved, lacki
             assert found["lags"][name]["value"] == pytest.approx(getattr(PLANE, name), rel=0.12)
     assert f"not identified, {found['unidentified'][lacking]}; kept as declared" in report(found)
     assert (tmp_path / "mine.yaml").is_file()
+
+
+def test_of_vehicles_that_lack_an_axis_each_all_are_found_and_which_they_have_is_said(
+    tmp_path,
+):
+    log = table(tmp_path / "log.csv", {4: 0, 5: 2})
+    found = identify(log, tmp_path / "mine.yaml")
+    assert found["unidentified"] == {}
+    assert found["channels"] == [["heading", "height"], ["speed", "heading"]]
+    assert set(TAUS) <= set(found["lags"])
+    assert list(found["residual_rms"]) == ["airspeed_mps", "heading_rad", "height_m"]
+    assert list(found["flown_rms"]) == ["equation (7)"], "no flight has all that an airframe needs"
+    assert list(found["flown_rms"]["equation (7)"]) == ["heading_rad", "height_m"]
+    assert max(found["flown_rms"]["equation (7)"].values()) < 0.2
+    text = report(found)
+    assert text.startswith("vehicles 4 (")
+    assert " s of heading, height), 5 (" in text
+    assert " s of speed, heading)" in text
+
+
+def test_where_an_axis_is_lacking_the_declared_airframe_stays_and_the_equation_is_judged(tmp_path):
+    path = {"waypoints_m": [[0, 0, 100], [3000, 0, 100]]}
+    declared = load_scenario({"vehicles": {"count": 1, "model": "arduplane"}, "path": path})
+    found = identify(table(tmp_path / "log.csv", {4: 2}), tmp_path / "mine.yaml", accepted=declared)
+    assert list(found["unidentified"]) == ["height"]
+    assert found["model"]["airframe"] == declared.vehicles[0].model.model_dump(exclude_none=True)["airframe"]
+    assert list(found["flown_rms"]) == ["equation (7)"]
+    assert "it flies as an aircraft" not in report(found)
 
 
 @pytest.mark.slow

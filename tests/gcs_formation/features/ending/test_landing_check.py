@@ -12,7 +12,7 @@ from airlink.clock import Instant, after
 from airlink.endpoint import Address, VehicleId
 from airlink.messages.command import ParamValue
 from airlink.messages.mission import MissionCount, MissionItemInt, MissionRequestInt, MissionRequestList
-from airlink.messages.telemetry import Attitude
+from airlink.messages.telemetry import Attitude, HomePosition
 from formation_scenario import load_scenario
 from gcs_formation.features.ending.approach_heights import ApproachHeights, lands
 from gcs_formation.features.ending.landing_check import LandingCheck
@@ -165,6 +165,42 @@ def test_a_multirotor_has_no_mission_to_read_nor_an_approach() -> None:
     heights.take_item(vehicle, ParamValue("AUTOLAND_WP_ALT", 80.0, m.MAV_PARAM_TYPE_REAL32, 1000, 7), NOW)
     assert heights.passed
     assert heights.requests(NOW) == []
+
+
+def copter_in_the_air() -> Vehicle:
+    """Return a multirotor that hovers 50 m above the origin, and hasn't said where its home is."""
+    vehicle = Vehicle(VehicleId(1, 1), 0, ArduCopter(1, ORIGIN, 0.25), connection(), 10.0)
+    tell(vehicle, 0.0, 0.0, 50.0)
+    assert vehicle.airborne
+    return vehicle
+
+
+def test_a_multirotor_in_the_air_is_asked_for_its_home_each_second_and_judged_once_that_came() -> None:
+    vehicle = copter_in_the_air()
+    check = check_of(vehicle)
+    ((asked, request),) = check.requests(NOW)
+    assert asked is vehicle
+    assert request == vehicle.autopilot.home_request()
+    assert check.requests(after(NOW, 0.5)) == []
+    assert check.refusal(ready=True) is None, "it hasn't answered yet"
+    assert not check.passed
+    assert len(check.requests(after(NOW, 1.0))) == 1
+    vehicle.telemetry.store(HomePosition(*ORIGIN.from_ned(0.0, 0.0, 0.0), 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)))
+    assert check.requests(after(NOW, 2.0)) == []
+    assert check.refusal(ready=True) is None
+    assert check.passed
+
+
+def test_a_multirotor_in_the_air_that_never_tells_its_home_is_refused_and_asked_while_it_is_heard_alone() -> None:
+    vehicle = copter_in_the_air()
+    check = check_of(vehicle)
+    vehicle.connection.state = LinkState.SEARCHING
+    assert check.requests(NOW) == []
+    vehicle.connection.state = LinkState.CONNECTED
+    assert len(check.requests(NOW)) == 1
+    assert "vehicle 1 lands at its home, which it hasn't reported" in str(answered_by_none(check))
+    assert check.requests(after(NOW, 60.0)) == []
+    assert check_of(copter_in_the_air(), then="rtl").requests(NOW) == []
 
 
 def test_a_flight_that_goes_on_does_not_wait_for_the_heights_of_approaches() -> None:

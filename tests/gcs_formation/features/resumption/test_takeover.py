@@ -140,7 +140,9 @@ class Resuming:
         vehicle = self.vehicles[identity]
         vehicle.connection.state = LinkState.CONNECTED
         vehicle.telemetry.airspeed_mps = 22.0
-        start_up: Any = SimpleNamespace(asked_for_telemetry=True, abandoned=False, left=False, finished=False)
+        start_up: Any = SimpleNamespace(
+            asked_for_telemetry=True, abandoned=False, left=False, finished=False, acted=False
+        )
         vehicle.start_up = start_up
         for message in (
             GlobalPositionInt(1.0, ORIGIN.lat_rad, ORIGIN.lon_rad, height_m, height_m, 22.0, 0.0, 0.0, 0.0),

@@ -117,7 +117,7 @@ def test_one_that_is_received_is_waited_for_until_it_is_decided_on_or_given_up()
     flight = Resuming()
     vehicle = flight.receive(SECOND, m.PLANE_MODE_GUIDED)
     assert not flight.takeover.settled(flight.at(100.0))
-    start_up: Any = SimpleNamespace(asked_for_telemetry=True, abandoned=True, left=False, finished=False)
+    start_up: Any = SimpleNamespace(asked_for_telemetry=True, abandoned=True, left=False, finished=False, acted=False)
     vehicle.start_up = start_up
     assert flight.takeover.settled(flight.at(100.0))
     assert not flight.takeover.settled(flight.at(WAIT_S)), "the others are silent"
