@@ -26,12 +26,12 @@ HELD_M: Final = 10.0
 judgement."""
 TURN_RAD: Final = np.pi / 2
 """Offset from the present heading that is commanded to turn a vehicle away: large enough for its tightest turn. Tuned:
-rad; 1 to π; by judgement."""
+rad; 1 to π; shown by `pytest tests/gcs_formation/features/airspace`."""
 STEP_M: Final = 1.0
 """Distance over which the slope of the room to the fence is taken. Tuned: m; 0.5 to 5; by judgement."""
 HELD_TAUS: Final = 0.5
 """Time, in time constants of height, for which a height setpoint is assumed to be held before the fastest climb
-follows. Tuned: time constants; 0.3 to 1; by judgement."""
+follows. Tuned: time constants; 0.3 to 1; shown by `pytest tests/gcs_formation/features/airspace`."""
 TAUS: Final = [0.125, 0.25, 0.375, HELD_TAUS, 0.75, 1.0, 1.5, 2.0, 2.5, 3.0]
 """Times, in time constants of height, at which the ground below that climb is checked. Tuned: time constants; 0 to 3,
 denser at first; by judgement."""
@@ -43,10 +43,10 @@ ROOM_M: Final = 0.25
 0.1 to 1; by judgement."""
 AROUND_M: Final = 500.0
 """Radius around a vehicle in which the highest ground is searched, again after it has flown that far. Tuned: m; 300 to
-2000; by judgement."""
+2000; shown by `pytest tests/gcs_formation/features/airspace`."""
 OVER_S: Final = 2.0
 """A limit has ended once it hasn't applied for so long, so that events don't repeat from tick to tick at a limit.
-Tuned: s; 1 to 5; by judgement."""
+Tuned: s; 1 to 5; shown by `pytest tests/gcs_formation/features/airspace`."""
 
 
 class HeldEvents:
