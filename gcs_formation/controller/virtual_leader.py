@@ -1,6 +1,6 @@
 """A leader that isn't a vehicle: its state is the formation's centroid at first, then what its setpoints make of it.
 
-The centroid is of the vehicles that fly in the formation: one that its pilot flies, or that is lost, moves nobody.
+The centroid is of the vehicles that fly in the formation: one that its pilot flies, or that is lost, moves no other.
 """
 
 from __future__ import annotations

@@ -19,13 +19,8 @@ from formation_scenario.source import Dumper, plain_mapping
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify.airframe import AIRFRAME_KEYS, fit_airframe, time_constants_of
-from gcs_formation.identify.fitting import (
-    QUANTITIES,
-    TAUS,
-    Fit,
-    fit,
-    flown_by_time_constants,
-)
+from gcs_formation.identify.fitting import Fit, fit, flown_by_time_constants
+from gcs_formation.identify.identifiability import QUANTITIES, TAUS
 from gcs_formation.identify.initial_model import begin_with
 from gcs_formation.identify.output_error import autocovariance
 from gcs_formation.identify.recording import STEP_S, Recording, recordings

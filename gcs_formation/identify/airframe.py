@@ -11,7 +11,8 @@ from flight_model import energy
 from flight_model.arrays import Array
 from flight_model.frequency_response import slow_taus_s
 from formation_scenario.vehicles import EnergyAirframe, VehicleModel
-from gcs_formation.identify.fitting import DEAD, DEAD_MAX_S, TAUS, acting
+from gcs_formation.identify.fitting import DEAD, DEAD_MAX_S, acting
+from gcs_formation.identify.identifiability import TAUS
 from gcs_formation.identify.output_error import NUDGE, RESOLUTION, STEP_MAX
 from gcs_formation.identify.recording import STEP_S, Recording
 

@@ -11,7 +11,6 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,9 +18,18 @@ from flight_model.arrays import Array, Indices, wrap
 from flight_model.slot import CHANNELS
 from flight_model.vehicle_arrays import AutopilotModels, FlightStates, advance
 from formation_scenario.vehicles import VehicleModel
-from gcs_formation.errors import RecordError
+from gcs_formation.identify.identifiability import (
+    QUANTITIES,
+    TAUS,
+    TAUS_OF,
+    Estimate,
+    hardly_moved,
+    too_little,
+    unexplained,
+    unknown,
+)
 from gcs_formation.identify.output_error import Search, simulated
-from gcs_formation.identify.recording import CYCLE_S, MIN_MOVED, STEP_S, Recording
+from gcs_formation.identify.recording import CYCLE_S, STEP_S, Recording
 
 HORIZON_S = 6.0
 """Length of the predictions that equation (7) is judged by: what the law feeds forward takes as long to arrive."""
@@ -33,20 +41,6 @@ the same phase of it in one flight. Half a cycle, the distance from its middle t
 acts at the end."""
 UNKNOWN = 0.5
 """Prior standard deviation of a time constant's logarithm, and of the dead time in seconds."""
-QUANTITIES = ("airspeed_mps", "heading_rad", "height_m")
-"""Quantities in which recordings and models are compared."""
-TAUS = ("tau_v_s", "tau_psi_s", "tau_ha_s", "tau_hb_s")
-TAUS_OF = {"speed": TAUS[:1], "heading": TAUS[1:2], "height": TAUS[2:]}
-"""The time constants of each channel."""
-KNOWN = 0.25
-"""A channel whose time constants' sum has a larger standard deviation, relative to it, isn't identified: the search
-holds it with one of 0.35 to 0.5 if nothing is estimated."""
-EXPLAINED = 0.8
-"""A height whose predictions explain a smaller share of its change isn't identified: vertical gusts moved the vehicle,
-and its setpoints answered them. Flights without gusts explain 0.94 and more, with white noise of 0.6 m 0.86 and more.
-In gusts the sum of the time constants, truly 4.0 s, was found as 4.4 to 7.2 s where 0.80 to 0.96 were explained, and as
-5.5 to 24 s, mostly with deviations that don't cover that, where 0.24 to 0.70 were. Tuned: a share; 0.7 to 0.9; by
-judgement."""
 DEAD = "dead_time_s"
 """The autopilot's dead time. The search is for it in seconds, for all other parameters in logarithms."""
 DEAD_MAX_S = 2.0
@@ -61,13 +55,6 @@ QUICK_S = 5.0
 """Lags aren't fitted to what was measured within this time after such a change."""
 MIN_KEPT = 0.2
 """Share of a recording that must be left after that."""
-
-
-class Estimate(NamedTuple):
-    """A parameter and its standard deviation: by the spread of the errors, and by when setpoints acted."""
-
-    value: float
-    sigma: float
 
 
 @dataclass(frozen=True)
@@ -93,24 +80,24 @@ def fit(recordings: Sequence[Recording], begin: VehicleModel) -> Fit:
     Raises:
         RecordError: no channel was moved enough in the recordings.
     """
-    still = _hardly_moved(recordings)
+    still = hardly_moved(recordings)
     fitted = [name for channel in CHANNELS if channel not in still for name in TAUS_OF[channel]]
     every = TAUS if begin.prompt_share == 1.0 else (*TAUS, *REST)
     names = [name for name in every if name in fitted or (name in REST and "speed" not in still)]
     begin = begin.model_copy(update={DEAD: 0.0})
     logs, covariance = _searched(recordings, begin, names, gentle=begin.hovers)
-    gentle = begin.hovers and not _unknown(_estimates(names, logs, covariance), covariance)
+    gentle = begin.hovers and not unknown(_estimates(names, logs, covariance), covariance)
     if begin.hovers and not gentle:  # nothing was moved but quickly
         logs, covariance = _searched(recordings, begin, names, gentle=False)
     estimates = _estimates(names, logs, covariance)
     dead, more = _dead_time(recordings, begin, (names, logs), gentle=gentle)
     if more is not None:
         estimates, covariance = more
-    unidentified = still | _unknown(estimates, covariance)
+    unidentified = still | unknown(estimates, covariance)
     rms, explained = _judged(recordings, _found(begin, estimates, unidentified), unidentified)
-    unidentified |= _unexplained(explained)
+    unidentified |= unexplained(explained)
     if len(unidentified) == len(CHANNELS):
-        raise _too_little(unidentified)
+        raise too_little(unidentified)
     model, estimates = _found(begin, estimates, unidentified), _identified(estimates, unidentified)
     estimates |= {DEAD: dead._replace(value=max(dead.value, 0.0))}
     kept = [name for name, channel in zip(QUANTITIES, CHANNELS, strict=True) if channel not in unidentified]
@@ -212,55 +199,6 @@ def _judged(
             error, change = np.concatenate(having, axis=2).mean(axis=(1, 2)).tolist()
             rms[name], explained[name] = math.sqrt(error), 1.0 - error / max(change, 1e-12)
     return rms, explained
-
-
-def _hardly_moved(recordings: Sequence[Recording]) -> dict[str, str]:
-    """Return why channels can't be identified, by name: no setpoints, or hardly moved, in all recordings.
-
-    Raises:
-        RecordError: none can.
-    """
-    found, moved = dict[str, str](), [each.moved() for each in recordings]
-    for channel, (minimum, unit) in MIN_MOVED.items():
-        spans = [each[channel] for each in moved if channel in each]
-        if not spans:
-            found[channel] = f"no {channel} setpoints with responses to them"
-        elif (largest := max(spans)) < minimum:
-            text = (
-                f"the {channel} setpoint changed by no more than {largest:.2g} {unit}: found too little to learn from"
-            )
-            found[channel] = f"{text}; {minimum:g} {unit} or more would do"
-    if len(found) == len(CHANNELS):
-        raise _too_little(found)
-    return found
-
-
-def _too_little(unidentified: Mapping[str, str]) -> RecordError:
-    allowed = ", ".join(f"{minimum:g} {unit} of {channel}" for channel, (minimum, unit) in MIN_MOVED.items())
-    text = "; ".join(unidentified.values())
-    return RecordError(
-        f"{text}; allowed: steps or ramps of at least one of {allowed}, as `identify SCENARIO` flies them"
-    )
-
-
-def _unknown(estimates: Mapping[str, Estimate], covariance: Array) -> dict[str, str]:
-    """Return of which channels too little is known, and why: by the sum of its time constants."""
-    names, found = list(estimates), dict[str, str]()
-    for channel, time_constants in TAUS_OF.items():
-        if time_constants[0] in estimates:
-            rows = [names.index(name) for name in time_constants]
-            values = np.array([estimates[name].value for name in time_constants])
-            sigma = math.sqrt(values @ covariance[np.ix_(rows, rows)] @ values) / float(values.sum())
-            if sigma > KNOWN:
-                found[channel] = f"{channel}: {sigma:.0%} would be the standard deviation of its time constant"
-    return found
-
-
-def _unexplained(explained: Mapping[str, float]) -> dict[str, str]:
-    """Return why the height isn't identified, by its name, if its predictions explain too little."""
-    share = explained.get(QUANTITIES[-1], 1.0)
-    text = f"height: its predictions explain {share:.0%} of its change, as in gusts; {EXPLAINED:.0%} or more would do"
-    return {} if share >= EXPLAINED else {CHANNELS[-1]: text}
 
 
 def _gentle(recording: Recording) -> Recording:

@@ -104,7 +104,7 @@ def test_one_that_restarts_in_its_pilots_hands_is_commanded_no_mode_until_it_is_
 
 
 def test_one_that_its_pilot_landed_is_not_armed_when_it_is_switched_on_again() -> None:
-    """The others still assemble; before, it was started anew, and took off 4 s later."""
+    """The others still assemble; before, it was started as ours, and took off 4 s later."""
     world = World(start={"in_air": False}, path={"speed_mps": 22, "waypoints_m": [[0, 0, 100], [4000, 0, 100]]})
     run_until(world, lambda: bool(world.times_s("ready", 2)))
     vehicle = world.vehicle(2)

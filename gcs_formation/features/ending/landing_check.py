@@ -102,8 +102,8 @@ class LandingCheck(AlwaysExamined):
         Where it only warns, those that can't land circle over their homes at the end.
         """
         read = all(each.complete for each in self._readers.values())
-        told = all(each.complete for each in self._homes.values())
-        if self._judged or not (ready and read and told):
+        known = all(each.complete for each in self._homes.values())
+        if self._judged or not (ready and read and known):
             return None
         grounded = not any(each.airborne for each in self._vehicles.values())
         why = LandingOrder(self._vehicles, self._ground, planned=grounded).refusal

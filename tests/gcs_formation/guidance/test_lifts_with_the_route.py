@@ -84,7 +84,7 @@ def test_lifts_begin_at_a_step_forty_to_sixty_metres_behind_before_a_paths_start
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_slot_farther_ahead_than_a_turns_radius_still_has_a_place(side: float) -> None:
-    """Nobody there could fly along the turn's circle, whatever it heads; it is looked at as almost at right angles."""
+    """None could fly along the turn's circle there, whatever it heads; it is looked at as almost at right angles."""
     ground = Seen()
     offsets = SlotClearance(ground, CLEARANCE_M, lambda _: BOUNDS, "follower_heading")  # type: ignore[arg-type]
     route = JoinRoute((Leg(PathPoint(0.0, 0.0, 70.0, 0.0), 1e5, side / 50.0),), 70.0, 70.0, 0.1)

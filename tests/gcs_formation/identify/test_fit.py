@@ -14,7 +14,8 @@ from gcs_formation.errors import RecordError
 from gcs_formation.identify import is_nearer, measured
 from gcs_formation.identify.airframe import _flown_by as flown_by_airframe
 from gcs_formation.identify.airframe import fit_airframe, time_constants_of
-from gcs_formation.identify.fitting import TAUS, WAIT_SIGMA_S, fit, flown_by_time_constants
+from gcs_formation.identify.fitting import WAIT_SIGMA_S, fit, flown_by_time_constants
+from gcs_formation.identify.identifiability import TAUS
 from gcs_formation.identify.recording import CYCLE_S, STEP_S, Recording
 
 TRUE = VehicleModel(tau_v_s=2.5, tau_psi_s=2.2, tau_ha_s=0.8, tau_hb_s=2.4)

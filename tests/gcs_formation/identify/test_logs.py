@@ -17,7 +17,8 @@ from formation_scenario import load_scenario
 from formation_scenario.vehicles import VehicleModel
 from gcs_formation.errors import RecordError
 from gcs_formation.identify import identify, report
-from gcs_formation.identify.fitting import TAUS, fit, flown_by_time_constants
+from gcs_formation.identify.fitting import fit, flown_by_time_constants
+from gcs_formation.identify.identifiability import TAUS
 from gcs_formation.identify.initial_model import begin_with
 from gcs_formation.identify.recording import STEP_S, Recording, recordings
 from gcs_formation.record.tlog import TlogWriter
@@ -102,9 +103,9 @@ def copter_dataflash(file, kinds, metres=False, ramp_s=4.0):
         v_north, v_east = velocity(ground_mps, course)
         up = (height - alt) / HEIGHT_S
         rows += [("XKF1", at_s, (0, 0.0, v_north, v_east, -climb)), ("POS", at_s, (0, 0, alt, alt - 10.0))]
-        told = (north, east, -up) if metres else (100 * north, 100 * east, 100 * up)
+        setpoint = (north, east, -up) if metres else (100 * north, 100 * east, 100 * up)
         if kinds == "GUIP":
-            rows.append(("GUIP", at_s, (4, 0.0, 0.0, 0.0, 0, *told, 0.0, 0.0, 0.0)))
+            rows.append(("GUIP", at_s, (4, 0.0, 0.0, 0.0, 0, *setpoint, 0.0, 0.0, 0.0)))
             continue
         rows += [
             ("PSCN", at_s, (0.0, 0.0, north, 99.0, v_north, 0.0)),
@@ -146,9 +147,9 @@ def copter_ulog(file, ramp_s=4.0):
     for at_s, (speed, heading, height), (ground_mps, course, alt, climb) in zip(
         times(), commanded.T.tolist(), seen.T.tolist(), strict=True
     ):
-        told = (*velocity(speed, heading), -(height - alt) / HEIGHT_S)
+        setpoint = (*velocity(speed, heading), -(height - alt) / HEIGHT_S)
         rows += [
-            ("trajectory_setpoint", at_s, (math.nan, math.nan, math.nan, *told, 0.0)),
+            ("trajectory_setpoint", at_s, (math.nan, math.nan, math.nan, *setpoint, 0.0)),
             ("vehicle_local_position", at_s, (0.0, 0.0, -alt, *velocity(ground_mps, course), -climb, 1)),
         ]
     return write_ulog(file, topics, rows, system=4)
@@ -184,11 +185,11 @@ def table(file, lacking=None):
             times(), commanded.T.tolist(), seen.T.tolist(), strict=True
         ):
             for system, row in (lacking or {4: None}).items():
-                told = [
+                setpoint = [
                     each if each_row != row else ""
                     for each_row, each in enumerate((speed, math.degrees(heading), height))
                 ]
-                writer.writerow([at_s, system, *told, "fine", airspeed, math.degrees(course), alt])
+                writer.writerow([at_s, system, *setpoint, "fine", airspeed, math.degrees(course), alt])
     return file
 
 

@@ -41,14 +41,14 @@ NOW = ("AIRSPEED_MIN", "AIRSPEED_MAX", "AIRSPEED_CRUISE", "ROLL_LIMIT_DEG")
 START, PLANE = Instant(0), ArduPlane(2, ORIGIN, 0.25)
 
 
-def told(reader: ParameterReader, values: Mapping[str, float], now: Instant = START) -> None:
+def reported(reader: ParameterReader, values: Mapping[str, float], now: Instant = START) -> None:
     for name, value in values.items():
         reader.receive_parameter(ParamValue(name, value, m.MAV_PARAM_TYPE_REAL32, 1400, 65535), now)
 
 
 def findings(**changed: float) -> list[Finding]:
     reader = ParameterReader(2, PLANE.checks(MODEL, PATH))
-    told(reader, IN_ORDER | changed)
+    reported(reader, IN_ORDER | changed)
     assert reader.complete
     return reader.findings()
 
@@ -89,7 +89,7 @@ def test_a_parameter_that_is_not_as_it_should_be_is_named_with_what_is_allowed(
 def test_a_parameter_is_read_by_whichever_of_its_names_the_version_knows() -> None:
     reader = ParameterReader(2, PLANE.checks(MODEL, PATH))
     others: dict[str, float] = {name: value for name, value in IN_ORDER.items() if name != "MAV_GCS_SYSID"}
-    told(reader, {**others, "SYSID_MYGCS": 1})
+    reported(reader, {**others, "SYSID_MYGCS": 1})
     (finding,) = reader.findings()
     assert reader.complete
     assert finding.text.startswith("SYSID_MYGCS: found 1; allowed: 255")
@@ -101,7 +101,7 @@ def test_requests_come_a_few_at_once_and_the_next_ones_as_soon_as_those_are_answ
         assert len(requests) <= AT_ONCE
         assert {request.target_system for request in requests} == {2}
         asked += [request.param_id for request in requests]
-        told(reader, {request.param_id: IN_ORDER.get(request.param_id, 255) for request in requests}, now)
+        reported(reader, {request.param_id: IN_ORDER.get(request.param_id, 255) for request in requests}, now)
     assert sorted(asked) == sorted([*IN_ORDER, "SYSID_MYGCS"])
 
 
@@ -109,7 +109,7 @@ def test_what_is_lost_is_asked_for_again_and_what_never_comes_is_named() -> None
     reader, tries, now = ParameterReader(2, PLANE.checks(MODEL, PATH)), 0, START
     while not reader.complete:
         tries += sum(request.param_id == "TKOFF_ALT" for request in reader.requests(now))
-        told(reader, {name: value for name, value in IN_ORDER.items() if name != "TKOFF_ALT"}, now)
+        reported(reader, {name: value for name, value in IN_ORDER.items() if name != "TKOFF_ALT"}, now)
         now = after(now, RETRY_S)
     assert tries == TRIES
     assert reader.findings() == [Finding("no answer for TKOFF_ALT, not checked")]
@@ -119,14 +119,14 @@ def test_a_parameter_of_what_older_versions_lack_is_not_missed() -> None:
     reader, now = ParameterReader(2, PLANE.checks(MODEL, PATH)), START
     while not reader.complete:
         reader.requests(now)
-        told(reader, {name: value for name, value in IN_ORDER.items() if name != "AUTOLAND_WP_ALT"}, now)
+        reported(reader, {name: value for name, value in IN_ORDER.items() if name != "AUTOLAND_WP_ALT"}, now)
         now = after(now, RETRY_S)
     assert reader.findings() == []
 
 
 def test_parameters_that_none_asked_for_are_ignored() -> None:
     reader = ParameterReader(2, PLANE.checks(MODEL, PATH))
-    told(reader, {f"OTHER_{number}": 1.0 for number in range(1000)})
+    reported(reader, {f"OTHER_{number}": 1.0 for number in range(1000)})
     assert not reader.complete
     assert len(reader._values) == 0
 
@@ -136,7 +136,7 @@ def test_a_value_that_is_not_finite_is_not_read_and_named_as_such(value: float) 
     reader, asked, now = ParameterReader(2, PLANE.checks(MODEL, PATH)), 0, START
     while not reader.complete:
         asked += sum(request.param_id == "ROLL_LIMIT_DEG" for request in reader.requests(now))
-        told(reader, IN_ORDER | {"ROLL_LIMIT_DEG": value}, now)
+        reported(reader, IN_ORDER | {"ROLL_LIMIT_DEG": value}, now)
         now = after(now, RETRY_S)
     assert asked == TRIES
     assert "ROLL_LIMIT_DEG" not in reader.values
@@ -146,8 +146,8 @@ def test_a_value_that_is_not_finite_is_not_read_and_named_as_such(value: float) 
 
 def test_a_value_that_is_not_finite_leaves_the_one_that_was_read() -> None:
     reader = ParameterReader(2, PLANE.checks(MODEL, PATH))
-    told(reader, IN_ORDER)
-    told(reader, {"ROLL_LIMIT_DEG": math.nan})
+    reported(reader, IN_ORDER)
+    reported(reader, {"ROLL_LIMIT_DEG": math.nan})
     assert reader.values["ROLL_LIMIT_DEG"] == 45
 
 
@@ -156,12 +156,12 @@ def test_an_older_arduplanes_limits_are_read_by_their_names_and_units_before_4_5
     others: dict[str, float] = {name: value for name, value in IN_ORDER.items() if name not in NOW}
     for changed, found in (({}, []), ({"LIM_ROLL_CD": 2000}, ["LIM_ROLL_CD: found 2000"])):
         reader = ParameterReader(2, PLANE.checks(MODEL, PATH))
-        told(reader, others)
+        reported(reader, others)
         now = START
         while not reader.complete:
             for request in reader.requests(now):
                 if request.param_id in older:
-                    told(reader, {request.param_id: (older | changed)[request.param_id]}, now)
+                    reported(reader, {request.param_id: (older | changed)[request.param_id]}, now)
             now = after(now, RETRY_S)
         assert [each.text.partition(";")[0] for each in reader.findings()] == found
 
@@ -170,7 +170,7 @@ def test_old_names_are_not_asked_for_where_the_present_ones_are_answered() -> No
     reader, asked, now = ParameterReader(2, PLANE.checks(MODEL, PATH)), set[str](), START
     for _ in range(2):
         asked |= {request.param_id for request in reader.requests(now)}
-        told(reader, {name: IN_ORDER[name] for name in asked & set(IN_ORDER)}, now)
+        reported(reader, {name: IN_ORDER[name] for name in asked & set(IN_ORDER)}, now)
         now = after(now, RETRY_S)
     assert not asked & {"ARSPD_FBW_MIN", "ARSPD_FBW_MAX", "TRIM_ARSPD_CM", "LIM_ROLL_CD"}
 
