@@ -48,6 +48,7 @@ def draw(recording: Recording, flown: dict[str, Array], file: Path) -> None:
             axis.plot(at_s, recording.seen[row] * scale, color=INK, label="measured")
             axis.set_ylabel(label)
             if CHANNELS[row] not in recording.channels:
+                axis.set_title("no setpoints in this recording", loc="right", fontsize="medium")
                 continue
             axis.step(at_s, recording.commanded[row] * scale, where="post", color=GREY, linewidth=0.6, label="setpoint")
             for (name, values), colour in zip(flown.items(), FOLLOWERS, strict=False):

@@ -15,6 +15,7 @@ from airlink.messages.system import Heartbeat
 from airlink.messages.telemetry import Attitude, GlobalPositionInt, NavControllerOutput, VfrHud
 from formation_scenario import load_scenario
 from formation_scenario.vehicles import VehicleModel
+from gcs_formation import identify as identification
 from gcs_formation.errors import RecordError
 from gcs_formation.identify import identify, report
 from gcs_formation.identify.fitting import fit, flown_by_time_constants
@@ -258,9 +259,11 @@ def test_an_axis_that_isnt_excited_is_said_and_the_others_are_given(moved, lacki
     assert (tmp_path / "mine.yaml").is_file()
 
 
-def test_of_vehicles_that_lack_an_axis_each_all_are_found_and_which_they_have_is_said(
-    tmp_path,
-):
+def test_of_vehicles_that_lack_an_axis_each_all_are_found_and_which_they_have_is_said(tmp_path, monkeypatch):
+    titles = list[str]()
+    monkeypatch.setattr(
+        identification, "save", lambda figure, _: titles.extend(each.get_title("right") for each in figure.axes)
+    )
     log = table(tmp_path / "log.csv", {4: 0, 5: 2})
     found = identify(log, tmp_path / "mine.yaml")
     assert found["unidentified"] == {}
@@ -270,6 +273,7 @@ def test_of_vehicles_that_lack_an_axis_each_all_are_found_and_which_they_have_is
     assert list(found["flown_rms"]) == ["equation (7)"], "no flight has all that an airframe needs"
     assert list(found["flown_rms"]["equation (7)"]) == ["heading_rad", "height_m"]
     assert max(found["flown_rms"]["equation (7)"].values()) < 0.2
+    assert titles == ["no setpoints in this recording", "", ""], "the figure is of the longer one"
     text = report(found)
     assert text.startswith("vehicles 4 (")
     assert " s of heading, height), 5 (" in text
